@@ -1,0 +1,470 @@
+"""From a preset and a plan to the arrays that sound: the only file that knows physics and solver.
+
+Every string of the preset gets one modal model per position it can be played at (open, and each fret), tuned so that
+the sounding fundamental has the note's pitch: the tension is that of the model's first mode at the note's frequency
+less the preset's measured contact shift. Positions are counted from the saddle (x = L), heights from the string's line at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from synth.physics.modes import (
+    decay_rates,
+    force_weights,
+    modal_frequencies,
+    mode_shapes,
+    residual_compliance,
+)
+from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
+from synth.physics.string import NutResonance, String
+from synth.plan import StringPlan, plan_string
+from synth.preset import (
+    BridgeObstacle,
+    FretsObstacle,
+    PointsObstacle,
+    Preset,
+    PresetError,
+    StringTable,
+    at_note,
+    contact_cents,
+    playable_range,
+)
+from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
+from synth.solver.lcp import SOLVED, solve
+from synth.units import db_to_gain, midi_to_hz, midi_to_note
+
+OUTPUT_KINDS = ("force", "displacement", "velocity", "pickup")
+
+
+@dataclass(frozen=True)
+class Position:
+    """A note at a place of a string, with its model. Shapes: N modes, C contacts."""
+
+    note: int
+    fret: int
+    length_m: float
+    tension_n: float
+    mu: float
+    plan: StringPlan
+    omega: np.ndarray  # (N,)
+    sigma: np.ndarray  # (N,)
+    coef: np.ndarray  # (6, N)
+    shapes: np.ndarray  # (C, N)
+    eta: np.ndarray  # (C,)
+    residual: np.ndarray  # (C, C)
+    matrix: np.ndarray  # (C, C)
+    wq: np.ndarray  # (N,)
+    wv: np.ndarray  # (N,)
+    q_rest: np.ndarray  # (N,) static state under contacts that press
+    rest_height_m: float  # of the fret it is stopped at, below the open string's line
+    output_rest: float  # output of that line
+
+
+@dataclass(frozen=True)
+class CompiledString:
+    """One physical string and its positions, lowest note first."""
+
+    name: str
+    open_length_m: float
+    factor: int
+    positions: tuple[Position, ...]
+    pluck_force_n: float  # at velocity 127
+    impedance_kg_s: float
+    draw_s: float
+    release_s: float
+
+
+@dataclass(frozen=True)
+class CompiledPart:
+    """A preset ready to sound at one output rate."""
+
+    preset: Preset
+    strings: tuple[CompiledString, ...]
+
+
+def string_notes(table: StringTable) -> range:
+    """The open notes of a string table: one physical string each."""
+    return range(table.notes[0], table.notes[1] + 1)
+
+
+def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None) -> float:
+    """Pitch that a note must sound at [Hz]."""
+    if note_hz is not None:
+        base = float(note_hz[note])
+    else:
+        base = midi_to_hz(note, preset.tuning.a4_hz)
+    return base * 2.0 ** ((preset.tuning.offset_cents + table.cents) / 1200.0)
+
+
+def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, tuned to `frequency_hz`."""
+
+    def mm(value):
+        return None if value is None else 1e-3 * at_note(value, note)
+
+    length = at_note(table.length_m, note)
+    diameter = 1e-3 * at_note(table.diameter_mm, note)
+    core = mm(table.core_diameter_mm)
+    if table.linear_density_g_m is not None:
+        mu = 1e-3 * at_note(table.linear_density_g_m, note)
+    else:
+        assert table.density_kg_m3 is not None
+        mu = at_note(table.density_kg_m3, note) * math.pi * diameter**2 / 4.0
+    ideal_tension = mu * (2.0 * length * frequency_hz) ** 2
+    if table.youngs_modulus_gpa is not None:
+        stiffness = 1e9 * at_note(table.youngs_modulus_gpa, note) * math.pi * (core or diameter) ** 4 / 64.0
+    else:
+        assert table.inharmonicity is not None
+        stiffness = at_note(table.inharmonicity, note) * ideal_tension * length**2 / math.pi**2
+    string = String(
+        length_m=length,
+        tension_n=ideal_tension,
+        linear_density_kg_m=mu,
+        bending_stiffness_n_m2=stiffness,
+        diameter_m=diameter,
+        core_diameter_m=core,
+        winding_diameter_m=mm(table.winding_diameter_mm),
+        viscoelastic_loss=at_note(table.viscoelastic_loss, note),
+        thermoelastic_q_inverse=at_note(table.thermoelastic_q_inverse, note),
+        stiffness_law=table.stiffness_law,
+        nut=tuple(NutResonance(mode.frequency_hz, mode.q, mode.mass_kg) for mode in preset.nut),
+    ).tuned(frequency_hz)
+    if table.measured_frequencies_hz:
+        ratio = frequency_hz / table.measured_frequencies_hz[0]
+        string = replace(
+            string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz)
+        )
+    return replace(string, measured_decay_rates=table.measured_decay_rates)
+
+
+def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
+    """The obstacle under an open string of `length_m` in metres from the nut."""
+    shape = preset.obstacle
+    if isinstance(shape, BridgeObstacle):
+        if shape.distance_mm is not None:
+            distance = 1e-3 * at_note(shape.distance_mm, note)
+        else:
+            assert shape.distance_ratio is not None
+            distance = shape.distance_ratio * length_m
+        return Obstacle((length_m - distance,), (-1e-6 * at_note(shape.jiva_um, note),))
+    if isinstance(shape, PointsObstacle):
+        return Obstacle(
+            tuple(1e-3 * x for x in shape.positions_mm), tuple(1e-3 * h for h in shape.heights_mm)
+        )
+    if isinstance(shape, FretsObstacle):
+        if shape.heights_mm:
+            return Obstacle(
+                tuple(fret_positions(length_m, shape.count)), tuple(1e-3 * h for h in shape.heights_mm)
+            )
+        assert shape.action_12th_mm is not None
+        return frets(
+            length_m,
+            shape.count,
+            1e-3 * shape.action_12th_mm,
+            relief_m=1e-3 * shape.relief_mm,
+            nut_height_m=1e-3 * shape.nut_height_mm,
+        )
+    return Obstacle((), ())
+
+
+def output_weights(
+    preset: Preset, string: String, open_length_m: float, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (N,), (N,) on q and on v of the preset's output for one speaking string."""
+    output = preset.output
+    distance = min(output.position * open_length_m, 0.98 * string.length_m)
+    x = string.length_m - distance
+    zero = np.zeros(n)
+    if output.kind == "force":
+        return force_weights(string, x, n), zero
+    shape = mode_shapes(string.length_m, np.array([x]), n)[0]
+    if output.kind == "displacement":
+        return shape, zero
+    if output.kind == "velocity":
+        return zero, shape
+    k = np.arange(1, n + 1) / string.length_m  # k_j/π
+    seen = shape * np.sinc(k * 0.5e-3 * output.aperture_mm)
+    return seen, seen
+
+
+def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, height_m: float) -> float:
+    """Output that the straight line from a fret at `height_m` to the saddle has, against the open string's."""
+    slope = height_m / string.length_m
+    if preset.output.kind == "force":
+        return -string.tension_n * slope
+    if preset.output.kind in ("velocity", "pickup"):
+        return 0.0
+    return slope * min(preset.output.position * open_length_m, 0.98 * string.length_m)
+
+
+def static_state(
+    omega: np.ndarray, mu: float, shapes: np.ndarray, eta: np.ndarray, residual: np.ndarray
+) -> np.ndarray:
+    """q (N,) at rest over contacts that press: 0 ≤ S q + R λ − η ⊥ λ ≥ 0 with q = Sᵀλ/(μω²)."""
+    contacts = eta.size
+    q = np.zeros(omega.size)
+    if contacts == 0 or eta.max() <= 0.0:
+        return q
+    matrix = (shapes / (mu * omega**2)) @ shapes.T + residual
+    force = np.zeros(contacts)
+    status = solve(
+        matrix,
+        -eta,
+        np.ones(contacts, np.uint8),
+        np.zeros(contacts, np.uint8),
+        force,
+        np.zeros((contacts, contacts)),
+        np.zeros(contacts, np.int64),
+    )
+    if status != SOLVED:
+        raise ValueError("the static contact problem of the string at rest has no solution")
+    return (force @ shapes) / (mu * omega**2)
+
+
+def compile_position(
+    preset: Preset,
+    string: String,
+    obstacle: Obstacle,
+    *,
+    note: int,
+    fret: int,
+    open_length_m: float,
+    open_frequency_hz: float,
+    contacts_of_scene: int,
+    rest_height_m: float,
+    quality: str,
+    rate_hz: float,
+    scheme: str,
+    internal_rate_hz: float | None,
+    residual_compliance_on: bool = True,
+    gain: float = 1.0,
+) -> Position:
+    """The model of one speaking string over its obstacle."""
+    law = law_of(scheme)
+    plan = plan_string(
+        string,
+        open_frequency_hz,
+        contacts_of_scene,
+        quality=quality,
+        rate_hz=rate_hz,
+        scheme=scheme,
+        internal_rate_hz=internal_rate_hz,
+    )
+    n = plan.modes
+    omega = modal_frequencies(string, n)
+    sigma = decay_rates(string, n)
+    positions = np.asarray(obstacle.positions_m, dtype=float)
+    eta = np.asarray(obstacle.heights_m, dtype=float)
+    shapes = mode_shapes(string.length_m, positions, n) if positions.size else np.zeros((0, n))
+    residual = np.zeros((eta.size, eta.size))
+    if positions.size and law == EXACT_HOLD and residual_compliance_on:
+        residual = residual_compliance(string, positions, n)
+    mu = string.linear_density_kg_m
+    coef = coefficients(law, omega, sigma, mu, 1.0 / plan.rate_hz)
+    matrix = np.zeros((eta.size, eta.size))
+    contact_matrix(law, coef, shapes, residual, matrix)
+    wq, wv = output_weights(preset, string, open_length_m, n)
+    return Position(
+        note,
+        fret,
+        string.length_m,
+        string.tension_n,
+        mu,
+        plan,
+        omega,
+        sigma,
+        coef,
+        shapes,
+        eta,
+        residual,
+        matrix,
+        wq if preset.output.kind == "pickup" else gain * wq,  # a pickup's gain is on its velocity
+        gain * wv,
+        static_state(omega, mu, shapes, eta, residual),
+        rest_height_m,
+        gain * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
+    )
+
+
+def compile_string(
+    preset: Preset,
+    table: StringTable,
+    note: int,
+    *,
+    quality: str,
+    rate_hz: float,
+    scheme: str = "exact-hold",
+    internal_rate_hz: float | None = None,
+    note_hz: np.ndarray | None = None,
+) -> CompiledString:
+    """One physical string of a preset with all its positions. Raises PresetError naming the string."""
+    label = table.name or midi_to_note(note)
+    try:
+        gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
+        frequency = note_frequency(preset, table, note, note_hz)
+        shift = contact_cents(preset, note)
+        opened = make_string(preset, table, note, frequency * 2.0 ** (-shift / 1200.0))
+        length = opened.length_m
+        whole = obstacle_of(preset, note, length)
+        neck = isinstance(preset.obstacle, FretsObstacle)
+        count = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+        positions = []
+        for fret in range(count + 1):
+            if note + fret > 127:
+                break
+            string, obstacle, height = opened, whole, 0.0
+            if neck:
+                speaking, obstacle = fretted(whole, fret, length)
+                height = whole.heights_m[fret - 1] if fret else 0.0
+                if fret:
+                    target = note_frequency(preset, table, note + fret, note_hz)
+                    target *= 2.0 ** (-contact_cents(preset, note + fret) / 1200.0)
+                    string = opened.with_length(speaking).tuned(target)
+            positions.append(
+                compile_position(
+                    preset,
+                    string,
+                    obstacle,
+                    note=note + fret,
+                    fret=fret,
+                    open_length_m=length,
+                    open_frequency_hz=frequency,
+                    contacts_of_scene=len(whole),
+                    rest_height_m=height,
+                    quality=quality,
+                    rate_hz=rate_hz,
+                    scheme=scheme,
+                    internal_rate_hz=internal_rate_hz,
+                    gain=gain,
+                )
+            )
+    except PresetError:
+        raise
+    except ValueError as error:
+        raise PresetError(f"{preset.name}: string {label}: {error}") from None
+    x = preset.pluck.position * length
+    force = (
+        1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
+    )
+    return CompiledString(
+        label,
+        length,
+        positions[0].plan.factor,
+        tuple(positions),
+        force,
+        opened.impedance_kg_s,
+        1e-3 * at_note(preset.pluck.draw_ms, note),
+        at_note(preset.damping.release_s, note),
+    )
+
+
+def compile_preset(
+    preset: Preset,
+    *,
+    quality: str = "standard",
+    rate_hz: float = 44100.0,
+    scheme: str = "exact-hold",
+    internal_rate_hz: float | None = None,
+    note_hz: np.ndarray | None = None,
+    only_notes: set[int] | None = None,
+) -> CompiledPart:
+    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted."""
+    strings = []
+    neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    for table in preset.string:
+        for note in string_notes(table):
+            if only_notes is not None and not any(n in only_notes for n in range(note, note + neck + 1)):
+                continue
+            strings.append(
+                compile_string(
+                    preset,
+                    table,
+                    note,
+                    quality=quality,
+                    rate_hz=rate_hz,
+                    scheme=scheme,
+                    internal_rate_hz=internal_rate_hz,
+                    note_hz=note_hz,
+                )
+            )
+    return CompiledPart(preset, tuple(strings))
+
+
+def describe_plan(
+    preset: Preset,
+    note: int | None = None,
+    *,
+    quality: str = "standard",
+    rate_hz: float = 44100.0,
+    scheme: str = "exact-hold",
+    internal_rate_hz: float | None = None,
+) -> dict[str, Any]:
+    """What `quality` means for a preset, as plain values and as `text`.
+
+    note: a MIDI note, or None for the lowest, middle and highest open string of every string table. Raises PresetError.
+    """
+    rows: list[dict[str, Any]] = []
+    for table in preset.string:
+        opens = string_notes(table)
+        neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+        if note is None:
+            wanted = sorted({opens[0], opens[len(opens) // 2], opens[-1]})
+        else:
+            wanted = [opened for opened in opens if opened <= note <= opened + neck]
+        for opened in wanted:
+            string = compile_string(
+                preset,
+                table,
+                opened,
+                quality=quality,
+                rate_hz=rate_hz,
+                scheme=scheme,
+                internal_rate_hz=internal_rate_hz,
+            )
+            for position in string.positions:
+                if position.note != (opened if note is None else note):
+                    continue
+                plan = position.plan
+                rows.append(
+                    {
+                        "string": string.name,
+                        "note": midi_to_note(position.note),
+                        "fret": position.fret,
+                        "frequency_hz": float(position.omega[0]) / (2.0 * math.pi),
+                        "tension_n": position.tension_n,
+                        "length_m": position.length_m,
+                        "internal_rate_hz": plan.rate_hz,
+                        "factor": plan.factor,
+                        "modes": plan.modes,
+                        "contacts": position.eta.size,
+                        "error": plan.error,
+                        "reason": plan.reason,
+                    }
+                )
+    if not rows:
+        assert note is not None
+        low, high = playable_range(preset)
+        raise PresetError(
+            f"{preset.name}: no string plays {midi_to_note(note)}; "
+            f"its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
+        )
+    head = f"{preset.name} at {quality}, {scheme}, {rate_hz:g} Hz out"
+    lines = [
+        f"  {row['string']} {row['note']}"
+        + (f" fret {row['fret']}" if row["fret"] else "")
+        + f": {row['reason']}"
+        for row in rows
+    ]
+    return {
+        "preset": preset.name,
+        "quality": quality,
+        "scheme": scheme,
+        "rate_hz": rate_hz,
+        "strings": rows,
+        "text": "\n".join([head, *lines]),
+    }

@@ -1,0 +1,174 @@
+"""From the internal rate to the output rate: a linear-phase FIR of which only every M-th output is computed.
+
+The internal rate is an integer multiple M = 1…64 of the output rate. The filter is a Kaiser-windowed sinc
+whose cutoff is half the output rate. Seen from the output rate it is the same filter for every rate and every
+factor (for M = 1 it shrinks to its middle tap, a pure delay), which makes its figures the same everywhere:
+
+=====================  ==================================================================
+latency                37 output frames (:data:`LATENCY_FRAMES`), exactly, for every factor
+passband ripple        below 0.0001 dB up to 20/44.1 of the output rate
+stopband attenuation   above 105 dB from 24.1/44.1 of the output rate on
+=====================  ==================================================================
+
+At 44.1 kHz that is flat to 20 kHz and nothing that folds lands below 20 kHz above −105 dB; at 48 kHz it is
+flat to 21.7 kHz, at 96 kHz to 43.5 kHz. 37 frames is the shortest filter that keeps 105 dB at 44.1 kHz.
+
+The streaming kernel gives bitwise the same samples however the stream is cut into blocks: every output is one
+dot product of fixed length over a contiguous segment, so neither its terms nor their order depend on the
+block.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+LATENCY_FRAMES = 37
+"""Delay of the filter in output frames, the same for every factor."""
+
+PASSBAND_RIPPLE_DB = 1e-4
+"""Largest deviation from 0 dB up to :data:`PASSBAND_EDGE` × output rate."""
+
+STOPBAND_ATTENUATION_DB = 105.0
+"""Smallest attenuation from :data:`STOPBAND_EDGE` × output rate up to half the internal rate."""
+
+PASSBAND_EDGE = 20.0 / 44.1
+STOPBAND_EDGE = 1.0 - PASSBAND_EDGE
+
+MINIMUM_RATE_HZ = 44100.0
+MAXIMUM_FACTOR = 64
+
+# The largest shape parameter whose main lobe still fits between the two edges with 2·37·M + 1 taps: a smaller
+# one gives away attenuation, a larger one lets the transition spill over the stopband edge.
+_KAISER_BETA = 10.75
+
+
+def design(rate_hz: float, factor: int) -> NDArray[np.float64]:
+    """Taps of the decimation filter at the internal rate.
+
+    Parameters
+    ----------
+    rate_hz : output sample rate [Hz], at least 44100 (below it 20 kHz would not pass).
+    factor : internal rate / output rate, 1…64.
+
+    Returns
+    -------
+    taps : (2·LATENCY_FRAMES·factor + 1,) symmetric, sum 1. For factor 1 a single one in the middle.
+
+    Raises
+    ------
+    ValueError : rate or factor outside their ranges.
+    """
+    if not rate_hz >= MINIMUM_RATE_HZ:
+        raise ValueError(
+            f"rate_hz must be at least {MINIMUM_RATE_HZ:g} Hz so that 20 kHz passes, got {rate_hz:g} Hz; "
+            "render at 44100 Hz or more and resample the file"
+        )
+    if not (factor == int(factor) and 1 <= factor <= MAXIMUM_FACTOR):
+        raise ValueError(
+            f"factor must be a whole number from 1 to {MAXIMUM_FACTOR} (internal rate / output rate), "
+            f"got {factor}; choose an internal rate that is such a multiple of the output rate"
+        )
+    half = LATENCY_FRAMES * int(factor)
+    n = np.arange(-half, half + 1)
+    if factor == 1:
+        return (n == 0).astype(np.float64)
+    taps = np.sinc(n / factor) * np.kaiser(n.size, _KAISER_BETA)
+    return taps / taps.sum()
+
+
+def new_history(factor: int) -> NDArray[np.float64]:
+    """State of a stream before its first sample: (2·LATENCY_FRAMES·factor,) zeros, the filter's inputs."""
+    return np.zeros(2 * LATENCY_FRAMES * factor)
+
+
+def workspace(factor: int, frames: int = 128) -> NDArray[np.float64]:
+    """Scratch memory for :func:`decimate`; one may serve many streams. Its size never changes the samples.
+
+    frames : output frames worked on at a time; longer blocks are cut into pieces of that length.
+    """
+    return np.empty((2 * LATENCY_FRAMES + max(1, frames)) * factor)
+
+
+# A reassociated sum is what lets the compiler vectorise the dot product: 4 times faster at factor 2, 6 at 8,
+# 8 at 24.
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"}, inline="never")
+def _dot(taps, segment):
+    total = 0.0
+    for k in range(taps.size):
+        total += taps[k] * segment[k]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def decimate(taps, factor, history, x, work, out):
+    """Filter the next block of a stream and keep every ``factor``-th sample.
+
+    Allocates nothing. Output i is Σ_k taps[k]·stream[i·factor + k − (len(taps) − 1)]: the taps are symmetric,
+    so the convolution is a dot product.
+
+    Parameters
+    ----------
+    taps : (2·LATENCY_FRAMES·factor + 1,) from :func:`design`.
+    factor : internal rate / output rate.
+    history : (len(taps) − 1,) the stream's last inputs, from :func:`new_history`; updated.
+    x : (n·factor,) next inputs, contiguous.
+    work : (at least len(taps) − 1 + factor,) scratch from :func:`workspace`.
+    out : (n,) outputs, overwritten.
+
+    Returns
+    -------
+    n, the number of frames written; −1 if an array has the wrong length (nothing is touched then).
+    """
+    past = taps.size - 1
+    capacity = (work.size - past) // factor
+    frames = out.size
+    if history.size != past or x.size != frames * factor or capacity < 1:
+        return -1
+    done = 0
+    while done < frames:
+        count = min(capacity, frames - done)
+        fresh = count * factor
+        start = done * factor
+        for i in range(past):
+            work[i] = history[i]
+        for i in range(fresh):
+            work[past + i] = x[start + i]
+        for i in range(count):
+            # Slicing first spares the inner loop numba's wrap-around test of every index.
+            out[done + i] = _dot(taps, work[i * factor : i * factor + past + 1])
+        for i in range(past):
+            history[i] = work[fresh + i]
+        done += count
+    return frames
+
+
+def decimate_reference(taps, factor, x):
+    """Readable twin of :func:`decimate`: plain convolution of the whole stream, then every M-th sample.
+
+    x : (n·factor,) stream from its first sample on. Returns (n,).
+    """
+    return np.convolve(x, taps)[: len(x) : factor]
+
+
+def decimate_signal(x, rate_hz: float, factor: int) -> NDArray[np.float64]:
+    """A whole signal at the output rate, latency compensated: output i belongs to input i·factor.
+
+    Parameters
+    ----------
+    x : (n,) signal at ``rate_hz``·``factor``. What is missing to a multiple of ``factor`` is taken as zero.
+    rate_hz, factor : as in :func:`design`.
+
+    Returns
+    -------
+    (⌈n/factor⌉,) signal at ``rate_hz``.
+    """
+    taps = design(rate_hz, factor)
+    x = np.asarray(x, dtype=np.float64)
+    if x.ndim != 1:
+        raise ValueError(f"x must have one dimension, got {x.ndim}; decimate channel by channel")
+    frames = -(-x.size // factor)
+    padded = np.zeros((frames + LATENCY_FRAMES) * factor)
+    padded[: x.size] = x
+    out = np.empty(frames + LATENCY_FRAMES)
+    decimate(taps, factor, new_history(factor), padded, workspace(factor), out)
+    return out[LATENCY_FRAMES:]

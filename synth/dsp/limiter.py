@@ -1,0 +1,162 @@
+"""Look-ahead limiter: all channels share one gain, and no sample leaves above the ceiling.
+
+For each frame of the input the reduction d = 1 − ceiling/peak that would just fit it (0 if it fits) is known
+:data:`LOOKAHEAD` frames before that frame leaves. Then
+
+1. hold: h[n] = max d[n−D … n], the strongest reduction any frame still inside needs (D = LOOKAHEAD);
+2. release: r[n] = h[n] if it rises, else r[n−1] falls exponentially towards it, so r ≥ h;
+3. smooth: s[n] = Σ_k w_k r[n−k], k = 0…D, with a raised-cosine window of sum 1.
+
+Each of the D + 1 values averaged is at least d[n−D], so the frame that leaves, x[n−D]·(1 − s[n]), fits; and
+because of the window the gain is a smooth curve without steps. While nothing exceeds the ceiling every
+reduction is exactly zero and the limiter is bitwise a pure delay. All of it counts single frames, so the cut
+of the stream into blocks does not change a bit. The ceiling is for samples; the curve between them may pass
+it slightly (see ``measures.true_peak``).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+LOOKAHEAD = 64
+"""Delay in frames at every rate (1.45 ms at 44.1 kHz)."""
+
+RELEASE_S = 0.15
+"""Default time constant of the release."""
+
+_WINDOW = LOOKAHEAD + 1
+_WEIGHTS = np.hanning(_WINDOW + 2)[1:-1] / np.hanning(_WINDOW + 2)[1:-1].sum()
+
+# A remaining reduction of −140 dB counts as none, so that the limiter returns to a bitwise delay.
+_RELEASED = 1e-7
+
+
+class LimiterState(NamedTuple):
+    """What a limiter remembers. Pass it to :func:`limit` as ``*state``."""
+
+    delay: NDArray[np.float64]
+    """(LOOKAHEAD, channels) ring of the input."""
+    required: NDArray[np.float64]
+    """(2·(LOOKAHEAD+1),) ring of d, written twice so that the last LOOKAHEAD+1 values lie side by side."""
+    released: NDArray[np.float64]
+    """(2·(LOOKAHEAD+1),) the same of r."""
+    counters: NDArray[np.int64]
+    """(3,) place in the delay, place in the rings, frames until the last reduction has left the rings."""
+    levels: NDArray[np.float64]
+    """(2,) r of the last frame; largest reduction 1 − gain so far (set it to 0 to measure anew)."""
+
+
+def limiter_state(channels: int) -> LimiterState:
+    """A limiter that has heard silence. Raises ValueError unless ``channels`` ≥ 1."""
+    if channels < 1:
+        raise ValueError(f"channels must be at least 1, got {channels}; give the width of the signal")
+    return LimiterState(
+        np.zeros((LOOKAHEAD, channels)),
+        np.zeros(2 * _WINDOW),
+        np.zeros(2 * _WINDOW),
+        np.zeros(3, np.int64),
+        np.zeros(2),
+    )
+
+
+def release_coefficient(rate_hz: float, release_s: float = RELEASE_S) -> float:
+    """Share of the distance that the release covers per frame, 1 − exp(−1/(release_s·rate_hz))."""
+    if not (rate_hz > 0 and release_s > 0):
+        raise ValueError(
+            f"rate_hz and release_s must be positive, got {rate_hz:g} Hz and {release_s:g} s; "
+            "give the output rate and a time constant such as 0.15 s"
+        )
+    return float(-np.expm1(-1.0 / (release_s * rate_hz)))
+
+
+def largest_reduction_db(state: LimiterState) -> float:
+    """The strongest reduction applied so far, as a positive number of dB; 0 if there was none."""
+    return float(20.0 * np.log10(1.0 / (1.0 - state.levels[1])))
+
+
+@njit(cache=True, nogil=True)
+def limit(delay, required, released, counters, levels, ceiling, release, x):
+    """Limit the next block in place; the output lags by LOOKAHEAD frames. Allocates nothing.
+
+    Parameters
+    ----------
+    delay, required, released, counters, levels : the :class:`LimiterState`, updated.
+    ceiling : largest magnitude that may leave, > 0; constant while the state lives.
+    release : from :func:`release_coefficient`.
+    x : (n, channels) block, overwritten.
+    """
+    channels = x.shape[1]
+    place, ring, active = counters[0], counters[1], counters[2]
+    last, largest = levels[0], levels[1]
+    for n in range(x.shape[0]):
+        peak = 0.0
+        for c in range(channels):
+            # A comparison, not max(): a NaN passes through with the delay and does not stay in the gain.
+            if abs(x[n, c]) > peak:
+                peak = abs(x[n, c])
+        need = 0.0
+        if peak > ceiling:
+            need = 1.0 - ceiling / peak
+            active = 2 * _WINDOW
+        required[ring] = need
+        required[ring + _WINDOW] = need
+        ring_next = ring + 1 if ring + 1 < _WINDOW else 0
+
+        reduction = 0.0
+        if active > 0:
+            held = 0.0
+            for k in range(_WINDOW):
+                held = max(held, required[ring_next + k])
+            if held >= last:
+                last = held
+            else:
+                last = max(held, last + release * (held - last))
+                if last < _RELEASED:
+                    last = 0.0
+            released[ring] = last
+            released[ring + _WINDOW] = last
+            smooth = 0.0
+            for k in range(_WINDOW):
+                smooth += _WEIGHTS[k] * released[ring_next + k]
+            # The frame that leaves now is the oldest in the window; rounding must not cost it its guarantee.
+            reduction = max(smooth, required[ring_next])
+            if last > 0.0:
+                active = 2 * _WINDOW
+            else:
+                active -= 1
+        ring = ring_next
+
+        gain = 1.0 - reduction
+        largest = max(largest, reduction)
+        for c in range(channels):
+            leaving = delay[place, c]
+            delay[place, c] = x[n, c]
+            if reduction > 0.0:
+                leaving = leaving * gain
+                if leaving > ceiling:
+                    leaving = ceiling
+                elif leaving < -ceiling:
+                    leaving = -ceiling
+            x[n, c] = leaving
+        place = place + 1 if place + 1 < LOOKAHEAD else 0
+    counters[0], counters[1], counters[2] = place, ring, active
+    levels[0], levels[1] = last, largest
+
+
+def limit_reference(x, ceiling: float, release: float) -> NDArray[np.float64]:
+    """Readable twin of :func:`limit` for a whole signal from silence; x and the result are (n, channels)."""
+    x = np.asarray(x, dtype=np.float64)
+    n = len(x)
+    peak = np.abs(x).max(axis=1)
+    needed = np.concatenate([np.zeros(LOOKAHEAD), 1.0 - ceiling / np.maximum(peak, ceiling)])
+    held = np.lib.stride_tricks.sliding_window_view(needed, _WINDOW).max(axis=1)
+    released = np.empty(n)
+    last = 0.0
+    for i in range(n):
+        last = held[i] if held[i] >= last else last + release * (held[i] - last)
+        released[i] = last
+    gain = 1.0 - np.convolve(released, _WEIGHTS)[:n]
+    delayed = np.concatenate([np.zeros((LOOKAHEAD, x.shape[1])), x])[:n]
+    return delayed * gain[:, None]

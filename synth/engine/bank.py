@@ -1,0 +1,257 @@
+"""Lay compiled parts out as the flat arrays of `layout`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from synth.compile import CompiledPart
+from synth.dsp.body import body_coefficients
+from synth.dsp.decimator import MAXIMUM_FACTOR, design, workspace
+from synth.dsp.limiter import limiter_state
+from synth.engine import layout
+from synth.engine.events import EVENT
+from synth.engine.layout import Bank, Scratch, State
+from synth.units import db_to_gain
+
+PENDING_EVENTS = 1 << 14
+
+
+def build_bank(
+    parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float
+) -> Bank:
+    """The Bank of these parts, part p played by MIDI channel channels[p]."""
+    models: list[tuple] = []
+    strings: list[tuple] = []
+    positions: list[tuple] = []
+    part_rows: list[tuple] = []
+    buses: list[tuple] = []
+    flat: dict[str, list[np.ndarray]] = {
+        name: []
+        for name in ("omega", "sigma", "coef", "shapes", "eta", "residual", "matrix", "wq", "wv", "q_rest")
+    }
+    bodies: list[np.ndarray] = []
+    taps: list[np.ndarray] = []
+    tap_places: dict[int, tuple[int, int]] = {}
+    off = soff = coff = goff = 0
+    s_off = s_coff = s_goff = 0
+    history = 0
+    body_off = 0
+    for p, part in enumerate(parts):
+        preset = part.preset
+        first_position, first_bus = len(positions), len(buses)
+        bus_of: dict[int, int] = {}
+        for string in part.strings:
+            factor = string.factor
+            if factor not in bus_of:
+                if factor not in tap_places:
+                    tap_places[factor] = (sum(t.size for t in taps), design(rate_hz, factor).size)
+                    taps.append(design(rate_hz, factor))
+                place, size = tap_places[factor]
+                bus_of[factor] = len(buses)
+                buses.append((p, factor, place, size, history))
+                history += size - 1
+            index = len(strings)
+            cap = max(position.omega.size for position in string.positions)
+            cmax = max(position.eta.size for position in string.positions)
+            strings.append(
+                (
+                    p,
+                    bus_of[factor],
+                    factor,
+                    cap,
+                    s_off,
+                    s_coff,
+                    cmax,
+                    s_goff,
+                    len(string.positions),
+                    string.open_length_m,
+                    string.pluck_force_n,
+                    string.impedance_kg_s,
+                    string.draw_s,
+                    string.release_s,
+                )
+            )
+            s_off += cap
+            s_coff += cmax
+            s_goff += cmax * cmax
+            for position in string.positions:
+                n, c = position.omega.size, position.eta.size
+                positions.append((p, index, position.note, position.fret, len(models)))
+                bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
+                if preset.output.kind in ("velocity", "pickup"):
+                    bound = math.sqrt(float(np.sum(position.wv**2)))
+                static = 0.0
+                if c:
+                    static = float(
+                        np.sum(position.shapes[0] ** 2 / (position.mu * position.omega**2))
+                        + position.residual[0, 0]
+                    )
+                models.append(
+                    (
+                        n,
+                        c,
+                        off,
+                        soff,
+                        coff,
+                        goff,
+                        position.length_m,
+                        position.tension_n,
+                        position.mu,
+                        position.rest_height_m,
+                        position.output_rest,
+                        float(position.wq @ position.q_rest),
+                        bound,
+                        static,
+                    )
+                )
+                off, soff, coff, goff = off + n, soff + n * c, coff + c, goff + c * c
+                for name in (
+                    "omega",
+                    "sigma",
+                    "coef",
+                    "shapes",
+                    "eta",
+                    "residual",
+                    "matrix",
+                    "wq",
+                    "wv",
+                    "q_rest",
+                ):
+                    flat[name].append(getattr(position, name).ravel())
+        pluck, output = preset.pluck, preset.output
+        hard = pluck.position if pluck.position_hard is None else pluck.position_hard
+        width_hard = pluck.width_mm if pluck.width_hard_mm is None else pluck.width_hard_mm
+        n_body = len(preset.body.resonance)
+        if n_body:
+            bodies.append(
+                body_coefficients(
+                    [r.frequency_hz for r in preset.body.resonance],
+                    [r.q for r in preset.body.resonance],
+                    [r.gain_db for r in preset.body.resonance],
+                    rate_hz,
+                )
+            )
+        part_rows.append(
+            (
+                channels[p],
+                first_position,
+                len(positions),
+                first_bus,
+                len(buses),
+                int(preset.damping.ring_on),
+                int(output.kind != "velocity"),
+                int(output.kind in ("velocity", "pickup")),
+                1e-3 * output.distance_mm,
+                pluck.velocity_exponent,
+                hard - pluck.position,
+                width_hard / pluck.width_mm,
+                1e3 * pluck.finger_stiffness_n_mm,
+                pluck.finger_loss,
+                db_to_gain(preset.body.direct_db),
+                body_off,
+                n_body,
+            )
+        )
+        body_off += n_body
+
+    def join(arrays: list[np.ndarray]) -> np.ndarray:
+        return np.ascontiguousarray(np.concatenate(arrays)) if arrays else np.zeros(0)
+
+    return Bank(
+        np.array(models, layout.MODEL),
+        np.array(strings, layout.STRING),
+        np.array(positions, layout.POSITION),
+        np.array(part_rows, layout.PART),
+        np.array(buses, layout.BUS),
+        np.ascontiguousarray(program_map, dtype=np.int64),
+        **{name: join(arrays) for name, arrays in flat.items()},
+        taps=join(taps),
+        body=np.concatenate(bodies, axis=1) if bodies else np.zeros((3, 0)),
+    )
+
+
+def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
+    """(parts, N_PARAMETERS) values of the live parameters as the presets have them."""
+    out = np.zeros((len(parts), layout.N_PARAMETERS))
+    for p, part in enumerate(parts):
+        pluck = part.preset.pluck
+        out[p] = (1.0, pluck.position, 1.0, pluck.width_mm, 1.0, 0.0)
+    return out
+
+
+def new_state(bank: Bank, parameters: np.ndarray) -> State:
+    """A State in which nothing sounds and every controller has its power-up value."""
+    n_strings, n_parts = bank.strings.size, bank.parts.size
+    modes = int(bank.strings["cap"].sum())
+    contacts = int(bank.strings["cmax"].sum())
+    squares = int((bank.strings["cmax"] ** 2).sum())
+    channels = np.zeros(16, layout.CHANNEL)
+    channels["volume"] = channels["expression"] = 1.0
+    channels["bend_range"] = 2.0
+    channels["rpn"] = 0x3FFF
+    part_state = np.zeros(n_parts, layout.PART_STATE)
+    part_state["left"] = part_state["right"] = 1.0
+    limiter = limiter_state(2)
+    return State(
+        np.zeros(n_strings, layout.SOUNDING),
+        channels,
+        part_state,
+        parameters.copy(),
+        np.zeros(modes),
+        np.zeros(modes),
+        np.zeros(6 * modes),
+        np.zeros(squares),
+        np.zeros(contacts),
+        np.zeros(contacts),
+        np.zeros(contacts),
+        np.zeros(contacts),
+        np.zeros(contacts, np.uint8),
+        np.zeros(modes),
+        np.zeros(contacts),
+        np.zeros((n_strings, 2)),
+        np.zeros(PENDING_EVENTS, EVENT),
+        np.zeros((n_parts + 1, 128), np.int64),
+        np.zeros(layout.N_COUNTERS, np.int64),
+        np.zeros(1),
+        np.zeros(int((bank.buses["n_taps"] - 1).sum())),
+        np.zeros((3, max(1, bank.body.shape[1]))),
+        np.zeros((layout.RING, 2)),
+        np.zeros((n_parts, layout.RING, 2)),
+        *limiter,
+    )
+
+
+def new_scratch(bank: Bank) -> Scratch:
+    """Work arrays for one thread."""
+    steps = layout.QUANTUM * MAXIMUM_FACTOR
+    widest = max(1, int(bank.models["contacts"].max(initial=0)))
+    modes = max(1, int(bank.strings["cap"].max(initial=1)))
+    factor = int(bank.buses["factor"].max(initial=1))
+    q = layout.QUANTUM
+    return Scratch(
+        np.zeros((max(1, bank.buses.size), q * factor)),
+        workspace(factor, q),
+        np.zeros(q),
+        np.zeros(q),
+        np.zeros((q, 2)),
+        np.zeros(steps + 1),
+        np.zeros((steps, 1)),
+        np.zeros((steps, 1)),
+        np.zeros(modes),
+        np.zeros(modes),
+        np.zeros(modes),
+        np.zeros(modes),
+        np.zeros(modes),
+        np.zeros((0, 0)),
+        np.zeros(widest),
+        np.zeros(widest),
+        np.zeros(widest),
+        np.zeros((widest, widest)),
+        np.zeros((widest, widest)),
+        np.zeros(widest, np.int64),
+        np.zeros(widest, np.uint8),
+        np.zeros(widest, np.uint8),
+    )

@@ -1,0 +1,337 @@
+"""The engine's Python face: what a plugin host would call.
+
+    engine = Engine([load_preset("tanpura")])
+    engine.prepare(44100.0, 256)
+    engine.process(events, out)
+
+Python prepares (plan, compile, bank); `process` hands a block to the native core, which is the same offline and live.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from synth.compile import CompiledPart, compile_preset
+from synth.dsp.decimator import LATENCY_FRAMES
+from synth.dsp.limiter import LOOKAHEAD, LimiterState, largest_reduction_db, release_coefficient
+from synth.engine import layout
+from synth.engine.bank import build_bank, default_parameters, new_scratch, new_state
+from synth.engine.events import EVENT
+from synth.engine.layout import Bank, Scratch, Settings, State
+from synth.engine.process import process
+from synth.preset import BridgeObstacle, Preset, playable_range
+from synth.solver.laws import law_of
+from synth.units import db_to_gain, midi_to_note
+
+GAIN_SMOOTHING_S = 0.015
+DC_BLOCK_HZ = 8.0
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A live parameter of a part: `index` is the `a` of a PARAMETER event, the part its `channel`."""
+
+    part: int
+    index: int
+    id: str
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    default: float
+    smoothing_s: float
+
+
+class Unplayed(NamedTuple):
+    """Notes that found no string. `part` is −1 for a channel without a part."""
+
+    part: int
+    note: int
+    times: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class EngineReport:
+    """What has happened since `reset`."""
+
+    peak: float
+    limiter_reduction_db: float
+    strings_sounding: int
+    most_strings: int
+    notes: int
+    unplayed: tuple[Unplayed, ...]
+    stolen: int
+    events_dropped: int
+    mode_steps: int
+    unsolved_contacts: int
+
+
+class Engine:
+    """Presets as parts of one instrument; see the module's docstring.
+
+    parts        one preset per part
+    program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
+                 on every channel
+    note_hz      (128,) frequencies that replace the presets' equal temperament
+    Raises ValueError (PresetError among them) for what cannot be played.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[Preset],
+        program_map: np.ndarray | None = None,
+        *,
+        quality: str = "standard",
+        scheme: str = "exact-hold",
+        restitution: float = 1.0,
+        internal_rate_hz: float | None = None,
+        limiter: bool = True,
+        gain_db: float = 0.0,
+        max_polyphony: int | None = None,
+        note_hz: np.ndarray | None = None,
+        seed: int = 0,
+        economy: bool | None = None,
+        only_notes: Sequence[set[int] | None] | None = None,
+    ) -> None:
+        if not parts:
+            raise ValueError("an engine needs at least one preset")
+        if not 0.0 <= restitution <= 1.0:
+            raise ValueError(f"restitution must lie between 0 and 1, got {restitution:g}")
+        if max_polyphony is not None and max_polyphony < 1:
+            raise ValueError(f"polyphony must be at least 1, got {max_polyphony}")
+        self.parts = tuple(parts)
+        if program_map is None:
+            program_map = np.full((16, 128), 0 if len(parts) == 1 else -1)
+            if len(parts) > 1:
+                for p in range(min(16, len(parts))):
+                    program_map[p] = p
+        self.program_map = np.array(program_map, dtype=np.int64)
+        if self.program_map.shape != (16, 128):
+            raise ValueError(f"program_map must be (16, 128), got {self.program_map.shape}")
+        if self.program_map.max() >= len(parts):
+            raise ValueError(f"program_map names part {self.program_map.max()}, there are {len(parts)}")
+        channels = []
+        for p in range(len(parts)):
+            of_part = np.flatnonzero((self.program_map == p).any(axis=1))
+            channels.append(int(of_part[0]) if of_part.size else 0)
+        self._channels = channels
+        self.quality = quality
+        self.scheme = scheme
+        self.restitution = float(restitution)
+        self.internal_rate_hz = internal_rate_hz
+        self.limiter = limiter
+        self.gain_db = gain_db
+        self.max_polyphony = max_polyphony
+        self.note_hz = note_hz
+        self.seed = seed
+        self.economy = quality in ("draft", "standard") if economy is None else economy
+        self._only_notes = only_notes
+        self.rate_hz = 0.0
+        self._bank: Bank | None = None
+
+    def prepare(self, rate_hz: float, max_block: int = 4096) -> None:
+        """Compile every playable note for an output rate [Hz], compile the kernels, reset. `max_block` [frames]."""
+        if max_block < 1:
+            raise ValueError(f"max_block must be at least 1 frame, got {max_block}")
+        self.rate_hz = float(rate_hz)
+        self.max_block = int(max_block)
+        cache: dict[tuple, CompiledPart] = {}
+        compiled = []
+        for p, preset in enumerate(self.parts):
+            wanted = self._only_notes[p] if self._only_notes is not None else None
+            key = (id(preset), None if wanted is None else frozenset(wanted))
+            if key not in cache:
+                cache[key] = compile_preset(
+                    preset,
+                    quality=self.quality,
+                    rate_hz=self.rate_hz,
+                    scheme=self.scheme,
+                    internal_rate_hz=self.internal_rate_hz,
+                    note_hz=self.note_hz,
+                    only_notes=wanted,
+                )
+            compiled.append(cache[key])
+        self.compiled = tuple(compiled)
+        self._bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz)
+        self._scratch: Scratch = new_scratch(self._bank)
+        polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
+        self._settings = Settings(
+            law_of(self.scheme),
+            self.restitution,
+            self.rate_hz,
+            int(self.limiter),
+            1.0,
+            release_coefficient(self.rate_hz),
+            db_to_gain(self.gain_db),
+            polyphony,
+            -math.expm1(-1.0 / (GAIN_SMOOTHING_S * self.rate_hz)),
+            math.exp(-2.0 * math.pi * DC_BLOCK_HZ / self.rate_hz),
+            int(self.economy),
+        )
+        self.reset()
+        self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
+        self.reset()
+
+    def reset(self) -> None:
+        """Silence, controllers at their power-up values, counters at zero."""
+        bank = self._prepared()
+        parameters = default_parameters(self.compiled)
+        self._state: State = new_state(bank, parameters)
+        for p in range(len(self.parts)):
+            of_part = np.argwhere(self.program_map == p)
+            # a channel begins with the first program it has a part for
+            for channel, program in of_part[::-1]:
+                self._state.channels["program"][channel] = min(
+                    program, self._state.channels["program"][channel] or program
+                )
+        for channel in range(16):
+            if self.program_map[channel, 0] >= 0:
+                self._state.channels["program"][channel] = 0
+
+    def _prepared(self) -> Bank:
+        if self._bank is None:
+            raise ValueError("call prepare(rate_hz, max_block) first")
+        return self._bank
+
+    def process(self, events: np.ndarray, out: np.ndarray, stems: np.ndarray | None = None) -> None:
+        """One block. events: EVENT array, frames from 0 to the block's length, in order. out: (frames, 2) float64,
+        overwritten. stems: (parts, frames, 2) or None, overwritten with every part before the limiter."""
+        bank = self._prepared()
+        room = self._state.pending.size - int(self._state.counters[layout.PENDING])
+        if events.size > room:  # more events in one block than the queue holds: a larger queue
+            bigger = np.zeros(2 * (self._state.pending.size + events.size), EVENT)
+            bigger[: self._state.pending.size] = self._state.pending
+            self._state = self._state._replace(pending=bigger)
+        if stems is None:
+            stems = np.zeros((0, 0, 2))
+        process(bank, self._state, self._settings, self._scratch, events, out, stems)
+
+    @property
+    def latency_samples(self) -> int:
+        """Frames from an event to the moment the string feels it."""
+        return layout.QUANTUM + LATENCY_FRAMES + (LOOKAHEAD if self.limiter else 0)
+
+    @property
+    def tail_seconds(self) -> float:
+        """Time to −60 dB of the string that rings longest when nothing damps it, at most 60 s."""
+        slowest = min(
+            (
+                float(position.sigma.min())
+                for part in self.compiled
+                for s in part.strings
+                for position in s.positions
+            ),
+            default=1.0,
+        )
+        return min(60.0, math.log(1000.0) / max(slowest, 1e-3))
+
+    @property
+    def silent(self) -> bool:
+        """No string is awake and no event waits."""
+        return not (self._state.sounding["awake"].any() or self._state.counters[layout.PENDING])
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """Live parameters of every part."""
+        out = []
+        for p, preset in enumerate(self.parts):
+            pluck = preset.pluck
+            rows: list[tuple[int, str, str, str, float, float, float, float]] = [
+                (layout.GAIN, "output.gain", "Level", "×", 0.0, 4.0, 1.0, GAIN_SMOOTHING_S),
+                (
+                    layout.PLUCK_POSITION,
+                    "pluck.position",
+                    "Pluck position from the saddle",
+                    "of L",
+                    0.02,
+                    0.5,
+                    pluck.position,
+                    0.0,
+                ),
+                (layout.PLUCK_AMOUNT, "pluck.amount", "Pluck displacement", "×", 0.0, 2.0, 1.0, 0.0),
+                (layout.PLUCK_WIDTH, "pluck.width", "Finger width", "mm", 0.5, 50.0, pluck.width_mm, 0.0),
+                (layout.RELEASE, "damping.release", "Damping time", "×", 0.1, 20.0, 1.0, 0.0),
+            ]
+            if isinstance(preset.obstacle, BridgeObstacle):
+                rows.append(
+                    (
+                        layout.HEIGHT,
+                        "obstacle.height",
+                        "Bridge raised against the thread",
+                        "µm",
+                        -200.0,
+                        50.0,
+                        0.0,
+                        0.01,
+                    )
+                )
+            out += [Parameter(p, *row) for row in rows]
+        return out
+
+    def get_state(self) -> bytes:
+        """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
+        buffer = io.BytesIO()
+        np.savez(buffer, **self._state._asdict())
+        return buffer.getvalue()
+
+    def set_state(self, data: bytes) -> None:
+        """Go on from a state. Raises ValueError where it belongs to another bank."""
+        try:
+            with np.load(io.BytesIO(data)) as loaded:
+                fields = {name: loaded[name] for name in State._fields}
+        except (KeyError, OSError, EOFError, ValueError) as error:
+            raise ValueError(f"not a state of this engine: {error}") from None
+        for name, mine in self._state._asdict().items():
+            same = fields[name].dtype == mine.dtype and (
+                name == "pending" or fields[name].shape == mine.shape
+            )
+            if not same:
+                raise ValueError(
+                    f"the state's {name} does not fit: it comes from other presets, rate or quality"
+                )
+        self._state = State(**fields)
+
+    @property
+    def mode_steps(self) -> int:
+        """Work done since reset: modes × internal steps."""
+        return int(self._state.counters[layout.WORK])
+
+    def report(self) -> EngineReport:
+        """What has happened since `reset`."""
+        state = self._state
+        counters = state.counters
+        unplayed = []
+        for p, note in np.argwhere(state.unplayed > 0):
+            count = int(state.unplayed[p, note])
+            if p == len(self.parts):
+                unplayed.append(Unplayed(-1, int(note), count, "its channel has no preset"))
+                continue
+            low, high = playable_range(self.parts[p])
+            reason = (
+                f"outside {midi_to_note(low)}-{midi_to_note(high)}"
+                if not low <= note <= high
+                else "no string is tuned to it"
+            )
+            unplayed.append(Unplayed(int(p), int(note), count, reason))
+        limiter = LimiterState(
+            state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels
+        )
+        return EngineReport(
+            float(state.meters[0]),
+            largest_reduction_db(limiter) if self.limiter else 0.0,
+            int(state.sounding["awake"].sum()),
+            int(counters[layout.MOST_AWAKE]),
+            int(counters[layout.N_NOTES]),
+            tuple(unplayed),
+            int(counters[layout.N_STOLEN]),
+            int(counters[layout.N_DROPPED]),
+            int(counters[layout.WORK]),
+            int(counters[layout.FAILED_LCP]),
+        )

@@ -1,0 +1,281 @@
+"""Audio out of the renderer: WAV and FLAC files that appear whole or not at all, and standard output.
+
+A file is written beside its final name and renamed when it is complete; whatever interrupts the writing,
+nothing is left behind. Long files are streamed; what could outgrow a WAV header (4 GB) is written as RF64.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import struct
+import sys
+import tempfile
+from pathlib import Path
+from typing import BinaryIO, Protocol, Self
+
+import numpy as np
+
+CONTAINERS = ("wav", "flac", "raw")
+BIT_DEPTHS = ("16", "24", "float")
+_BYTES_PER_SAMPLE = {"16": 2, "24": 3, "float": 4}
+_SUBTYPES = {"16": "PCM_16", "24": "PCM_24", "float": "FLOAT"}
+# A WAV header counts bytes in 32 bits; some room is left for the header itself.
+_LARGEST_WAV_BYTES = 2**32 - 2**16
+_COPY_FRAMES = 65536
+
+
+class AudioSink(Protocol):
+    """Where blocks go: `write` takes (frames, channels) float64, full scale ±1."""
+
+    def write(self, block: np.ndarray) -> None: ...
+
+
+def container_of(path: str, asked: str | None = None) -> str:
+    """'wav', 'flac' or 'raw' for an output path: as asked, else by the name's ending ('-' is WAV).
+
+    Raises ValueError for an ending that says neither.
+    """
+    if asked is not None:
+        if asked not in CONTAINERS:
+            raise ValueError(f"format {asked!r} is not known; use one of {', '.join(CONTAINERS)}")
+        return asked
+    if path == "-":
+        return "wav"
+    ending = Path(path).suffix.lower().lstrip(".")
+    if ending in ("wav", "wave"):
+        return "wav"
+    if ending in ("flac", "raw"):
+        return ending
+    if is_special(path):
+        return "wav"
+    raise ValueError(
+        f"{path}: the name's ending does not say the format; end it in .wav or .flac, or give --format"
+    )
+
+
+class Quantizer:
+    """float64 samples → the integers (or float32) of a bit depth.
+
+    16 bit gets triangular dither of ±1 LSB (TPDF) from a seeded generator: the same samples give the same
+    file, however they are cut into blocks. `clipped` counts samples beyond full scale.
+    """
+
+    def __init__(self, bit_depth: str, seed: int = 0) -> None:
+        if bit_depth not in BIT_DEPTHS:
+            raise ValueError(f"bit depth {bit_depth!r} is not known; use one of {', '.join(BIT_DEPTHS)}")
+        self.bit_depth = bit_depth
+        self.clipped = 0
+        self._random = np.random.Generator(np.random.PCG64(seed))
+
+    def __call__(self, block: np.ndarray) -> np.ndarray:
+        """(frames, channels) float64 → int16, int32 (24 bits in the upper bytes) or float32 of that shape."""
+        if self.bit_depth == "float":
+            return block.astype(np.float32)
+        bits = int(self.bit_depth)
+        largest = 2 ** (bits - 1)
+        scaled = block * float(largest)
+        if bits == 16:
+            dither = self._random.random((*block.shape, 2))
+            scaled = scaled + (dither[..., 0] - dither[..., 1])
+        whole = np.rint(scaled)
+        self.clipped += int(np.count_nonzero((whole > largest) | (whole < -largest)))
+        whole = np.clip(whole, -largest, largest - 1)
+        return whole.astype(np.int16) if bits == 16 else whole.astype(np.int32) << 8
+
+
+class AudioWriter:
+    """Writes an audio file, or standard output for the path '-'. Use it as a context manager.
+
+    When the block ends well the file gets its name; on an exception (an interrupt too) it is removed.
+
+    path: file name or '-'.  container: 'wav', 'flac' or 'raw' (samples without a header, little-endian).
+    bit_depth: '16', '24' or 'float'.  most_frames: an upper bound of the length, if known; decides on RF64.
+    seed: of the 16-bit dither.
+
+    Raises ValueError for a combination that does not exist, OSError where the file cannot be made; both
+    before anything is rendered.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        rate_hz: int,
+        *,
+        channels: int = 2,
+        container: str = "wav",
+        bit_depth: str = "24",
+        most_frames: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.path = str(path)
+        self.frames = 0
+        self._rate_hz, self._channels = rate_hz, channels
+        self._container, self._bit_depth = container_of(self.path, container), bit_depth
+        self._quantize = Quantizer(bit_depth, seed)
+        if container == "flac" and bit_depth == "float":
+            raise ValueError("FLAC holds integers only, not float; give --bit-depth 24 or --format wav")
+        if container == "flac" and self._is_stream():
+            raise ValueError("FLAC cannot be written to a stream; give --format wav or a file name")
+        if not self._is_stream():
+            _check_target(self.path)
+        most_bytes = (most_frames or 0) * channels * _BYTES_PER_SAMPLE[bit_depth]
+        self._big = container == "wav" and most_bytes > _LARGEST_WAV_BYTES
+        self._bytes_left: float = _LARGEST_WAV_BYTES if container == "wav" and not self._big else np.inf
+        self._stream: BinaryIO | None = None
+        self._sound = None
+        self._partial: str | None = None
+
+    @property
+    def clipped(self) -> int:
+        """Samples beyond full scale so far."""
+        return self._quantize.clipped
+
+    def _is_stream(self) -> bool:
+        return self.path == "-" or is_special(self.path)
+
+    def __enter__(self) -> Self:
+        try:
+            self._open()
+        except BaseException:
+            self._discard()
+            raise
+        return self
+
+    def _open(self) -> None:
+        if self._is_stream():
+            # A stream goes forward only, so its header cannot be mended at the end: it says "until the end".
+            self._stream = sys.stdout.buffer if self.path == "-" else open(self.path, "wb")
+            self._bytes_left = np.inf
+            if self._container == "wav":
+                self._stream.write(_streaming_wav_header(self._rate_hz, self._channels, self._bit_depth))
+            return
+        target = Path(self.path)
+        self._partial = str(target.with_name(f".{target.name}.{os.getpid()}.part"))
+        if self._container == "raw":
+            self._stream = open(self._partial, "wb")
+            return
+        import soundfile
+
+        self._sound = soundfile.SoundFile(
+            self._partial,
+            "w",
+            samplerate=self._rate_hz,
+            channels=self._channels,
+            format="FLAC" if self._container == "flac" else ("RF64" if self._big else "WAV"),
+            subtype=_SUBTYPES[self._bit_depth],
+        )
+
+    def write(self, block: np.ndarray) -> None:
+        """Appends (frames, channels) float64 samples."""
+        samples = self._quantize(block)
+        self._bytes_left -= samples.size * _BYTES_PER_SAMPLE[self._bit_depth]
+        if self._bytes_left < 0:
+            raise ValueError(f"{self.path}: more than a WAV file holds (4 GB); render a part, or as FLAC")
+        if self._sound is not None:
+            self._sound.write(samples)
+        else:
+            assert self._stream is not None, "the writer is used as a context manager"
+            self._stream.write(_little_endian(samples, self._bit_depth))
+        self.frames += len(block)
+
+    def __exit__(self, kind: object, value: object, trace: object) -> None:
+        if kind is not None:
+            self._discard()
+            return
+        try:
+            self._close()
+            if self._partial is not None:
+                os.replace(self._partial, self.path)
+                self._partial = None
+        except BaseException:
+            self._discard()
+            raise
+
+    def _close(self) -> None:
+        sound, self._sound = self._sound, None
+        if sound is not None:
+            sound.close()
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.flush()
+            if self.path != "-":
+                stream.close()
+
+    def _discard(self) -> None:
+        try:
+            self._close()
+        except Exception:
+            # What cannot be closed cannot be kept either; the error that led here is the one to show.
+            pass
+        partial, self._partial = self._partial, None
+        if partial is not None:
+            Path(partial).unlink(missing_ok=True)
+
+
+class Spool:
+    """Keeps a rendering in a nameless temporary file (float64), for what needs two passes. A context
+    manager.
+    """
+
+    def __init__(self, channels: int = 2, directory: str | Path | None = None) -> None:
+        self.peak = 0.0
+        self._channels = channels
+        self._file = tempfile.TemporaryFile(dir=directory)
+
+    def write(self, block: np.ndarray) -> None:
+        """Appends (frames, channels) float64 samples."""
+        if block.size:
+            self.peak = max(self.peak, float(np.abs(block).max()))
+        self._file.write(np.ascontiguousarray(block, dtype=np.float64).tobytes())
+
+    def copy_to(self, sink: AudioSink, gain: float) -> None:
+        """Writes everything kept, times `gain`, to `sink`."""
+        self._file.seek(0)
+        while data := self._file.read(8 * self._channels * _COPY_FRAMES):
+            sink.write(np.frombuffer(data).reshape(-1, self._channels) * gain)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+
+def is_special(path: str) -> bool:
+    """Whether the path is there and is a device or a pipe, which cannot be replaced by a file."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def _check_target(path: str) -> None:
+    target = Path(path)
+    if target.is_dir():
+        raise IsADirectoryError(f"{path}: is a directory; give a file name")
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{path}: there is no directory {target.parent}; make it first")
+    if not os.access(target.parent, os.W_OK):
+        raise PermissionError(f"{path}: the directory {target.parent} cannot be written to; choose another")
+
+
+def _little_endian(samples: np.ndarray, bit_depth: str) -> bytes:
+    if bit_depth == "16":
+        return samples.astype("<i2").tobytes()
+    if bit_depth == "float":
+        return samples.astype("<f4").tobytes()
+    quads = np.ascontiguousarray(samples.astype("<i4")).view(np.uint8).reshape(-1, 4)
+    return quads[:, 1:].tobytes()
+
+
+def _streaming_wav_header(rate_hz: int, channels: int, bit_depth: str) -> bytes:
+    """44 bytes of WAV header with unknown lengths (all ones), as sox and ffmpeg write to pipes."""
+    width = _BYTES_PER_SAMPLE[bit_depth]
+    code = 3 if bit_depth == "float" else 1
+    form = struct.pack(
+        "<HHIIHH", code, channels, rate_hz, rate_hz * channels * width, channels * width, 8 * width
+    )
+    unknown = struct.pack("<I", 0xFFFFFFFF)
+    return b"RIFF" + unknown + b"WAVEfmt " + struct.pack("<I", 16) + form + b"data" + unknown

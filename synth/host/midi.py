@@ -1,0 +1,206 @@
+"""A MIDI file as a song: one array of events at absolute frames, ready for the engine.
+
+Formats 0 and 1 are one sequence: all tracks are merged and share one tempo map (set_tempo of every track
+counts, as sequencers disagree on where they put it). The tracks of a format 2 file are independent sequences,
+each with its own tempo; they are played one after the other. SysEx, meta events other than tempo and end of
+track, and key or channel pressure are passed over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from synth.engine.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.host.smf import MidiError, MidiFile, Track, read_file
+
+__all__ = ["PERCUSSION_CHANNEL", "MidiError", "Song", "read_song", "song_from_file"]
+
+PERCUSSION_CHANNEL = 9
+DEFAULT_TEMPO_US = 500_000
+# Some sequencers leave the end of track hours behind the music; a rest longer than this at the end is
+# nobody's intention.
+LONGEST_REST_AT_END_S = 60.0
+
+
+@dataclass(frozen=True)
+class Song:
+    """A song at a sample rate.
+
+    events: EVENT array, `frame` counted from the song's start and ascending; channels are 0…15. Simultaneous
+        events keep the file's order (tracks in order), but a note-off that ends an earlier note comes before
+        a note-on of the same key.
+    rate_hz: frames per second of `frame`.  length_s: the song's end (end of track) in seconds.
+    channels: (channel, program) → number of notes, for those that have notes.  notes: their sum.
+    warnings: what was odd about the file, one line each.
+    """
+
+    events: np.ndarray
+    rate_hz: int
+    length_s: float
+    channels: dict[tuple[int, int], int]
+    notes: int
+    warnings: tuple[str, ...]
+
+
+def read_song(path: str | Path, rate_hz: int) -> Song:
+    """Reads a Standard MIDI File (format 0, 1 or 2). Raises MidiError with one line naming the file, what is
+    wrong, a remedy.
+    """
+    return song_from_file(read_file(path), rate_hz)
+
+
+def song_from_file(file: MidiFile, rate_hz: int) -> Song:
+    """The song of a parsed file at `rate_hz`: seconds are rounded to the nearest frame."""
+    sequences = [[track] for track in file.tracks] if file.format == 2 else [file.tracks]
+    warnings = list(file.warnings)
+    pieces: list[np.ndarray] = []
+    seconds: list[np.ndarray] = []
+    channels: dict[tuple[int, int], int] = {}
+    programs = [0] * 16
+    start_s = 0.0
+    endless = 0
+    for tracks in sequences:
+        clock = _Clock(file, tracks, warnings)
+        tick, events = _merge(tracks)
+        end_s = _end_s(clock, tracks, tick, warnings)
+        order, still_on = _order_and_count(tick, events, programs, channels)
+        time_s = np.minimum(clock.seconds(tick), end_s)[order]
+        endless += len(still_on)
+        offs = np.zeros(len(still_on), EVENT)
+        offs["kind"] = NOTE_OFF
+        for off, (channel, note) in zip(offs, still_on, strict=True):
+            off["channel"], off["a"], off["b"] = channel, note, 64
+        pieces += [events[order], offs]
+        seconds += [start_s + time_s, np.full(len(offs), start_s + end_s)]
+        start_s += end_s
+    if endless:
+        warnings.append(f"{endless} note{'s have' if endless > 1 else ' has'} no end: ended with the file")
+    notes = sum(channels.values())
+    if not notes:
+        warnings.append("there are no notes in it")
+    events = np.concatenate(pieces) if pieces else np.zeros(0, EVENT)
+    if len(events):
+        events["frame"] = np.rint(np.concatenate(seconds) * rate_hz).astype(np.int64)
+    return Song(events, rate_hz, start_s, channels, notes, tuple(dict.fromkeys(warnings)))
+
+
+class _Clock:
+    """Ticks of one sequence → seconds."""
+
+    def __init__(self, file: MidiFile, tracks: list[Track], warnings: list[str]) -> None:
+        if file.ticks_per_second is not None:
+            # SMPTE time is real time: tempo has no say in it.
+            tempos: list[tuple[int, float]] = [(0, 1.0 / file.ticks_per_second)]
+        else:
+            assert file.ticks_per_quarter is not None
+            scale = 1e-6 / file.ticks_per_quarter
+            changes = [change for track in tracks for change in track.tempos]
+            changes.sort(key=lambda change: change[0])
+            if any(us == 0 for _, us in changes):
+                warnings.append("a tempo of 0 µs per quarter note is passed over")
+            tempos = [(0, DEFAULT_TEMPO_US * scale)] + [(at, us * scale) for at, us in changes if us > 0]
+        self._tick = np.array([at for at, _ in tempos], dtype=np.int64)
+        self._seconds_per_tick = np.array([each for _, each in tempos])
+        spans = np.diff(self._tick) * self._seconds_per_tick[:-1]
+        self._start_s = np.concatenate(([0.0], np.cumsum(spans)))
+
+    def seconds(self, tick: np.ndarray) -> np.ndarray:
+        part = np.searchsorted(self._tick, tick, side="right") - 1
+        return self._start_s[part] + (tick - self._tick[part]) * self._seconds_per_tick[part]
+
+
+def _merge(tracks: list[Track]) -> tuple[np.ndarray, np.ndarray]:
+    """(ticks, EVENT array without frames) of all tracks, sorted by tick; ties in the tracks' order."""
+
+    def joined(name: str) -> np.ndarray:
+        parts = [np.array(getattr(track, name), dtype=np.int64) for track in tracks]
+        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+    tick, status, data1, data2 = joined("ticks"), joined("status"), joined("data1"), joined("data2")
+    message = status >> 4
+    kind = np.zeros(len(tick), np.int32)
+    kind[message == 0x8] = NOTE_OFF
+    kind[message == 0x9] = NOTE_ON
+    kind[(message == 0x9) & (data2 == 0)] = NOTE_OFF
+    kind[message == 0xB] = CONTROL
+    kind[message == 0xC] = PROGRAM
+    kind[message == 0xE] = BEND
+    wanted = np.flatnonzero(kind)
+    wanted = wanted[np.argsort(tick[wanted], kind="stable")]
+    events = np.zeros(len(wanted), EVENT)
+    events["kind"] = kind[wanted]
+    events["channel"] = status[wanted] & 0x0F
+    bend = message[wanted] == 0xE
+    events["a"] = np.where(bend, data1[wanted] + 128 * data2[wanted] - 8192, data1[wanted])
+    # A note-on of velocity 0 stands for a note-off of release velocity 64.
+    silent_on = (message[wanted] == 0x9) & (data2[wanted] == 0)
+    events["b"] = np.where(bend, 0, np.where(silent_on, 64, data2[wanted]))
+    return tick[wanted], events
+
+
+def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[str]) -> float:
+    """The sequence's end in seconds: its latest end of track, but not more than a long rest after the last
+    event.
+    """
+    ends = np.array([max((track.end_tick for track in tracks), default=0)])
+    end_s = float(clock.seconds(ends)[0])
+    last_s = float(clock.seconds(tick[-1:])[0]) if len(tick) else 0.0
+    if end_s > last_s + LONGEST_REST_AT_END_S:
+        warnings.append(f"it ends {end_s - last_s:.0f} s after its last event: that rest is left out")
+        return last_s
+    return end_s
+
+
+def _order_and_count(
+    tick: np.ndarray, events: np.ndarray, programs: list[int], channels: dict[tuple[int, int], int]
+) -> tuple[np.ndarray, list[tuple[int, int]]]:
+    """Puts note-offs before note-ons at the same tick, counts notes by (channel, program), finds notes
+    without an end.
+
+    A note-off at the tick of a note-on of its key ends the note that sounded before, if one did, and moves in
+    front of that note-on: else a repeated note would be cut by the end of its forerunner. If none sounded
+    before, it ends the new note, whose
+    length is zero: a pluck, which has to stay. `programs` (16) and `channels` are updated.
+
+    Returns (order of the events, [(channel, note)] still on at the end).
+    """
+    position = np.arange(len(events), dtype=np.float64)
+    started: dict[int, int] = {}  # key → notes on since an earlier tick
+    now: dict[int, list[int]] = {}  # key → [notes on since this tick, place of the first of them]
+    now_tick = -1
+    rows = zip(
+        tick.tolist(),
+        events["kind"].tolist(),
+        events["channel"].tolist(),
+        events["a"].tolist(),
+        strict=True,
+    )
+    for place, (at, kind, channel, a) in enumerate(rows):
+        if at != now_tick:
+            for key, (count, _) in now.items():
+                if count:
+                    started[key] = started.get(key, 0) + count
+            now.clear()
+            now_tick = at
+        if kind == NOTE_ON:
+            pair = (channel, programs[channel])
+            channels[pair] = channels.get(pair, 0) + 1
+            now.setdefault(channel << 7 | a, [0, place])[0] += 1
+        elif kind == NOTE_OFF:
+            key = channel << 7 | a
+            if started.get(key, 0):
+                started[key] -= 1
+                if key in now:
+                    position[place] = now[key][1] - 0.5
+            elif key in now and now[key][0]:
+                now[key][0] -= 1
+        elif kind == PROGRAM:
+            programs[channel] = a
+    for key, (count, _) in now.items():
+        if count:
+            started[key] = started.get(key, 0) + count
+    still_on = [key for key, count in sorted(started.items()) for _ in range(count)]
+    return np.argsort(position, kind="stable"), [(key >> 7, key & 0x7F) for key in still_on]

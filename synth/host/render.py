@@ -1,0 +1,395 @@
+"""One render job: a MIDI file, presets and settings in; audio files and a report out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from synth.engine.events import NOTE_OFF, NOTE_ON
+from synth.host import audiofile, offline, parts, scala
+from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
+from synth.units import midi_to_note
+
+# Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
+LONGEST_RENDER_S = 24 * 3600.0
+MOST_LINES = 12
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """What to render and how; times in seconds.
+
+    output: file name, '-' for standard output, or None if only stems are wanted.
+    preset: for all channels but percussion (None: the default by General MIDI program).
+    channel_presets: channel 0…15 → preset or 'none', before `preset`.
+    settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
+    tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
+    normalize_dbfs: peak to scale to, or None.
+    """
+
+    midi: str
+    output: str | None
+    preset: str | None = None
+    channel_presets: dict[int, str] = field(default_factory=dict)
+    settings: Sequence[tuple[str | None, str, str]] = ()
+    rate_hz: int = 44100
+    block: int = 1024
+    quality: str = "standard"
+    scheme: str = "exact-hold"
+    restitution: float = 1.0
+    internal_rate_hz: int | None = None
+    limiter: bool = True
+    gain_db: float = 0.0
+    polyphony: int | None = None
+    normalize_dbfs: float | None = None
+    tail: float | str | None = None
+    stems: str | None = None
+    container: str | None = None
+    bit_depth: str = "24"
+    start_s: float = 0.0
+    end_s: float | None = None
+    seed: int = 0
+    tuning: str | None = None
+    keyboard: str | None = None
+
+
+@dataclass
+class RenderReport:
+    """What was rendered. `unplayed` has dicts of part, note, count, reason; `left_out` channel (1…16) →
+    notes.
+    """
+
+    output: str | None
+    stems: list[str]
+    rate_hz: int
+    quality: str
+    scheme: str
+    length_s: float
+    peak_dbfs: float | None
+    realtime_factor: float | None
+    prepare_s: float
+    render_s: float
+    parts: list[str]
+    notes: int
+    strings: int
+    limiter_reduction_db: float
+    normalize_gain_db: float | None
+    clipped_samples: int
+    stolen: int
+    unplayed: list[dict[str, Any]]
+    left_out: dict[int, int]
+    warnings: list[str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; what is not finite (the peak of silence in dB) is None."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """The closing line, and one line for every kind of note that could not be played."""
+        peak = "silent" if self.peak_dbfs is None else f"peak {self.peak_dbfs:.1f} dBFS"
+        speed = "" if self.realtime_factor is None else f", {self.realtime_factor:.1f}× real time"
+        limiter = (
+            f"limiter took off up to {self.limiter_reduction_db:.1f} dB"
+            if self.limiter_reduction_db >= 0.05
+            else "limiter at rest"
+        )
+        where = self.output if self.output not in (None, "-") else ", ".join(self.stems) or "standard output"
+        strings = f"{self.strings} string{'' if self.strings == 1 else 's'}"
+        lost = sum(entry["count"] for entry in self.unplayed)
+        unplayed = f"{lost} not played" if lost else "all played"
+        closing = [
+            f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, "
+            f"{self.notes} notes ({unplayed}), {limiter}"
+        ]
+        details = [
+            f"  not played: {entry['count']} × {entry['note']} ({entry['part']}): {entry['reason']}"
+            for entry in self.unplayed
+        ]
+        if len(details) > MOST_LINES:
+            details[MOST_LINES - 1 :] = [f"  and {len(details) - MOST_LINES + 1} more kinds of note"]
+        if self.stolen:
+            details.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
+        if self.clipped_samples:
+            details.append(
+                f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain"
+            )
+        return closing + details
+
+
+def render_file(
+    settings: RenderSettings,
+    *,
+    warn: Callable[[str], None] = lambda _: None,
+    progress: offline.Progress | None = None,
+) -> RenderReport:
+    """Renders a MIDI file. Nothing is written under a final name unless all goes well.
+
+    warn: called at once with each oddity.  progress: see offline.render.
+
+    Raises ValueError (MidiError, PresetError, ScalaError, …) for input that cannot be used, OSError for files
+    that cannot be written.
+    """
+    began = time.perf_counter()
+    if settings.output is None and settings.stems is None:
+        raise ValueError("there is nothing to write; give -o OUT.wav or --stems DIR")
+    warnings: list[str] = []
+
+    def note(text: str) -> None:
+        warnings.append(text)
+        warn(text)
+
+    song = read_song(settings.midi, settings.rate_hz)
+    for warning in song.warnings:
+        note(f"{settings.midi}: {warning}")
+    span = _span(settings, song)
+    casting = parts.cast(song.channels, settings.preset, settings.channel_presets)
+    for channel, count in casting.left_out.items():
+        if channel not in settings.channel_presets:
+            what = "percussion" if channel == PERCUSSION_CHANNEL else "no preset"
+            note(
+                f"channel {channel + 1} ({what}) is left out: {count} notes; "
+                f"--map {channel + 1}=PRESET plays it"
+            )
+    note_hz = None
+    if settings.tuning is not None or settings.keyboard is not None:
+        note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)
+    events, untuned = _playable(song, casting, note_hz)
+
+    outputs = _Outputs(settings, casting.parts, span)
+    engine = _engine(settings, casting, note_hz)
+    engine.prepare(settings.rate_hz, settings.block)
+    prepared_s = time.perf_counter() - began
+
+    with outputs:
+        rendering = offline.render(
+            engine,
+            events,
+            span,
+            settings.rate_hz,
+            outputs.mix,
+            outputs.stems,
+            block=settings.block,
+            progress=progress,
+        )
+        gain = outputs.finish(rendering.peak)
+    told = engine.report()
+    length_s = rendering.frames / settings.rate_hz
+    peak = rendering.peak * gain
+    unplayed = [
+        {
+            "part": casting.parts[part].label,
+            "note": midi_to_note(int(key)),
+            "count": int(count),
+            "reason": str(why),
+        }
+        for part, key, count, why in told.unplayed
+    ]
+    return RenderReport(
+        output=settings.output,
+        stems=outputs.stem_paths,
+        rate_hz=settings.rate_hz,
+        quality=settings.quality,
+        scheme=settings.scheme,
+        length_s=length_s,
+        peak_dbfs=20.0 * math.log10(peak) if peak > 0.0 else None,
+        realtime_factor=length_s / rendering.wall_s if length_s > 0.0 else None,
+        prepare_s=prepared_s,
+        render_s=rendering.wall_s,
+        parts=[part.label for part in casting.parts],
+        notes=sum(part.notes for part in casting.parts),
+        strings=int(told.most_strings),
+        limiter_reduction_db=float(told.limiter_reduction_db),
+        normalize_gain_db=20.0 * math.log10(gain) if settings.normalize_dbfs is not None else None,
+        clipped_samples=outputs.clipped,
+        stolen=int(told.stolen),
+        unplayed=untuned + unplayed,
+        left_out={channel + 1: count for channel, count in casting.left_out.items()},
+        warnings=warnings,
+    )
+
+
+def _span(settings: RenderSettings, song: Song) -> offline.Span:
+    tail = settings.tail
+    if tail is None:
+        tail = "auto" if settings.end_s is None else 0.0
+    span = offline.span_of(
+        song.length_s,
+        settings.rate_hz,
+        start_s=settings.start_s,
+        end_s=settings.end_s,
+        tail_s=None if isinstance(tail, str) else tail,
+    )
+    if span.end > LONGEST_RENDER_S * settings.rate_hz:
+        raise ValueError(
+            f"{settings.midi}: to render up to {span.end / settings.rate_hz / 3600.0:.1f} h is more than the "
+            f"{LONGEST_RENDER_S / 3600.0:.0f} h that make sense; give an earlier --end"
+        )
+    return span
+
+
+def _playable(
+    song: Song, casting: parts.Casting, note_hz: np.ndarray | None
+) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    """The events that parts play, and the notes whose keys the tuning leaves silent (their frequency is NaN).
+
+    Silent keys get their ordinary frequency in `note_hz` afterwards: the engine never sees a NaN.
+    """
+    events = song.events[~np.isin(song.events["channel"], list(casting.left_out))]
+    if note_hz is None:
+        return events, []
+    silent = np.isnan(note_hz)
+    keys = np.arange(128)
+    note_hz[silent] = 440.0 * 2.0 ** ((keys[silent] - 69) / 12.0)
+    is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF))
+    dropped = is_note & silent[np.where(is_note, events["a"], 0)]
+    lost = events[dropped & (events["kind"] == NOTE_ON)]
+    pairs, counts = np.unique(np.stack((lost["channel"], lost["a"])), axis=1, return_counts=True)
+    unplayed = [
+        {
+            "part": f"ch{channel + 1:02d}",
+            "note": midi_to_note(int(key)),
+            "count": int(count),
+            "reason": "the keyboard mapping leaves this key silent",
+        }
+        for channel, key, count in zip(pairs[0], pairs[1], counts, strict=True)
+    ]
+    return events[~dropped], unplayed
+
+
+def _engine(settings: RenderSettings, casting: parts.Casting, note_hz: np.ndarray | None) -> Any:
+    # Imported late: these load numba, and a wrong file name should not wait for that.
+    from synth.preset import load_preset
+
+    names = list(dict.fromkeys(part.preset for part in casting.parts))
+    presets = {name: load_preset(name) for name in names}
+    for only, key, value in settings.settings:
+        if only is not None and only not in presets:
+            raise ValueError(
+                f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}"
+            )
+        for name in names if only is None else [only]:
+            presets[name] = presets[name].with_setting(key, value)
+
+    from synth.engine.engine import Engine
+
+    return Engine(
+        [presets[part.preset] for part in casting.parts],
+        casting.program_map,
+        quality=settings.quality,
+        scheme=settings.scheme,
+        restitution=settings.restitution,
+        internal_rate_hz=settings.internal_rate_hz,
+        limiter=settings.limiter,
+        gain_db=settings.gain_db,
+        max_polyphony=settings.polyphony,
+        note_hz=note_hz,
+        seed=settings.seed,
+    )
+
+
+class _Nowhere:
+    """The mix where only stems are wanted."""
+
+    def write(self, block: np.ndarray) -> None:
+        pass
+
+
+class _Outputs:
+    """The mix and the stems as sinks, with a detour through temporary files where the level is set
+    afterwards.
+
+    Made early, it finds out what cannot be written; entered, it opens files; left well, they get their names.
+    """
+
+    def __init__(self, settings: RenderSettings, cast: Sequence[parts.Part], span: offline.Span) -> None:
+        self._settings, self._span = settings, span
+        container = settings.container
+        if settings.output is not None:
+            container = audiofile.container_of(settings.output, container)
+        self._container = container or "wav"
+        self._mix = self._writer(settings.output) if settings.output is not None else None
+        self._directory = Path(settings.stems) if settings.stems is not None else None
+        self.stem_paths: list[str] = []
+        if self._directory is not None:
+            if self._directory.exists() and not self._directory.is_dir():
+                raise NotADirectoryError(f"{self._directory}: is a file; --stems needs a directory")
+            if not self._directory.absolute().parent.is_dir():
+                raise FileNotFoundError(f"{self._directory}: its parent directory is missing; make it first")
+            names = [f"{part.label}.{self._container}" for part in cast]
+            if len(set(names)) < len(names):
+                # Two preset files of one name in different directories on one channel.
+                names = [f"{number:02d}-{name}" for number, name in enumerate(names, start=1)]
+            self.stem_paths = [str(self._directory / name) for name in names]
+        self.mix: audiofile.AudioSink = _Nowhere()
+        self.stems: list[audiofile.AudioSink] = []
+        self._stack = ExitStack()
+
+    def _writer(self, path: str) -> audiofile.AudioWriter:
+        return audiofile.AudioWriter(
+            path,
+            self._settings.rate_hz,
+            container=self._container,
+            bit_depth=self._settings.bit_depth,
+            most_frames=self._span.most_frames,
+            seed=self._settings.seed,
+        )
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            if self._directory is not None and not self._directory.exists():
+                self._directory.mkdir()
+                stack.push(self._remove_directory)
+            mix = [self._mix] if self._mix is not None else []
+            self._writers = [
+                stack.enter_context(writer)
+                for writer in mix + [self._writer(path) for path in self.stem_paths]
+            ]
+            sinks: list[audiofile.AudioSink] = list(self._writers)
+            self._spools: list[audiofile.Spool] = []
+            if self._settings.normalize_dbfs is not None:
+                near = self._scratch_directory()
+                self._spools = [stack.enter_context(audiofile.Spool(2, near)) for _ in self._writers]
+                sinks = list(self._spools)
+            if mix:
+                self.mix = sinks.pop(0)
+            self.stems = sinks
+            self._stack = stack.pop_all()
+        return self
+
+    def _scratch_directory(self) -> Path | None:
+        """Where two-pass files go: beside the output, which must have room for it anyway."""
+        if self._directory is not None:
+            return self._directory
+        output = self._settings.output
+        if output is None or output == "-" or not Path(output).absolute().parent.is_dir():
+            return None
+        return Path(output).absolute().parent if not audiofile.is_special(output) else None
+
+    def finish(self, peak: float) -> float:
+        """Sets the level where that was asked for; `peak` is the mix's. Returns the gain (linear)."""
+        if self._settings.normalize_dbfs is None:
+            return 1.0
+        gain = 10.0 ** (self._settings.normalize_dbfs / 20.0) / peak if peak > 0.0 else 1.0
+        for spool, writer in zip(self._spools, self._writers, strict=True):
+            spool.copy_to(writer, gain)
+        return gain
+
+    @property
+    def clipped(self) -> int:
+        return sum(writer.clipped for writer in self._writers)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
+        self._stack.__exit__(kind, error, trace)
+
+    def _remove_directory(self, kind: object, *_: object) -> None:
+        """After a failure: a directory made for the stems goes too, as the last of all."""
+        if kind is not None and self._directory is not None:
+            with suppress(OSError):
+                self._directory.rmdir()

@@ -1,0 +1,186 @@
+"""Scala tunings: .scl (a scale) and .kbm (which key plays which degree) → a frequency for every MIDI note.
+
+Source: the file formats as Scala (Manuel Op de Coul) documents them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+MIDDLE_C = 60
+MIDDLE_C_HZ = 440.0 * 2.0 ** (-9.0 / 12.0)
+
+
+class ScalaError(ValueError):
+    """A .scl or .kbm file that cannot be used; the message names file, line, what is wrong, a remedy."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """cents: pitches of degrees 1…n above degree 0; the last is the interval at which the scale repeats."""
+
+    description: str
+    cents: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Keyboard:
+    """Which key plays which degree.
+
+    first, last: the keys that sound.  middle: the key of the mapping's first entry.  reference: the key that
+    has `reference_hz`.  octave_degree: degree that lies one repetition of `mapping` higher (0: the scale's
+    length).
+    mapping: degree per key or None for a key that is silent; empty for key after key.
+    """
+
+    first: int = 0
+    last: int = 127
+    middle: int = MIDDLE_C
+    reference: int = MIDDLE_C
+    reference_hz: float = MIDDLE_C_HZ
+    octave_degree: int = 0
+    mapping: tuple[int | None, ...] = ()
+
+
+def note_frequencies(scale_path: str | Path | None, keyboard_path: str | Path | None = None) -> np.ndarray:
+    """(128,) Hz of every MIDI note, NaN for keys that the keyboard mapping leaves silent.
+
+    Without a keyboard, degree 0 is middle C at 261.63 Hz. Without a scale, 12 equal steps. Raises ScalaError.
+    """
+    scale = (
+        read_scale(scale_path)
+        if scale_path is not None
+        else Scale("12 equal", tuple(map(float, range(100, 1300, 100))))
+    )
+    keyboard = read_keyboard(keyboard_path) if keyboard_path is not None else Keyboard()
+    reference = _key_cents(scale, keyboard, keyboard.reference)
+    if reference is None:
+        raise ScalaError(
+            f"{keyboard_path}: the reference key {keyboard.reference} is not mapped; choose another"
+        )
+    note_hz = np.full(128, np.nan)
+    for key in range(keyboard.first, keyboard.last + 1):
+        cents = _key_cents(scale, keyboard, key)
+        if cents is not None:
+            note_hz[key] = keyboard.reference_hz * 2.0 ** ((cents - reference) / 1200.0)
+    return note_hz
+
+
+def _key_cents(scale: Scale, keyboard: Keyboard, key: int) -> float | None:
+    """Cents of a key above degree 0 at the middle key."""
+    steps = key - keyboard.middle
+    if not keyboard.mapping:
+        return _degree_cents(scale, steps)
+    turns, place = divmod(steps, len(keyboard.mapping))
+    degree = keyboard.mapping[place]
+    if degree is None:
+        return None
+    repeat = _degree_cents(scale, keyboard.octave_degree or len(scale.cents))
+    return turns * repeat + _degree_cents(scale, degree)
+
+
+def _degree_cents(scale: Scale, degree: int) -> float:
+    turns, place = divmod(degree, len(scale.cents))
+    return turns * scale.cents[-1] + (scale.cents[place - 1] if place else 0.0)
+
+
+def read_scale(path: str | Path) -> Scale:
+    """Reads a .scl file. Raises ScalaError."""
+    lines = _lines(path)
+    if len(lines) < 2:
+        raise ScalaError(
+            f"{path}: a scale has a description line and a line with the number of notes; give a .scl file"
+        )
+    (_, description), (number, count_text) = lines[0], lines[1]
+    count = _integer(path, number, count_text, "the number of notes", 1, 4096)
+    pitches = [line for line in lines[2:] if line[1]]
+    if len(pitches) < count:
+        raise ScalaError(
+            f"{path}: {count} notes are promised, {len(pitches)} are there; correct line {number}"
+        )
+    cents = tuple(_pitch_cents(path, number, text) for number, text in pitches[:count])
+    if cents[-1] <= 0.0:
+        raise ScalaError(
+            f"{path}: the last pitch, where the scale repeats, must be above 1/1, got {cents[-1]:g} cents"
+        )
+    return Scale(description, cents)
+
+
+def read_keyboard(path: str | Path) -> Keyboard:
+    """Reads a .kbm file. Raises ScalaError."""
+    lines = [line for line in _lines(path) if line[1]]
+    if len(lines) < 7:
+        raise ScalaError(
+            f"{path}: a keyboard mapping begins with seven numbers, {len(lines)} are there; give a .kbm file"
+        )
+    names = ("the map's size", "the first key", "the last key", "the middle key", "the reference key")
+    ranges = ((0, 128), (0, 127), (0, 127), (0, 127), (0, 127))
+    size, first, last, middle, reference = (
+        _integer(path, *line, name, low, high)
+        for line, name, (low, high) in zip(lines[:5], names, ranges, strict=True)
+    )
+    number, text = lines[5]
+    try:
+        reference_hz = float(text.split()[0])
+    except ValueError:
+        reference_hz = math.nan
+    if not 1.0 <= reference_hz <= 20_000.0:
+        raise ScalaError(
+            f"{path}, line {number}: the reference frequency must be 1 to 20000 Hz, got {text!r}"
+        )
+    octave_degree = _integer(path, *lines[6], "the octave's degree", 0, 4096)
+    if last < first:
+        raise ScalaError(f"{path}: the last key ({last}) is below the first ({first}); exchange them")
+    mapping: list[int | None] = []
+    for number, text in lines[7 : 7 + size]:
+        silent = text.split()[0].lower() == "x"
+        mapping.append(None if silent else _integer(path, number, text, "a degree", 0, 4096))
+    # Scala lets trailing silent keys be left out.
+    mapping += [None] * (size - len(mapping))
+    return Keyboard(first, last, middle, reference, reference_hz, octave_degree, tuple(mapping))
+
+
+def _lines(path: str | Path) -> list[tuple[int, str]]:
+    """(number, stripped text) of the lines that are no comments; the first may be empty (a description)."""
+    try:
+        text = Path(path).read_bytes().decode("latin-1")
+    except FileNotFoundError:
+        raise ScalaError(f"{path}: no such file; check the name") from None
+    except OSError as error:
+        raise ScalaError(f"{path}: cannot be read ({error.strerror})") from None
+    numbered = enumerate(text.splitlines(), start=1)
+    return [(number, line.strip()) for number, line in numbered if not line.startswith("!")]
+
+
+def _integer(path: str | Path, number: int, text: str, name: str, low: int, high: int) -> int:
+    try:
+        value = int(text.split()[0])
+    except (ValueError, IndexError):
+        raise ScalaError(f"{path}, line {number}: {name} must be a whole number, got {text!r}") from None
+    if not low <= value <= high:
+        raise ScalaError(f"{path}, line {number}: {name} must be {low} to {high}, got {value}")
+    return value
+
+
+def _pitch_cents(path: str | Path, number: int, text: str) -> float:
+    """A pitch line: cents if it has a point, else a ratio or a whole number; what follows is a comment."""
+    word = text.split()[0]
+    try:
+        if "." in word:
+            cents = float(word)
+            if math.isfinite(cents):
+                return cents
+        else:
+            ratio = Fraction(text.split("!")[0].replace(" /", "/").replace("/ ", "/").split()[0])
+            if ratio > 0:
+                return 1200.0 * math.log2(ratio)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        pass
+    raise ScalaError(
+        f"{path}, line {number}: {text!r} is no pitch; write cents with a point (701.955) or a ratio (3/2)"
+    )

@@ -1,0 +1,161 @@
+"""Rigid points under a string: bridge edges, jiva threads, frets.
+
+Positions count from the string's end x = 0 (the nut). Heights count from the *string at rest*, the straight
+line from the nut slot to the saddle, upwards: a fret 1 mm below the string has height −0.001 m, a bridge edge
+that just touches has 0.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A set of contact points.
+
+    positions_m  (C,) distances from x = 0 [m], increasing, each > 0
+    heights_m    (C,) heights over the string at rest [m], usually ≤ 0
+
+    Lists and arrays are taken. Raises ValueError for lengths that differ, numbers that are not finite,
+    positions that are not increasing. `check` adds what depends on the string's length.
+    """
+
+    positions_m: tuple[float, ...] = ()
+    heights_m: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("positions_m", "heights_m"):
+            values = tuple(float(value) for value in getattr(self, name))
+            for point, value in enumerate(values, start=1):
+                if not math.isfinite(value):
+                    raise ValueError(f"{name} of point {point} must be finite, got {value}")
+            object.__setattr__(self, name, values)
+        if len(self.positions_m) != len(self.heights_m):
+            raise ValueError(
+                "positions_m and heights_m must be equally long, "
+                f"got {len(self.positions_m)} and {len(self.heights_m)}; give each point both"
+            )
+        before = 0.0
+        for point, position in enumerate(self.positions_m, start=1):
+            if position <= before:
+                raise ValueError(
+                    f"position of point {point} must be more than {before:g} m, got {position:g} m; "
+                    "sort the points from the nut and leave no two in one place"
+                )
+            before = position
+
+    def __len__(self) -> int:
+        return len(self.positions_m)
+
+    def check(self, length_m: float) -> None:
+        """Raises ValueError unless every point lies inside a string of this length."""
+        for point, position in enumerate(self.positions_m, start=1):
+            if position >= length_m:
+                raise ValueError(
+                    f"position of point {point} must be less than the string's length {length_m:g} m, "
+                    f"got {position:g} m; remove the point or lengthen the string"
+                )
+
+
+def fret_positions(scale_length_m: float, count: int) -> np.ndarray:
+    """x_n = L(1 − 2^(−n/12)), n = 1 … count (count,) [m]: frets of twelve-tone equal temperament."""
+    if not (scale_length_m > 0.0 and math.isfinite(scale_length_m)):
+        raise ValueError(f"scale_length_m must be > 0 m, got {scale_length_m}")
+    if count != int(count) or count < 1:
+        raise ValueError(f"fret count must be a whole number >= 1, got {count}")
+    return -scale_length_m * np.expm1(-np.arange(1, int(count) + 1) * (math.log(2.0) / 12.0))
+
+
+def frets(
+    scale_length_m: float,
+    count: int,
+    action_12th_m: float,
+    relief_m: float = 0.0,
+    nut_height_m: float = 0.0004,
+) -> Obstacle:
+    """Frets of a neck from what a luthier measures on it, the string open and at rest.
+
+    scale_length_m  nut to saddle [m]
+    count           number of frets, 12 or more
+    action_12th_m   clearance between the top of fret 12 and the string [m]
+    nut_height_m    clearance between the top of fret 1 and the string [m]: the nut's height, measured where
+                    luthiers measure it
+    relief_m        hollow of the neck [m]: the gap under a straightedge laid on the first and the last fret,
+                    half way between them
+
+    The fret tops follow a straight line plus a parabola, 0 at the first and the last fret and −relief_m half
+    way: η(x) = −(a + bx + relief·4s(1−s)), s = (x − x_1)/(x_count − x_1), with a and b from the two
+    clearances. Raises ValueError for impossible numbers.
+    """
+    x = fret_positions(scale_length_m, count)
+    if count < 12:
+        raise ValueError(
+            f"fret count must be >= 12 so that there is an action at fret 12, got {count}; "
+            "give explicit heights for a shorter neck"
+        )
+    for name, value in (("action_12th_m", action_12th_m), ("nut_height_m", nut_height_m)):
+        if not (value > 0.0 and math.isfinite(value)):
+            raise ValueError(f"{name} must be > 0 m, got {value}; the fret would lift the string, raise the string")
+    if not (relief_m >= 0.0 and math.isfinite(relief_m)):
+        raise ValueError(f"relief_m must be >= 0 m, got {relief_m}; give explicit heights for a neck bent backwards")
+    s = (x - x[0]) / (x[-1] - x[0])
+    bow = relief_m * 4.0 * s * (1.0 - s)
+    slope = (action_12th_m - bow[11] - nut_height_m) / (x[11] - x[0])
+    heights = -(nut_height_m + slope * (x - x[0]) + bow)
+    return Obstacle(tuple(x.tolist()), tuple(heights.tolist()))
+
+
+def fretted(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float, Obstacle]:
+    """The scene of a note at fret n = fret_index of a string of open length length_m; n = 0: the open string.
+
+    Returns the speaking length L − x_n [m] and the frets k > n that remain, positions counted from fret n and
+    heights from the string's new line at rest, (x_n, η_n) to the saddle (L, 0):
+
+        x'_k = x_k − x_n,   η'_k = η_k − η_n (L − x_k)/(L − x_n)
+
+    Raises ValueError for a fret that does not exist, and where a fret k would touch that line: it would sound
+    instead.
+    """
+    obstacle.check(length_m)
+    if fret_index != int(fret_index) or not 0 <= fret_index <= len(obstacle):
+        raise ValueError(f"fret must be a whole number from 0 (open) to {len(obstacle)}, got {fret_index}")
+    n = int(fret_index)
+    x_n, eta_n = (obstacle.positions_m[n - 1], obstacle.heights_m[n - 1]) if n else (0.0, 0.0)
+    speaking_m = length_m - x_n
+    positions, heights = [], []
+    for k in range(n + 1, len(obstacle) + 1):
+        x_k, eta_k = obstacle.positions_m[k - 1], obstacle.heights_m[k - 1]
+        height = eta_k - eta_n * (length_m - x_k) / speaking_m
+        if height >= 0.0:
+            stopped = f"stopped at fret {n}" if n else "open"
+            remedy = f"lower fret {k} or raise fret {n}" if n else "lower the fret or raise the nut"
+            raise ValueError(
+                f"fret {k} must lie below the string at rest, {stopped}, got {height * 1e3:+.2f} mm; {remedy}"
+            )
+        positions.append(x_k - x_n)
+        heights.append(height)
+    return speaking_m, Obstacle(tuple(positions), tuple(heights))
+
+
+def bass_neck_height(positions_m: Iterable[float] | np.ndarray | float) -> np.ndarray:
+    """Smooth neck of the paper's bass [m]: −(0.203 + 0.0036 x + 0.649·4s(1−s)) mm, x in mm, s = x/591.
+
+    A fit to BASS_FRETS, 29 µm rms from it; for frets between or beyond the measured ones' exact places.
+    """
+    x_mm = 1e3 * np.asarray(positions_m, dtype=np.float64)
+    s = x_mm / 591.0
+    return -1e-3 * (0.203 + 0.0036 * x_mm + 0.649 * 4.0 * s * (1.0 - s))
+
+
+_BASS_FRETS_MM = (
+    (48, -0.63), (94, -0.88), (137, -1.13), (178, -1.33), (216, -1.58),
+    (253, -1.73), (287, -1.88), (319, -1.98), (350, -2.13), (379, -2.18),
+    (406, -2.23), (432, -2.33), (456, -2.33), (479, -2.33), (501, -2.33),
+    (521, -2.33), (540, -2.33), (558, -2.335), (576, -2.335), (591, -2.335),
+)  # fmt: skip
+
+BASS_FRETS = Obstacle(tuple(x / 1e3 for x, _ in _BASS_FRETS_MM), tuple(h / 1e3 for _, h in _BASS_FRETS_MM))
+"""The 20 frets of the bass guitar measured for IA2018 (figure 6), under a G string of 0.863 m."""

@@ -1,0 +1,401 @@
+"""Presets: one TOML file per instrument, in luthiers' and musicians' units, validated with all errors at once.
+
+Numbers that change over the compass (a harp's lengths, a tanpura's gauges) may be given as anchors instead of one
+value, ``length_m = { E1 = 1.1, C4 = 0.6, C7 = 0.12 }``: between anchors they are interpolated over the note, as ratios
+where all are positive, else linearly; beyond the outer anchors the nearest holds.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+
+from synth.units import midi_to_note, note_to_midi
+
+FORMAT = 1
+
+
+class PresetError(ValueError):
+    """A preset that cannot be used; the message names the file and every wrong field."""
+
+
+def _note(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | str):
+        raise ValueError("a note is a name such as C3 or F#2, or a MIDI number")
+    number = note_to_midi(value) if isinstance(value, str) and not value.strip().isdigit() else int(value)
+    if not 0 <= number <= 127:
+        raise ValueError(f"a note lies between 0 and 127, got {number}")
+    return number
+
+
+Note = Annotated[int, BeforeValidator(_note)]
+
+
+def _anchors(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        if not value:
+            raise ValueError("anchors need at least one note")
+        return {_note(key): float(number) for key, number in value.items()}
+    return value
+
+
+#: a number, or numbers at anchor notes
+Scaled = Annotated[float | dict[int, float], BeforeValidator(_anchors)]
+
+
+def at_note(value: float | dict[int, float], note: float) -> float:
+    """The value of an anchored number at a MIDI note."""
+    if not isinstance(value, dict):
+        return value
+    points = sorted(value.items())
+    if note <= points[0][0]:
+        return points[0][1]
+    for (n0, v0), (n1, v1) in zip(points, points[1:], strict=False):
+        if note <= n1:
+            s = (note - n0) / (n1 - n0)
+            if v0 > 0.0 and v1 > 0.0:
+                return v0 * (v1 / v0) ** s
+            return v0 + s * (v1 - v0)
+    return points[-1][1]
+
+
+def _range(low: float, high: float):
+    """Check a plain or anchored number against [low, high]."""
+
+    def check(value: float | dict[int, float]) -> float | dict[int, float]:
+        for number in value.values() if isinstance(value, dict) else (value,):
+            if not low <= number <= high:
+                raise ValueError(f"must lie between {low:g} and {high:g}, got {number:g}")
+        return value
+
+    return AfterValidator(check)
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are errors, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Tuning(Table):
+    """What pitch a note has."""
+
+    a4_hz: float = Field(440.0, ge=300.0, le=600.0)
+    offset_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
+    #: how far the contact raises the sounding fundamental [cents], by note; subtracted from the string's own pitch
+    contact_cents: Annotated[dict[int, float], BeforeValidator(_anchors)] | None = None
+
+
+class NutMode(Table):
+    """One resonance of the nut end's mobility."""
+
+    frequency_hz: float = Field(gt=0.0, le=20000.0)
+    q: float = Field(gt=0.0, le=10000.0)
+    mass_kg: float = Field(gt=0.0, le=1000.0)
+
+
+class StringTable(Table):
+    """One string, or one string for every note of a range."""
+
+    name: str = ""
+    notes: tuple[int, int]
+    length_m: Annotated[Scaled, _range(0.02, 5.0)]
+    diameter_mm: Annotated[Scaled, _range(0.05, 6.0)]
+    linear_density_g_m: Annotated[Scaled, _range(0.01, 200.0)] | None = None
+    density_kg_m3: Annotated[Scaled, _range(500.0, 20000.0)] | None = None
+    core_diameter_mm: Annotated[Scaled, _range(0.02, 5.0)] | None = None
+    winding_diameter_mm: Annotated[Scaled, _range(0.01, 3.0)] | None = None
+    youngs_modulus_gpa: Annotated[Scaled, _range(0.0, 1000.0)] | None = None
+    inharmonicity: Annotated[Scaled, _range(0.0, 0.1)] | None = None
+    viscoelastic_loss: Annotated[Scaled, _range(0.0, 0.5)] = 0.0
+    thermoelastic_q_inverse: Annotated[Scaled, _range(0.0, 0.1)] = 0.0
+    stiffness_law: Literal["sqrt", "linear"] = "sqrt"
+    cents: float = Field(0.0, ge=-200.0, le=200.0)
+    gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
+    measured_frequencies_hz: tuple[float, ...] = ()
+    measured_decay_rates: tuple[float, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _notes_of_range(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(data.get("notes"), str | int):
+            text = str(data["notes"]).strip()
+            ends = re.fullmatch(r"([A-Ga-g][#b♯♭]*-?\d+|\d+)(?:\s*-\s*([A-Ga-g][#b♯♭]*-?\d+|\d+))?", text)
+            if ends is None:
+                raise ValueError(f"notes is one note (G2) or a range (E1-C7), got {text!r}")
+            low = _note(ends[1])
+            data = {**data, "notes": (low, _note(ends[2]) if ends[2] else low)}
+        return data
+
+    @model_validator(mode="after")
+    def _consistent(self) -> StringTable:
+        if self.notes[1] < self.notes[0]:
+            raise ValueError(
+                f"notes must rise, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}"
+            )
+        if (self.linear_density_g_m is None) == (self.density_kg_m3 is None):
+            raise ValueError("give either linear_density_g_m or density_kg_m3 (of a plain string)")
+        if (self.youngs_modulus_gpa is None) == (self.inharmonicity is None):
+            raise ValueError("give either youngs_modulus_gpa or inharmonicity")
+        if (self.core_diameter_mm is None) != (self.winding_diameter_mm is None):
+            raise ValueError("a wound string has both core_diameter_mm and winding_diameter_mm")
+        return self
+
+
+class NoObstacle(Table):
+    kind: Literal["none"] = "none"
+
+
+class BridgeObstacle(Table):
+    """A two-point bridge: the string ends on the thread (jiva) and may touch the bridge at a point before it."""
+
+    kind: Literal["bridge"]
+    #: from the saddle end to the point of contact, as mm or as a share of the open length
+    distance_mm: Annotated[Scaled, _range(0.2, 100.0)] | None = None
+    distance_ratio: float | None = Field(None, gt=0.0, le=0.2)
+    #: height of the thread: gap between the string at rest and the contact; negative presses the string
+    jiva_um: Annotated[Scaled, _range(-100.0, 1000.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _one_distance(self) -> BridgeObstacle:
+        if (self.distance_mm is None) == (self.distance_ratio is None):
+            raise ValueError("give either distance_mm or distance_ratio")
+        return self
+
+
+class PointsObstacle(Table):
+    """Any set of points below the string; positions counted from the nut of the open string."""
+
+    kind: Literal["points"]
+    positions_mm: tuple[float, ...] = Field(min_length=1, max_length=64)
+    heights_mm: tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _same_length(self) -> PointsObstacle:
+        if len(self.positions_mm) != len(self.heights_mm):
+            raise ValueError(
+                f"positions_mm and heights_mm must be of one length, got {len(self.positions_mm)} and "
+                f"{len(self.heights_mm)}"
+            )
+        return self
+
+
+class FretsObstacle(Table):
+    """A neck: frets by luthiers' numbers, or the heights of every fret below the open string at rest."""
+
+    kind: Literal["frets"]
+    count: int = Field(ge=1, le=36)
+    action_12th_mm: float | None = Field(None, gt=0.0, le=20.0)
+    relief_mm: float = Field(0.0, ge=0.0, le=5.0)
+    nut_height_mm: float = Field(0.4, gt=0.0, le=5.0)
+    heights_mm: tuple[float, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_way(self) -> FretsObstacle:
+        if (self.action_12th_mm is None) == (not self.heights_mm):
+            raise ValueError("give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm")
+        if self.heights_mm and len(self.heights_mm) != self.count:
+            raise ValueError(
+                f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}"
+            )
+        return self
+
+
+Obstacle = Annotated[
+    NoObstacle | BridgeObstacle | PointsObstacle | FretsObstacle, Field(discriminator="kind")
+]
+
+
+class Pluck(Table):
+    """Finger or plectrum. `soft` is velocity 1, `hard` velocity 127."""
+
+    #: distance from the saddle as a share of the open length
+    position: float = Field(0.25, gt=0.0, lt=1.0)
+    position_hard: float | None = Field(None, gt=0.0, lt=1.0)
+    #: displacement of the open string at velocity 127; stopped notes are plucked with the same force
+    displacement_mm: Annotated[Scaled, _range(0.0, 20.0)]
+    #: displacement ∝ (velocity/127)^exponent
+    velocity_exponent: float = Field(1.2, ge=0.0, le=4.0)
+    width_mm: float = Field(10.0, gt=0.0, le=100.0)
+    width_hard_mm: float | None = Field(None, gt=0.0, le=100.0)
+    #: time from touching the string to letting it go
+    draw_ms: Annotated[Scaled, _range(0.5, 100.0)] = 6.0
+    finger_stiffness_n_mm: float = Field(50.0, gt=0.0, le=10000.0)
+    #: loss of the finger, in units of the string's impedance
+    finger_loss: float = Field(0.5, ge=0.0, le=100.0)
+
+
+class Damping(Table):
+    """The hand on the string after a note ends."""
+
+    ring_on: bool = False
+    #: time to −60 dB after note-off
+    release_s: Annotated[Scaled, _range(0.01, 60.0)] = 0.15
+
+
+class Output(Table):
+    """What is heard."""
+
+    kind: Literal["force", "displacement", "velocity", "pickup"] = "force"
+    #: from the saddle, as a share of the open length; 0 is the saddle itself
+    position: float = Field(0.0, ge=0.0, lt=1.0)
+    #: pickup: distance of the magnet from the string at rest, and length of string it sees
+    distance_mm: float = Field(3.0, gt=0.1, le=50.0)
+    aperture_mm: float = Field(10.0, gt=0.0, le=100.0)
+    #: level; presets are set so that velocity 127 peaks near −6 dBFS
+    gain_db: float = Field(0.0, ge=-200.0, le=200.0)
+
+
+class BodyMode(Table):
+    frequency_hz: float = Field(gt=10.0, le=20000.0)
+    q: float = Field(ge=1.0, le=1000.0)
+    gain_db: float = Field(ge=-120.0, le=60.0)
+
+
+class Body(Table):
+    """Measured resonances of the body, added to the direct sound."""
+
+    direct_db: float = Field(0.0, ge=-120.0, le=24.0)
+    resonance: tuple[BodyMode, ...] = ()
+
+
+class Mapping_(Table):
+    """How many strings may sound at once."""
+
+    polyphony: int = Field(24, ge=1, le=256)
+
+
+class Preset(Table):
+    """A whole instrument."""
+
+    format: Literal[1]
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
+    title: str = ""
+    description: str = ""
+    sources: tuple[str, ...] = ()
+    tuning: Tuning = Tuning()
+    string: tuple[StringTable, ...] = Field(min_length=1, max_length=128)
+    nut: tuple[NutMode, ...] = ()
+    obstacle: Obstacle = NoObstacle()
+    pluck: Pluck
+    damping: Damping = Damping()
+    output: Output = Output()
+    body: Body = Body()
+    mapping: Mapping_ = Mapping_()
+
+    def with_setting(self, key: str, value: str) -> Preset:
+        """The preset with one value replaced: `key` is a path such as ``pluck.position`` or ``string.0.notes``.
+
+        `value` is read as TOML where it is TOML, else as text. Raises PresetError.
+        """
+        data = self.model_dump(exclude_unset=True)
+        try:
+            new = tomllib.loads(f"v = {value}")["v"]
+        except tomllib.TOMLDecodeError:
+            new = value
+        place: Any = data
+        parts = key.split(".")
+        for depth, part in enumerate(parts):
+            try:
+                if isinstance(place, tuple):
+                    place = list(place)
+                index: Any = int(part) if isinstance(place, list) else part
+                if depth == len(parts) - 1:
+                    place[index] = new
+                else:
+                    child = place.setdefault(index, {}) if isinstance(place, dict) else place[index]
+                    if isinstance(child, tuple):
+                        child = list(child)
+                    place[index] = child
+                    place = child
+            except (ValueError, IndexError, TypeError, AttributeError):
+                raise PresetError(f"{self.name}: no setting {key!r} ({part!r} does not exist)") from None
+        return _validated(data, f"{self.name} with {key}={value}")
+
+
+def parse_preset(text: str, origin: str) -> Preset:
+    """A preset from TOML text; `origin` names it in messages. Raises PresetError."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise PresetError(f"{origin}: not valid TOML: {error}") from None
+    return _validated(migrate(data, origin), origin)
+
+
+def migrate(data: dict[str, Any], origin: str) -> dict[str, Any]:
+    """The data of an older format in today's. Raises PresetError for a format that is missing or newer."""
+    version = data.get("format")
+    if version == FORMAT:
+        return data
+    if version is None:
+        raise PresetError(f"{origin}: format: missing; a preset begins with format = {FORMAT}")
+    raise PresetError(f"{origin}: format: must be {FORMAT}, got {version!r}; this program reads no other")
+
+
+def _validated(data: dict[str, Any], origin: str) -> Preset:
+    try:
+        return Preset.model_validate(data)
+    except ValidationError as error:
+        lines = []
+        for item in error.errors():
+            place = ".".join(str(part) for part in item["loc"]) or "file"
+            got = item.get("input")
+            shown = f", got {got!r}" if isinstance(got, int | float | str | bool) else ""
+            message = item["msg"].removeprefix("Value error, ")
+            lines.append(f"{origin}: {place}: {message}{'' if 'got' in message else shown}")
+        raise PresetError("\n".join(lines)) from None
+
+
+def preset_folder() -> Path:
+    """Where the presets that come with the program are: in the installed package, or beside it in a checkout."""
+    installed = Path(str(resources.files("synth"))) / "_presets"
+    return installed if installed.is_dir() else Path(__file__).resolve().parent.parent / "presets"
+
+
+def list_presets() -> list[Preset]:
+    """The presets that come with the program, by name."""
+    return [load_preset(str(path)) for path in sorted(preset_folder().glob("*.toml"))]
+
+
+def load_preset(name_or_path: str) -> Preset:
+    """A preset by name (of those that come with the program) or by file. Raises PresetError or OSError."""
+    path = Path(name_or_path)
+    if path.suffix != ".toml" and not path.is_file():
+        path = preset_folder() / f"{name_or_path}.toml"
+        if not path.is_file():
+            names = ", ".join(p.stem for p in sorted(preset_folder().glob("*.toml")))
+            raise PresetError(
+                f"preset {name_or_path!r} is not one of {names}; for a file of your own give a path ending in .toml"
+            )
+    elif not path.is_file():
+        raise PresetError(f"preset file {name_or_path} does not exist")
+    try:
+        return parse_preset(path.read_text(encoding="utf-8"), str(name_or_path))
+    except UnicodeDecodeError:
+        raise PresetError(f"{name_or_path}: not a text file in UTF-8") from None
+
+
+def playable_range(preset: Preset) -> tuple[int, int]:
+    """Lowest and highest MIDI note that the preset's strings can be asked for."""
+    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    return min(s.notes[0] for s in preset.string), max(s.notes[1] for s in preset.string) + frets
+
+
+def contact_cents(preset: Preset, note: float) -> float:
+    """The preset's calibrated contact shift at a note [cents]; 0 where none is given."""
+    table = preset.tuning.contact_cents
+    return at_note(table, note) if table else 0.0

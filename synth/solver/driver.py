@@ -1,0 +1,331 @@
+"""Runs one string for a while, writes what it does at the output rate, and keeps the energy ledger if asked.
+
+A run is `start_run`, then `run` as often as the finger changes. Between two outputs the block kernel `kernels.advance`
+does all the steps; with the ledger on they are done one at a time, so that every step is weighed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from synth.solver.energy import filter_factor, impulse_work, spring, stored
+from synth.solver.kernels import Finger, Work, advance, amplitudes, dot, make_work, reach
+from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
+from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
+
+# places in Run.sums
+STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5
+PENETRATION, RISE, LEAST_VISCOUS, LEAST_CONTACT = 6, 7, 8, 9
+_SUMS = 10
+# places in Run.counts
+STEPS, PHASE, ROW, LAST_CONTACT, BAD_STEPS, CONTACT_STEPS = 0, 1, 2, 3, 4, 5
+_COUNTS = 6
+#: columns of Run.energy
+ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
+
+
+class Model(NamedTuple):
+    """What does not change during a run. N modes, C contacts, P output points."""
+
+    law: int
+    dt: float
+    restitution: float
+    mu: float
+    omega: np.ndarray  # (N,)
+    sigma: np.ndarray  # (N,)
+    coef: np.ndarray  # (6, N)
+    factor: np.ndarray  # (N,) F of the Moreau–Jean energy
+    shapes: np.ndarray  # (C, N)
+    eta: np.ndarray  # (C,)
+    g: np.ndarray  # (C, C)
+    residual: np.ndarray  # (C, C); zero for Moreau–Jean
+    out_shapes: np.ndarray  # (P, N)
+
+
+class Run(NamedTuple):
+    """State, results and scratch of one run; n outputs, every M steps."""
+
+    q: np.ndarray  # (N,)
+    v: np.ndarray  # (N,)
+    u_contact: np.ndarray  # (C,)
+    v_contact: np.ndarray  # (C,)
+    force: np.ndarray  # (C,) contact unknown of the last step
+    sums: np.ndarray  # float64
+    counts: np.ndarray  # int64
+    u: np.ndarray  # (n, P) out
+    contact_u: np.ndarray  # (n, C) out: S q + R λ
+    contact_force: np.ndarray  # (n, C) out: mean since the output before
+    energy: np.ndarray  # (n, 5) out, or (0, 5)
+    watch: np.ndarray  # (C,) uint8
+    records: np.ndarray  # (M, C)
+    scratch: np.ndarray  # (3, N)
+    work: Work
+
+
+def make_model(
+    law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float
+) -> Model:
+    """Coefficients and contact matrix for modes ω, σ (N,), contacts S (C, N) at η (C,) and outputs (P, N)."""
+    omega, sigma, shapes, eta, out_shapes = (
+        np.ascontiguousarray(a, dtype=np.float64) for a in (omega, sigma, shapes, eta, out_shapes)
+    )
+    coef = coefficients(law, omega, sigma, mu, dt)
+    contacts = eta.size
+    residual = np.ascontiguousarray(residual if law == EXACT_HOLD else np.zeros((contacts, contacts)))
+    g = np.empty((contacts, contacts))
+    contact_matrix(law, coef, shapes, residual, g)
+    factor = filter_factor(law, omega, coef, dt)
+    return Model(
+        law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes
+    )
+
+
+def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """The shape q (N,) lifted on to the obstacle by the least static forces: (q, λ (C,) [N], status of `lcp`).
+
+    0 ≤ S q − η + (S diag(1/μω²) Sᵀ + R) λ ⊥ λ ≥ 0. Whatever force made the given shape goes on unchanged; among all
+    shapes clear of the obstacle this is the one whose difference from q costs the least elastic energy.
+    """
+    compliance = 1.0 / (model.mu * model.omega**2)
+    a = (model.shapes * compliance) @ model.shapes.T + model.residual
+    b = model.shapes @ q - model.eta
+    contacts = b.size
+    z = np.zeros(contacts)
+    if not np.any(b < 0.0):
+        return q.copy(), z, SOLVED
+    work = make_work(contacts)
+    status = solve(a, b, np.ones(contacts, np.uint8), work.active, z, work.factor, work.index)
+    if natural_residual(a, b, z) > 1e-9 * np.abs(b).max():
+        status = NOT_SOLVED
+    return q + compliance * (z @ model.shapes), z, status
+
+
+def start_run(
+    model: Model, q, v, force, steps_per_output: int, outputs: int, ledger: bool, published_start: bool
+) -> Run:
+    """A run at t = 0 from q, v = q̇ (N,) and contact forces λ (C,); output row 0 is written.
+
+    Moreau–Jean needs a backward-difference velocity. The exact start takes the first step with the exact propagator,
+    w¹ = (q¹ − q⁰)/Δt; the published one sets w⁰ = q̇, which is q(−Δt) = q(0) for a string at rest.
+    """
+    n, contacts = model.omega.size, model.eta.size
+    run = Run(
+        q=np.array(q, dtype=np.float64),
+        v=np.array(v, dtype=np.float64),
+        u_contact=model.shapes @ q,
+        v_contact=model.shapes @ v,
+        force=np.array(force, dtype=np.float64),
+        sums=np.zeros(_SUMS),
+        counts=np.zeros(_COUNTS, np.int64),
+        u=np.zeros((outputs, model.out_shapes.shape[0])),
+        contact_u=np.zeros((outputs, contacts)),
+        contact_force=np.zeros((outputs, contacts)),
+        energy=np.zeros((outputs if ledger else 0, len(ENERGY_COLUMNS))),
+        watch=np.ones(contacts, np.uint8),
+        records=np.zeros((steps_per_output, contacts)),
+        scratch=np.zeros((3, n)),
+        work=make_work(contacts),
+    )
+    run.counts[LAST_CONTACT] = 0 if np.any(run.force > 0.0) else -1
+    run.sums[PENETRATION] = -np.inf if contacts else 0.0
+    run.sums[RISE] = run.sums[LEAST_VISCOUS] = run.sums[LEAST_CONTACT] = 0.0
+    run.sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+    run.sums[SPRING] = spring(model.residual, run.force)
+    run.sums[INITIAL] = run.sums[STORED] + run.sums[SPRING]
+    _write_output(model, run)
+    if model.law != EXACT_HOLD and not published_start:
+        exact = coefficients(EXACT_HOLD, model.omega, model.sigma, model.mu, model.dt)
+        moved = exact[0] * run.q + exact[1] * run.v
+        run.v[:] = (moved - run.q) / model.dt
+        run.q[:] = moved
+        run.u_contact[:] = model.shapes @ run.q
+        run.v_contact[:] = model.shapes @ run.v
+        run.counts[STEPS] = run.counts[PHASE] = 1
+        # the ledger of this scheme's energy begins with its first state
+        run.sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+        run.sums[INITIAL] = run.sums[STORED]
+        if run.energy.size:
+            run.energy[0, 0] = run.sums[STORED]
+        if run.counts[PHASE] == steps_per_output:
+            _write_output(model, run)
+    return run
+
+
+@njit(cache=True, nogil=True)
+def _write_output(model: Model, run: Run) -> None:
+    """One row of every result, from the state as it is and the contact forces recorded since the row before."""
+    row = run.counts[ROW]
+    contacts = model.eta.size
+    for p in range(model.out_shapes.shape[0]):
+        run.u[row, p] = dot(model.out_shapes[p], run.q)
+    scale = 1.0 if model.law == EXACT_HOLD else 1.0 / model.dt
+    for c in range(contacts):
+        u = dot(model.shapes[c], run.q)
+        for d in range(contacts):
+            u += model.residual[c, d] * run.force[d]
+        run.contact_u[row, c] = u
+        run.sums[PENETRATION] = max(run.sums[PENETRATION], model.eta[c] - u)
+        steps = run.counts[PHASE]
+        total = 0.0
+        for t in range(steps):
+            total += run.records[t, c]
+        run.contact_force[row, c] = total / steps * scale if steps > 0 else run.force[c]
+    if run.energy.shape[0] > 0:
+        for k in range(5):
+            run.energy[row, k] = run.sums[k]
+    run.counts[ROW] = row + 1
+    run.counts[PHASE] = 0
+
+
+@njit(cache=True, nogil=True)
+def _certify(model: Model, run: Run) -> None:
+    """Clear `watch` of contacts that free motion cannot reach from here; exact-hold only."""
+    contacts = model.eta.size
+    for c in range(contacts):
+        run.watch[c] = 1
+    if model.law == EXACT_HOLD and contacts > 1:
+        amplitude = run.scratch[0]
+        amplitudes(model.omega, model.sigma, run.q, run.v, amplitude)
+        for c in range(contacts):
+            # the bound is a sum of N roundings too: leave it a margin
+            if reach(model.shapes[c], amplitude) * (1.0 + 1e-9) < -model.eta[c]:
+                run.watch[c] = 0
+
+
+@njit(cache=True, nogil=True)
+def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
+    """n steps; finger.path (n + 1,) where finger.on. Stops early when the rows of the results are full."""
+    every = run.records.shape[0]
+    ledger = run.energy.shape[0] > 0
+    none = np.zeros((0, model.omega.size))
+    no_out = np.zeros((every, 0))
+    no_record = np.zeros((0, 0))
+    done = 0
+    while done < n_steps and run.counts[ROW] < run.u.shape[0]:
+        phase = run.counts[PHASE]
+        if ledger:
+            here = Finger(
+                finger.on,
+                finger.weights,
+                finger.coupling,
+                finger.own,
+                finger.stiffness,
+                finger.resistance,
+                finger.path[done:] if finger.on else finger.path,
+                finger.state,
+            )
+            _weighed_step(model, run, here, none, no_out)
+            m = 1
+        else:
+            m = min(n_steps - done, every - phase)
+            here = Finger(
+                finger.on,
+                finger.weights,
+                finger.coupling,
+                finger.own,
+                finger.stiffness,
+                finger.resistance,
+                finger.path[done:] if finger.on else finger.path,
+                finger.state,
+            )
+            if m > 8:
+                _certify(model, run)
+            else:
+                run.watch[:] = 1
+            status = advance(
+                model.law, m, model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+                run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
+                none, none, no_out, no_out, run.records[phase : phase + m], no_record, run.work,
+            )  # fmt: skip
+            if status != SOLVED:
+                run.counts[BAD_STEPS] += 1
+            for t in range(m):
+                touched = False
+                for c in range(model.eta.size):
+                    if run.records[phase + t, c] > 0.0:
+                        touched = True
+                if touched:
+                    run.counts[LAST_CONTACT] = run.counts[STEPS] + t + 1
+                    run.counts[CONTACT_STEPS] += 1
+        done += m
+        run.counts[STEPS] += m
+        run.counts[PHASE] += m
+        if run.counts[PHASE] == every:
+            _write_output(model, run)
+
+
+@njit(cache=True, nogil=True)
+def _weighed_step(model: Model, run: Run, finger: Finger, none, no_out) -> None:
+    """One step with its place in the energy ledger."""
+    n, contacts = model.omega.size, model.eta.size
+    hold = model.law == EXACT_HOLD
+    phase = run.counts[PHASE]
+    before_q, before_v, w_free = run.scratch[0], run.scratch[1], run.scratch[2]
+    before_q[:] = run.q
+    before_v[:] = run.v
+    finger_u = dot(finger.weights, run.q) if finger.on else 0.0
+    run.watch[:] = 1
+    status = advance(
+        model.law, 1, model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+        run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
+        none, none, no_out, no_out, run.records[phase : phase + 1], np.zeros((0, 0)), run.work,
+    )  # fmt: skip
+    if status != SOLVED:
+        run.counts[BAD_STEPS] += 1
+    touched = False
+    worked = 0.0
+    injected = 0.0
+    if not hold:
+        for j in range(n):
+            w_free[j] = model.coef[2, j] * before_q[j] + model.coef[3, j] * before_v[j]
+    gain = model.coef[5]
+    for c in range(contacts):
+        after = dot(model.shapes[c], run.q)
+        depth = model.eta[c] - after
+        for d in range(contacts):
+            depth -= model.residual[c, d] * run.force[d]
+        run.sums[PENETRATION] = max(run.sums[PENETRATION], depth)
+        strength = run.force[c]
+        if strength > 0.0:
+            touched = True
+            if hold:
+                worked += strength * (after - dot(model.shapes[c], before_q))
+            else:
+                worked += impulse_work(
+                    model.shapes[c], gain, model.omega, model.factor, model.mu, model.dt,
+                    before_q, w_free, run.v, strength,
+                )  # fmt: skip
+    if finger.on:
+        push = finger.state[1]
+        if hold:
+            injected = push * (dot(finger.weights, run.q) - finger_u)
+        else:
+            injected = impulse_work(
+                finger.weights, gain, model.omega, model.factor, model.mu, model.dt,
+                before_q, w_free, run.v, push,
+            )  # fmt: skip
+    after_stored = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+    after_spring = spring(model.residual, run.force)
+    sums = run.sums
+    rise = after_stored + after_spring - sums[STORED] - sums[SPRING] - injected
+    viscous = sums[STORED] - after_stored + worked + injected
+    contact = -worked - (after_spring - sums[SPRING])
+    sums[STORED] = after_stored
+    sums[SPRING] = after_spring
+    sums[VISCOUS] += viscous
+    sums[CONTACT] += contact
+    sums[INJECTED] += injected
+    # a finger that brings energy raises the scale only as far as it did
+    scale = sums[INITIAL] + max(0.0, sums[INJECTED])
+    if scale > 0.0:
+        sums[RISE] = max(sums[RISE], rise / scale)
+        sums[LEAST_VISCOUS] = min(sums[LEAST_VISCOUS], viscous / scale)
+        sums[LEAST_CONTACT] = min(sums[LEAST_CONTACT], contact / scale)
+    if touched:
+        run.counts[LAST_CONTACT] = run.counts[STEPS] + 1
+        run.counts[CONTACT_STEPS] += 1
+
+

@@ -1,0 +1,195 @@
+"""Audio files: exact samples, the right names at the right time, nothing left behind."""
+
+import io
+import os
+import sys
+
+import numpy as np
+import pytest
+import soundfile
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synth.host.audiofile import AudioWriter, Quantizer, Spool, container_of
+
+RATE_HZ = 48000
+
+
+def noise(frames: int = 1000, seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-0.9, 0.9, (frames, 2))
+
+
+@pytest.mark.parametrize(("container", "subtype"), [("wav", "PCM_24"), ("flac", "PCM_24")])
+def test_24_bits_round_to_the_nearest_step(tmp_path, container: str, subtype: str) -> None:
+    path, sound = tmp_path / f"x.{container}", noise()
+    with AudioWriter(path, RATE_HZ, container=container) as writer:
+        writer.write(sound[:300])
+        writer.write(sound[300:])
+    info = soundfile.info(path)
+    assert (info.samplerate, info.channels, info.frames, info.subtype) == (RATE_HZ, 2, 1000, subtype)
+    whole = soundfile.read(path, dtype="int32")[0] >> 8
+    np.testing.assert_array_equal(whole, np.rint(sound * 2**23).astype(int))
+    assert os.listdir(tmp_path) == [path.name]
+
+
+def test_float_files_hold_the_samples(tmp_path) -> None:
+    sound = 3.0 * noise()
+    with AudioWriter(tmp_path / "x.wav", RATE_HZ, bit_depth="float") as writer:
+        writer.write(sound)
+    np.testing.assert_array_equal(
+        soundfile.read(tmp_path / "x.wav", dtype="float32")[0], sound.astype(np.float32)
+    )
+    assert writer.clipped == 0
+
+
+def test_full_scale_clips_and_is_counted_and_never_wraps() -> None:
+    for bits, step in (("16", 1), ("24", 256)):
+        quantize = Quantizer(bits)
+        got = quantize(np.array([[1.5, -1.5], [1.0, -1.0], [0.5, 0.0]])).astype(np.int64)
+        largest = 2 ** (int(bits) - 1)
+        assert got[0].tolist() == [(largest - 1) * step, -largest * step]
+        assert quantize.clipped >= 2
+
+
+def test_dither_is_triangular_and_makes_the_error_independent_of_the_sound() -> None:
+    # A quarter of a step would vanish without dither; with TPDF the mean is kept and the total error has
+    # variance 1/12 (rounding) + 2/12 (dither) = 1/4 LSB², at every level.
+    frames = 200_000
+    for level in (0.0, 0.25, 0.5):
+        got = Quantizer("16", seed=3)(np.full((frames, 2), level / 2**15)).astype(float)
+        # Standard errors over 2·frames samples: of the mean 0.5/√n, of the variance below 1/√n.
+        n = 2 * frames
+        assert abs(got.mean() - level) < 5 * 0.5 / np.sqrt(n)
+        assert abs(((got - level) ** 2).mean() - 0.25) < 5 / np.sqrt(n)
+
+
+@given(st.lists(st.integers(1, 50), max_size=10), st.sampled_from(("16", "24", "float")))
+def test_blocks_do_not_show(cuts: list[int], bits: str) -> None:
+    sound = noise(200)
+    at = np.clip(np.cumsum(cuts), 0, 200) if cuts else []
+    quantize = Quantizer(bits, seed=7)
+    pieces = [quantize(piece) for piece in np.split(sound, at)]
+    np.testing.assert_array_equal(np.concatenate(pieces), Quantizer(bits, seed=7)(sound))
+
+
+def test_the_seed_decides_the_dither() -> None:
+    sound = noise()
+    assert (Quantizer("16", 1)(sound) == Quantizer("16", 1)(sound)).all()
+    assert (Quantizer("16", 1)(sound) != Quantizer("16", 2)(sound)).any()
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("container", ["wav", "flac", "raw"])
+def test_an_interrupted_file_leaves_nothing_and_spares_the_old_one(tmp_path, error, container: str) -> None:
+    path = tmp_path / "x.wav"
+    path.write_bytes(b"old")
+    with pytest.raises(error):
+        with AudioWriter(path, RATE_HZ, container=container) as writer:
+            writer.write(noise())
+            raise error
+    assert os.listdir(tmp_path) == ["x.wav"]
+    assert path.read_bytes() == b"old"
+
+
+def test_the_name_appears_only_when_the_file_is_whole(tmp_path) -> None:
+    with AudioWriter(tmp_path / "x.wav", RATE_HZ) as writer:
+        writer.write(noise())
+        assert not (tmp_path / "x.wav").exists()
+    assert (tmp_path / "x.wav").exists()
+    # Readable by whom new files are readable, unlike ordinary temporary files.
+    umask = os.umask(0)
+    os.umask(umask)
+    assert (tmp_path / "x.wav").stat().st_mode & 0o777 == 0o666 & ~umask
+
+
+def test_what_could_outgrow_wav_becomes_rf64(tmp_path) -> None:
+    sound = noise()
+    with AudioWriter(tmp_path / "x.wav", RATE_HZ, most_frames=2**32 // 6) as writer:
+        writer.write(sound)
+    assert (tmp_path / "x.wav").read_bytes()[:4] == b"RF64"
+    got, _ = soundfile.read(tmp_path / "x.wav")
+    np.testing.assert_allclose(got, sound, atol=2**-24)
+    with AudioWriter(tmp_path / "y.wav", RATE_HZ, most_frames=2**32 // 7) as writer:
+        writer.write(sound)
+    assert (tmp_path / "y.wav").read_bytes()[:4] == b"RIFF"
+
+
+class _Pipe(io.BytesIO):
+    def seekable(self) -> bool:
+        return False
+
+    def seek(self, *_: int) -> int:
+        raise OSError("a pipe cannot seek")
+
+
+@pytest.mark.parametrize("bits", ["16", "24", "float"])
+def test_standard_output_carries_the_same_samples_as_a_file(tmp_path, monkeypatch, bits: str) -> None:
+    sound, pipe = noise(), _Pipe()
+    monkeypatch.setattr(sys, "stdout", type("Stdout", (), {"buffer": pipe}))
+    with AudioWriter("-", RATE_HZ, bit_depth=bits) as writer:
+        writer.write(sound)
+    with AudioWriter(tmp_path / "x.wav", RATE_HZ, bit_depth=bits) as writer:
+        writer.write(sound)
+    with AudioWriter(tmp_path / "x.raw", RATE_HZ, bit_depth=bits, container="raw") as writer:
+        writer.write(sound)
+    data = pipe.getvalue()
+    assert data[:4] == b"RIFF" and data[36:40] == b"data"
+    assert data[44:] == (tmp_path / "x.raw").read_bytes()
+    # With the true lengths in its header the stream is a WAV file.
+    body = len(data) - 44
+    mended = (
+        data[:4] + (36 + body).to_bytes(4, "little") + data[8:40] + body.to_bytes(4, "little") + data[44:]
+    )
+    got, rate_hz = soundfile.read(io.BytesIO(mended))
+    assert rate_hz == RATE_HZ
+    np.testing.assert_array_equal(got, soundfile.read(tmp_path / "x.wav")[0])
+
+
+def test_a_device_is_written_to_and_not_replaced() -> None:
+    with AudioWriter("/dev/null", RATE_HZ) as writer:
+        writer.write(noise())
+    assert not os.path.isfile("/dev/null")
+
+
+@pytest.mark.parametrize(
+    ("path", "options", "error", "problem"),
+    [
+        ("x.flac", {"container": "flac", "bit_depth": "float"}, ValueError, "FLAC holds integers"),
+        ("-", {"container": "flac"}, ValueError, "cannot be written to a stream"),
+        ("x.wav", {"bit_depth": "8"}, ValueError, "bit depth '8' is not known"),
+        ("x.mp3", {"container": "mp3"}, ValueError, "format 'mp3' is not known"),
+        ("nowhere/x.wav", {}, OSError, "there is no directory"),
+        (".", {}, OSError, "is a directory"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_anything_is_done(
+    tmp_path, monkeypatch, path: str, options: dict, error: type[Exception], problem: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(error, match=problem):
+        AudioWriter(path, RATE_HZ, **options)
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_ending_of_the_name_says_the_format() -> None:
+    assert [container_of(name) for name in ("a.WAV", "b.flac", "-", "c.raw")] == ["wav", "flac", "wav", "raw"]
+    assert container_of("song.out", "flac") == "flac"
+    with pytest.raises(ValueError, match=r"\.mp3: the name's ending does not say the format"):
+        container_of("song.mp3")
+
+
+def test_a_spool_gives_back_what_it_got_times_a_gain(tmp_path) -> None:
+    sound = noise(100_000)
+    got: list[np.ndarray] = []
+
+    class Sink:
+        def write(self, block: np.ndarray) -> None:
+            got.append(block.copy())
+
+    with Spool(2, tmp_path) as spool:
+        for piece in np.array_split(sound, 7):
+            spool.write(piece)
+        spool.copy_to(Sink(), 0.5)
+    assert spool.peak == np.abs(sound).max()
+    np.testing.assert_array_equal(np.concatenate(got), 0.5 * sound)
+    assert os.listdir(tmp_path) == []

@@ -1,0 +1,215 @@
+"""From parsed MIDI files to events at frames."""
+
+import mido
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.host.midi import Song, song_from_file
+from synth.host.smf import parse
+
+from .midibytes import header, off, on, tempo, track
+
+RATE_HZ = 48000
+
+
+def song(data: bytes, rate_hz: int = RATE_HZ) -> Song:
+    return song_from_file(parse(data), rate_hz)
+
+
+def rows(result: Song) -> list[tuple[int, int, int]]:
+    """(frame, kind, a) of all events."""
+    return [(int(e["frame"]), int(e["kind"]), int(e["a"])) for e in result.events]
+
+
+def test_tempo_changes_in_any_track_count_for_all() -> None:
+    # 480 ticks at 0.5 s, then (tempo from the *second* track) at 0.25 s per quarter note.
+    first = track((0, on(60)), (480, off(60)), (480, on(62)), (480, off(62)))
+    second = track((480, tempo(250_000)))
+    result = song(header(1, 2) + first + second)
+    assert [frame for frame, _, _ in rows(result)] == [0, 24000, 36000, 48000]
+    assert result.length_s == pytest.approx(1.0, abs=1e-12)
+
+
+def test_smpte_time_takes_no_notice_of_tempo() -> None:
+    data = header(division=(256 - 25) << 8 | 40) + track((0, tempo(10)), (500, on(60)), (1000, off(60)))
+    assert [frame for frame, _, _ in rows(song(data))] == [24000, 72000]
+
+
+def test_tracks_of_format_2_play_one_after_the_other_at_their_own_tempo() -> None:
+    first = track((0, tempo(1_000_000)), (0, on(60)), (480, off(60)), end=480)
+    second = track((0, on(62)), (480, off(62)))
+    result = song(header(2, 2) + first + second)
+    assert rows(result) == [
+        (0, NOTE_ON, 60),
+        (48000, NOTE_OFF, 60),
+        (96000, NOTE_ON, 62),
+        (120000, NOTE_OFF, 62),
+    ]
+    assert result.length_s == pytest.approx(2.5, abs=1e-12)
+
+
+def test_a_note_without_an_end_ends_with_the_file() -> None:
+    result = song(header() + track((0, on(60)), (480, on(64)), (0, off(64)), end=480))
+    assert rows(result)[-1] == (48000, NOTE_OFF, 60)
+    assert result.warnings == ("1 note has no end: ended with the file",)
+
+
+def test_a_note_on_of_velocity_0_is_a_note_off() -> None:
+    result = song(header() + track((0, on(60)), (480, on(60, 0))))
+    assert rows(result) == [(0, NOTE_ON, 60), (24000, NOTE_OFF, 60)]
+    assert result.notes == 1
+    assert result.events["b"].tolist() == [64, 64]
+
+
+def test_a_zero_length_note_stays_a_pluck() -> None:
+    result = song(header() + track((480, on(60)), (0, off(60)), (480, on(61))))
+    assert rows(result)[:2] == [(24000, NOTE_ON, 60), (24000, NOTE_OFF, 60)]
+
+
+def test_the_end_of_the_earlier_note_goes_before_a_repeat_at_the_same_tick() -> None:
+    # The note-off of the first note stands behind the note-on of the second, in another track.
+    first = track((0, on(60)), (480, on(60, 99)), (480, off(60)))
+    second = track((480, off(60)))
+    result = song(header(1, 2) + first + second)
+    assert rows(result) == [
+        (0, NOTE_ON, 60),
+        (24000, NOTE_OFF, 60),
+        (24000, NOTE_ON, 60),
+        (48000, NOTE_OFF, 60),
+    ]
+    assert not result.warnings
+
+
+def test_a_repeat_of_no_length_keeps_both_ends_in_place() -> None:
+    data = header() + track((0, on(60)), (480, on(60)), (0, off(60)), (0, off(60)))
+    assert [kind for _, kind, _ in rows(song(data))] == [NOTE_ON, NOTE_OFF, NOTE_ON, NOTE_OFF]
+
+
+def test_a_note_off_does_not_move_past_a_pedal_at_the_same_tick() -> None:
+    data = header() + track((0, on(60)), (480, b"\xb0\x40\x7f"), (0, off(60)))
+    assert [kind for _, kind, _ in rows(song(data))] == [NOTE_ON, CONTROL, NOTE_OFF]
+
+
+def test_other_channels_and_keys_do_not_disturb_the_order() -> None:
+    data = header() + track((0, on(60)), (480, on(60, channel=1)), (0, on(61)), (0, off(60)))
+    assert [(kind, a) for _, kind, a in rows(song(data))][:4] == [
+        (NOTE_ON, 60),
+        (NOTE_ON, 60),
+        (NOTE_ON, 61),
+        (NOTE_OFF, 60),
+    ]
+
+
+def test_bend_control_and_program_values() -> None:
+    data = header() + track(
+        (0, b"\xe2\x00\x00"),
+        (0, b"\xe2\x7f\x7f"),
+        (0, b"\xe2\x00\x40"),
+        (0, b"\xb2\x07\x64"),
+        (0, b"\xc2\x21"),
+    )
+    events = song(data).events
+    assert [tuple(int(e[name]) for name in ("kind", "channel", "a", "b")) for e in events] == [
+        (BEND, 2, -8192, 0),
+        (BEND, 2, 8191, 0),
+        (BEND, 2, 0, 0),
+        (CONTROL, 2, 7, 100),
+        (PROGRAM, 2, 33, 0),
+    ]
+
+
+def test_pressure_is_passed_over() -> None:
+    assert len(song(header() + track((0, b"\xa0\x3c\x40"), (0, b"\xd0\x40"))).events) == 0
+
+
+def test_notes_are_counted_by_channel_and_program() -> None:
+    data = header() + track(
+        (0, on(60)), (0, b"\xc0\x21"), (10, on(61)), (0, on(62)), (0, on(36, channel=9)), (5, off(60))
+    )
+    result = song(data)
+    assert result.channels == {(0, 0): 1, (0, 33): 2, (9, 0): 1}
+    assert result.notes == 4
+
+
+def test_a_long_rest_at_the_end_is_left_out() -> None:
+    result = song(header() + track((0, on(60)), (480, off(60)), end=0x0FFFFFFF))
+    assert result.length_s == pytest.approx(0.5, abs=1e-12)
+    assert "rest is left out" in result.warnings[0]
+
+
+def test_a_tempo_of_zero_is_passed_over() -> None:
+    result = song(header() + track((0, tempo(0)), (480, on(60)), (480, off(60))))
+    assert [frame for frame, _, _ in rows(result)] == [24000, 48000]
+    assert "tempo of 0" in result.warnings[0]
+
+
+@pytest.mark.parametrize(
+    "data", [header(0, 0), header(1, 0), header(2, 0), header() + track(), header(2, 1) + track()]
+)
+def test_a_song_of_nothing(data: bytes) -> None:
+    result = song(data)
+    assert len(result.events) == 0
+    assert result.length_s == 0.0
+    assert "there are no notes in it" in result.warnings
+
+
+def test_times_are_midos(tmp_path) -> None:
+    random = np.random.default_rng(5)
+    written = mido.MidiFile(type=1, ticks_per_beat=96)
+    for channel in range(3):
+        content = mido.MidiTrack()
+        for _ in range(200):
+            delta = int(random.integers(0, 200))
+            if random.random() < 0.2:
+                content.append(
+                    mido.MetaMessage("set_tempo", tempo=int(random.integers(1e5, 1e6)), time=delta)
+                )
+            note = int(random.integers(0, 128))
+            content.append(mido.Message("note_on", channel=channel, note=note, velocity=50, time=delta))
+        written.tracks.append(content)
+    written.save(tmp_path / "song.mid")
+    seconds, expected = 0.0, []
+    for message in mido.MidiFile(tmp_path / "song.mid"):
+        seconds += message.time
+        if message.type == "note_on":
+            expected.append(seconds)
+    result = song((tmp_path / "song.mid").read_bytes())
+    got = result.events["frame"][result.events["kind"] == NOTE_ON]
+    # Rounded to whole frames: half a frame, and the rounding of mido's running sum of 600 terms.
+    assert np.abs(got - np.array(expected) * RATE_HZ).max() <= 0.5 + 1e-6
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from((0, 0, 1, 10)), st.booleans(), st.integers(60, 62), st.integers(0, 1)),
+        max_size=40,
+    )
+)
+def test_every_note_has_an_end_and_no_pluck_is_lost(moves) -> None:
+    data = header() + track(
+        *(
+            (delta, on(note, 80, channel) if starts else off(note, 80, channel))
+            for delta, starts, note, channel in moves
+        )
+    )
+    result = song(data)
+    events = result.events
+    assert (np.diff(events["frame"]) >= 0).all()
+    assert result.notes == sum(starts for _, starts, _, _ in moves) == (events["kind"] == NOTE_ON).sum()
+    sounding: dict[tuple[int, int], int] = {}
+    for event in events:
+        key = int(event["channel"]), int(event["a"])
+        sounding[key] = max(0, sounding.get(key, 0) + (1 if event["kind"] == NOTE_ON else -1))
+    assert not any(sounding.values())
+
+
+def test_three_hundred_thousand_events() -> None:
+    one = b"".join(bytes((10, 0x90, 40 + n % 50, 64, 5, 40 + n % 50, 0)) for n in range(1000))
+    data = header() + track((0, b"\xc0\x00" + one * 150))
+    result = song(data)
+    assert result.notes == 150_000
+    assert len(result.events) == 300_001
+    assert result.length_s == pytest.approx(150_000 * 15 / 960, rel=1e-12)

@@ -1,0 +1,147 @@
+"""A whole render job with a fake engine in the place of the real one."""
+
+import json
+import os
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import soundfile
+
+from synth.host import render as job
+from synth.host.render import RenderSettings, render_file
+
+from .fake_engine import FakeEngine
+from .midibytes import header, off, on, track
+
+
+class _Engine(FakeEngine):
+    """The fake with the rest of an engine's face."""
+
+    def prepare(self, rate_hz: int, max_block: int) -> None:
+        self.prepared = rate_hz, max_block
+
+    def report(self) -> SimpleNamespace:
+        return SimpleNamespace(
+            peak=1.0,
+            limiter_reduction_db=0.0,
+            strings_sounding=2,
+            unplayed=[(0, 60, 3, "no string reaches it")],
+            stolen=0,
+            notes=2,
+        )
+
+
+@pytest.fixture
+def engine(monkeypatch) -> _Engine:
+    fake = _Engine(decay=0.99)
+    fake.note_hz = None
+
+    def make(settings, casting, note_hz):
+        fake.note_hz = note_hz
+        return fake
+
+    monkeypatch.setattr(job, "_engine", make)
+    return fake
+
+
+@pytest.fixture
+def song(tmp_path) -> str:
+    path = tmp_path / "song.mid"
+    events = [(0, on(60, 100)), (0, on(62, 60, channel=1)), (0, on(36, channel=9)), (48, off(60))]
+    path.write_bytes(header() + track(*events, end=48))
+    return str(path)
+
+
+def test_a_render_and_its_report(tmp_path, song, engine) -> None:
+    out = str(tmp_path / "song.wav")
+    heard: list[str] = []
+    report = render_file(RenderSettings(song, out, tail=0.0, block=50), warn=heard.append)
+    assert engine.prepared == (44100, 50)
+    sound, rate_hz = soundfile.read(out)
+    assert rate_hz == report.rate_hz == 44100
+    assert len(sound) == round(report.length_s * 44100) == 4410
+    np.testing.assert_allclose(sound[:100, 0], 100 / 127 * 0.99 ** np.arange(100), atol=2**-24)
+    assert report.peak_dbfs == pytest.approx(20 * np.log10(100 / 127), abs=1e-9)
+    assert report.parts == ["ch01-jawari-harp", "ch02-jawari-harp"]
+    assert report.left_out == {10: 1}
+    assert report.notes == 2
+    assert report.unplayed == [
+        {"part": "ch01-jawari-harp", "note": "C4", "count": 3, "reason": "no string reaches it"}
+    ]
+    assert any("channel 10 (percussion) is left out: 1 notes" in line for line in heard)
+    assert report.warnings == heard
+    text = report.lines()
+    assert text[0].startswith(f"{out}: 0.1 s, peak -2.1 dBFS, ")
+    assert "2 strings" in text[0] and "3 not played" in text[0]
+    assert "3 × C4 (ch01-jawari-harp): no string reaches it" in text[1]
+    json.dumps(report.as_dict(), allow_nan=False)
+
+
+def test_normalizing_scales_mix_and_stems_alike(tmp_path, song, engine) -> None:
+    stems = tmp_path / "stems"
+    settings = RenderSettings(
+        song, str(tmp_path / "song.wav"), normalize_dbfs=-6.0, stems=str(stems), bit_depth="float", tail=0.0
+    )
+    report = render_file(settings)
+    mix, _ = soundfile.read(tmp_path / "song.wav")
+    assert np.abs(mix).max() == pytest.approx(10 ** (-6 / 20), rel=1e-6)
+    assert report.peak_dbfs == pytest.approx(-6.0, abs=1e-9)
+    assert report.normalize_gain_db == pytest.approx(-6.0 - 20 * np.log10(100 / 127), abs=1e-9)
+    assert sorted(os.listdir(stems)) == ["ch01-jawari-harp.wav", "ch02-jawari-harp.wav"]
+    parts = [soundfile.read(path)[0] for path in report.stems]
+    np.testing.assert_allclose(sum(parts), mix, atol=1e-7)
+    assert sorted(os.listdir(tmp_path)) == ["song.mid", "song.wav", "stems"]
+
+
+def test_stems_alone(tmp_path, song, engine) -> None:
+    report = render_file(RenderSettings(song, None, stems=str(tmp_path / "s"), container="flac", tail=0.0))
+    assert sorted(os.listdir(tmp_path / "s")) == ["ch01-jawari-harp.flac", "ch02-jawari-harp.flac"]
+    assert report.output is None
+
+
+def test_a_failure_while_rendering_leaves_nothing(tmp_path, song, engine) -> None:
+    def fail(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    engine.process = fail
+    settings = RenderSettings(
+        song, str(tmp_path / "song.wav"), stems=str(tmp_path / "stems"), normalize_dbfs=-1.0
+    )
+    with pytest.raises(KeyboardInterrupt):
+        render_file(settings)
+    assert os.listdir(tmp_path) == ["song.mid"]
+
+
+def test_keys_that_a_tuning_leaves_silent_are_reported(tmp_path, song, engine) -> None:
+    kbm = tmp_path / "c-only.kbm"
+    kbm.write_text("12\n0\n127\n60\n60\n256\n12\n0\n")
+    report = render_file(RenderSettings(song, str(tmp_path / "x.wav"), keyboard=str(kbm), tail=0.0))
+    assert engine.note_hz[60] == pytest.approx(256.0)
+    assert np.isfinite(engine.note_hz).all()
+    assert report.unplayed[0] == {
+        "part": "ch02",
+        "note": "D4",
+        "count": 1,
+        "reason": "the keyboard mapping leaves this key silent",
+    }
+    assert not soundfile.read(tmp_path / "x.wav")[0][:, 1].any()
+
+
+def test_a_song_beyond_all_measure_is_refused(tmp_path, engine) -> None:
+    path = tmp_path / "long.mid"
+    path.write_bytes(header(division=1) + track((0, on(60)), (0x0FFFFFF, off(60))))
+    with pytest.raises(ValueError, match="give an earlier --end"):
+        render_file(RenderSettings(str(path), str(tmp_path / "x.wav")))
+    assert not (tmp_path / "x.wav").exists()
+
+
+def test_silence_has_no_peak(tmp_path, engine) -> None:
+    path = tmp_path / "drums.mid"
+    path.write_bytes(header() + track((0, on(36, channel=9)), (480, off(36, channel=9))))
+    report = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), normalize_dbfs=-1.0))
+    assert report.peak_dbfs is None
+    assert "silent" in report.lines()[0]
+    json.dumps(report.as_dict(), allow_nan=False)
+    # Quiet at its end, so there is no tail.
+    assert len(soundfile.read(tmp_path / "x.wav")[0]) == 24000

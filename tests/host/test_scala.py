@@ -1,0 +1,108 @@
+"""Scala tunings against values worked out by hand."""
+
+import numpy as np
+import pytest
+
+from synth.host.scala import ScalaError, note_frequencies
+
+MIDDLE_C_HZ = 261.6255653005986  # 440 · 2^(−9/12)
+
+JUST = """! just.scl
+!
+Just major
+ 7
+!
+ 9/8
+ 5/4 third
+ 4/3
+ 3/2
+ 5/3
+ 15/8
+ 2
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def make(name: str, text: str):
+        path = tmp_path / name
+        path.write_text(text, encoding="latin-1")
+        return path
+
+    return make
+
+
+def test_a_scale_key_after_key_from_middle_c(write) -> None:
+    note_hz = note_frequencies(write("just.scl", JUST))
+    ratios = note_hz[60:68] / MIDDLE_C_HZ
+    np.testing.assert_allclose(ratios, [1, 9 / 8, 5 / 4, 4 / 3, 3 / 2, 5 / 3, 15 / 8, 2], rtol=1e-13)
+    np.testing.assert_allclose(note_hz[53:60] * 2, note_hz[60:67], rtol=1e-13)
+    assert not np.isnan(note_hz).any()
+
+
+def test_cents_and_a_scale_that_does_not_repeat_at_the_octave(write) -> None:
+    note_hz = note_frequencies(write("bp.scl", "Tritave\n2\n701.955\n3/1\n"))
+    np.testing.assert_allclose(note_hz[61] / note_hz[60], 1.5, rtol=1e-6)
+    np.testing.assert_allclose(note_hz[62] / note_hz[60], 3.0, rtol=1e-13)
+    np.testing.assert_allclose(note_hz[58] / note_hz[60], 1 / 3, rtol=1e-13)
+
+
+def test_a_keyboard_mapping_with_silent_keys(write) -> None:
+    # White keys play the seven degrees, black keys are silent; A4 = 442 Hz is degree 5.
+    kbm = "! white.kbm\n12\n21\n108\n60\n69\n442.0\n7\n0\nx\n1\nx\n2\n3\nx\n4\nx\n5\nx\n6\n"
+    note_hz = note_frequencies(write("just.scl", JUST), write("white.kbm", kbm))
+    np.testing.assert_allclose(note_hz[69], 442.0, rtol=1e-13)
+    np.testing.assert_allclose(note_hz[60], 442.0 * 3 / 5, rtol=1e-13)
+    np.testing.assert_allclose(note_hz[72], 442.0 * 6 / 5, rtol=1e-13)
+    assert np.isnan(note_hz[[61, 63, 66, 68, 70, 20, 109]]).all()
+
+
+def test_a_mapping_alone_retunes_twelve_equal_steps(write) -> None:
+    note_hz = note_frequencies(None, write("a432.kbm", "0\n0\n127\n60\n69\n432\n12\n"))
+    np.testing.assert_allclose(note_hz, 432.0 * 2.0 ** ((np.arange(128) - 69) / 12), rtol=1e-12)
+
+
+def test_trailing_keys_of_a_mapping_may_be_left_out(write) -> None:
+    note_hz = note_frequencies(
+        write("just.scl", JUST), write("short.kbm", "3\n0\n127\n60\n60\n261.6\n7\n0\n1\n")
+    )
+    assert np.isnan(note_hz[62])
+    np.testing.assert_allclose(note_hz[63] / note_hz[60], 2.0, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "description line"),
+        ("x\nmany\n", "line 2: the number of notes must be a whole number, got 'many'"),
+        ("x\n3\n3/2\n2\n", "3 notes are promised, 2 are there"),
+        ("x\n2\nfifth\n2/1\n", "line 3: 'fifth' is no pitch"),
+        ("x\n2\n3/0\n2/1\n", "line 3: '3/0' is no pitch"),
+        ("x\n2\n-3/2\n2/1\n", "is no pitch"),
+        ("x\n1\n1/1\n", "must be above 1/1"),
+        ("x\n1\nnan.\n", "is no pitch"),
+    ],
+)
+def test_scales_that_cannot_be_used(write, text: str, problem: str) -> None:
+    with pytest.raises(ScalaError, match=problem):
+        note_frequencies(write("bad.scl", text))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("12\n0\n127\n", "begins with seven numbers, 3 are there"),
+        ("12\n0\n200\n60\n69\n440\n12\n", "the last key must be 0 to 127, got 200"),
+        ("12\n0\n127\n60\n69\nloud\n12\n", "the reference frequency must be 1 to 20000 Hz, got 'loud'"),
+        ("2\n0\n127\n60\n61\n440\n7\n0\nx\n", "the reference key 61 is not mapped"),
+        ("12\n90\n20\n60\n69\n440\n12\n", r"the last key \(20\) is below the first"),
+    ],
+)
+def test_mappings_that_cannot_be_used(write, text: str, problem: str) -> None:
+    with pytest.raises(ScalaError, match=problem):
+        note_frequencies(write("just.scl", JUST), write("bad.kbm", text))
+
+
+def test_a_missing_file() -> None:
+    with pytest.raises(ScalaError, match=r"nowhere\.scl: no such file"):
+        note_frequencies("nowhere.scl")

@@ -1,0 +1,90 @@
+"""Imports go one way only: units → physics, solver, dsp, measures → plan, compile, preset → engine → host →
+cli.
+"""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "synth"
+
+# Floors from the ground up; a room sees the floors below it and itself.
+FLOORS = (
+    {"units"},
+    {"physics", "solver", "dsp", "measures"},
+    {"plan", "compile", "preset", "cases", "simulate"},
+    {"engine"},
+    {"host"},
+    {"cli"},
+    {"__main__"},
+)
+# Rooms of these floors may also see each other.
+OPEN_FLOORS = {2}
+FLOOR_OF = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def rooms_imported(source: str, path: Path) -> set[str]:
+    """First names below `synth` of every import in the source, relative and function-level ones included."""
+    package = ("synth", *path.relative_to(PACKAGE).parent.parts)
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = list(package[: len(package) - node.level + 1]) if node.level else []
+            base += node.module.split(".") if node.module else []
+            names = [".".join([*base, alias.name]) for alias in node.names]
+        else:
+            continue
+        found |= {name.split(".")[1] for name in names if name.startswith("synth.")}
+    return found
+
+
+def allowed(room: str, other: str) -> bool:
+    if other == room:
+        return True
+    mine, theirs = FLOOR_OF[room], FLOOR_OF[other]
+    return theirs < mine or (theirs == mine and mine in OPEN_FLOORS)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_go_down(path: Path) -> None:
+    room = room_of(path)
+    assert room in FLOOR_OF, f"{room} has no floor yet: give it one in FLOORS"
+    for other in rooms_imported(path.read_text(encoding="utf-8"), path):
+        assert other in FLOOR_OF, f"{other} has no floor"
+        assert allowed(room, other), f"{room} must not import {other}"
+
+
+def test_the_package_itself_loads_no_numba() -> None:
+    """synth/__init__.py may offer names, but not load what they stand for."""
+    tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+    at_import = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    names = {getattr(node, "module", None) or alias.name for node in at_import for alias in node.names}
+    assert not {name for name in names if name.split(".")[0] in {"numba", "numpy", "synth"}}
+
+
+@pytest.mark.parametrize(
+    ("path", "source", "found"),
+    [
+        ("solver/x.py", "from ..physics import string", {"physics"}),
+        ("solver/x.py", "from synth import physics", {"physics"}),
+        ("solver/x.py", "from .laws import EXACT_HOLD", {"solver"}),
+        ("units.py", "def f():\n    import synth.host.midi", {"host"}),
+        ("host/x.py", "from . import midi\nimport numpy", {"host"}),
+    ],
+)
+def test_the_check_sees_every_form_of_import(path: str, source: str, found: set[str]) -> None:
+    assert rooms_imported(source, PACKAGE / path) == found
+
+
+def test_neighbours_do_not_know_each_other() -> None:
+    assert not allowed("solver", "physics")
+    assert not allowed("dsp", "plan")
+    assert allowed("plan", "physics") and allowed("plan", "compile")
