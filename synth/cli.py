@@ -88,7 +88,7 @@ def _number(kind: Callable[[str], float], low: float, high: float, unit: str = "
             value = math.nan
         # Written so that NaN fails too.
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"must be {what} from {low:g} to {high:g}{unit}, got {text!r}")
+            raise argparse.ArgumentTypeError(f"must be {what} from {low:.12g} to {high:.12g}{unit}, got {text!r}")
         return value
 
     return parse
@@ -154,9 +154,7 @@ class _Version(argparse.Action):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="synth", description="Strings that collide: a MIDI file in, sound out.", allow_abbrev=False
-    )
+    parser = _Parser(prog="synth", description="Strings that collide: a MIDI file in, sound out.", allow_abbrev=False)
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
     _add_render(commands)
@@ -209,9 +207,7 @@ def _add_render(commands: Any) -> None:
         metavar="[PRESET:]KEY=VALUE",
         help="change a value of the preset, such as pluck.position=0.2; may be repeated",
     )
-    what.add_argument(
-        "--polyphony", type=_number(int, 1, 1024), metavar="N", help="most strings that sound at once"
-    )
+    what.add_argument("--polyphony", type=_number(int, 1, 1024), metavar="N", help="most strings that sound at once")
     what.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
     what.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
 
@@ -232,16 +228,14 @@ def _add_render(commands: Any) -> None:
     )
     how.add_argument(
         "--seed",
-        type=_number(int, 0, 2**63 - 1),
+        type=_number(int, 0, 2**32 - 1),
         default=0,
         metavar="N",
         help="for whatever is random (default 0)",
     )
 
     level = parser.add_argument_group("level")
-    level.add_argument(
-        "--gain", type=_number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB"
-    )
+    level.add_argument("--gain", type=_number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
     level.add_argument(
         "--normalize",
         type=_number(float, -96, 0, " dBFS"),
@@ -251,21 +245,15 @@ def _add_render(commands: Any) -> None:
     level.add_argument("--no-limiter", action="store_true", help="let peaks go above full scale")
 
     out = parser.add_argument_group("output")
-    out.add_argument(
-        "--format", choices=("wav", "flac", "raw"), help="default: by the ending of the file's name"
-    )
-    out.add_argument(
-        "--bit-depth", choices=("16", "24", "float"), default="24", help="default 24; 16 is dithered"
-    )
+    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the ending of the file's name")
+    out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="default 24; 16 is dithered")
     out.add_argument(
         "--tail",
         type=_tail,
         metavar="SEC",
         help="seconds after the end, or auto (default): until it is quiet",
     )
-    out.add_argument(
-        "--start", type=_number(float, 0, 1e6, " s"), default=0.0, metavar="SEC", help="where to begin"
-    )
+    out.add_argument("--start", type=_number(float, 0, 1e6, " s"), default=0.0, metavar="SEC", help="where to begin")
     out.add_argument("--end", type=_number(float, 0, 1e6, " s"), metavar="SEC", help="where to end")
     out.add_argument("--stems", metavar="DIR", help="write every part to a file of its own, too")
     out.add_argument("--quiet", action="store_true", help="say nothing but errors")
@@ -369,9 +357,7 @@ def _add_presets(commands: Any) -> None:
     parser = commands.add_parser("presets", help="list, show or check presets", allow_abbrev=False)
     parser.set_defaults(run=_list_presets, json=False)
     actions = parser.add_subparsers(title="actions", metavar="ACTION", parser_class=_Parser)
-    listing = actions.add_parser(
-        "list", help="the presets that come with the program (default)", allow_abbrev=False
-    )
+    listing = actions.add_parser("list", help="the presets that come with the program (default)", allow_abbrev=False)
     listing.add_argument("--json", action="store_true", help="as JSON")
     listing.set_defaults(run=_list_presets)
     show = actions.add_parser(
@@ -467,20 +453,17 @@ def _add_simulate(commands: Any) -> None:
         "simulate",
         help="one string by its case file: motion, forces and energy as arrays",
         allow_abbrev=False,
-        description="Computes a case file (TOML) and writes an .npz file; options replace values of the case.",
+        description="Computes a case file (TOML) and writes an .npz file; options replace its values.",
     )
     parser.add_argument("case", metavar="CASE.toml")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
     parser.add_argument("--scheme", choices=SCHEMES, help="contact scheme")
-    parser.add_argument(
-        "--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes"
-    )
+    parser.add_argument("--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes")
     parser.add_argument("--rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
-    parser.add_argument(
-        "--output-rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays"
-    )
+    parser.add_argument("--output-rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
     parser.add_argument("--modes", type=_number(int, 1, 100_000), metavar="N", help="number of modes")
     parser.add_argument("--duration", type=_number(float, 1e-9, 1e6, " s"), metavar="SEC", help="how long")
+    parser.add_argument("--ledger", action="store_true", default=None, help="keep the energy ledger too")
     parser.add_argument("--json", action="store_true", help="summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
     parser.set_defaults(run=_simulate)
@@ -489,7 +472,7 @@ def _add_simulate(commands: Any) -> None:
 def _simulate(options: argparse.Namespace) -> int:
     from synth.simulation import simulate_file
 
-    names = ("scheme", "restitution", "rate", "output_rate", "modes", "duration")
+    names = ("scheme", "restitution", "rate", "output_rate", "modes", "duration", "ledger")
     overrides = {name: value for name in names if (value := getattr(options, name)) is not None}
     summary = simulate_file(options.case, options.output, overrides)
     if options.json:

@@ -2,7 +2,8 @@
 
 Every string of the preset gets one modal model per position it can be played at (open, and each fret), tuned so that
 the sounding fundamental has the note's pitch: the tension is that of the model's first mode at the note's frequency
-less the preset's measured contact shift. Positions are counted from the saddle (x = L), heights from the string's line at rest.
+less the preset's measured contact shift. Positions are counted from the saddle (x = L), heights from the
+string's line at rest.
 """
 
 from __future__ import annotations
@@ -136,9 +137,7 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
     ).tuned(frequency_hz)
     if table.measured_frequencies_hz:
         ratio = frequency_hz / table.measured_frequencies_hz[0]
-        string = replace(
-            string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz)
-        )
+        string = replace(string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz))
     return replace(string, measured_decay_rates=table.measured_decay_rates)
 
 
@@ -153,14 +152,10 @@ def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
             distance = shape.distance_ratio * length_m
         return Obstacle((length_m - distance,), (-1e-6 * at_note(shape.jiva_um, note),))
     if isinstance(shape, PointsObstacle):
-        return Obstacle(
-            tuple(1e-3 * x for x in shape.positions_mm), tuple(1e-3 * h for h in shape.heights_mm)
-        )
+        return Obstacle(tuple(1e-3 * x for x in shape.positions_mm), tuple(1e-3 * h for h in shape.heights_mm))
     if isinstance(shape, FretsObstacle):
         if shape.heights_mm:
-            return Obstacle(
-                tuple(fret_positions(length_m, shape.count)), tuple(1e-3 * h for h in shape.heights_mm)
-            )
+            return Obstacle(tuple(fret_positions(length_m, shape.count)), tuple(1e-3 * h for h in shape.heights_mm))
         assert shape.action_12th_mm is not None
         return frets(
             length_m,
@@ -172,9 +167,7 @@ def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
     return Obstacle((), ())
 
 
-def output_weights(
-    preset: Preset, string: String, open_length_m: float, n: int
-) -> tuple[np.ndarray, np.ndarray]:
+def output_weights(preset: Preset, string: String, open_length_m: float, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Weights (N,), (N,) on q and on v of the preset's output for one speaking string."""
     output = preset.output
     distance = min(output.position * open_length_m, 0.98 * string.length_m)
@@ -202,9 +195,7 @@ def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, h
     return slope * min(preset.output.position * open_length_m, 0.98 * string.length_m)
 
 
-def static_state(
-    omega: np.ndarray, mu: float, shapes: np.ndarray, eta: np.ndarray, residual: np.ndarray
-) -> np.ndarray:
+def static_state(omega: np.ndarray, mu: float, shapes: np.ndarray, eta: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """q (N,) at rest over contacts that press: 0 ≤ S q + R λ − η ⊥ λ ≥ 0 with q = Sᵀλ/(μω²)."""
     contacts = eta.size
     q = np.zeros(omega.size)
@@ -348,9 +339,7 @@ def compile_string(
     except ValueError as error:
         raise PresetError(f"{preset.name}: string {label}: {error}") from None
     x = preset.pluck.position * length
-    force = (
-        1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
-    )
+    force = 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
     return CompiledString(
         label,
         length,
@@ -455,9 +444,7 @@ def describe_plan(
         )
     head = f"{preset.name} at {quality}, {scheme}, {rate_hz:g} Hz out"
     lines = [
-        f"  {row['string']} {row['note']}"
-        + (f" fret {row['fret']}" if row["fret"] else "")
-        + f": {row['reason']}"
+        f"  {row['string']} {row['note']}" + (f" fret {row['fret']}" if row["fret"] else "") + f": {row['reason']}"
         for row in rows
     ]
     return {

@@ -2,7 +2,8 @@
 
 Numba keeps them beside the source and looks only at the file that holds the kernel: after an update of another file
 that it calls, the old machine code would go on being used. So the cache is a folder of the user's, named by a hash over
-all sources that kernels are made of; a changed source is another folder, and the oldest folders go. NUMBA_CACHE_DIR, if set, is left alone.
+all sources that kernels are made of; a changed source is another folder, and the oldest folders go.
+NUMBA_CACHE_DIR, if set, is left alone.
 """
 
 from __future__ import annotations

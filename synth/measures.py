@@ -22,26 +22,18 @@ _MAIN_LOBE_BINS = 4.0
 def _signal(name: str, x: ArrayLike) -> NDArray[np.float64]:
     x = np.asarray(x, dtype=np.float64)
     if x.ndim != 1 or x.size == 0:
-        raise ValueError(
-            f"{name} must be a signal with one dimension, got shape {x.shape}; choose one channel"
-        )
+        raise ValueError(f"{name} must be a signal with one dimension, got shape {x.shape}; choose one channel")
     if not np.all(np.isfinite(x)):
-        raise ValueError(
-            f"{name} must be finite, got {np.count_nonzero(~np.isfinite(x))} NaN or infinite samples"
-        )
+        raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(x))} NaN or infinite samples")
     return x
 
 
 def _pair(u: ArrayLike, ref: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     u, ref = np.asarray(u, dtype=np.float64), np.asarray(ref, dtype=np.float64)
     if u.shape != ref.shape:
-        raise ValueError(
-            f"u and ref must have the same shape, got {u.shape} and {ref.shape}; compare at common times"
-        )
+        raise ValueError(f"u and ref must have the same shape, got {u.shape} and {ref.shape}; compare at common times")
     if not np.any(ref):
-        raise ValueError(
-            "ref must not be silent, got zeros only; an error relative to silence has no meaning"
-        )
+        raise ValueError("ref must not be silent, got zeros only; an error relative to silence has no meaning")
     return u, ref
 
 
@@ -122,9 +114,7 @@ def log_spectral_distance(
 # --- spectra ------------------------------------------------------------------------------------------------
 
 
-def spectrum(
-    x: ArrayLike, rate_hz: float, padding: int = 4
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def spectrum(x: ArrayLike, rate_hz: float, padding: int = 4) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Amplitude spectrum of the whole signal in a Blackman–Harris window.
 
     Returns
@@ -148,9 +138,7 @@ def band_levels_db(x: ArrayLike, rate_hz: float, edges_hz: ArrayLike) -> NDArray
     power = np.abs(np.fft.rfft(x)) ** 2 / x.size**2
     power[1 : (x.size + 1) // 2] *= 2
     total = np.concatenate([[0.0], np.cumsum(power)])
-    edges = np.searchsorted(
-        np.arange(power.size) * (rate_hz / x.size), np.asarray(edges_hz, dtype=np.float64)
-    )
+    edges = np.searchsorted(np.arange(power.size) * (rate_hz / x.size), np.asarray(edges_hz, dtype=np.float64))
     with np.errstate(divide="ignore"):
         return 10 * np.log10(np.maximum(total[edges[1:]] - total[edges[:-1]], 0.0))
 
@@ -273,16 +261,14 @@ def sounding_fundamental(
     periods = x.size / rate_hz * expected_hz
     if periods < 12:
         raise ValueError(
-            f"x must hold at least 12 periods of {expected_hz:.4g} Hz, got {periods:.3g}; "
-            "measure a longer piece"
+            f"x must hold at least 12 periods of {expected_hz:.4g} Hz, got {periods:.3g}; measure a longer piece"
         )
     frequencies, amplitude = spectrum(x - x.mean(), rate_hz)
     width = 2 ** (search_cents / 1200)
     peak = _strongest_peak(frequencies, amplitude, expected_hz / width, expected_hz * width)
     if peak is None:
         raise ValueError(
-            f"no partial found within ±{search_cents:g} cents of {expected_hz:.4g} Hz; "
-            "check the note or search wider"
+            f"no partial found within ±{search_cents:g} cents of {expected_hz:.4g} Hz; check the note or search wider"
         )
     start = float(peak[0])
     # Main lobe of the smoothing window: never wider than 0.8 of the way to DC and to the second partial,
@@ -336,9 +322,7 @@ def decay_time_s(
         magnitude = np.sqrt(np.mean(pieces**2, axis=1))
     else:
         if not 0 < frequency_hz < rate_hz / 2:
-            raise ValueError(
-                f"frequency_hz must lie between 0 and {rate_hz / 2:g} Hz, got {frequency_hz:g} Hz"
-            )
+            raise ValueError(f"frequency_hz must lie between 0 and {rate_hz / 2:g} Hz, got {frequency_hz:g} Hz")
         length_s = _MAIN_LOBE_BINS / (0.8 * frequency_hz if bandwidth_hz is None else bandwidth_hz)
         t, envelope = _envelope(x, rate_hz, frequency_hz, length_s, 2000)
         magnitude = np.abs(envelope)
@@ -418,13 +402,9 @@ def click_ratios(
     x = _signal("x", x)
     at = np.atleast_1d(np.asarray(positions, dtype=np.int64))
     if x.size < 4 * (within + 2):
-        raise ValueError(
-            f"x must hold at least {4 * (within + 2)} samples, got {x.size}; measure a longer piece"
-        )
+        raise ValueError(f"x must hold at least {4 * (within + 2)} samples, got {x.size}; measure a longer piece")
     if at.size and not (at.min() >= 0 and at.max() < x.size):
-        raise ValueError(
-            f"positions must lie in 0…{x.size - 1}, got {at.min()}…{at.max()}; give sample indices of x"
-        )
+        raise ValueError(f"positions must lie in 0…{x.size - 1}, got {at.min()}…{at.max()}; give sample indices of x")
     # Centred: third[i] involves x[i − 2 … i + 1], so a jump between p − 1 and p shows at p ± 1.
     third = np.zeros(x.size)
     third[2:-1] = np.abs(np.diff(x, 3))

@@ -144,9 +144,7 @@ class StringTable(Table):
     @model_validator(mode="after")
     def _consistent(self) -> StringTable:
         if self.notes[1] < self.notes[0]:
-            raise ValueError(
-                f"notes must rise, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}"
-            )
+            raise ValueError(f"notes must rise, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}")
         if (self.linear_density_g_m is None) == (self.density_kg_m3 is None):
             raise ValueError("give either linear_density_g_m or density_kg_m3 (of a plain string)")
         if (self.youngs_modulus_gpa is None) == (self.inharmonicity is None):
@@ -209,15 +207,11 @@ class FretsObstacle(Table):
         if (self.action_12th_mm is None) == (not self.heights_mm):
             raise ValueError("give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm")
         if self.heights_mm and len(self.heights_mm) != self.count:
-            raise ValueError(
-                f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}"
-            )
+            raise ValueError(f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}")
         return self
 
 
-Obstacle = Annotated[
-    NoObstacle | BridgeObstacle | PointsObstacle | FretsObstacle, Field(discriminator="kind")
-]
+Obstacle = Annotated[NoObstacle | BridgeObstacle | PointsObstacle | FretsObstacle, Field(discriminator="kind")]
 
 
 class Pluck(Table):

@@ -539,9 +539,7 @@ class Scene:
         q0, v0 = self.initial()
         q, force, status = driver.static_contact(model, q0)
         if status != SOLVED:
-            raise CaseError(
-                "obstacle: no static shape of the string lies over it; lower heights_m or take more modes"
-            )
+            raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
         lifted = model.shapes @ (q - q0)
         every, ledger = case.run.steps_per_output, case.run.ledger
         published = case.scheme.start == "published"
@@ -560,9 +558,7 @@ class Scene:
         seconds = time.perf_counter() - started
         return self._result(state, float(np.abs(lifted).max(initial=0.0)), seconds)
 
-    def _advance(
-        self, state: driver.Run, until: int, finger: FingerTable | None
-    ) -> None:
+    def _advance(self, state: driver.Run, until: int, finger: FingerTable | None) -> None:
         steps = until - int(state.counts[driver.STEPS])
         if steps <= 0:
             return

@@ -112,9 +112,7 @@ WRONG = [
 @pytest.mark.parametrize(
     ("arguments", "problem"), WRONG, ids=lambda value: " ".join(value[2:])[:40] if type(value) is list else ""
 )
-def test_wrong_usage_is_one_line_and_exit_2(
-    tmp_path, monkeypatch, capsys, arguments: list[str], problem: str
-) -> None:
+def test_wrong_usage_is_one_line_and_exit_2(tmp_path, monkeypatch, capsys, arguments: list[str], problem: str) -> None:
     monkeypatch.chdir(tmp_path)
     try:
         code = cli.main(arguments)
@@ -138,9 +136,7 @@ def test_normalize_takes_a_level_or_none() -> None:
     assert joined(["--", "--normalize"]) == ["--", "--normalize"]
 
 
-@pytest.mark.parametrize(
-    ("error", "code"), [(KeyboardInterrupt, 130), (BrokenPipeError, 1), (ValueError("bad"), 2)]
-)
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (BrokenPipeError, 1), (ValueError("bad"), 2)])
 def test_how_a_command_ends(monkeypatch, capfd, error, code: int) -> None:
     def fail(_: object) -> int:
         raise error

@@ -50,9 +50,7 @@ def body_coefficients(frequencies_hz, q, gains_db, rate_hz: float) -> NDArray[np
         if not (quality[i] >= 1 and np.isfinite(quality[i])):
             raise ValueError(f"q[{i}] must be at least 1, got {quality[i]:g}; a broader hump is no resonance")
         if not np.isfinite(gain[i]):
-            raise ValueError(
-                f"gains_db[{i}] must be finite, got {gain[i]:g} dB; remove a resonance to silence it"
-            )
+            raise ValueError(f"gains_db[{i}] must be finite, got {gain[i]:g} dB; remove a resonance to silence it")
     peak = 2 * np.pi * f / rate_hz
     decay = peak / (2 * quality)
     r = np.exp(-decay)

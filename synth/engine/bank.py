@@ -19,9 +19,7 @@ from synth.units import db_to_gain
 PENDING_EVENTS = 1 << 14
 
 
-def build_bank(
-    parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float
-) -> Bank:
+def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float) -> Bank:
     """The Bank of these parts, part p played by MIDI channel channels[p]."""
     models: list[tuple] = []
     strings: list[tuple] = []
@@ -29,8 +27,7 @@ def build_bank(
     part_rows: list[tuple] = []
     buses: list[tuple] = []
     flat: dict[str, list[np.ndarray]] = {
-        name: []
-        for name in ("omega", "sigma", "coef", "shapes", "eta", "residual", "matrix", "wq", "wv", "q_rest")
+        name: [] for name in ("omega", "sigma", "coef", "shapes", "eta", "residual", "matrix", "wq", "wv", "q_rest")
     }
     bodies: list[np.ndarray] = []
     taps: list[np.ndarray] = []
@@ -86,8 +83,7 @@ def build_bank(
                 static = 0.0
                 if c:
                     static = float(
-                        np.sum(position.shapes[0] ** 2 / (position.mu * position.omega**2))
-                        + position.residual[0, 0]
+                        np.sum(position.shapes[0] ** 2 / (position.mu * position.omega**2)) + position.residual[0, 0]
                     )
                 models.append(
                     (

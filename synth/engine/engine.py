@@ -222,12 +222,7 @@ class Engine:
     def tail_seconds(self) -> float:
         """Time to −60 dB of the string that rings longest when nothing damps it, at most 60 s."""
         slowest = min(
-            (
-                float(position.sigma.min())
-                for part in self.compiled
-                for s in part.strings
-                for position in s.positions
-            ),
+            (float(position.sigma.min()) for part in self.compiled for s in part.strings for position in s.positions),
             default=1.0,
         )
         return min(60.0, math.log(1000.0) / max(slowest, 1e-3))
@@ -289,13 +284,9 @@ class Engine:
         except (KeyError, OSError, EOFError, ValueError) as error:
             raise ValueError(f"not a state of this engine: {error}") from None
         for name, mine in self._state._asdict().items():
-            same = fields[name].dtype == mine.dtype and (
-                name == "pending" or fields[name].shape == mine.shape
-            )
+            same = fields[name].dtype == mine.dtype and (name == "pending" or fields[name].shape == mine.shape)
             if not same:
-                raise ValueError(
-                    f"the state's {name} does not fit: it comes from other presets, rate or quality"
-                )
+                raise ValueError(f"the state's {name} does not fit: it comes from other presets, rate or quality")
         self._state = State(**fields)
 
     @property

@@ -57,9 +57,7 @@ STRING = np.dtype(
     align=True,
 )
 
-POSITION = np.dtype(
-    [("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True
-)
+POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True)
 
 #: live parameters of a part, in this order
 GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT = range(6)
@@ -88,9 +86,7 @@ PART = np.dtype(
     align=True,
 )
 
-BUS = np.dtype(
-    [("part", "i8"), ("factor", "i8"), ("taps", "i8"), ("n_taps", "i8"), ("off", "i8")], align=True
-)
+BUS = np.dtype([("part", "i8"), ("factor", "i8"), ("taps", "i8"), ("n_taps", "i8"), ("off", "i8")], align=True)
 
 
 class Bank(NamedTuple):

@@ -90,8 +90,11 @@ def _quantum(bank, state, settings, scratch) -> None:
     awake = 0
     looking = (start // QUANTUM) % CHECK_EVERY == 0
     for s in range(bank.strings.size):
-        if state.sounding[s].awake:
-            follow_controls(bank, state, settings, scratch, s)
+        me = state.sounding[s]
+        if me.awake:
+            moved = me.bend != state.channels[me.channel].bend
+            if moved or me.height != state.part_state[bank.strings[s].part].height:
+                follow_controls(bank, state, settings, scratch, s)
             if looking:
                 check(bank, state, settings, scratch, s)
             awake += state.sounding[s].awake

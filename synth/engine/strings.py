@@ -368,9 +368,7 @@ def _steps(bank, state, settings, scratch, s: int, steps: int) -> None:
     fingered = me.phase != NO_FINGER
     state.counters[WORK] += n * steps
     if not fingered and (c == 0 or me.free):
-        advance_free(
-            steps, coef, q, v, wq, wv, part.use_q, part.use_v, scratch.out_q[:, 0], scratch.out_v[:, 0]
-        )
+        advance_free(steps, coef, q, v, wq, wv, part.use_q, part.use_v, scratch.out_q[:, 0], scratch.out_v[:, 0])
         return
     eta = state.eta[coff : coff + c]
     if not fingered and c == 1 and settings.law == EXACT_HOLD:
@@ -399,9 +397,7 @@ def _steps(bank, state, settings, scratch, s: int, steps: int) -> None:
         first = me.finger_step
         for t in range(steps + 1):
             s01 = (first + t) / me.finger_steps
-            scratch.path[t] = me.finger_from + (me.finger_to - me.finger_from) * 0.5 * (
-                1.0 - math.cos(math.pi * s01)
-            )
+            scratch.path[t] = me.finger_from + (me.finger_to - me.finger_from) * 0.5 * (1.0 - math.cos(math.pi * s01))
         me.finger_step = first + steps
     finger = Finger(
         1 if fingered else 0,
@@ -535,12 +531,9 @@ def check(bank, state, settings, scratch, s: int) -> None:
 
 @njit(cache=True, nogil=True)
 def follow_controls(bank, state, settings, scratch, s: int) -> None:
-    """Take over pitch bend and obstacle height where they have moved."""
+    """Take over the pitch bend of the channel and the obstacle height of the part."""
     me = state.sounding[s]
-    bend = state.channels[me.channel].bend
-    height = state.part_state[bank.strings[s].part].height
-    if bend != me.bend or height != me.height:
-        me.bend = bend
-        me.height = height
-        me.n = bank.models[me.model].n
-        set_coefficients(bank, state, settings, scratch, s)
+    me.bend = state.channels[me.channel].bend
+    me.height = state.part_state[bank.strings[s].part].height
+    me.n = bank.models[me.model].n
+    set_coefficients(bank, state, settings, scratch, s)

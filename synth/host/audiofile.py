@@ -49,9 +49,7 @@ def container_of(path: str, asked: str | None = None) -> str:
         return ending
     if is_special(path):
         return "wav"
-    raise ValueError(
-        f"{path}: the name's ending does not say the format; end it in .wav or .flac, or give --format"
-    )
+    raise ValueError(f"{path}: the name's ending does not say the format; end it in .wav or .flac, or give --format")
 
 
 class Quantizer:
@@ -274,8 +272,6 @@ def _streaming_wav_header(rate_hz: int, channels: int, bit_depth: str) -> bytes:
     """44 bytes of WAV header with unknown lengths (all ones), as sox and ffmpeg write to pipes."""
     width = _BYTES_PER_SAMPLE[bit_depth]
     code = 3 if bit_depth == "float" else 1
-    form = struct.pack(
-        "<HHIIHH", code, channels, rate_hz, rate_hz * channels * width, channels * width, 8 * width
-    )
+    form = struct.pack("<HHIIHH", code, channels, rate_hz, rate_hz * channels * width, channels * width, 8 * width)
     unknown = struct.pack("<I", 0xFFFFFFFF)
     return b"RIFF" + unknown + b"WAVEfmt " + struct.pack("<I", 16) + form + b"data" + unknown

@@ -8,6 +8,7 @@ track, and key or channel pressure are passed over.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +35,7 @@ class Song:
         a note-on of the same key.
     rate_hz: frames per second of `frame`.  length_s: the song's end (end of track) in seconds.
     channels: (channel, program) → number of notes, for those that have notes.  notes: their sum.
+    keys: (channel, program) → the MIDI notes that occur.
     warnings: what was odd about the file, one line each.
     """
 
@@ -41,6 +43,7 @@ class Song:
     rate_hz: int
     length_s: float
     channels: dict[tuple[int, int], int]
+    keys: dict[tuple[int, int], set[int]]
     notes: int
     warnings: tuple[str, ...]
 
@@ -58,7 +61,7 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
     warnings = list(file.warnings)
     pieces: list[np.ndarray] = []
     seconds: list[np.ndarray] = []
-    channels: dict[tuple[int, int], int] = {}
+    tally: dict[tuple[int, int], Counter[int]] = {}
     programs = [0] * 16
     start_s = 0.0
     endless = 0
@@ -66,7 +69,7 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
         clock = _Clock(file, tracks, warnings)
         tick, events = _merge(tracks)
         end_s = _end_s(clock, tracks, tick, warnings)
-        order, still_on = _order_and_count(tick, events, programs, channels)
+        order, still_on = _order_and_count(tick, events, programs, tally)
         time_s = np.minimum(clock.seconds(tick), end_s)[order]
         endless += len(still_on)
         offs = np.zeros(len(still_on), EVENT)
@@ -78,13 +81,15 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
         start_s += end_s
     if endless:
         warnings.append(f"{endless} note{'s have' if endless > 1 else ' has'} no end: ended with the file")
+    channels = {pair: counts.total() for pair, counts in tally.items()}
+    keys = {pair: set(counts) for pair, counts in tally.items()}
     notes = sum(channels.values())
     if not notes:
         warnings.append("there are no notes in it")
     events = np.concatenate(pieces) if pieces else np.zeros(0, EVENT)
     if len(events):
         events["frame"] = np.rint(np.concatenate(seconds) * rate_hz).astype(np.int64)
-    return Song(events, rate_hz, start_s, channels, notes, tuple(dict.fromkeys(warnings)))
+    return Song(events, rate_hz, start_s, channels, keys, notes, tuple(dict.fromkeys(warnings)))
 
 
 class _Clock:
@@ -155,7 +160,7 @@ def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[
 
 
 def _order_and_count(
-    tick: np.ndarray, events: np.ndarray, programs: list[int], channels: dict[tuple[int, int], int]
+    tick: np.ndarray, events: np.ndarray, programs: list[int], tally: dict[tuple[int, int], Counter[int]]
 ) -> tuple[np.ndarray, list[tuple[int, int]]]:
     """Puts note-offs before note-ons at the same tick, counts notes by (channel, program), finds notes
     without an end.
@@ -163,7 +168,7 @@ def _order_and_count(
     A note-off at the tick of a note-on of its key ends the note that sounded before, if one did, and moves in
     front of that note-on: else a repeated note would be cut by the end of its forerunner. If none sounded
     before, it ends the new note, whose
-    length is zero: a pluck, which has to stay. `programs` (16) and `channels` are updated.
+    length is zero: a pluck, which has to stay. `programs` (16) and `tally` ((channel, program) → notes) are updated.
 
     Returns (order of the events, [(channel, note)] still on at the end).
     """
@@ -186,8 +191,7 @@ def _order_and_count(
             now.clear()
             now_tick = at
         if kind == NOTE_ON:
-            pair = (channel, programs[channel])
-            channels[pair] = channels.get(pair, 0) + 1
+            tally.setdefault((channel, programs[channel]), Counter())[a] += 1
             now.setdefault(channel << 7 | a, [0, place])[0] += 1
         elif kind == NOTE_OFF:
             key = channel << 7 | a

@@ -73,9 +73,7 @@ def span_of(
     if end_s is not None and end_s <= start_s:
         raise ValueError(f"--end must be later than --start ({start_s:g} s), got {end_s:g} s")
     if start_s and start_s >= length_s:
-        raise ValueError(
-            f"--start must lie within the song, which is {length_s:.2f} s long; got {start_s:g} s"
-        )
+        raise ValueError(f"--start must lie within the song, which is {length_s:.2f} s long; got {start_s:g} s")
     end = length_s if end_s is None else end_s
     tail = LONGEST_AUTO_TAIL_S if tail_s is None else tail_s
     return Span(round(start_s * rate_hz), round(end * rate_hz), round(tail * rate_hz), tail_s is None)
@@ -114,7 +112,8 @@ def render(
     starts_at = events["frame"]
     out = np.zeros((block, 2))
     stems = np.zeros((len(stem_sinks), block, 2)) if stem_sinks else None
-    hard_stop = stop = span.end + span.most_tail
+    hard_stop = span.end + span.most_tail
+    stop = hard_stop
     fade = _fade_out(span, rate_hz)
     tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz)) if span.automatic else None
     peak = 0.0
@@ -126,12 +125,15 @@ def render(
         due = events[first:behind].copy()
         due["frame"] -= at
         heard = out[:frames]
-        heard_stems = None if stems is None else stems[:, :frames]
-        engine.process(due, heard, heard_stems)
+        if stems is not None and frames != stems.shape[1]:
+            # A slice would not be contiguous, which is another type to a compiled engine.
+            stems = np.zeros((len(stem_sinks), frames, 2))
+        engine.process(due, heard, stems)
 
         song_at = at - latency
         if tail is not None:
-            stop = min(stop, tail.stop_after(heard, song_at))
+            found = tail.stop_after(heard, song_at)
+            stop = stop if found is None else min(stop, found)
         low = max(0, span.begin - song_at)
         high = min(frames, stop - song_at)
         if high > low:
@@ -141,14 +143,12 @@ def render(
                 piece = piece * gain
             loudest = float(np.abs(piece).max())
             if not np.isfinite(loudest):
-                raise RuntimeError(
-                    f"the engine gave a number that is not finite at {song_at / rate_hz:.2f} s"
-                )
+                raise RuntimeError(f"the engine gave a number that is not finite at {song_at / rate_hz:.2f} s")
             peak = max(peak, loudest)
             sink.write(piece)
             written += high - low
-            if heard_stems is not None:
-                for stem_sink, stem in zip(stem_sinks, heard_stems, strict=True):
+            if stems is not None:
+                for stem_sink, stem in zip(stem_sinks, stems, strict=True):
                     stem_sink.write(stem[low:high] if gain is None else stem[low:high] * gain)
         at += frames
         if progress is not None:
@@ -188,7 +188,7 @@ class _TailEnd:
             self._last_loud = int(loud[-1])
         possible = np.maximum(self._end, before + 1 + self._quiet_frames)
         found = np.flatnonzero(possible <= quiet_until)
-        return int(possible[found[0]]) if len(found) else np.inf
+        return int(possible[found[0]]) if len(found) else None
 
 
 def _fade_out(span: Span, rate_hz: int) -> np.ndarray:

@@ -53,9 +53,7 @@ def parse_channel_map(texts: Sequence[str]) -> dict[int, str]:
     for entry in (entry.strip() for text in texts for entry in text.split(",")):
         number, equals, preset = entry.partition("=")
         if not equals or not preset.strip() or not number.strip().isdecimal():
-            raise ValueError(
-                f"--map {entry!r} is not CHANNEL=PRESET; write for example --map 1=tanpura,3=none"
-            )
+            raise ValueError(f"--map {entry!r} is not CHANNEL=PRESET; write for example --map 1=tanpura,3=none")
         channel = int(number) - 1
         if not 0 <= channel < 16:
             raise ValueError(f"--map channel must be 1 to 16, got {int(number)}; correct {entry!r}")

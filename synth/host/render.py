@@ -105,8 +105,7 @@ class RenderReport:
         lost = sum(entry["count"] for entry in self.unplayed)
         unplayed = f"{lost} not played" if lost else "all played"
         closing = [
-            f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, "
-            f"{self.notes} notes ({unplayed}), {limiter}"
+            f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {self.notes} notes ({unplayed}), {limiter}"
         ]
         details = [
             f"  not played: {entry['count']} × {entry['note']} ({entry['part']}): {entry['reason']}"
@@ -117,9 +116,7 @@ class RenderReport:
         if self.stolen:
             details.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
         if self.clipped_samples:
-            details.append(
-                f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain"
-            )
+            details.append(f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain")
         return closing + details
 
 
@@ -153,10 +150,7 @@ def render_file(
     for channel, count in casting.left_out.items():
         if channel not in settings.channel_presets:
             what = "percussion" if channel == PERCUSSION_CHANNEL else "no preset"
-            note(
-                f"channel {channel + 1} ({what}) is left out: {count} notes; "
-                f"--map {channel + 1}=PRESET plays it"
-            )
+            note(f"channel {channel + 1} ({what}) is left out: {count} notes; --map {channel + 1}=PRESET plays it")
     note_hz = None
     if settings.tuning is not None or settings.keyboard is not None:
         note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)
@@ -348,8 +342,7 @@ class _Outputs:
                 stack.push(self._remove_directory)
             mix = [self._mix] if self._mix is not None else []
             self._writers = [
-                stack.enter_context(writer)
-                for writer in mix + [self._writer(path) for path in self.stem_paths]
+                stack.enter_context(writer) for writer in mix + [self._writer(path) for path in self.stem_paths]
             ]
             sinks: list[audiofile.AudioSink] = list(self._writers)
             self._spools: list[audiofile.Spool] = []

@@ -60,9 +60,7 @@ def note_frequencies(scale_path: str | Path | None, keyboard_path: str | Path | 
     keyboard = read_keyboard(keyboard_path) if keyboard_path is not None else Keyboard()
     reference = _key_cents(scale, keyboard, keyboard.reference)
     if reference is None:
-        raise ScalaError(
-            f"{keyboard_path}: the reference key {keyboard.reference} is not mapped; choose another"
-        )
+        raise ScalaError(f"{keyboard_path}: the reference key {keyboard.reference} is not mapped; choose another")
     note_hz = np.full(128, np.nan)
     for key in range(keyboard.first, keyboard.last + 1):
         cents = _key_cents(scale, keyboard, key)
@@ -100,14 +98,10 @@ def read_scale(path: str | Path) -> Scale:
     count = _integer(path, number, count_text, "the number of notes", 1, 4096)
     pitches = [line for line in lines[2:] if line[1]]
     if len(pitches) < count:
-        raise ScalaError(
-            f"{path}: {count} notes are promised, {len(pitches)} are there; correct line {number}"
-        )
+        raise ScalaError(f"{path}: {count} notes are promised, {len(pitches)} are there; correct line {number}")
     cents = tuple(_pitch_cents(path, number, text) for number, text in pitches[:count])
     if cents[-1] <= 0.0:
-        raise ScalaError(
-            f"{path}: the last pitch, where the scale repeats, must be above 1/1, got {cents[-1]:g} cents"
-        )
+        raise ScalaError(f"{path}: the last pitch, where the scale repeats, must be above 1/1, got {cents[-1]:g} cents")
     return Scale(description, cents)
 
 
@@ -121,8 +115,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
     names = ("the map's size", "the first key", "the last key", "the middle key", "the reference key")
     ranges = ((0, 128), (0, 127), (0, 127), (0, 127), (0, 127))
     size, first, last, middle, reference = (
-        _integer(path, *line, name, low, high)
-        for line, name, (low, high) in zip(lines[:5], names, ranges, strict=True)
+        _integer(path, *line, name, low, high) for line, name, (low, high) in zip(lines[:5], names, ranges, strict=True)
     )
     number, text = lines[5]
     try:
@@ -130,9 +123,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
     except ValueError:
         reference_hz = math.nan
     if not 1.0 <= reference_hz <= 20_000.0:
-        raise ScalaError(
-            f"{path}, line {number}: the reference frequency must be 1 to 20000 Hz, got {text!r}"
-        )
+        raise ScalaError(f"{path}, line {number}: the reference frequency must be 1 to 20000 Hz, got {text!r}")
     octave_degree = _integer(path, *lines[6], "the octave's degree", 0, 4096)
     if last < first:
         raise ScalaError(f"{path}: the last key ({last}) is below the first ({first}); exchange them")

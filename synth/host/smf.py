@@ -85,9 +85,7 @@ def parse(data: bytes) -> MidiFile:
         raise _cut_off("its header", len(data))
     header_length = _u32(data, 4)
     if header_length < 6:
-        raise MidiError(
-            f"broken header (length {header_length}, at least 6 is needed); export the file again"
-        )
+        raise MidiError(f"broken header (length {header_length}, at least 6 is needed); export the file again")
     form, promised, division = _u16(data, 8), _u16(data, 10), _u16(data, 12)
     if form > 2:
         raise MidiError(f"MIDI file format {form} is not known (0, 1 and 2 are); export the file as format 1")

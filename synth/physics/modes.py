@@ -213,7 +213,7 @@ def _cosine_tail(string: String, angles: np.ndarray, n_modes: int) -> np.ndarray
     tail = np.full(alpha.size, weights.real.sum())
     positive = alpha > 0.0
     if positive.any():
-        heard = sinh < 40.0 / alpha[positive][0]  # e^{−α Im z} ends the integral long before g does
+        heard = sinh * alpha[positive][0] < 40.0  # e^{−α Im z} ends the integral long before g does
         tail[positive] = (np.exp(1j * np.outer(alpha[positive], z[heard])) @ weights[heard]).real
     return tail[where]
 

@@ -78,9 +78,7 @@ def make_model(
     g = np.empty((contacts, contacts))
     contact_matrix(law, coef, shapes, residual, g)
     factor = filter_factor(law, omega, coef, dt)
-    return Model(
-        law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes
-    )
+    return Model(law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes)
 
 
 def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -97,7 +95,7 @@ def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     if not np.any(b < 0.0):
         return q.copy(), z, SOLVED
     work = make_work(contacts)
-    status = solve(a, b, np.ones(contacts, np.uint8), work.active, z, work.factor, work.index)
+    status = solve(a, b, np.ones(contacts, np.uint8), work.active, z, work.factor, work.order)
     if natural_residual(a, b, z) > 1e-9 * np.abs(b).max():
         status = NOT_SOLVED
     return q + compliance * (z @ model.shapes), z, status
@@ -327,5 +325,3 @@ def _weighed_step(model: Model, run: Run, finger: Finger, none, no_out) -> None:
     if touched:
         run.counts[LAST_CONTACT] = run.counts[STEPS] + 1
         run.counts[CONTACT_STEPS] += 1
-
-

@@ -115,41 +115,68 @@ def advance_free(n_steps: int, coef, q, v, wq, wv, use_q: int, use_v: int, out_q
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def advance_one(
-    n_steps: int, coef, shape, eta: float, g: float, q, v, wq, wv, use_q: int, use_v: int, out_q, out_v
-):
-    """Exact-hold with one contact and no finger: λ = max(0, (η − u_free)/G). Returns the number of steps in contact."""
+def advance_one(n_steps: int, coef, shape, eta: float, g: float, q, v, wq, wv, use_q: int, use_v: int, out_q, out_v):
+    """Exact-hold with one contact and no finger: λ = max(0, (η − u_free)/G). Returns the number of steps in contact.
+
+    The force of a step enters the coordinates in the pass of the next one (after the last step in a pass of its
+    own); its share in the output is λ Σ wq kq φ.
+    """
     n = q.size
     p11, p12, p21, p22 = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n]
     kq, kv = coef[4, :n], coef[5, :n]
     shape = shape[:n]
     wq, wv = wq[:n], wv[:n]
+    response = 0.0
+    for j in range(n):
+        response += wq[j] * kq[j] * shape[j]
     touched = 0
+    force = 0.0
     for t in range(n_steps):
         u = 0.0
         y = 0.0
-        for j in range(n):
-            a = p11[j] * q[j] + p12[j] * v[j]
-            b = p21[j] * q[j] + p22[j] * v[j]
-            q[j] = a
-            v[j] = b
-            u += shape[j] * a
-            y += wq[j] * a
+        if force > 0.0:
+            for j in range(n):
+                f = shape[j] * force
+                qj = q[j] + kq[j] * f
+                vj = v[j] + kv[j] * f
+                a = p11[j] * qj + p12[j] * vj
+                b = p21[j] * qj + p22[j] * vj
+                q[j] = a
+                v[j] = b
+                u += shape[j] * a
+                y += wq[j] * a
+        else:
+            for j in range(n):
+                a = p11[j] * q[j] + p12[j] * v[j]
+                b = p21[j] * q[j] + p22[j] * v[j]
+                q[j] = a
+                v[j] = b
+                u += shape[j] * a
+                y += wq[j] * a
+        force = 0.0
         if u < eta:
             force = (eta - u) / g
             touched += 1
-            y = 0.0
-            for j in range(n):
-                f = shape[j] * force
-                a = q[j] + kq[j] * f
-                q[j] = a
-                v[j] += kv[j] * f
-                y += wq[j] * a
+            y += response * force
+            if use_v:
+                _push(q, v, kq, kv, shape, force)
+                force = 0.0
         if use_q:
             out_q[t] = y
         if use_v:
             out_v[t] = dot(wv, v)
+    if force > 0.0:
+        _push(q, v, kq, kv, shape, force)
     return touched
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _push(q, v, kq, kv, shape, force: float) -> None:
+    """A held force, or an impulse, of one row enters the coordinates."""
+    for j in range(q.size):
+        f = shape[j] * force
+        q[j] += kq[j] * f
+        v[j] += kv[j] * f
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -179,8 +206,8 @@ def advance(
 ) -> int:
     """n steps of any law with any number of contacts and at most one finger.
 
-    coef (6, ≥N); shapes (C, ≥N); eta (C,); g (C, C) from `laws.contact_matrix`; q, v (N,) in place; u_contact, v_contact
-    (C,) position and velocity S q, S v of the contacts, in and out (Moreau–Jean reads them); force (C,) last contact
+    coef (6, ≥N); shapes (C, ≥N); eta (C,); g (C, C) from `laws.contact_matrix`; q, v (N,) in place; u_contact,
+    v_contact (C,) position and velocity S q, S v of the contacts, in and out (Moreau–Jean reads them); force (C,) last contact
     unknown; watch (C,) uint8: contacts that may be touched while none has been (the others have a certificate; from
     the first contact on all are looked at, and marked here); wq (P, ≥N), wv (R, ≥N) output weights; out_q (n, P),
     out_v (n, R); rec_force, rec_u (n, C), or empty where not wanted. Returns an `lcp` status.
@@ -272,20 +299,12 @@ def advance(
             if touching:
                 for c in range(contacts):
                     push -= finger.coupling[c] * force[c] / total_own
-            for j in range(n):
-                f = weights[j] * push
-                q[j] += kq[j] * f
-                v[j] += kv[j] * f
+            _push(q, v, kq, kv, weights, push)
             finger.state[1] = push
         if touching:
             for c in range(contacts):
                 if force[c] > 0.0:
-                    shape = shapes[c]
-                    strength = force[c]
-                    for j in range(n):
-                        f = shape[j] * strength
-                        q[j] += kq[j] * f
-                        v[j] += kv[j] * f
+                    _push(q, v, kq, kv, shapes[c], force[c])
         if fingered:
             finger.state[0] = dot(weights, q)
         if not hold:
@@ -312,7 +331,7 @@ def advance(
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def finger_row(law: int, coef, shapes, weights, coupling) -> float:
-    """Fill coupling (C,) = S diag(k) weightsᵀ, k the row that `contact_matrix` uses; return weights diag(k) weightsᵀ."""
+    """Fill coupling (C,) = S diag(k) wᵀ, k the row that `contact_matrix` uses, w the weights; return w diag(k) wᵀ."""
     n = weights.size
     row = coef[4, :n] if law == EXACT_HOLD else coef[5, :n]
     own = 0.0

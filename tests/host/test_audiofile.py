@@ -36,9 +36,7 @@ def test_float_files_hold_the_samples(tmp_path) -> None:
     sound = 3.0 * noise()
     with AudioWriter(tmp_path / "x.wav", RATE_HZ, bit_depth="float") as writer:
         writer.write(sound)
-    np.testing.assert_array_equal(
-        soundfile.read(tmp_path / "x.wav", dtype="float32")[0], sound.astype(np.float32)
-    )
+    np.testing.assert_array_equal(soundfile.read(tmp_path / "x.wav", dtype="float32")[0], sound.astype(np.float32))
     assert writer.clipped == 0
 
 
@@ -137,9 +135,7 @@ def test_standard_output_carries_the_same_samples_as_a_file(tmp_path, monkeypatc
     assert data[44:] == (tmp_path / "x.raw").read_bytes()
     # With the true lengths in its header the stream is a WAV file.
     body = len(data) - 44
-    mended = (
-        data[:4] + (36 + body).to_bytes(4, "little") + data[8:40] + body.to_bytes(4, "little") + data[44:]
-    )
+    mended = data[:4] + (36 + body).to_bytes(4, "little") + data[8:40] + body.to_bytes(4, "little") + data[44:]
     got, rate_hz = soundfile.read(io.BytesIO(mended))
     assert rate_hz == RATE_HZ
     np.testing.assert_array_equal(got, soundfile.read(tmp_path / "x.wav")[0])

@@ -146,9 +146,7 @@ def test_a_tempo_of_zero_is_passed_over() -> None:
     assert "tempo of 0" in result.warnings[0]
 
 
-@pytest.mark.parametrize(
-    "data", [header(0, 0), header(1, 0), header(2, 0), header() + track(), header(2, 1) + track()]
-)
+@pytest.mark.parametrize("data", [header(0, 0), header(1, 0), header(2, 0), header() + track(), header(2, 1) + track()])
 def test_a_song_of_nothing(data: bytes) -> None:
     result = song(data)
     assert len(result.events) == 0
@@ -164,9 +162,7 @@ def test_times_are_midos(tmp_path) -> None:
         for _ in range(200):
             delta = int(random.integers(0, 200))
             if random.random() < 0.2:
-                content.append(
-                    mido.MetaMessage("set_tempo", tempo=int(random.integers(1e5, 1e6)), time=delta)
-                )
+                content.append(mido.MetaMessage("set_tempo", tempo=int(random.integers(1e5, 1e6)), time=delta))
             note = int(random.integers(0, 128))
             content.append(mido.Message("note_on", channel=channel, note=note, velocity=50, time=delta))
         written.tracks.append(content)

@@ -33,9 +33,7 @@ def test_the_map_goes_before_all_else() -> None:
     assert casting.left_out == {0: 1}
 
 
-@pytest.mark.parametrize(
-    "text", ["tanpura", "1=", "=tanpura", "one=tanpura", "0=tanpura", "17=x", "1=a,,2=b", "-1=a"]
-)
+@pytest.mark.parametrize("text", ["tanpura", "1=", "=tanpura", "one=tanpura", "0=tanpura", "17=x", "1=a,,2=b", "-1=a"])
 def test_maps_that_are_none(text: str) -> None:
     with pytest.raises(ValueError, match="--map"):
         parse_channel_map([text])

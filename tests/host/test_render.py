@@ -66,9 +66,7 @@ def test_a_render_and_its_report(tmp_path, song, engine) -> None:
     assert report.parts == ["ch01-jawari-harp", "ch02-jawari-harp"]
     assert report.left_out == {10: 1}
     assert report.notes == 2
-    assert report.unplayed == [
-        {"part": "ch01-jawari-harp", "note": "C4", "count": 3, "reason": "no string reaches it"}
-    ]
+    assert report.unplayed == [{"part": "ch01-jawari-harp", "note": "C4", "count": 3, "reason": "no string reaches it"}]
     assert any("channel 10 (percussion) is left out: 1 notes" in line for line in heard)
     assert report.warnings == heard
     text = report.lines()
@@ -105,9 +103,7 @@ def test_a_failure_while_rendering_leaves_nothing(tmp_path, song, engine) -> Non
         raise KeyboardInterrupt
 
     engine.process = fail
-    settings = RenderSettings(
-        song, str(tmp_path / "song.wav"), stems=str(tmp_path / "stems"), normalize_dbfs=-1.0
-    )
+    settings = RenderSettings(song, str(tmp_path / "song.wav"), stems=str(tmp_path / "stems"), normalize_dbfs=-1.0)
     with pytest.raises(KeyboardInterrupt):
         render_file(settings)
     assert os.listdir(tmp_path) == ["song.mid"]

@@ -63,9 +63,7 @@ def test_a_mapping_alone_retunes_twelve_equal_steps(write) -> None:
 
 
 def test_trailing_keys_of_a_mapping_may_be_left_out(write) -> None:
-    note_hz = note_frequencies(
-        write("just.scl", JUST), write("short.kbm", "3\n0\n127\n60\n60\n261.6\n7\n0\n1\n")
-    )
+    note_hz = note_frequencies(write("just.scl", JUST), write("short.kbm", "3\n0\n127\n60\n60\n261.6\n7\n0\n1\n"))
     assert np.isnan(note_hz[62])
     np.testing.assert_allclose(note_hz[63] / note_hz[60], 2.0, rtol=1e-13)
 

@@ -114,9 +114,7 @@ def test_messages_name_the_file(tmp_path) -> None:
 
 def whole_file() -> bytes:
     first = track((0, tempo(400_000)), (960, tempo(600_000)), end=480)
-    second = track(
-        (0, b"\xc0\x21"), (0, on(40)), (480, bytes((40, 0))), (0, b"\xf0\x03\x7e\x7f\xf7"), end=480
-    )
+    second = track((0, b"\xc0\x21"), (0, on(40)), (480, bytes((40, 0))), (0, b"\xf0\x03\x7e\x7f\xf7"), end=480)
     return header(form=1, tracks=2) + first + second
 
 
@@ -160,11 +158,7 @@ channel_messages = st.one_of(
 )
 
 
-@given(
-    st.lists(
-        st.lists(st.tuples(st.integers(0, 0x0FFFFFFF), channel_messages), max_size=20), min_size=1, max_size=3
-    )
-)
+@given(st.lists(st.lists(st.tuples(st.integers(0, 0x0FFFFFFF), channel_messages), max_size=20), min_size=1, max_size=3))
 def test_reads_what_mido_writes(tracks) -> None:
     song = mido.MidiFile(type=1)
     for content in tracks:

@@ -72,14 +72,14 @@ def test_pluck_weights_average_over_the_finger():
     assert np.allclose(pluck_weights(LENGTH, position, width, n), mean, rtol=0, atol=2e-8)
 
 
-@given(st.floats(0.01, 0.99), st.floats(0.0, 0.3), st.floats(-5e-3, 5e-3))
+@given(st.floats(0.01, 0.99), st.floats(0.0, 0.3), st.floats(1e-7, 5e-3))
 def test_linear_in_displacement_and_mirrored(share, width, displacement):
     x = share * LENGTH
     q = triangle_pluck(LENGTH, x, displacement, width, 40)
     assert np.allclose(triangle_pluck(LENGTH, x, -2 * displacement, width, 40), -2 * q, rtol=1e-14, atol=0)
     mirrored = triangle_pluck(LENGTH, LENGTH - x, displacement, width, 40)
     signs = (-1.0) ** np.arange(40)
-    assert np.allclose(mirrored, signs * q, rtol=0, atol=1e-13 * max(abs(displacement), 1e-300))
+    assert np.allclose(mirrored, signs * q, rtol=0, atol=1e-13 * displacement)
 
 
 def test_the_papers_start(reference):

@@ -436,9 +436,11 @@ def test_residual_is_positive_semidefinite_wherever_the_contacts_are(string, sha
 @given(strings, st.integers(0, 300), st.integers(1, 300))
 def test_modes_that_join_leave_the_residual(string, n, more):
     x = np.array([0.05, 0.4, 0.77]) * string.length_m
-    step = modes.residual_compliance(string, x, n) - modes.residual_compliance(string, x, n + more)
+    before = modes.residual_compliance(string, x, n)
     joined = modal_sum(string, x, n + 1, n + more)
-    assert np.abs(step - joined).max() < 1e-12 * joined.max()
+    step = before - modes.residual_compliance(string, x, n + more)
+    # Phases up to (n + more) π, each good to EPS of that
+    assert np.abs(step - joined).max() < 20 * (n + more + 10) * EPS * before.max()
 
 
 def test_residual_knows_neither_measured_values_nor_the_nut(guitar):
