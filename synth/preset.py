@@ -11,6 +11,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -64,7 +65,7 @@ def at_note(value: float | dict[int, float], note: float) -> float:
     points = sorted(value.items())
     if note <= points[0][0]:
         return points[0][1]
-    for (n0, v0), (n1, v1) in zip(points, points[1:], strict=False):
+    for (n0, v0), (n1, v1) in pairwise(points):
         if note <= n1:
             s = (note - n0) / (n1 - n0)
             if v0 > 0.0 and v1 > 0.0:

@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+#: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
+CORE = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 #: frames that are computed at a time, counted from the start of the stream; every decision that works on chunks of
 #: steps is taken at their borders, so that the host's block size changes no bit
 QUANTUM = 32
@@ -142,6 +145,7 @@ SOUNDING = np.dtype(
         ("held", "i8"),
         ("sustained", "i8"),
         ("stolen", "i8"),
+        ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
         ("plucked_at", "i8"),
         ("phase", "i8"),
         ("finger_step", "i8"),

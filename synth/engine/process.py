@@ -19,6 +19,7 @@ from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PRO
 from synth.engine.layout import (
     AWAKE,
     CHECK_EVERY,
+    CORE,
     GAIN,
     HEIGHT,
     MOST_AWAKE,
@@ -42,12 +43,6 @@ def process(bank, state, settings, scratch, events, out, stems) -> None:
     """One block: `events` (EVENT, frames from the block's start, in order), `out` (frames, 2), `stems` (parts or 0,
     frames, 2). Output is late by QUANTUM + the decimator's latency + the limiter's look-ahead."""
     saved = enable_ftz()
-    _process(bank, state, settings, scratch, events, out, stems)
-    restore(saved)
-
-
-@njit(cache=True, nogil=True)
-def _process(bank, state, settings, scratch, events, out, stems) -> None:
     now = state.counters[NOW]
     for i in range(events.size):
         at = state.counters[PENDING]
@@ -80,9 +75,10 @@ def _process(bank, state, settings, scratch, events, out, stems) -> None:
                 stems[p, i, side] = state.stems[p, late % RING, side] if late >= 0 else 0.0
     state.meters[0] = peak
     state.counters[NOW] = now + out.shape[0]
+    restore(saved)
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _quantum(bank, state, settings, scratch) -> None:
     start = state.counters[PRODUCED]
     _smooth_controls(bank, state, settings)
@@ -94,7 +90,7 @@ def _quantum(bank, state, settings, scratch) -> None:
         if me.awake:
             moved = me.bend != state.channels[me.channel].bend
             if moved or me.height != state.part_state[bank.strings[s].part].height:
-                follow_controls(bank, state, settings, scratch, s)
+                follow_controls(bank, state, s)
             if looking:
                 check(bank, state, settings, scratch, s)
             awake += state.sounding[s].awake
@@ -126,7 +122,7 @@ def _quantum(bank, state, settings, scratch) -> None:
     state.counters[PRODUCED] = start + QUANTUM
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _smooth_controls(bank, state, settings) -> None:
     share = 1.0 - math.exp(-QUANTUM / (CONTROL_S * settings.rate_hz))
     for c in range(state.channels.size):
@@ -145,7 +141,7 @@ def _smooth_controls(bank, state, settings) -> None:
                 part.height = target
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _mix(bank, state, settings, scratch, start: int) -> None:
     mix = scratch.mix
     mix[:] = 0.0
@@ -211,7 +207,7 @@ def _mix(bank, state, settings, scratch, start: int) -> None:
         state.ring[place, 1] = mix[i, 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _handle(bank, state, settings, scratch, event) -> None:
     kind, c = event.kind, event.channel
     if kind == PARAMETER:
@@ -223,16 +219,16 @@ def _handle(bank, state, settings, scratch, event) -> None:
     if kind == NOTE_ON and event.b > 0:
         _note_on(bank, state, settings, scratch, c, event.a, event.b)
     elif kind == NOTE_OFF or kind == NOTE_ON:
-        _note_off(bank, state, settings, scratch, c, event.a)
+        _note_off(bank, state, c, event.a)
     elif kind == CONTROL:
-        _control(bank, state, settings, scratch, c, event.a, event.b)
+        _control(bank, state, c, event.a, event.b)
     elif kind == BEND:
         state.channels[c].bend_raw = max(-1.0, min(1.0, event.a / 8192.0))
     elif kind == PROGRAM:
         state.channels[c].program = event.a & 127
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _note_on(bank, state, settings, scratch, c: int, note: int, velocity: int) -> None:
     if not 0 <= note <= 127:
         return
@@ -250,7 +246,7 @@ def _note_on(bank, state, settings, scratch, c: int, note: int, velocity: int) -
     s = position.string
     me = state.sounding[s]
     if not me.awake:
-        _make_room(bank, state, settings, scratch)
+        _make_room(bank, state, settings)
         state.counters[AWAKE] += 1
         state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
     legato = state.channels[c].legato != 0 and me.held != 0 and me.awake != 0 and me.model != position.model
@@ -264,7 +260,7 @@ def _note_on(bank, state, settings, scratch, c: int, note: int, velocity: int) -
     pluck(bank, state, settings, scratch, s, position.model, velocity, legato)
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _choose_position(bank, state, p: int, c: int, note: int) -> int:
     """The place a player would take: the string already playing the note, else a string that is not held, nearest to
     the hand; among equals the one plucked longest ago. −1 where the note is on no string."""
@@ -289,8 +285,8 @@ def _choose_position(bank, state, p: int, c: int, note: int) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
-def _make_room(bank, state, settings, scratch) -> None:
+@njit(**CORE)
+def _make_room(bank, state, settings) -> None:
     """Where as many strings sound as are allowed, the quietest is cut."""
     sounding = 0
     quietest = -1
@@ -308,21 +304,21 @@ def _make_room(bank, state, settings, scratch) -> None:
         state.sounding[quietest].stolen = 1
         state.sounding[quietest].phase = 0
         state.counters[N_STOLEN] += 1
-        damp(bank, state, settings, scratch, quietest, CUT_S)
+        damp(state, quietest, CUT_S)
 
 
-@njit(cache=True, nogil=True)
-def _note_off(bank, state, settings, scratch, c: int, note: int) -> None:
+@njit(**CORE)
+def _note_off(bank, state, c: int, note: int) -> None:
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if me.held and me.channel == c and me.note == note:
             me.held = 0
             me.sustained = state.channels[c].sustain
-            let_go(bank, state, settings, scratch, s)
+            let_go(bank, state, s)
 
 
-@njit(cache=True, nogil=True)
-def _release_all(bank, state, settings, scratch, c: int, keep_sustained: bool) -> None:
+@njit(**CORE)
+def _release_all(bank, state, c: int, keep_sustained: bool) -> None:
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if me.channel == c and (me.held or me.sustained):
@@ -331,22 +327,22 @@ def _release_all(bank, state, settings, scratch, c: int, keep_sustained: bool) -
             me.held = 0
             if not keep_sustained:
                 me.sustained = 0
-            let_go(bank, state, settings, scratch, s)
+            let_go(bank, state, s)
 
 
-@njit(cache=True, nogil=True)
-def _sustain(bank, state, settings, scratch, c: int, value: int) -> None:
+@njit(**CORE)
+def _sustain(bank, state, c: int, value: int) -> None:
     state.channels[c].sustain = 1 if value >= 64 else 0
     if value < 64:
         for s in range(bank.strings.size):
             me = state.sounding[s]
             if me.channel == c and me.sustained:
                 me.sustained = 0
-                let_go(bank, state, settings, scratch, s)
+                let_go(bank, state, s)
 
 
-@njit(cache=True, nogil=True)
-def _control(bank, state, settings, scratch, c: int, controller: int, value: int) -> None:
+@njit(**CORE)
+def _control(bank, state, c: int, controller: int, value: int) -> None:
     channel = state.channels[c]
     x = min(max(value, 0), 127) / 127.0
     if controller == 7:  # unity at the power-up value of 100; the curve is the recommended 40 log₁₀
@@ -356,7 +352,7 @@ def _control(bank, state, settings, scratch, c: int, controller: int, value: int
     elif controller == 10:
         channel.pan = max(-1.0, (value - 64) / 63.0)
     elif controller == 64:
-        _sustain(bank, state, settings, scratch, c, value)
+        _sustain(bank, state, c, value)
     elif controller == 68:
         channel.legato = 1 if value >= 64 else 0
     elif controller == 100:
@@ -376,12 +372,12 @@ def _control(bank, state, settings, scratch, c: int, controller: int, value: int
                 me.held = 0
                 me.sustained = 0
                 me.phase = 0
-                damp(bank, state, settings, scratch, s, CUT_S)
+                damp(state, s, CUT_S)
     elif controller == 121:
         channel.expression = 1.0
         channel.legato = 0
         channel.rpn = 0x3FFF
         channel.bend_raw = 0.0
-        _sustain(bank, state, settings, scratch, c, 0)
+        _sustain(bank, state, c, 0)
     elif controller >= 123:
-        _release_all(bank, state, settings, scratch, c, True)
+        _release_all(bank, state, c, True)

@@ -8,6 +8,7 @@ from numba import njit
 
 from synth.engine.layout import (
     CONTACT_STEPS,
+    CORE,
     DRAW,
     FAILED_LCP,
     NO_FINGER,
@@ -45,8 +46,8 @@ BASE_S = 0.05
 LN_1000 = math.log(1000.0)
 
 
-@njit(cache=True, nogil=True)
-def set_coefficients(bank, state, settings, scratch, s: int) -> None:
+@njit(**CORE)
+def _set_coefficients(bank, state, settings, scratch, s: int) -> None:
     """Put the string's working coefficients, contact matrix and heights in line with model, hand, bend and height."""
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -85,11 +86,20 @@ def set_coefficients(bank, state, settings, scratch, s: int) -> None:
                 for a in range(c):
                     for b in range(c):
                         matrix[a, b] += relief * residual[a, b]
+
+
+@njit(**CORE)
+def _refresh(bank, state, settings, scratch, s: int) -> None:
+    """Work out what an event has made stale. Here and nowhere else, once however many events came."""
+    me = state.sounding[s]
+    if me.stale == 1:
+        _set_coefficients(bank, state, settings, scratch, s)
     if me.phase != NO_FINGER:
         _couple_finger(bank, state, settings, s)
+    me.stale = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _couple_finger(bank, state, settings, s: int) -> None:
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -106,8 +116,8 @@ def _couple_finger(bank, state, settings, s: int) -> None:
     )
 
 
-@njit(cache=True, nogil=True)
-def wake(bank, state, settings, scratch, s: int, model_index: int) -> None:
+@njit(**CORE)
+def wake(bank, state, s: int, model_index: int) -> None:
     """A silent string begins at rest on the given model, over the obstacle as high as it now is."""
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -132,10 +142,10 @@ def wake(bank, state, settings, scratch, s: int, model_index: int) -> None:
         for j in range(n):
             w = bank.omega[model.off + j]
             state.q[fixed.off + j] = bank.shapes[model.soff + j] * lift / (model.mu * w * w)
-    set_coefficients(bank, state, settings, scratch, s)
+    me.stale = 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def sleep(bank, state, s: int) -> None:
     """The string is silent: it costs nothing until it is touched."""
     me = state.sounding[s]
@@ -149,7 +159,7 @@ def sleep(bank, state, s: int) -> None:
         state.v[fixed.off + j] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _set_finger(bank, state, settings, s: int, distance: float, width: float, seconds: float) -> None:
     """A finger of some width takes hold of the string at a distance from the saddle, where the string now is."""
     me = state.sounding[s]
@@ -176,9 +186,11 @@ def _set_finger(bank, state, settings, s: int, distance: float, width: float, se
     me.finger_from = here
     state.finger_state[s, 0] = here
     state.finger_state[s, 1] = 0.0
+    if me.stale == 0:
+        me.stale = 2
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def draw(bank, state, settings, s: int, velocity: float) -> None:
     """The plucking finger takes hold of the string, draws it aside and lets it go."""
     me = state.sounding[s]
@@ -195,10 +207,9 @@ def draw(bank, state, settings, s: int, velocity: float) -> None:
     force = fixed.pluck_force * parameters[PLUCK_AMOUNT] * strength**part.velocity_exponent
     me.finger_to = force * distance * (model.length - distance) / (model.tension * model.length)
     me.phase = DRAW
-    _couple_finger(bank, state, settings, s)
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def press(bank, state, settings, s: int, target: int, velocity: float) -> None:
     """The left hand brings a sounding string down to a higher fret; the change of model and the pluck come after."""
     me = state.sounding[s]
@@ -209,11 +220,10 @@ def press(bank, state, settings, s: int, target: int, velocity: float) -> None:
     me.finger_to = new.rest_height - old.rest_height * new.length / old.length
     me.finger_k *= 20.0  # the fret is behind this finger
     me.phase = PRESS
-    _couple_finger(bank, state, settings, s)
 
 
-@njit(cache=True, nogil=True)
-def change_model(bank, state, settings, scratch, s: int, target: int) -> None:
+@njit(**CORE)
+def change_model(bank, state, scratch, s: int, target: int) -> None:
     """Carry the motion of a sounding string over to another speaking length.
 
     Both models end at the saddle. With ξ counted from there, φ_j = √(2/L)(−1)^(j+1) sin(jπξ/L), and the new coordinates
@@ -279,64 +289,64 @@ def change_model(bank, state, settings, scratch, s: int, target: int) -> None:
     me.model = target
     me.n = n_new
     me.phase = NO_FINGER
-    set_coefficients(bank, state, settings, scratch, s)
+    me.stale = 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def pluck(bank, state, settings, scratch, s: int, target: int, velocity: float, legato: bool) -> None:
     """A note begins on string s at a model (position): wake or re-pluck, change fret where needed."""
     me = state.sounding[s]
     me.stolen = 0
     if not me.awake:
-        wake(bank, state, settings, scratch, s, target)
+        wake(bank, state, s, target)
     elif me.hand != 0.0:
         me.hand = 0.0
-        set_coefficients(bank, state, settings, scratch, s)
+        me.stale = 1
     if me.model != target:
         if bank.models[target].length < bank.models[me.model].length:
             press(bank, state, settings, s, target, 0.0 if legato else velocity)
             return
-        change_model(bank, state, settings, scratch, s, target)
+        change_model(bank, state, scratch, s, target)
         if legato:
             return
     draw(bank, state, settings, s, velocity)
 
 
-@njit(cache=True, nogil=True)
-def damp(bank, state, settings, scratch, s: int, seconds: float) -> None:
+@njit(**CORE)
+def damp(state, s: int, seconds: float) -> None:
     """The hand lies on the string: every mode decays by 60 dB in `seconds` at the latest."""
     me = state.sounding[s]
     if me.awake:
         hand = LN_1000 / seconds
         if hand != me.hand:
             me.hand = hand
-            set_coefficients(bank, state, settings, scratch, s)
+            me.stale = 1
 
 
-@njit(cache=True, nogil=True)
-def let_go(bank, state, settings, scratch, s: int) -> None:
+@njit(**CORE)
+def let_go(bank, state, s: int) -> None:
     """Note-off has reached the string: the hand damps it unless a finger is still at work or the preset rings on."""
     me = state.sounding[s]
     part = bank.strings[s].part
     if me.held or me.sustained or me.phase != NO_FINGER or bank.parts[part].ring_on:
         return
-    damp(bank, state, settings, scratch, s, bank.strings[s].release_s * state.parameters[part, RELEASE])
+    damp(state, s, bank.strings[s].release_s * state.parameters[part, RELEASE])
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _finger_done(bank, state, settings, scratch, s: int) -> None:
     me = state.sounding[s]
     phase = me.phase
     me.phase = NO_FINGER
     if phase == PRESS:
-        change_model(bank, state, settings, scratch, s, me.pending_model)
+        change_model(bank, state, scratch, s, me.pending_model)
         if me.pending_velocity > 0.0:
             draw(bank, state, settings, s, me.pending_velocity)
             return
-    let_go(bank, state, settings, scratch, s)
+    let_go(bank, state, s)
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def advance_string(bank, state, settings, scratch, s: int, start: int, frames: int) -> None:
     """`frames` output frames of one awake string from frame `start` of the quantum, added to its bus."""
     fixed = bank.strings[s]
@@ -346,6 +356,8 @@ def advance_string(bank, state, settings, scratch, s: int, start: int, frames: i
     while done < total:
         me = state.sounding[s]
         steps = total - done
+        if me.stale:
+            _refresh(bank, state, settings, scratch, s)
         if me.phase != NO_FINGER:
             steps = min(steps, me.finger_steps - me.finger_step)
         _steps(bank, state, settings, scratch, s, steps)
@@ -355,7 +367,7 @@ def advance_string(bank, state, settings, scratch, s: int, start: int, frames: i
             _finger_done(bank, state, settings, scratch, s)
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _steps(bank, state, settings, scratch, s: int, steps: int) -> None:
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -449,7 +461,7 @@ def _steps(bank, state, settings, scratch, s: int, steps: int) -> None:
         state.counters[FAILED_LCP] += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def _collect(bank, state, settings, scratch, s: int, steps: int, bus) -> None:
     """Add the output of the last steps to the bus, counted from the slowly followed rest."""
     me = state.sounding[s]
@@ -473,7 +485,7 @@ def _collect(bank, state, settings, scratch, s: int, steps: int, bus) -> None:
         me.base = base
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **CORE)
 def _energy_norm(omega, q, v, q_rest) -> float:
     total = 0.0
     for j in range(q.size):
@@ -482,11 +494,11 @@ def _energy_norm(omega, q, v, q_rest) -> float:
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(**CORE)
 def check(bank, state, settings, scratch, s: int) -> None:
     """Level, certificate that contacts are out of reach, pruning of inaudible modes, sleep."""
     me = state.sounding[s]
-    if me.phase != NO_FINGER:
+    if me.phase != NO_FINGER or me.stale:
         return
     fixed = bank.strings[s]
     model = bank.models[me.model]
@@ -529,11 +541,11 @@ def check(bank, state, settings, scratch, s: int) -> None:
         me.n = n
 
 
-@njit(cache=True, nogil=True)
-def follow_controls(bank, state, settings, scratch, s: int) -> None:
+@njit(**CORE)
+def follow_controls(bank, state, s: int) -> None:
     """Take over the pitch bend of the channel and the obstacle height of the part."""
     me = state.sounding[s]
     me.bend = state.channels[me.channel].bend
     me.height = state.part_state[bank.strings[s].part].height
     me.n = bank.models[me.model].n
-    set_coefficients(bank, state, settings, scratch, s)
+    me.stale = 1
