@@ -1,25 +1,34 @@
 """The command line from outside: help, errors, exit codes; nothing is written where something was wrong."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
 
 from synth import cli
+from tests.host.midibytes import header, off, on, track
 
 ROOT = Path(__file__).resolve().parents[1]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 DRONE = str(ROOT / "presets" / "demos" / "drone.mid")
 
 
+def command_line(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "synth", *arguments]
+
+
 def synth(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(
-        [sys.executable, "-m", "synth", *arguments],
+        command_line(*arguments),
         cwd=cwd,
-        env=environment,
+        env=ENVIRONMENT,
         capture_output=True,
         text=True,
         timeout=120,
@@ -88,13 +97,13 @@ WRONG = [
     (["render", DRONE, "-o", "x.wav", "--gain", "nan"], "got 'nan'"),
     (["render", DRONE, "-o", "x.wav", "--gain", "loud"], "got 'loud'"),
     (["render", DRONE, "-o", "x.wav", "--normalize", "3"], "got '3'"),
-    (["render", DRONE, "-o", "x.wav", "--tail", "-1"], "expected one argument"),
+    (["render", DRONE, "-o", "x.wav", "--tail", "-1"], "from 0 to 3600 s (or auto), got '-1'"),
     (["render", DRONE, "-o", "x.wav", "--tail=-1"], "got '-1'"),
     (["render", DRONE, "-o", "x.wav", "--tail", "inf"], "got 'inf'"),
     (["render", DRONE, "-o", "x.wav", "--start", "20", "--end", "10"], "later than --start"),
     (["render", DRONE, "-o", "x.wav", "--start", "99"], "within the song"),
     (["render", DRONE, "-o", "x.wav", "--polyphony", "0"], "got '0'"),
-    (["render", DRONE, "-o", "x.wav", "--seed", "-1"], "expected one argument"),
+    (["render", DRONE, "-o", "x.wav", "--seed", "-1"], "from 0 to 4294967295, got '-1'"),
     (["render", DRONE, "-o", "x.wav", "--bit-depth", "12"], "invalid choice: '12'"),
     (["render", DRONE, "-o", "x.wav", "--map", "17=tanpura"], "must be 1 to 16, got 17"),
     (["render", DRONE, "-o", "x.wav", "--set", "loud"], "KEY=VALUE"),
@@ -160,3 +169,132 @@ def test_termination_ends_with_143_and_restores_the_handler(monkeypatch) -> None
     monkeypatch.setattr(cli, "_list_presets", stop)
     assert cli.main(["presets"]) == 143
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory) -> Path:
+    """A directory with song.mid and its rendering song.wav by the real engine."""
+    directory = tmp_path_factory.mktemp("rendered")
+    events = [
+        (0, b"\xc0\x21"),
+        (0, on(40, 100)),
+        (240, on(36, channel=9)),
+        (240, off(40)),
+        (0, on(12, 90)),
+        (10, off(12)),
+    ]
+    (directory / "song.mid").write_bytes(header() + track(*events))
+    done = synth("render", "song.mid", "-o", "song.wav", "--tail", "0.25", "--json", cwd=directory)
+    assert done.returncode == 0, done.stderr
+    (directory / "report.json").write_text(done.stdout)
+    return directory
+
+
+def test_a_render_by_the_real_engine(rendered) -> None:
+    report = json.loads((rendered / "report.json").read_text())
+    sound, rate_hz = soundfile.read(rendered / "song.wav")
+    assert rate_hz == 44100
+    assert len(sound) == round((490 / 960 + 0.25) * 44100)
+    assert report["parts"] == ["ch01-fretted-bass"]
+    assert report["left_out"] == {"10": 1}
+    assert [(each["note"], each["count"]) for each in report["unplayed"]] == [("C0", 1)]
+    assert report["strings"] == 1
+    # The report's peak is the file's, to half a step of 24 bits.
+    assert 10 ** (report["peak_dbfs"] / 20) == pytest.approx(np.abs(sound).max(), abs=2**-23)
+    assert 0.01 < np.abs(sound).max() < 1.0
+
+
+def test_the_block_size_does_not_show_in_the_file(rendered, tmp_path) -> None:
+    song = str(rendered / "song.mid")
+    done = synth("render", song, "-o", "other.wav", "--tail", "0.25", "--block", "37", "--quiet", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "other.wav").read_bytes() == (rendered / "song.wav").read_bytes()
+
+
+def test_a_part_of_the_song_is_a_slice_of_the_whole(rendered, tmp_path) -> None:
+    song = str(rendered / "song.mid")
+    done = synth("render", song, "-o", "part.wav", "--start", "0.1", "--end", "0.3", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    whole, _ = soundfile.read(rendered / "song.wav")
+    np.testing.assert_array_equal(soundfile.read(tmp_path / "part.wav")[0], whole[4410:13230])
+
+
+def test_standard_output_carries_the_samples_and_nothing_else(rendered, tmp_path) -> None:
+    song = str(rendered / "song.mid")
+    arguments = command_line("render", song, "-o", "-", "--format", "raw", "--tail", "0.25", "--bit-depth", "24")
+    done = subprocess.run(arguments, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, timeout=120)
+    assert done.returncode == 0
+    whole, _ = soundfile.read(rendered / "song.wav", dtype="int32")
+    steps = np.frombuffer(done.stdout, np.uint8).reshape(-1, 3)
+    padded = np.concatenate((np.zeros((len(steps), 1), np.uint8), steps), axis=1)
+    np.testing.assert_array_equal(padded.view("<i4").reshape(-1, 2), whole)
+    assert b"standard output: " in done.stderr
+
+
+def test_a_reader_that_goes_away_is_no_traceback(rendered) -> None:
+    arguments = command_line("render", str(rendered / "song.mid"), "-o", "-", "--tail", "60")
+    running = subprocess.Popen(arguments, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert running.stdout is not None and running.stderr is not None
+    running.stdout.read(44)
+    running.stdout.close()
+    told = running.stderr.read()
+    running.stderr.close()
+    assert running.wait(timeout=120) == 1
+    assert b"Traceback" not in told
+
+
+@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_render_leaves_nothing(tmp_path, how: signal.Signals, code: int) -> None:
+    # A day of music: it is certainly still going on when the signal comes.
+    (tmp_path / "long.mid").write_bytes(header(division=1) + track((0, on(40)), (170_000, off(40))))
+    arguments = command_line("render", "long.mid", "-p", "fretted-bass", "-o", "long.wav", "--stems", "stems")
+    running = subprocess.Popen(arguments, cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob(".long.wav.*")):
+        assert running.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    running.send_signal(how)
+    told = running.communicate(timeout=60)[1]
+    assert running.returncode == code
+    assert b"Traceback" not in told
+    assert os.listdir(tmp_path) == ["long.mid"]
+
+
+def test_presets_are_listed_shown_and_checked(capsys, tmp_path) -> None:
+    assert cli.main(["presets"]) == 0
+    listed = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert {"tanpura", "fretted-bass", "jawari-harp"} <= set(listed)
+    assert cli.main(["presets", "list", "--json"]) == 0
+    assert [row["name"] for row in json.loads(capsys.readouterr().out)] == listed
+    for name in listed:
+        assert cli.main(["presets", "show", name]) == 0
+        text = capsys.readouterr().out
+        (tmp_path / "mine.toml").write_text(text)
+        assert cli.main(["presets", "check", str(tmp_path / "mine.toml")]) == 0
+        assert f"{name} is in order" in capsys.readouterr().out
+
+
+def test_a_wrong_preset_is_told_with_all_its_faults(capsys, tmp_path) -> None:
+    (tmp_path / "wrong.toml").write_text('format = 1\nname = "Wrong Name"\nvolume = 11\n')
+    assert cli.main(["presets", "check", str(tmp_path / "wrong.toml")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) >= 3
+    assert all(line.startswith("synth: error: ") for line in lines)
+    assert any("volume" in line for line in lines) and any(": name" in line for line in lines)
+
+
+def test_a_preset_that_is_not_there(tmp_path, capsys) -> None:
+    assert (
+        cli.main(["render", DRONE, "-p", "sitar", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
+    )
+    assert "preset 'sitar'" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_plan_in_words_and_as_json(capsys) -> None:
+    assert cli.main(["plan", "tanpura", "C3", "--quality", "draft"]) == 0
+    assert "draft" in capsys.readouterr().out
+    assert cli.main(["plan", "tanpura", "48", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)
+    assert cli.main(["plan", "tanpura", "H9"]) == 2
+    assert capsys.readouterr().err.startswith("synth: error: ")

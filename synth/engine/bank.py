@@ -250,4 +250,5 @@ def new_scratch(bank: Bank) -> Scratch:
         np.zeros(widest, np.int64),
         np.zeros(widest, np.uint8),
         np.zeros(widest, np.uint8),
+        np.zeros(widest, np.uint8),
     )

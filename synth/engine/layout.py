@@ -263,3 +263,4 @@ class Scratch(NamedTuple):
     order: np.ndarray
     enabled: np.ndarray
     active: np.ndarray
+    near: np.ndarray

@@ -27,6 +27,7 @@ from synth.solver.kernels import (
     advance_free,
     advance_one,
     amplitudes,
+    cull,
     dot,
     finger_row,
     reach,
@@ -41,6 +42,9 @@ CUT_S = 0.03
 PRUNE_BELOW = 1e-8
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
+#: internal steps for which contacts out of reach are not looked at, where a string has this many contacts or more
+CULL_STEPS = 32
+CULL_FROM = 3
 #: how fast the output's rest line follows a change of fret [s]
 BASE_S = 0.05
 LN_1000 = math.log(1000.0)
@@ -433,30 +437,50 @@ def _steps(bank, state, settings, scratch, s: int, steps: int) -> None:
     )
     for k in range(c):
         scratch.active[k] = 1 if state.force[coff + k] > 0.0 else 0
-    status = advance(
-        settings.law,
-        steps,
-        1.0 / (settings.rate_hz * fixed.factor),
-        settings.restitution,
-        coef,
-        shapes,
-        eta,
-        state.matrix[fixed.goff : fixed.goff + c * c].reshape(c, c),
-        q,
-        v,
-        u,
-        vc,
-        state.force[coff : coff + c],
-        finger,
-        state.watch[coff : coff + c],
-        wq.reshape(1, n)[: part.use_q],
-        wv.reshape(1, n)[: part.use_v],
-        scratch.out_q,
-        scratch.out_v,
-        scratch.record,
-        scratch.record,
-        work,
-    )
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
+    matrix = state.matrix[fixed.goff : fixed.goff + c * c].reshape(c, c)
+    watch = state.watch[coff : coff + c]
+    omega = bank.omega[model.off : model.off + n]
+    culling = settings.economy and not fingered and settings.law == EXACT_HOLD and c >= CULL_FROM and me.bend == 0.0
+    near = scratch.near[:c] if culling else watch
+    status = 0
+    done = 0
+    while done < steps:
+        part_steps = steps - done
+        if culling:
+            part_steps = min(part_steps, CULL_STEPS)
+            cull(shapes, eta, omega, q, v, part_steps * dt, watch, scratch.amplitude, near)
+        bad = advance(
+            settings.law,
+            part_steps,
+            dt,
+            settings.restitution,
+            coef,
+            shapes,
+            eta,
+            matrix,
+            q,
+            v,
+            u,
+            vc,
+            state.force[coff : coff + c],
+            finger,
+            near,
+            wq.reshape(1, n)[: part.use_q],
+            wv.reshape(1, n)[: part.use_v],
+            scratch.out_q[done:],
+            scratch.out_v[done:],
+            scratch.record,
+            scratch.record,
+            work,
+        )
+        if bad != 0:
+            status = bad
+        if culling:
+            for k in range(c):  # a contact that was certain to be out of reach is so no longer once any is touched
+                if near[k] and not watch[k]:
+                    watch[k] = 1
+        done += part_steps
     if status != 0:
         state.counters[FAILED_LCP] += 1
 

@@ -157,7 +157,13 @@ def render(
 
 
 def _until(events: np.ndarray, span: Span) -> np.ndarray:
-    """The events before the span's end; if any follow, all notes are let go there."""
+    """The events before the span's end; if any follow, all notes are let go there.
+
+    Without a tail nothing changes: what happens at the end shows a little before it, through filters that look ahead,
+    and the span is to be a slice of the whole.
+    """
+    if span.most_tail == 0:
+        return events
     kept = int(np.searchsorted(events["frame"], span.end + 1))
     if kept == len(events):
         return events
@@ -177,10 +183,8 @@ class _TailEnd:
         # Before the song there was silence for as long as one likes.
         self._last_loud = -quiet_frames - 1
 
-    def stop_after(self, heard: np.ndarray, at: int) -> float:
-        """The frame to stop at, if it is among those heard ((frames, 2), the first is frame `at`), else
-        infinity.
-        """
+    def stop_after(self, heard: np.ndarray, at: int) -> int | None:
+        """The frame to stop at, if it is among those heard ((frames, 2), the first is frame `at`)."""
         loud = at + np.flatnonzero(np.abs(heard).max(axis=1) >= self._threshold)
         before = np.concatenate(([self._last_loud], loud))
         quiet_until = np.concatenate((loud, [at + len(heard)]))

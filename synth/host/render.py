@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
@@ -62,8 +63,8 @@ class RenderSettings:
 
 @dataclass
 class RenderReport:
-    """What was rendered. `unplayed` has dicts of part, note, count, reason; `left_out` channel (1…16) →
-    notes.
+    """What was rendered. `strings`: most that sounded at once; `unplayed`: dicts of part, note, count, reason;
+    `left_out`: channel (1…16) → notes.
     """
 
     output: str | None
@@ -157,7 +158,7 @@ def render_file(
     events, untuned = _playable(song, casting, note_hz)
 
     outputs = _Outputs(settings, casting.parts, span)
-    engine = _engine(settings, casting, note_hz)
+    engine = _engine(settings, song, casting, note_hz) if casting.parts else _Silence()
     engine.prepare(settings.rate_hz, settings.block)
     prepared_s = time.perf_counter() - began
 
@@ -176,14 +177,16 @@ def render_file(
     told = engine.report()
     length_s = rendering.frames / settings.rate_hz
     peak = rendering.peak * gain
+    if told.unsolved_contacts:
+        note(f"in {told.unsolved_contacts} steps the contact forces were not solved exactly; please report this")
     unplayed = [
         {
-            "part": casting.parts[part].label,
-            "note": midi_to_note(int(key)),
-            "count": int(count),
-            "reason": str(why),
+            "part": casting.parts[each.part].label if each.part >= 0 else "no part",
+            "note": midi_to_note(each.note),
+            "count": each.times,
+            "reason": each.reason,
         }
-        for part, key, count, why in told.unplayed
+        for each in told.unplayed
     ]
     return RenderReport(
         output=settings.output,
@@ -257,7 +260,7 @@ def _playable(
     return events[~dropped], unplayed
 
 
-def _engine(settings: RenderSettings, casting: parts.Casting, note_hz: np.ndarray | None) -> Any:
+def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> Any:
     # Imported late: these load numba, and a wrong file name should not wait for that.
     from synth.preset import load_preset
 
@@ -285,7 +288,33 @@ def _engine(settings: RenderSettings, casting: parts.Casting, note_hz: np.ndarra
         max_polyphony=settings.polyphony,
         note_hz=note_hz,
         seed=settings.seed,
+        only_notes=_notes_of_parts(song, casting),
     )
+
+
+def _notes_of_parts(song: Song, casting: parts.Casting) -> list[set[int]]:
+    """The MIDI notes that every part has to play: no more are prepared."""
+    wanted: list[set[int]] = [set() for _ in casting.parts]
+    for (channel, program), keys in song.keys.items():
+        part = casting.program_map[channel, program]
+        if part >= 0:
+            wanted[part] |= keys
+    return wanted
+
+
+class _Silence:
+    """In the place of an engine where no channel is played (a song of percussion alone)."""
+
+    latency_samples = 0
+
+    def prepare(self, rate_hz: float, max_block: int) -> None:
+        pass
+
+    def process(self, events: np.ndarray, out: np.ndarray, stems: np.ndarray | None) -> None:
+        out[:] = 0.0
+
+    def report(self) -> Any:
+        return SimpleNamespace(most_strings=0, limiter_reduction_db=0.0, stolen=0, unplayed=(), unsolved_contacts=0)
 
 
 class _Nowhere:

@@ -1,10 +1,11 @@
 """Where the energy of a run goes: stored in the modes, lost to damping, lost at the contacts, put in by a finger.
 
-What is stored is a quadratic form of the state that the scheme's own free motion never increases:
+What is stored is a quadratic form of the state that the scheme's own undamped free motion keeps:
 
 exact-hold      E = ½ μ Σ (v² + ω² q²), the string's energy; with residual compliance H = E + ½ λᵀRλ, R's spring energy
 Moreau–Jean     H = ½ μ Σ (w²/F + ω² qⁿ qⁿ⁻¹),  F = (1 − a + e)/(ωΔt)², which tends to E as Δt → 0. F nearly vanishes
-                where ωΔt is close to 2π, 4π, …: H then says little about such a mode's displacement.
+                where ωΔt is close to 2π, 4π, …: H then says little about such a mode's displacement,
+                and a damped mode at rest under a finger can gain some 1e-11 of it in a step.
 
 Work is exact, not estimated: exact propagation under a constant force gives ΔE = λ·Δu − losses, and an impulse changes
 H by a product that is linear in each contact's share (`impulse_work`). Letters as in `laws`; energies in joules.

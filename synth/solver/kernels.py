@@ -207,9 +207,9 @@ def advance(
     """n steps of any law with any number of contacts and at most one finger.
 
     coef (6, ≥N); shapes (C, ≥N); eta (C,); g (C, C) from `laws.contact_matrix`; q, v (N,) in place; u_contact,
-    v_contact (C,) position and velocity S q, S v of the contacts, in and out (Moreau–Jean reads them); force (C,) last contact
-    unknown; watch (C,) uint8: contacts that may be touched while none has been (the others have a certificate; from
-    the first contact on all are looked at, and marked here); wq (P, ≥N), wv (R, ≥N) output weights; out_q (n, P),
+    v_contact (C,) position and velocity S q, S v of the contacts, in and out (Moreau–Jean reads them); force (C,) last
+    contact unknown; watch (C,) uint8: contacts that may be touched while none has been (the others have a certificate;
+    from the first contact on all are looked at, and marked here); wq (P, ≥N), wv (R, ≥N) output weights; out_q (n, P),
     out_v (n, R); rec_force, rec_u (n, C), or empty where not wanted. Returns an `lcp` status.
     """
     n = q.size
@@ -234,11 +234,12 @@ def advance(
             blend = finger.stiffness * dt + finger.resistance
             compliance = 1.0 / (dt * blend)
     total_own = finger.own + compliance
-    for c in range(contacts):
-        for d in range(contacts):
-            work.a[c, d] = g[c, d]
-            if fingered:
-                work.a[c, d] -= finger.coupling[c] * finger.coupling[d] / total_own
+    matrix = g
+    if fingered:
+        matrix = work.a
+        for c in range(contacts):
+            for d in range(contacts):
+                matrix[c, d] = g[c, d] - finger.coupling[c] * finger.coupling[d] / total_own
 
     for t in range(n_steps):
         for j in range(n):
@@ -285,9 +286,9 @@ def advance(
             everything = True
         if touching:
             if contacts == 1:
-                z[0] = -b[0] / work.a[0, 0]
+                z[0] = -b[0] / matrix[0, 0]
             else:
-                bad = solve(work.a, b, enabled, active, z, work.factor, work.order)
+                bad = solve(matrix, b, enabled, active, z, work.factor, work.order)
                 if bad != SOLVED:
                     status = bad
             for c in range(contacts):
@@ -364,3 +365,32 @@ def reach(shape, amplitude) -> float:
     for j in range(amplitude.size):
         total += abs(shape[j]) * amplitude[j]
     return total
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def cull(shapes, eta, omega, q, v, horizon: float, watch, moved, near) -> int:
+    """Which contacts can be touched within `horizon` [s] of free motion; returns how many.
+
+    A mode's energy does not grow, so |q̇_j| ≤ ω_j E_j and |q_j| ≤ E_j with E_j = √(q_j² + v_j²/ω_j²): it moves by no more
+    than E_j min(2, ω_j τ), and a contact by no more than the sum of these over its mode shape. Contacts with watch = 0 are
+    out of reach for longer already. moved (N,) work space, near (C,) uint8 out.
+    """
+    n = q.size
+    for j in range(n):
+        w = omega[j]
+        speed = v[j] / w
+        moved[j] = np.sqrt(q[j] * q[j] + speed * speed) * min(2.0, w * horizon)
+    count = 0
+    for c in range(eta.size):
+        near[c] = 0
+        if watch[c]:
+            shape = shapes[c]
+            here = 0.0
+            by = 0.0
+            for j in range(n):
+                here += shape[j] * q[j]
+                by += abs(shape[j]) * moved[j]
+            if here - 1.001 * by <= eta[c]:
+                near[c] = 1
+                count += 1
+    return count

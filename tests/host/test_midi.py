@@ -131,6 +131,7 @@ def test_notes_are_counted_by_channel_and_program() -> None:
     )
     result = song(data)
     assert result.channels == {(0, 0): 1, (0, 33): 2, (9, 0): 1}
+    assert result.keys == {(0, 0): {60}, (0, 33): {61, 62}, (9, 0): {36}}
     assert result.notes == 4
 
 

@@ -152,7 +152,7 @@ def test_a_number_that_is_not_finite_stops_the_render() -> None:
             out[3, 1] = np.nan
 
     with pytest.raises(RuntimeError, match="not finite"):
-        render(Broken(), notes(), Span(0, 100, 0, False), RATE_HZ, Sink())
+        render(Broken(latency=0), notes(), Span(0, 100, 0, False), RATE_HZ, Sink())
 
 
 def test_spans() -> None:

@@ -145,6 +145,15 @@ def test_air_damping_by_hand():
     assert modes.model_decay_rates(string, 1)[0] == pytest.approx(drag / 8e-3, rel=1e-14)
 
 
+def test_air_damping_of_a_stiff_wound_string_by_hand(bass):
+    string = dataclasses.replace(bass, viscoelastic_loss=0.0, thermoelastic_q_inverse=0.0)
+    j = 300  # B j²/2 = 1.575
+    nu_0 = j * 97.97556
+    drag = 2 * math.pi * (1.8e-5 + 1.58808e-3 * math.sqrt(math.pi * 1.8e-5 * 1.2 * nu_0 * 2.575))
+    # σ = πν · (ν_0/ν) R/(2πμν), so R/2μ divided by ν/ν_0
+    assert modes.model_decay_rates(string, j)[-1] == pytest.approx(drag / (2 * 6.7e-3) / 2.575, rel=1e-5)
+
+
 def test_thermoelastic_damping_alone():
     string = ideal(air_viscosity=0.0, thermoelastic_q_inverse=1e-3)
     assert modes.model_decay_rates(string, 9) == pytest.approx(0.5e-3 * modes.model_frequencies(string, 9), rel=1e-14)

@@ -164,6 +164,11 @@ def test_a_fret_above_the_stopped_string():
     )
 
 
+def test_a_fret_that_just_touches_presses():
+    with pytest.raises(ValueError, match=r"fret 1 must lie below the string at rest, open, got \+0\.00 mm"):
+        fretted(Obstacle([0.1], [0.0]), 0, 1.0)
+
+
 @pytest.mark.parametrize("bad", [-1, 21, 2.5])
 def test_frets_that_do_not_exist(bad):
     with pytest.raises(ValueError, match=r"fret must be a whole number from 0 \(open\) to 20"):

@@ -231,7 +231,8 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     stored, spring, viscous, contact, injected = state.energy.T
     np.testing.assert_allclose(stored + spring + viscous + contact, injected, atol=1e-11 * injected.max())
     assert state.counts[driver.CONTACT_STEPS] > 10, "the freed string must reach the obstacle"
-    assert state.sums[driver.RISE] <= 1e-12
+    if law == EXACT_HOLD:
+        assert state.sums[driver.RISE] <= 1e-12
 
 
 # --- the driver's own business ----------------------------------------------------------------------------------------

@@ -1,0 +1,564 @@
+"""The research door: exact solutions, convergence, the project's cases, the authors' own runs, files and faults."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from synth.measures import relative_error
+from synth.physics.modes import count_modes_below, modal_frequencies, residual_compliance, static_compliance
+from synth.physics.string import String
+from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate, simulate_file
+
+REFERENCE = Path(os.environ.get("JAWARI_REFERENCE", Path(__file__).resolve().parents[2] / "shared" / "reference"))
+needs_reference = pytest.mark.skipif(
+    not (REFERENCE / "authors_data.npz").is_file(), reason=f"no reference data in {REFERENCE}"
+)
+
+
+def ideal(length=1.0, speed=400.0, **tables):
+    """A case on an ideal lossless string, c = 400 m/s, L = 1 m unless said."""
+    mu = 1e-3
+    case = {
+        "string": {
+            "length_m": length,
+            "tension_n": mu * speed**2,
+            "linear_density_kg_m": mu,
+            "diameter_m": 4e-4,
+            "air_viscosity": 0.0,
+            "air_density": 0.0,
+        },
+        "run": {"internal_rate_hz": 64e3, "modes": 40, "duration_s": 0.01, "outputs_m": [0.3]},
+    }
+    for name, table in tables.items():
+        case[name] = {**case.get(name, {}), **table} if isinstance(table, dict) else table
+    return case
+
+
+STIFF = {
+    "length_m": 0.863,
+    "tension_n": 191.6,
+    "linear_density_kg_m": 6.69e-3,
+    "diameter_m": 1.14e-3,
+    "inharmonicity": 3.5e-5,
+    "viscoelastic_loss": 0.01,
+}
+
+
+# --- free flight --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", [3_000.0, 44_100.0, 1e6])
+def test_free_flight_is_exact_at_any_rate(rate):
+    """A stiff lossy string clear of its obstacle, against the closed form, to rounding; 3 kHz is far below its modes."""
+    case = {
+        "string": STIFF,
+        "obstacle": {"positions_m": [0.4], "heights_m": [-0.1]},
+        "initial": {"shape": "triangle", "position_m": 0.2, "displacement_m": 2e-3, "width_m": 0.02},
+        "run": {"internal_rate_hz": rate, "output_rate_hz": 100.0, "modes": 50, "duration_s": 0.1, "outputs_m": [0.8]},
+    }
+    result = simulate(case)
+    scene = Scene(Case.model_validate(case), Path())
+    q, _ = scene.initial()
+    w, s, t = scene.model.omega, scene.model.sigma, result.t[:, None]
+    root = np.sqrt((w**2 - s**2).astype(complex))
+    motion = (np.exp(-s * t) * (np.cos(root * t) + s * np.sin(root * t) / root)).real * q
+    rounding = 1e-12 + 0.1 * rate * np.finfo(float).eps  # an ulp a step
+    np.testing.assert_allclose(result.u[:, 0], motion @ scene.model.out_shapes[0], rtol=0, atol=rounding * 2e-3)
+    assert np.isnan(result.last_contact_s) and result.largest_penetration_m < 0
+    assert not np.any(result.contact_force)
+
+
+@pytest.mark.parametrize("scheme", ["moreau-jean", "moreau-jean-filtered"])
+def test_moreau_jean_starts(scheme):
+    """Free flight: exact from the exact start; the published one, w⁰ = 0, is another motion."""
+    case = ideal(
+        initial={"shape": "triangle", "position_m": 0.3, "displacement_m": 1e-3, "width_m": 0.1},
+        scheme={"name": scheme},
+    )
+    exact = simulate(case, scheme="exact-hold").u
+    np.testing.assert_allclose(simulate(case).u, exact, rtol=0, atol=1e-12 * 1e-3)
+    published = simulate(case, start="published").u
+    # q(−Δt) = q(0) is the motion from half a step later: first order in ωΔt/2
+    assert 1e-4 < relative_error(published, exact) < 0.2
+
+
+# --- exact solutions ----------------------------------------------------------------------------------------------------
+
+
+def waveguide(points, eta, start, steps, outputs):
+    """d'Alembert's waves on an ideal string with point obstacles, Δt = Δx/c.
+
+    Exact at grid times where every kink falls on the grid, otherwise first order in Δx. points, outputs : indices of
+    grid nodes; eta : heights; start : (cells + 1,) displacement at rest. Returns u (steps + 1, outputs).
+    """
+    right, left = 0.5 * start, 0.5 * start
+    offset = np.zeros(len(points))
+    out = np.zeros((steps + 1, len(outputs)))
+    out[0] = start[outputs]
+    for n in range(steps):
+        right, left = np.concatenate([[0.0], right[:-1]]), np.concatenate([left[1:], [0.0]])
+        right[0], left[-1] = -left[0], -right[-1]
+        u = right + left
+        for k, i in enumerate(points):
+            # what the point has pushed so far leaves on both sides
+            offset[k] += max(0.0, eta[k] - (u[i] + offset[k]))
+            u[i] += offset[k]
+            right[i] += offset[k]
+            left[i] += offset[k]
+        out[n + 1] = u[outputs]
+    return out
+
+
+def test_waveguide_itself():
+    """The oracle's own check: a free string is back after 2L/c, a touched one never penetrates."""
+    x = np.linspace(0.0, 1.0, 201)
+    start = np.minimum(x / 0.3, (1 - x) / 0.7) * 1e-3
+    free = waveguide([], [], start, 400, [60, 150])
+    np.testing.assert_allclose(free[400], free[0], atol=1e-15)
+    np.testing.assert_allclose(free[200], -start[[140, 50]], atol=1e-15)
+    assert waveguide([100], [-2e-4], start, 1000, [100]).min() >= -2e-4 - 1e-15
+
+
+def test_ideal_string_converges_to_the_exact_motion():
+    """A point under an ideal string, modes far beyond the rate: order 1 ± 0.15 over five halvings, against waves.
+
+    An ideal string over a point obstacle has no restitution to choose, so the scheme converges for Δt → 0 with ωΔt
+    large. With few modes and no residual compliance it does not: what a rigid stop returns then depends on where in
+    the step the blow falls. One place's error falls by jumps, as its reflections come to meet the time grid or not;
+    the order is that of the mean over nine places.
+    """
+    cells, duration, common = 8000, 0.01, 16_000.0
+    x = np.linspace(0.0, 1.0, cells + 1)
+    j = np.arange(1, 41)
+    q = 1e-3 * np.sin(j * np.pi * 0.3) / j**2 * np.exp(-((j / 15.0) ** 2))
+    start = np.sqrt(2.0) * np.sin(np.pi * np.outer(x, j)) @ q
+    outputs = [0.1, 0.4, 0.5, 0.8]
+    errors = np.zeros((9, 6))
+    for place, node in enumerate(np.random.default_rng(0).integers(cells // 10, 9 * cells // 10, 9)):
+        exact = waveguide(
+            [node], [-2e-4], start, round(duration * 400.0 * cells), [round(p * cells) for p in outputs]
+        )[:: round(400.0 * cells / common)]
+        for k in range(6):
+            result = simulate(
+                ideal(
+                    obstacle={"positions_m": [node / cells], "heights_m": [-2e-4]},
+                    initial={"shape": "modes", "q": q},
+                    run={
+                        "internal_rate_hz": common * 2**k,
+                        "output_rate_hz": common,
+                        "modes": 4000,
+                        "duration_s": duration,
+                        "outputs_m": outputs,
+                    },
+                )
+            )
+            assert np.any(result.contact_force > 0)
+            errors[place, k] = np.abs(result.u - exact).max()
+    mean = np.log2(errors).mean(axis=0)
+    order = -np.polyfit(np.arange(6), mean, 1)[0]
+    assert 0.85 < order < 1.15, (order, 2.0**mean)
+
+
+@pytest.mark.parametrize("position", [0.3, 0.45])
+def test_order_of_convergence_with_residual_compliance(position):
+    """Few modes of a stiff lossy string, the rest as R: order 1 ± 0.15 over five halvings, max norm of q."""
+    modes = 10
+    points = np.arange(1, modes + 1) / (modes + 1)
+    case = {
+        "string": {**STIFF, "length_m": 1.0, "tension_n": 160.0, "linear_density_kg_m": 1e-3, "inharmonicity": 1e-4},
+        "obstacle": {"positions_m": [position], "heights_m": [-0.4e-3]},
+        "initial": {"shape": "triangle", "position_m": 0.4, "displacement_m": 2e-3, "width_m": 0.3},
+        "run": {"internal_rate_hz": 50e3, "output_rate_hz": 25e3, "modes": modes, "duration_s": 0.008, "outputs_m": points},
+    }
+
+    def q_of(rate):
+        result = simulate(case, internal_rate_hz=rate)
+        assert np.count_nonzero(np.diff((result.contact_force[:, 0] > 0).astype(int)) > 0) >= 2
+        shapes = np.sqrt(2.0) * np.sin(np.pi * np.outer(points, np.arange(1, modes + 1)))
+        return np.linalg.solve(shapes, result.u.T)
+
+    fine = q_of(200e3 * 2**9)
+    errors = [np.abs(q_of(200e3 * 2**k) - fine).max() for k in range(6)]
+    order = -np.polyfit(np.arange(6), np.log2(errors), 1)[0]
+    assert 0.85 < order < 1.15, (order, errors)
+
+
+@pytest.mark.parametrize("height", [0.0, -0.5])
+def test_cabannes_obstacle_at_mid_string(height):
+    """A triangle over a point at mid-string at h times its height: periodic with (3 − h)/2 · L/c (Cabannes 1984)."""
+    amplitude, speed = 1e-3, 400.0
+    period = (3.0 - height) / 2.0 / speed
+    rate = 64_000.0
+    rows = round(period * rate)
+    case = ideal(
+        obstacle={"positions_m": [0.5], "heights_m": height * amplitude},
+        initial={"shape": "triangle", "position_m": 0.5, "displacement_m": amplitude},
+        run={"internal_rate_hz": rate, "modes": 1500, "duration_s": 2.0 * rows / rate, "outputs_m": [0.5, 0.25]},
+    )
+    result = simulate(case)
+    assert abs(rows / rate - period) < 0.5 / rate
+    first, second = result.u[: rows + 1], result.u[rows:]
+    assert relative_error(second, first) < 0.03
+    assert np.any(result.contact_force > 0)
+    # it is not the free motion's period, 2L/c
+    assert relative_error(result.u[rows + 80 :][:80], result.u[:80]) > 0.1
+
+
+def test_flat_wall_at_rest_height_doubles_the_frequency():
+    """Points all along at η = 0: u = |free solution|, to first order in the grid."""
+    n = 200
+    x = np.arange(1, n) / n
+    case = ideal(
+        obstacle={"positions_m": x, "heights_m": 0.0},
+        initial={"shape": "modes", "q": [1e-3]},
+        run={"internal_rate_hz": 400.0 * n, "modes": n - 1, "duration_s": 0.012, "outputs_m": [0.5, 0.2]},
+        scheme={"name": "moreau-jean-filtered", "restitution": 1.0},
+    )
+    result = simulate(case)
+    shape = np.sqrt(2) * np.sin(np.pi * np.array([0.5, 0.2])) * 1e-3
+    expected = np.abs(np.cos(np.pi * 400.0 * result.t)[:, None] * shape)
+    assert relative_error(result.u, expected) < 0.02
+
+
+def test_bar_on_a_wall():
+    """Doyen, Ern, Piperno 2011, example of a bar: see the kernel's rigid mode; here its cousin, a string thrown flat.
+
+    All modes of a string start with the speed of a uniform throw v₀ against a point at mid-string at rest height: the
+    point's force is constant, 2 √(Tμ) v₀, until the wave from the ends is back after L/c: 2Z v₀ is what two
+    half-strings of impedance Z resist with.
+    """
+    speed, mu, throw = 400.0, 1e-3, -0.5
+    modes = 2001
+    j = np.arange(1, modes + 1)
+    v = throw * np.sqrt(2.0) * (1 - np.cos(j * np.pi)) / (j * np.pi)  # ∫ φ_j dx
+    result = simulate(
+        ideal(
+            obstacle={"positions_m": [0.5], "heights_m": [0.0]},
+            initial={"shape": "modes", "q": np.zeros(modes), "v": v},
+            run={
+                "internal_rate_hz": 200e3,
+                "output_rate_hz": 2e3,
+                "modes": modes,
+                "duration_s": 0.004,
+                "outputs_m": [0.5],
+            },
+        )
+    )
+    force = result.contact_force[:, 0]
+    during = (result.t > 0) & (result.t < 0.9 / speed)
+    assert during.sum() >= 4
+    np.testing.assert_allclose(force[during], 2.0 * mu * speed * -throw, rtol=0.01)
+    assert np.all(result.u_contact >= -1e-15)
+
+
+# --- residual compliance, static starts -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("modes", [20, 200])
+def test_string_pressed_down_by_a_point_lies_on_it(modes):
+    """A point raised under a string at rest: force height/G(x, x), the closed Green function, whatever the modes."""
+    case = {
+        "string": STIFF,
+        "obstacle": {"positions_m": [0.3], "heights_m": [1e-3]},
+        "run": {"internal_rate_hz": 20e3, "modes": modes, "duration_s": 0.05, "outputs_m": [0.3], "ledger": True},
+    }
+    result = simulate(case)
+    string = Scene(Case.model_validate(case), Path()).string
+    expected = 1e-3 / float(static_compliance(string, 0.3, 0.3))
+    np.testing.assert_allclose(result.contact_force, expected, rtol=1e-6)
+    np.testing.assert_allclose(result.u_contact, 1e-3, atol=1e-15)
+    assert result.summary["started_from_static_contact"] and result.metadata["start"] == "static contact"
+    assert 0 < result.summary["lifted_m"] <= 1e-3
+    # work of lifting is all there is, and it stays
+    energy = result.energy_stored + result.energy_residual
+    np.testing.assert_allclose(energy, 0.5 * expected * 1e-3, rtol=1e-6)
+    assert result.largest_energy_rise <= 1e-12
+
+
+def test_finger_draws_and_lets_go():
+    """Drawn to 2 mm over 50 ms and let go: what it gave is what the string has, and it sounds."""
+    case = {
+        "string": STIFF,
+        "obstacle": {"positions_m": [0.3], "heights_m": [-1.2e-3]},
+        "finger": [
+            {"position_m": 0.6, "displacement_m": 2e-3, "draw_s": 0.05},
+            {"position_m": 0.65, "displacement_m": -1e-3, "draw_s": 0.03, "start_s": 0.07, "resistance_n_s_m": 5.0},
+        ],
+        "run": {
+            "internal_rate_hz": 96e3,
+            "output_rate_hz": 48e3,
+            "modes": 60,
+            "duration_s": 0.15,
+            "outputs_m": [0.6, 0.65],
+            "ledger": True,
+        },
+    }
+    result = simulate(case)
+    drawn = np.searchsorted(result.t, 0.05)
+    assert result.u[drawn, 0] == pytest.approx(2e-3, rel=0.01)
+    assert result.energy_injected[drawn] > 0.9 * 0.5 * 2e-3**2 / 1.3e-3 * 1.0
+    total = result.energy_stored + result.energy_residual + result.energy_viscous + result.energy_contact
+    np.testing.assert_allclose(total, result.energy_injected, rtol=0, atol=1e-11 * total.max())
+    assert result.largest_energy_rise <= 1e-12
+    # the second finger takes hold of a string that sounds: nothing jumps by more than it moved before
+    jump = np.abs(np.diff(result.u[:, 1]))
+    hold = np.searchsorted(result.t, 0.07)
+    assert jump[hold : hold + 5].max() <= 1.5 * jump[drawn + 10 : hold].max()
+    assert np.abs(result.u[-500:, 0]).max() > 1e-4
+
+
+# --- the project's cases ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def tanpura_44100():
+    """The reference of the tanpura case at 44.1 kHz, and how far half its rate is from it."""
+    fine = simulate("tanpura", internal_rate_hz=2_116_800, residual_compliance=False)
+    half = simulate("tanpura", internal_rate_hz=1_058_400, residual_compliance=False)
+    assert relative_error(half.u, fine.u) < 0.003, "the reference must be converged"
+    return fine.u
+
+
+def below_half(case, rate):
+    return count_modes_below(Scene(load_case(case), case_folder()).string, rate / 2)
+
+
+@pytest.mark.parametrize("rate", [44_100, 88_200])
+def test_tanpura_default_scheme_meets_the_criterion(tanpura_44100, rate):
+    """e < 0.1 over 3 s, the criterion of the paper, with the modes below half the rate and the rest as R."""
+    modes = below_half("tanpura", rate)
+    result = simulate("tanpura", internal_rate_hz=rate, modes=modes)
+    assert relative_error(result.u, tanpura_44100) < 0.1
+    without = simulate("tanpura", internal_rate_hz=rate, modes=modes, residual_compliance=False)
+    assert relative_error(without.u, tanpura_44100) > 3 * relative_error(result.u, tanpura_44100)
+
+
+def test_tanpura_moreau_jean_needs_two_megahertz():
+    """Both forms: e < 0.1 over 3 s at 2 MHz with 1001 modes; the same cost as a reference."""
+    common = {"internal_rate_hz": 2e6, "output_rate_hz": 40e3, "residual_compliance": False}
+    reference = simulate("tanpura", **common).u
+    for scheme in ("moreau-jean", "moreau-jean-filtered"):
+        assert relative_error(simulate("tanpura", scheme=scheme, restitution=0.0, **common).u, reference) < 0.1
+
+
+def test_bass_case_errors_fall_with_the_rate():
+    """20 frets, 0.4 s: chaotic contacts, so only the trend is asked for, and an end to the contacts."""
+    reference = simulate("bass", internal_rate_hz=2_116_800)
+    assert reference.last_contact_s < 0.25 and reference.summary["unsolved_steps"] == 0
+    first = slice(0, 441)
+    errors = [
+        relative_error(simulate("bass", internal_rate_hz=rate, duration_s=0.01).u, reference.u[first])
+        for rate in (44_100, 176_400, 705_600)
+    ]
+    assert errors[0] > errors[1] > errors[2] and errors[2] < 0.02, errors
+
+
+def test_case_files_are_the_papers():
+    tanpura, bass = load_case("tanpura"), load_case("bass")
+    assert (tanpura.run.modes, tanpura.run.duration_s, tanpura.run.outputs_m) == (1001, 3.0, [0.992])
+    assert (tanpura.obstacle.positions_m, tanpura.obstacle.heights_m) == ([0.006], [0.0])
+    from synth.physics.obstacle import BASS_FRETS
+
+    assert tuple(bass.obstacle.positions_m) == BASS_FRETS.positions_m
+    np.testing.assert_allclose(bass.obstacle.heights_m, BASS_FRETS.heights_m, rtol=1e-12)
+
+
+# --- the authors' own solver ------------------------------------------------------------------------------------------
+
+
+def measured_case(kind, **run):
+    """The authors' published modes and start, as a case."""
+    if kind == "tanpura":
+        string = {"length_m": 1.002, "tension_n": 180.5, "linear_density_kg_m": 1.17e-3, "inharmonicity": 1.78e-5}
+        keys, initial = ("one_f", "one_sig"), {"file": "tanpura_q0.npz", "q": "q0"}
+        obstacle, modes = {"positions_m": [0.006], "heights_m": [0.0]}, 1001
+    else:
+        string = {"length_m": 0.863, "tension_n": 191.6, "linear_density_kg_m": 6.7e-3, "inharmonicity": 3.5e-5}
+        keys, initial = ("bass_f", "bass_sig"), {"file": "authors_data.npz", "q": "bass_q2"}
+        obstacle, modes = load_case("bass").obstacle.model_dump(exclude={"frets"}), 862
+    initial["file"] = str(REFERENCE / initial["file"])
+    return {
+        "string": {
+            **string,
+            "diameter_m": 1e-3,
+            "measured": {
+                "file": str(REFERENCE / "authors_data.npz"),
+                "frequencies": keys[0],
+                "decay_rates": keys[1],
+            },
+        },
+        "obstacle": obstacle,
+        "initial": {"shape": "modes", **initial},
+        "run": {"modes": modes, "duration_s": 0.1, "outputs_m": [0.992 if kind == "tanpura" else 0.854], **run},
+    }
+
+
+@needs_reference
+@pytest.mark.parametrize("path", sorted(REFERENCE.glob("siconos_*.npz")), ids=lambda path: path.stem)
+def test_filtered_form_is_what_the_authors_solver_runs(path):
+    with np.load(path) as run:
+        case = measured_case("bass" if "bass" in path.stem else "tanpura", internal_rate_hz=float(run["fs"]))
+        np.testing.assert_allclose(case["obstacle"]["positions_m"], run["xc"], rtol=1e-12)
+        np.testing.assert_allclose(case["obstacle"]["heights_m"], run["h"], rtol=1e-9, atol=1e-15)
+        case["scheme"] = {"name": "moreau-jean-filtered", "restitution": float(run["e"]), "start": "published"}
+        result = simulate(case)
+        assert result.u.shape == (run["u"].size, 1)
+        np.testing.assert_allclose(result.u[:, 0], run["u"], rtol=0, atol=1e-11)
+        impulse = result.contact_force[1:] / result.metadata["internal_rate_hz"] / 1.17e-3
+        if "tanpura" in path.stem:
+            np.testing.assert_allclose(impulse, run["impulse_over_mu"][1:], rtol=0, atol=1e-7 * impulse.max())
+
+
+@needs_reference
+def test_default_scheme_on_the_measured_modes():
+    """The criterion once more, on modes that no model made: e < 0.1 over 3 s at 44.1 and 88.2 kHz."""
+    case = measured_case(
+        "tanpura", internal_rate_hz=2_116_800, output_rate_hz=44_100, duration_s=3.0
+    )
+    reference = simulate(case, residual_compliance=False).u
+    for rate in (44_100, 88_200):
+        modes = int(np.searchsorted(Scene(Case.model_validate(case), Path()).model.omega, np.pi * rate))
+        result = simulate(case, internal_rate_hz=rate, modes=modes)
+        assert relative_error(result.u, reference) < 0.1
+
+
+# --- files, dicts, faults ---------------------------------------------------------------------------------------------
+
+
+def small(**overrides):
+    return simulate("tanpura", internal_rate_hz=44_100, modes=20, duration_s=0.01, **overrides)
+
+
+def test_result_file_holds_what_the_call_gives(tmp_path):
+    overrides = {"rate": 88_200, "modes": 20, "duration": 0.01, "scheme": "moreau-jean", "restitution": 0.5, "ledger": True}
+    summary = simulate_file(case_folder() / "tanpura.toml", tmp_path / "out.npz", overrides)
+    result = simulate("tanpura", **overrides)
+    with np.load(tmp_path / "out.npz", allow_pickle=False) as saved:
+        for name in ("t", "u", "u_contact", "contact_force", "energy_stored", "energy_viscous", "energy_contact"):
+            np.testing.assert_array_equal(saved[name], getattr(result, name))
+        metadata = json.loads(str(saved["metadata"]))
+        assert float(saved["largest_penetration_m"]) == result.largest_penetration_m
+    assert metadata["scheme"] == "moreau-jean" and metadata["restitution"] == 0.5
+    assert metadata["internal_rate_hz"] == 88_200 and metadata["modes"] == 20
+    assert metadata["case"]["string"]["tension_n"] == 180.5
+    assert summary["steps"] == 882 and summary["rows"] == 442
+    assert os.listdir(tmp_path) == ["out.npz"]
+    json.dumps(summary)
+
+
+def test_a_run_that_fails_leaves_no_file(tmp_path):
+    with pytest.raises(ValueError):
+        simulate_file(case_folder() / "tanpura.toml", tmp_path / "out.npz", {"modes": 0})
+    with pytest.raises(FileNotFoundError, match="folder"):
+        simulate_file(case_folder() / "tanpura.toml", tmp_path / "nowhere" / "out.npz", {"modes": 5})
+    assert os.listdir(tmp_path) == []
+
+
+def test_output_rate_only_chooses_rows():
+    every, seldom = small(output_rate_hz=44_100), small(output_rate_hz=4_410)
+    np.testing.assert_array_equal(every.u[::10], seldom.u)
+    np.testing.assert_array_equal(every.t[::10], seldom.t)
+
+
+def test_ledger_does_not_change_the_run():
+    plain, weighed = small(), small(ledger=True)
+    np.testing.assert_array_equal(plain.u, weighed.u)
+    assert plain.energy_stored is None and np.isnan(plain.largest_energy_rise)
+    assert weighed.energy_stored[0] > 0
+
+
+def test_restitution_matters_to_moreau_jean_only():
+    for scheme, same in (("moreau-jean", False), ("moreau-jean-filtered", False), ("exact-hold", True)):
+        zero, one = (small(scheme=scheme, restitution=e).u for e in (0.0, 1.0))
+        assert np.array_equal(zero, one) == same
+
+
+def test_measured_modes_replace_the_first_ones(tmp_path):
+    np.savez(tmp_path / "modes.npz", f=[100.0, 205.0], sig=[1.0, 2.0, 3.0])
+    case = tmp_path / "case.toml"
+    case.write_text(
+        """
+        [string]
+        length_m = 1.0
+        tension_n = 40.0
+        linear_density_kg_m = 1e-3
+        diameter_m = 4e-4
+        measured = {file = "modes.npz"}
+        [initial]
+        shape = "modes"
+        file = "modes.npz"
+        q = "f"
+        [run]
+        internal_rate_hz = 10000
+        modes = 5
+        duration_s = 0.001
+        outputs_m = [0.5]
+        """
+    )
+    model = Scene(load_case(case), tmp_path).model
+    np.testing.assert_allclose(model.omega[:3] / (2 * np.pi), [100.0, 205.0, 300.0], rtol=1e-12)
+    np.testing.assert_allclose(model.sigma[:3], [1.0, 2.0, 3.0])
+    assert simulate(case).u[0, 0] == pytest.approx(np.sqrt(2) * 100.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"string": {"length_m": -1.0}}, r"string\.length_m: .*greater than 0, got -1"),
+        ({"string": {"lenght_m": 1.0}}, r"string\.lenght_m: .*not permitted"),
+        ({"string": {"inharmonicity": 1e-5, "bending_stiffness_n_m2": 1e-5}}, "give one of them"),
+        ({"run": {"output_rate_hz": 7000.0}}, "whole multiple of output_rate_hz, got 64000 and 7000 Hz"),
+        ({"run": {"modes": 2.5}}, r"run\.modes"),
+        ({"scheme": {"name": "penalty"}}, "scheme: unknown contact scheme 'penalty'; use one of exact-hold"),
+        ({"scheme": {"restitution": 1.5}}, r"scheme\.restitution: .*got 1\.5"),
+        ({"initial": {"shape": "triangle", "position_m": 0.3}}, "'triangle' needs displacement_m"),
+        ({"initial": {"shape": "rest", "q": [1.0]}}, "'rest' does not take q"),
+        ({"initial": {"shape": "modes", "q": "q0"}}, "name the .npz file"),
+        ({"initial": {"shape": "modes", "file": "gone.npz", "q": "q0"}}, "gone.npz does not exist"),
+        ({"obstacle": {"positions_m": [0.3]}}, "must be given together"),
+        ({"obstacle": {"positions_m": [1.3], "heights_m": [0.0]}}, "must be less than the string's length"),
+        ({"obstacle": {"positions_m": [0.5, 0.4], "heights_m": 0.0}}, "sort the points"),
+        ({"run": {"outputs_m": [2.0]}}, "positions must lie between 0 and 1 m"),
+        ({"run": {"duration_s": 1e7}}, "GiB"),
+        ({"run": {"duration_s": 1e8, "output_rate_hz": 0.5}}, "mode-steps"),
+        ({"finger": [{"position_m": 0.3, "displacement_m": 1e-3}]}, r"finger\.0\.draw_s: Field required"),
+    ],
+)
+def test_faults_are_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        simulate(ideal(**change))
+
+
+def test_faults_in_files_and_names(tmp_path):
+    with pytest.raises(CaseError, match="not one of bass, tanpura"):
+        simulate("sitar")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[string\n")
+    with pytest.raises(CaseError, match="broken.toml: not valid TOML"):
+        simulate(broken)
+    broken.write_text("[string]\nlength_m = 1.0\n")
+    with pytest.raises(CaseError) as fault:
+        simulate(broken)
+    assert "string.tension_n" in str(fault.value) and "run: Field required" in str(fault.value)
+    with pytest.raises(CaseError, match="no override 'speed'"):
+        small(speed=3)
+    with pytest.raises(FileNotFoundError):
+        simulate(tmp_path / "gone.toml")
+
+
+def test_an_obstacle_that_no_shape_clears_is_said():
+    """One mode cannot lie over two points of which one is below its node's reach."""
+    case = ideal(obstacle={"positions_m": [0.5], "heights_m": [1e-3]}, run={"modes": 1})
+    assert simulate(case).summary["started_from_static_contact"]
+    case = ideal(
+        obstacle={"positions_m": [0.5], "heights_m": [1e-3]},
+        initial={"shape": "modes", "q": [0.0]},
+        scheme={"residual_compliance": False},
+        run={"modes": 1},
+    )
+    assert simulate(case).summary["lifted_m"] == pytest.approx(1e-3)
