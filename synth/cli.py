@@ -360,9 +360,7 @@ def _add_presets(commands: Any) -> None:
     listing = actions.add_parser("list", help="the presets that come with the program (default)", allow_abbrev=False)
     listing.add_argument("--json", action="store_true", help="as JSON")
     listing.set_defaults(run=_list_presets)
-    show = actions.add_parser(
-        "show", help="print a preset's file, with where its numbers come from", allow_abbrev=False
-    )
+    show = actions.add_parser("show", help="print a preset's file, with where its numbers come from", allow_abbrev=False)
     show.add_argument("name", metavar="NAME")
     show.set_defaults(run=_show_preset)
     check = actions.add_parser("check", help="say all that is wrong with a preset file", allow_abbrev=False)

@@ -260,6 +260,7 @@ def compile_position(
     matrix = np.zeros((eta.size, eta.size))
     contact_matrix(law, coef, shapes, residual, matrix)
     wq, wv = output_weights(preset, string, open_length_m, n)
+    plan = replace(plan, contacts=eta.size)
     return Position(
         note,
         fret,

@@ -341,17 +341,28 @@ def migrate(data: dict[str, Any], origin: str) -> dict[str, Any]:
     raise PresetError(f"{origin}: format: must be {FORMAT}, got {version!r}; this program reads no other")
 
 
+#: what pydantic says in its own words
+WORDS = {
+    "extra_forbidden": "no such key; see the README for the tables and their keys",
+    "missing": "missing",
+    "string_pattern_mismatch": "must be lower-case letters, digits and hyphens",
+}
+
+
 def _validated(data: dict[str, Any], origin: str) -> Preset:
     try:
         return Preset.model_validate(data)
     except ValidationError as error:
         lines = []
-        for item in error.errors():
+        wrong = error.errors()
+        for item in wrong:
             place = ".".join(str(part) for part in item["loc"]) or "file"
+            if item["type"] == "too_short" and any(len(i["loc"]) > 1 and i["loc"][0] == item["loc"][0] for i in wrong):
+                continue  # the items are missing because each of them is wrong, which is said already
+            message = WORDS.get(item["type"], item["msg"].removeprefix("Value error, "))
             got = item.get("input")
-            shown = f", got {got!r}" if isinstance(got, int | float | str | bool) else ""
-            message = item["msg"].removeprefix("Value error, ")
-            lines.append(f"{origin}: {place}: {message}{'' if 'got' in message else shown}")
+            shown = f", got {got!r}" if isinstance(got, int | float | str | bool) and "got" not in message else ""
+            lines.append(f"{origin}: {place}: {message}{shown}")
         raise PresetError("\n".join(lines)) from None
 
 

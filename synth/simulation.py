@@ -494,9 +494,7 @@ class Scene:
         run = self.case.run
         contacts, points = len(self.obstacle), len(run.outputs_m)
         columns = 1 + points + 2 * contacts + (5 if run.ledger else 0)
-        n_bytes = 8.0 * (
-            self.outputs * columns + run.modes * (contacts + points + 12) + run.steps_per_output * contacts
-        )
+        n_bytes = 8.0 * (self.outputs * columns + run.modes * (contacts + points + 12) + run.steps_per_output * contacts)
         if n_bytes > _MOST_BYTES:
             raise CaseError(
                 f"run: the results would take {n_bytes / 2**30:.1f} GiB, the limit is {_MOST_BYTES / 2**30:.0f}; "
@@ -572,9 +570,7 @@ class Scene:
         here = float(weights @ state.q)
         ramp = np.clip(np.arange(steps + 1) * self.dt / finger.draw_s, 0.0, 1.0)
         path = here + (finger.displacement_m - here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
-        row = Finger(
-            1, weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, np.array([here, 0.0])
-        )
+        row = Finger(1, weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, np.array([here, 0.0]))
         driver.run(model, state, steps, row)
 
     def _result(self, state: driver.Run, lifted: float, seconds: float) -> Result:
@@ -620,7 +616,7 @@ class Scene:
         if self.law != EXACT_HOLD:
             metadata["first_step"] = case.scheme.start
         return Result(
-            t=np.arange(self.outputs) * (case.run.steps_per_output * self.dt),
+            t=np.arange(self.outputs) * case.run.steps_per_output / case.run.internal_rate_hz,
             u=state.u,
             u_contact=state.contact_u,
             contact_force=state.contact_force,

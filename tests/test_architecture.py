@@ -68,9 +68,7 @@ def test_imports_go_down(path: Path) -> None:
 def test_the_package_itself_loads_nothing_heavy() -> None:
     """synth/__init__.py may offer names, but not load what they stand for."""
     program = "import sys, synth; print(*{'numba', 'numpy', 'scipy', 'pydantic'} & set(sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=PACKAGE.parent, capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
 

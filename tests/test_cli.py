@@ -284,9 +284,7 @@ def test_a_wrong_preset_is_told_with_all_its_faults(capsys, tmp_path) -> None:
 
 
 def test_a_preset_that_is_not_there(tmp_path, capsys) -> None:
-    assert (
-        cli.main(["render", DRONE, "-p", "sitar", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
-    )
+    assert cli.main(["render", DRONE, "-p", "sitar", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
     assert "preset 'sitar'" in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from synth.measures import relative_error
-from synth.physics.modes import count_modes_below, modal_frequencies, residual_compliance, static_compliance
-from synth.physics.string import String
+from synth.physics.modes import count_modes_below, static_compliance
 from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate, simulate_file
 
 REFERENCE = Path(os.environ.get("JAWARI_REFERENCE", Path(__file__).resolve().parents[2] / "shared" / "reference"))
@@ -140,9 +139,9 @@ def test_ideal_string_converges_to_the_exact_motion():
     outputs = [0.1, 0.4, 0.5, 0.8]
     errors = np.zeros((9, 6))
     for place, node in enumerate(np.random.default_rng(0).integers(cells // 10, 9 * cells // 10, 9)):
-        exact = waveguide(
-            [node], [-2e-4], start, round(duration * 400.0 * cells), [round(p * cells) for p in outputs]
-        )[:: round(400.0 * cells / common)]
+        exact = waveguide([node], [-2e-4], start, round(duration * 400.0 * cells), [round(p * cells) for p in outputs])[
+            :: round(400.0 * cells / common)
+        ]
         for k in range(6):
             result = simulate(
                 ideal(
@@ -225,12 +224,10 @@ def test_flat_wall_at_rest_height_doubles_the_frequency():
     assert relative_error(result.u, expected) < 0.02
 
 
-def test_bar_on_a_wall():
-    """Doyen, Ern, Piperno 2011, example of a bar: see the kernel's rigid mode; here its cousin, a string thrown flat.
+def test_string_thrown_flat_against_a_point():
+    """All of a string starts with v₀ against a point at mid-string at rest height: a constant force 2 √(Tμ) |v₀|.
 
-    All modes of a string start with the speed of a uniform throw v₀ against a point at mid-string at rest height: the
-    point's force is constant, 2 √(Tμ) v₀, until the wave from the ends is back after L/c: 2Z v₀ is what two
-    half-strings of impedance Z resist with.
+    Two half-strings of impedance √(Tμ) resist, until the wave that starts at the ends arrives after L/2c.
     """
     speed, mu, throw = 400.0, 1e-3, -0.5
     modes = 2001
@@ -242,7 +239,7 @@ def test_bar_on_a_wall():
             initial={"shape": "modes", "q": np.zeros(modes), "v": v},
             run={
                 "internal_rate_hz": 200e3,
-                "output_rate_hz": 2e3,
+                "output_rate_hz": 10e3,
                 "modes": modes,
                 "duration_s": 0.004,
                 "outputs_m": [0.5],
@@ -250,8 +247,8 @@ def test_bar_on_a_wall():
         )
     )
     force = result.contact_force[:, 0]
-    during = (result.t > 0) & (result.t < 0.9 / speed)
-    assert during.sum() >= 4
+    during = (result.t > 0) & (result.t < 0.49 / speed)
+    assert during.sum() >= 10
     np.testing.assert_allclose(force[during], 2.0 * mu * speed * -throw, rtol=0.01)
     assert np.all(result.u_contact >= -1e-15)
 
@@ -300,8 +297,12 @@ def test_finger_draws_and_lets_go():
     }
     result = simulate(case)
     drawn = np.searchsorted(result.t, 0.05)
-    assert result.u[drawn, 0] == pytest.approx(2e-3, rel=0.01)
-    assert result.energy_injected[drawn] > 0.9 * 0.5 * 2e-3**2 / 1.3e-3 * 1.0
+    # drawn slowly, finger and string are two springs in a row
+    string = Scene(Case.model_validate(case), Path()).string
+    stiffness = 1.0 / float(static_compliance(string, 0.6, 0.6))
+    held = 2e-3 * 1e5 / (1e5 + stiffness)
+    assert result.u[drawn, 0] == pytest.approx(held, rel=0.005)
+    assert result.energy_injected[drawn] == pytest.approx(0.5 * stiffness * held**2, rel=0.03)
     total = result.energy_stored + result.energy_residual + result.energy_viscous + result.energy_contact
     np.testing.assert_allclose(total, result.energy_injected, rtol=0, atol=1e-11 * total.max())
     assert result.largest_energy_rise <= 1e-12
@@ -350,7 +351,7 @@ def test_bass_case_errors_fall_with_the_rate():
     """20 frets, 0.4 s: chaotic contacts, so only the trend is asked for, and an end to the contacts."""
     reference = simulate("bass", internal_rate_hz=2_116_800)
     assert reference.last_contact_s < 0.25 and reference.summary["unsolved_steps"] == 0
-    first = slice(0, 441)
+    first = slice(0, 442)
     errors = [
         relative_error(simulate("bass", internal_rate_hz=rate, duration_s=0.01).u, reference.u[first])
         for rate in (44_100, 176_400, 705_600)
@@ -417,9 +418,7 @@ def test_filtered_form_is_what_the_authors_solver_runs(path):
 @needs_reference
 def test_default_scheme_on_the_measured_modes():
     """The criterion once more, on modes that no model made: e < 0.1 over 3 s at 44.1 and 88.2 kHz."""
-    case = measured_case(
-        "tanpura", internal_rate_hz=2_116_800, output_rate_hz=44_100, duration_s=3.0
-    )
+    case = measured_case("tanpura", internal_rate_hz=2_116_800, output_rate_hz=44_100, duration_s=3.0)
     reference = simulate(case, residual_compliance=False).u
     for rate in (44_100, 88_200):
         modes = int(np.searchsorted(Scene(Case.model_validate(case), Path()).model.omega, np.pi * rate))
@@ -539,7 +538,7 @@ def test_faults_in_files_and_names(tmp_path):
         simulate("sitar")
     broken = tmp_path / "broken.toml"
     broken.write_text("[string\n")
-    with pytest.raises(CaseError, match="broken.toml: not valid TOML"):
+    with pytest.raises(CaseError, match=r"broken\.toml: not valid TOML"):
         simulate(broken)
     broken.write_text("[string]\nlength_m = 1.0\n")
     with pytest.raises(CaseError) as fault:

@@ -80,11 +80,11 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                 bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
                 if preset.output.kind in ("velocity", "pickup"):
                     bound = math.sqrt(float(np.sum(position.wv**2)))
-                static = 0.0
+                static = lift = 0.0
                 if c:
-                    static = float(
-                        np.sum(position.shapes[0] ** 2 / (position.mu * position.omega**2)) + position.residual[0, 0]
-                    )
+                    bent = position.shapes[0] / (position.mu * position.omega**2)
+                    static = float(position.shapes[0] @ bent + position.residual[0, 0])
+                    lift = float(position.wq @ bent)
                 models.append(
                     (
                         n,
@@ -101,6 +101,7 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                         float(position.wq @ position.q_rest),
                         bound,
                         static,
+                        lift,
                     )
                 )
                 off, soff, coff, goff = off + n, soff + n * c, coff + c, goff + c * c

@@ -9,11 +9,14 @@ Python prepares (plan, compile, bank); `process` hands a block to the native cor
 
 from __future__ import annotations
 
+import hashlib
 import io
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -24,13 +27,15 @@ from synth.engine import layout
 from synth.engine.bank import build_bank, default_parameters, new_scratch, new_state
 from synth.engine.events import EVENT
 from synth.engine.layout import Bank, Scratch, Settings, State
-from synth.engine.process import process
+from synth.engine.process import CONTROL_S, process
 from synth.preset import BridgeObstacle, Preset, playable_range
 from synth.solver.laws import law_of
 from synth.units import db_to_gain, midi_to_note
 
 GAIN_SMOOTHING_S = 0.015
 DC_BLOCK_HZ = 8.0
+#: the limiter holds the mix this far below full scale, where every file format can hold it [dBFS]
+CEILING_DB = -0.1
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,6 @@ class Engine:
         gain_db: float = 0.0,
         max_polyphony: int | None = None,
         note_hz: np.ndarray | None = None,
-        seed: int = 0,
         economy: bool | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
     ) -> None:
@@ -130,7 +134,6 @@ class Engine:
         self.gain_db = gain_db
         self.max_polyphony = max_polyphony
         self.note_hz = note_hz
-        self.seed = seed
         self.economy = quality in ("draft", "standard") if economy is None else economy
         self._only_notes = only_notes
         self.rate_hz = 0.0
@@ -167,7 +170,7 @@ class Engine:
             self.restitution,
             self.rate_hz,
             int(self.limiter),
-            1.0,
+            db_to_gain(CEILING_DB),
             release_coefficient(self.rate_hz),
             db_to_gain(self.gain_db),
             polyphony,
@@ -184,13 +187,12 @@ class Engine:
         bank = self._prepared()
         parameters = default_parameters(self.compiled)
         self._state: State = new_state(bank, parameters)
+        self._state.part_state["left"] = self._state.part_state["right"] = self._settings.gain
         for p in range(len(self.parts)):
             of_part = np.argwhere(self.program_map == p)
             # a channel begins with the first program it has a part for
             for channel, program in of_part[::-1]:
-                self._state.channels["program"][channel] = min(
-                    program, self._state.channels["program"][channel] or program
-                )
+                self._state.channels["program"][channel] = min(program, self._state.channels["program"][channel] or program)
         for channel in range(16):
             if self.program_map[channel, 0] >= 0:
                 self._state.channels["program"][channel] = 0
@@ -209,8 +211,12 @@ class Engine:
             bigger = np.zeros(2 * (self._state.pending.size + events.size), EVENT)
             bigger[: self._state.pending.size] = self._state.pending
             self._state = self._state._replace(pending=bigger)
+        if out.ndim != 2 or out.shape[1] != 2 or out.dtype != np.float64 or not out.flags.c_contiguous:
+            raise ValueError(f"out must be a contiguous (frames, 2) float64 array, got {out.shape} {out.dtype}")
         if stems is None:
             stems = np.zeros((0, 0, 2))
+        elif stems.shape != (len(self.parts), *out.shape):
+            raise ValueError(f"stems must be ({len(self.parts)}, {out.shape[0]}, 2), got {stems.shape}")
         process(bank, self._state, self._settings, self._scratch, events, out, stems)
 
     @property
@@ -238,51 +244,43 @@ class Engine:
         out = []
         for p, preset in enumerate(self.parts):
             pluck = preset.pluck
-            rows: list[tuple[int, str, str, str, float, float, float, float]] = [
-                (layout.GAIN, "output.gain", "Level", "×", 0.0, 4.0, 1.0, GAIN_SMOOTHING_S),
-                (
-                    layout.PLUCK_POSITION,
-                    "pluck.position",
-                    "Pluck position from the saddle",
-                    "of L",
-                    0.02,
-                    0.5,
-                    pluck.position,
-                    0.0,
-                ),
-                (layout.PLUCK_AMOUNT, "pluck.amount", "Pluck displacement", "×", 0.0, 2.0, 1.0, 0.0),
-                (layout.PLUCK_WIDTH, "pluck.width", "Finger width", "mm", 0.5, 50.0, pluck.width_mm, 0.0),
-                (layout.RELEASE, "damping.release", "Damping time", "×", 0.1, 20.0, 1.0, 0.0),
+            rows: list[tuple[int, str, str, str, float, float]] = [
+                (layout.GAIN, "output.gain", "Level", "×", 1.0, GAIN_SMOOTHING_S),
+                (layout.PLUCK_POSITION, "pluck.position", "Pluck position from the saddle", "of L", pluck.position, 0.0),
+                (layout.PLUCK_AMOUNT, "pluck.amount", "Pluck displacement", "×", 1.0, 0.0),
+                (layout.PLUCK_WIDTH, "pluck.width", "Finger width", "mm", pluck.width_mm, 0.0),
+                (layout.RELEASE, "damping.release", "Damping time", "×", 1.0, 0.0),
             ]
             if isinstance(preset.obstacle, BridgeObstacle):
-                rows.append(
-                    (
-                        layout.HEIGHT,
-                        "obstacle.height",
-                        "Bridge raised against the thread",
-                        "µm",
-                        -200.0,
-                        50.0,
-                        0.0,
-                        0.01,
-                    )
-                )
-            out += [Parameter(p, *row) for row in rows]
+                rows.append((layout.HEIGHT, "obstacle.height", "Bridge raised against the thread", "µm", 0.0, CONTROL_S))
+            for index, identity, name, unit, default, smoothing in rows:
+                low, high = layout.PARAMETER_RANGES[index]
+                out.append(Parameter(p, index, identity, name, unit, low, high, default, smoothing))
         return out
 
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
         buffer = io.BytesIO()
-        np.savez(buffer, **self._state._asdict())
+        np.savez(buffer, bank=self._fingerprint(), **self._state._asdict())
         return buffer.getvalue()
+
+    def _fingerprint(self) -> np.ndarray:
+        """(16,) bytes that tell banks and settings apart."""
+        digest = hashlib.blake2b(repr(self._settings).encode(), digest_size=16)
+        for array in self._prepared():
+            digest.update(array.tobytes())
+        return np.frombuffer(digest.digest(), np.uint8)
 
     def set_state(self, data: bytes) -> None:
         """Go on from a state. Raises ValueError where it belongs to another bank."""
         try:
             with np.load(io.BytesIO(data)) as loaded:
+                origin = loaded["bank"]
                 fields = {name: loaded[name] for name in State._fields}
-        except (KeyError, OSError, EOFError, ValueError) as error:
+        except (KeyError, OSError, EOFError, ValueError, BadZipFile, zlib.error) as error:
             raise ValueError(f"not a state of this engine: {error}") from None
+        if not np.array_equal(origin, self._fingerprint()):
+            raise ValueError("the state comes from other presets, rate or quality; prepare the engine in the same way")
         for name, mine in self._state._asdict().items():
             same = fields[name].dtype == mine.dtype and (name == "pending" or fields[name].shape == mine.shape)
             if not same:
@@ -311,9 +309,7 @@ class Engine:
                 else "no string is tuned to it"
             )
             unplayed.append(Unplayed(int(p), int(note), count, reason))
-        limiter = LimiterState(
-            state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels
-        )
+        limiter = LimiterState(state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels)
         return EngineReport(
             float(state.meters[0]),
             largest_reduction_db(limiter) if self.limiter else 0.0,

@@ -6,12 +6,12 @@ Offsets: modes of a model or string begin at `off`; its contact rows at `coff`, 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 #: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
-CORE = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+CORE: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 #: frames that are computed at a time, counted from the start of the stream; every decision that works on chunks of
 #: steps is taken at their borders, so that the host's block size changes no bit
@@ -36,6 +36,7 @@ MODEL = np.dtype(
         ("rest_output", "f8"),  # output of the static state, line included
         ("output_bound", "f8"),  # |output| ≤ bound · √Σ(v² + ω²q²)
         ("static_response", "f8"),  # displacement of the first contact under 1 N, at rest
+        ("lift_output", "f8"),  # output of the state at rest under 1 N at the first contact
     ],
     align=True,
 )
@@ -65,6 +66,8 @@ POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", 
 #: live parameters of a part, in this order
 GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT = range(6)
 N_PARAMETERS = 6
+#: smallest and largest value of each; events beyond are brought back inside
+PARAMETER_RANGES = ((0.0, 4.0), (0.02, 0.5), (0.0, 2.0), (0.5, 50.0), (0.1, 20.0), (-200.0, 50.0))
 
 PART = np.dtype(
     [
@@ -154,7 +157,9 @@ SOUNDING = np.dtype(
         ("hand", "f8"),  # extra σ of the damping hand
         ("bend", "f8"),  # semitones in the coefficients
         ("height", "f8"),  # obstacle raised by [m]
-        ("base", "f8"),
+        ("lift", "f8"),  # force of the one contact on the string at rest [N]
+        ("rest", "f8"),  # output at rest, line included
+        ("base", "f8"),  # output counted as zero; follows `rest`
         ("level", "f8"),
         ("finger_from", "f8"),
         ("finger_to", "f8"),

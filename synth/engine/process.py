@@ -27,7 +27,9 @@ from synth.engine.layout import (
     N_NOTES,
     N_STOLEN,
     NOW,
+    PARAMETER_RANGES,
     PENDING,
+    PRESS,
     PRODUCED,
     QUANTUM,
     RING,
@@ -212,7 +214,9 @@ def _handle(bank, state, settings, scratch, event) -> None:
     kind, c = event.kind, event.channel
     if kind == PARAMETER:
         if 0 <= c < state.parameters.shape[0] and 0 <= event.a < state.parameters.shape[1]:
-            state.parameters[c, event.a] = event.value
+            if math.isfinite(event.value):
+                low, high = PARAMETER_RANGES[event.a]
+                state.parameters[c, event.a] = min(max(event.value, low), high)
         return
     if not 0 <= c < state.channels.size:
         return
@@ -245,8 +249,9 @@ def _note_on(bank, state, settings, scratch, c: int, note: int, velocity: int) -
     position = bank.positions[chosen]
     s = position.string
     me = state.sounding[s]
-    if not me.awake:
+    if not me.awake or me.stolen:
         _make_room(bank, state, settings)
+    if not me.awake:
         state.counters[AWAKE] += 1
         state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
     legato = state.channels[c].legato != 0 and me.held != 0 and me.awake != 0 and me.model != position.model
@@ -275,9 +280,12 @@ def _choose_position(bank, state, p: int, c: int, note: int) -> int:
         cost = 0.0
         if bank.strings[position.string].positions > 1:
             cost = abs(position.fret - hand) if position.fret > 0 else 1.0
-            if me.awake and me.model == position.model:
+            stopped_at = me.pending_model if me.phase == PRESS else me.model
+            if me.awake and stopped_at == position.model:
                 cost -= 1000.0
-            elif me.awake and me.held and not (state.channels[c].legato and me.channel == c):
+            elif me.awake and me.held and state.channels[c].legato and me.channel == c:
+                cost -= 500.0  # hammered on or pulled off, on the string that sounds
+            elif me.awake and me.held:
                 cost += 1000.0
         age = me.plucked_at
         if best < 0 or cost < best_cost or (cost == best_cost and age < best_age):
@@ -294,14 +302,16 @@ def _make_room(bank, state, settings) -> None:
         me = state.sounding[s]
         if me.awake and not me.stolen:
             sounding += 1
-            # a finger at work is about to sound: it goes last
-            level = me.level + (1e9 if me.phase != 0 else 0.0)
-            if quietest < 0 or level < state.sounding[quietest].level + (
-                1e9 if state.sounding[quietest].phase != 0 else 0.0
-            ):
+            if quietest < 0:
+                quietest = s
+                continue
+            other = state.sounding[quietest]
+            if me.level < other.level or (me.level == other.level and me.plucked_at < other.plucked_at):
                 quietest = s
     if sounding >= settings.polyphony and quietest >= 0:
         state.sounding[quietest].stolen = 1
+        state.sounding[quietest].held = 0
+        state.sounding[quietest].sustained = 0
         state.sounding[quietest].phase = 0
         state.counters[N_STOLEN] += 1
         damp(state, quietest, CUT_S)
@@ -344,7 +354,8 @@ def _sustain(bank, state, c: int, value: int) -> None:
 @njit(**CORE)
 def _control(bank, state, c: int, controller: int, value: int) -> None:
     channel = state.channels[c]
-    x = min(max(value, 0), 127) / 127.0
+    value = min(max(value, 0), 127)
+    x = value / 127.0
     if controller == 7:  # unity at the power-up value of 100; the curve is the recommended 40 log₁₀
         channel.volume = (127.0 * x / 100.0) ** 2
     elif controller == 11:

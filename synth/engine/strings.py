@@ -36,6 +36,8 @@ from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
 
 #: time in which the left hand brings a sounding string to a higher fret [s]
 PRESS_S = 0.004
+#: T60 of what a string still sounds while the plucking finger lies on it [s]
+FINGER_S = 0.04
 #: T60 of a stolen or silenced string [s]
 CUT_S = 0.03
 #: a mode leaves free flight for good when its largest possible output is below this (−160 dBFS)
@@ -45,6 +47,8 @@ SLEEP_BELOW = 1e-5
 #: internal steps for which contacts out of reach are not looked at, where a string has this many contacts or more
 CULL_STEPS = 32
 CULL_FROM = 3
+#: level of a string under a finger, until it is measured: about to sound, it is the last to be stolen
+LOUD = 1e9
 #: how fast the output's rest line follows a change of fret [s]
 BASE_S = 0.05
 LN_1000 = math.log(1000.0)
@@ -62,6 +66,7 @@ def _set_coefficients(bank, state, settings, scratch, s: int) -> None:
         state.eta[fixed.coff + k] = bank.eta[model.coff + k] + me.height
         state.watch[fixed.coff + k] = 1
     me.free = 0
+    _set_rest(bank, me, model)
     bend_ratio = 1.0
     if me.hand == 0.0 and me.bend == 0.0:
         for row in range(6):
@@ -93,6 +98,27 @@ def _set_coefficients(bank, state, settings, scratch, s: int) -> None:
 
 
 @njit(**CORE)
+def _set_rest(bank, me, model) -> None:
+    """Where the string would come to rest over the obstacle as high as it now is: the contact's force and the output."""
+    me.lift = 0.0
+    me.rest = model.line_output + model.rest_output
+    if model.contacts == 1:
+        me.lift = max(0.0, bank.eta[model.coff] + me.height) / model.static_response
+        me.rest = model.line_output + me.lift * model.lift_output
+
+
+@njit(**CORE)
+def _rest_state(bank, me, model, q_rest) -> None:
+    """q (N,) of the string at rest."""
+    for j in range(model.n):
+        q_rest[j] = bank.q_rest[model.off + j]
+    if model.contacts == 1:
+        for j in range(model.n):
+            w = bank.omega[model.off + j]
+            q_rest[j] = bank.shapes[model.soff + j] * me.lift / (model.mu * w * w)
+
+
+@njit(**CORE)
 def _refresh(bank, state, settings, scratch, s: int) -> None:
     """Work out what an event has made stale. Here and nowhere else, once however many events came."""
     me = state.sounding[s]
@@ -121,7 +147,7 @@ def _couple_finger(bank, state, settings, s: int) -> None:
 
 
 @njit(**CORE)
-def wake(bank, state, s: int, model_index: int) -> None:
+def wake(bank, state, scratch, s: int, model_index: int) -> None:
     """A silent string begins at rest on the given model, over the obstacle as high as it now is."""
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -135,17 +161,12 @@ def wake(bank, state, s: int, model_index: int) -> None:
     me.phase = NO_FINGER
     me.bend = state.channels[me.channel].bend
     me.height = state.part_state[fixed.part].height
-    me.base = model.line_output + model.rest_output
+    _set_rest(bank, me, model)
+    me.base = me.rest
+    _rest_state(bank, me, model, scratch.q)
     for j in range(fixed.cap):
-        state.q[fixed.off + j] = 0.0
+        state.q[fixed.off + j] = scratch.q[j] if j < n else 0.0
         state.v[fixed.off + j] = 0.0
-    for j in range(n):
-        state.q[fixed.off + j] = bank.q_rest[model.off + j]
-    if me.height != 0.0 and model.contacts == 1:
-        lift = max(0.0, bank.eta[model.coff] + me.height) / model.static_response
-        for j in range(n):
-            w = bank.omega[model.off + j]
-            state.q[fixed.off + j] = bank.shapes[model.soff + j] * lift / (model.mu * w * w)
     me.stale = 1
 
 
@@ -190,13 +211,14 @@ def _set_finger(bank, state, settings, s: int, distance: float, width: float, se
     me.finger_from = here
     state.finger_state[s, 0] = here
     state.finger_state[s, 1] = 0.0
+    me.level = LOUD
     if me.stale == 0:
         me.stale = 2
 
 
 @njit(**CORE)
-def draw(bank, state, settings, s: int, velocity: float) -> None:
-    """The plucking finger takes hold of the string, draws it aside and lets it go."""
+def draw(bank, state, settings, s: int, velocity: float, sounding: bool) -> None:
+    """The plucking finger takes hold of the string, draws it aside and lets it go. One that sounds it damps."""
     me = state.sounding[s]
     fixed = bank.strings[s]
     part = bank.parts[fixed.part]
@@ -211,6 +233,8 @@ def draw(bank, state, settings, s: int, velocity: float) -> None:
     force = fixed.pluck_force * parameters[PLUCK_AMOUNT] * strength**part.velocity_exponent
     me.finger_to = force * distance * (model.length - distance) / (model.tension * model.length)
     me.phase = DRAW
+    if sounding:
+        damp(state, s, FINGER_S)
 
 
 @njit(**CORE)
@@ -301,8 +325,9 @@ def pluck(bank, state, settings, scratch, s: int, target: int, velocity: float, 
     """A note begins on string s at a model (position): wake or re-pluck, change fret where needed."""
     me = state.sounding[s]
     me.stolen = 0
-    if not me.awake:
-        wake(bank, state, s, target)
+    sounding = me.awake != 0
+    if not sounding:
+        wake(bank, state, scratch, s, target)
     elif me.hand != 0.0:
         me.hand = 0.0
         me.stale = 1
@@ -313,7 +338,7 @@ def pluck(bank, state, settings, scratch, s: int, target: int, velocity: float, 
         change_model(bank, state, scratch, s, target)
         if legato:
             return
-    draw(bank, state, settings, s, velocity)
+    draw(bank, state, settings, s, velocity, sounding)
 
 
 @njit(**CORE)
@@ -345,8 +370,11 @@ def _finger_done(bank, state, settings, scratch, s: int) -> None:
     if phase == PRESS:
         change_model(bank, state, scratch, s, me.pending_model)
         if me.pending_velocity > 0.0:
-            draw(bank, state, settings, s, me.pending_velocity)
+            draw(bank, state, settings, s, me.pending_velocity, True)
             return
+    elif me.hand != 0.0:
+        me.hand = 0.0
+        me.stale = 1
     let_go(bank, state, s)
 
 
@@ -500,7 +528,7 @@ def _collect(bank, state, settings, scratch, s: int, steps: int, bus) -> None:
             bus[t] += scratch.out_v[t, 0]
     else:
         model = bank.models[me.model]
-        rest = model.line_output + model.rest_output
+        rest = me.rest
         follow = 1.0 / (BASE_S * settings.rate_hz * fixed.factor)
         base = me.base
         for t in range(steps):
@@ -525,16 +553,20 @@ def check(bank, state, settings, scratch, s: int) -> None:
     if me.phase != NO_FINGER or me.stale:
         return
     fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
     model = bank.models[me.model]
     n, off, m_off = me.n, fixed.off, model.off
     q, v = state.q[off : off + n], state.v[off : off + n]
     omega, sigma = bank.omega[m_off : m_off + n], bank.sigma[m_off : m_off + n]
-    me.level = model.output_bound * _energy_norm(omega, q, v, bank.q_rest[m_off : m_off + n])
+    _rest_state(bank, me, model, scratch.q)
+    me.level = model.output_bound * _energy_norm(omega, q, v, scratch.q[:n])
+    if part.use_q and not part.use_v:
+        me.level += abs(me.base - me.rest)
     if me.level < SLEEP_BELOW:
         sleep(bank, state, s)
         return
-    if not settings.economy or me.bend != 0.0 or me.hand != 0.0:
-        return  # the amplitudes below are those of the model's own ω and σ
+    if not settings.economy or me.bend != 0.0 or me.hand != 0.0 or settings.law != EXACT_HOLD:
+        return  # the amplitudes below are those of the model's own ω and σ, and of v = q̇
     amplitude = scratch.amplitude[:n]
     reachable = 0
     known = False

@@ -83,6 +83,7 @@ class RenderReport:
     limiter_reduction_db: float
     normalize_gain_db: float | None
     clipped_samples: int
+    clipped_stem_samples: int
     stolen: int
     unplayed: list[dict[str, Any]]
     left_out: dict[int, int]
@@ -105,9 +106,7 @@ class RenderReport:
         strings = f"{self.strings} string{'' if self.strings == 1 else 's'}"
         lost = sum(entry["count"] for entry in self.unplayed)
         unplayed = f"{lost} not played" if lost else "all played"
-        closing = [
-            f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {self.notes} notes ({unplayed}), {limiter}"
-        ]
+        closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {self.notes} notes ({unplayed}), {limiter}"]
         details = [
             f"  not played: {entry['count']} × {entry['note']} ({entry['part']}): {entry['reason']}"
             for entry in self.unplayed
@@ -118,6 +117,11 @@ class RenderReport:
             details.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
         if self.clipped_samples:
             details.append(f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain")
+        if self.clipped_stem_samples:
+            details.append(
+                f"  {self.clipped_stem_samples} samples of the stems, which pass no limiter, were clipped; "
+                "lower --gain or take --bit-depth float"
+            )
         return closing + details
 
 
@@ -205,6 +209,7 @@ def render_file(
         limiter_reduction_db=float(told.limiter_reduction_db),
         normalize_gain_db=20.0 * math.log10(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
+        clipped_stem_samples=outputs.clipped_in_stems,
         stolen=int(told.stolen),
         unplayed=untuned + unplayed,
         left_out={channel + 1: count for channel, count in casting.left_out.items()},
@@ -231,9 +236,7 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     return span
 
 
-def _playable(
-    song: Song, casting: parts.Casting, note_hz: np.ndarray | None
-) -> tuple[np.ndarray, list[dict[str, Any]]]:
+def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> tuple[np.ndarray, list[dict[str, Any]]]:
     """The events that parts play, and the notes whose keys the tuning leaves silent (their frequency is NaN).
 
     Silent keys get their ordinary frequency in `note_hz` afterwards: the engine never sees a NaN.
@@ -268,9 +271,7 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
     presets = {name: load_preset(name) for name in names}
     for only, key, value in settings.settings:
         if only is not None and only not in presets:
-            raise ValueError(
-                f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}"
-            )
+            raise ValueError(f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}")
         for name in names if only is None else [only]:
             presets[name] = presets[name].with_setting(key, value)
 
@@ -287,7 +288,6 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
         gain_db=settings.gain_db,
         max_polyphony=settings.polyphony,
         note_hz=note_hz,
-        seed=settings.seed,
         only_notes=_notes_of_parts(song, casting),
     )
 
@@ -405,7 +405,13 @@ class _Outputs:
 
     @property
     def clipped(self) -> int:
-        return sum(writer.clipped for writer in self._writers)
+        """Samples of the mix beyond full scale."""
+        return self._mix.clipped if self._mix is not None else 0
+
+    @property
+    def clipped_in_stems(self) -> int:
+        """Samples of all stems beyond full scale: the limiter works on the mix only."""
+        return sum(writer.clipped for writer in self._writers) - self.clipped
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
         self._stack.__exit__(kind, error, trace)

@@ -52,11 +52,7 @@ def note_frequencies(scale_path: str | Path | None, keyboard_path: str | Path | 
 
     Without a keyboard, degree 0 is middle C at 261.63 Hz. Without a scale, 12 equal steps. Raises ScalaError.
     """
-    scale = (
-        read_scale(scale_path)
-        if scale_path is not None
-        else Scale("12 equal", tuple(map(float, range(100, 1300, 100))))
-    )
+    scale = read_scale(scale_path) if scale_path is not None else Scale("12 equal", tuple(map(float, range(100, 1300, 100))))
     keyboard = read_keyboard(keyboard_path) if keyboard_path is not None else Keyboard()
     reference = _key_cents(scale, keyboard, keyboard.reference)
     if reference is None:
@@ -91,9 +87,7 @@ def read_scale(path: str | Path) -> Scale:
     """Reads a .scl file. Raises ScalaError."""
     lines = _lines(path)
     if len(lines) < 2:
-        raise ScalaError(
-            f"{path}: a scale has a description line and a line with the number of notes; give a .scl file"
-        )
+        raise ScalaError(f"{path}: a scale has a description line and a line with the number of notes; give a .scl file")
     (_, description), (number, count_text) = lines[0], lines[1]
     count = _integer(path, number, count_text, "the number of notes", 1, 4096)
     pitches = [line for line in lines[2:] if line[1]]
@@ -109,9 +103,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
     """Reads a .kbm file. Raises ScalaError."""
     lines = [line for line in _lines(path) if line[1]]
     if len(lines) < 7:
-        raise ScalaError(
-            f"{path}: a keyboard mapping begins with seven numbers, {len(lines)} are there; give a .kbm file"
-        )
+        raise ScalaError(f"{path}: a keyboard mapping begins with seven numbers, {len(lines)} are there; give a .kbm file")
     names = ("the map's size", "the first key", "the last key", "the middle key", "the reference key")
     ranges = ((0, 128), (0, 127), (0, 127), (0, 127), (0, 127))
     size, first, last, middle, reference = (
@@ -172,6 +164,4 @@ def _pitch_cents(path: str | Path, number: int, text: str) -> float:
                 return 1200.0 * math.log2(ratio)
     except (ValueError, ZeroDivisionError, OverflowError):
         pass
-    raise ScalaError(
-        f"{path}, line {number}: {text!r} is no pitch; write cents with a point (701.955) or a ratio (3/2)"
-    )
+    raise ScalaError(f"{path}, line {number}: {text!r} is no pitch; write cents with a point (701.955) or a ratio (3/2)")

@@ -216,8 +216,7 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
                     raise IndexError
     except IndexError:
         raise MidiError(
-            f"broken in {where}: the message at byte {offset + event_at} runs over the track's end; "
-            "export the file again"
+            f"broken in {where}: the message at byte {offset + event_at} runs over the track's end; export the file again"
         ) from None
     except _Broken as problem:
         raise MidiError(

@@ -65,9 +65,7 @@ class Run(NamedTuple):
     work: Work
 
 
-def make_model(
-    law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float
-) -> Model:
+def make_model(law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float) -> Model:
     """Coefficients and contact matrix for modes ω, σ (N,), contacts S (C, N) at η (C,) and outputs (P, N)."""
     omega, sigma, shapes, eta, out_shapes = (
         np.ascontiguousarray(a, dtype=np.float64) for a in (omega, sigma, shapes, eta, out_shapes)
@@ -101,9 +99,7 @@ def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return q + compliance * (z @ model.shapes), z, status
 
 
-def start_run(
-    model: Model, q, v, force, steps_per_output: int, outputs: int, ledger: bool, published_start: bool
-) -> Run:
+def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, ledger: bool, published_start: bool) -> Run:
     """A run at t = 0 from q, v = q̇ (N,) and contact forces λ (C,); output row 0 is written.
 
     Moreau–Jean needs a backward-difference velocity. The exact start takes the first step with the exact propagator,

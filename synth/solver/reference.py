@@ -48,13 +48,14 @@ def held_force_propagator(omega: float, sigma: float, mu: float, dt: float) -> N
     By scaling and squaring of the power series, in the dimensionless unknowns (q, q̇Δt, fΔt²/μ).
     """
     x, d = np.longdouble(omega) * dt, np.longdouble(sigma) * dt
-    a = np.array([[0, 1, 0], [-x * x, -2 * d, 1], [0, 0, 0]], dtype=np.longdouble)
+    a: NDArray = np.array([[0, 1, 0], [-x * x, -2 * d, 1], [0, 0, 0]], dtype=np.longdouble)
     # the states' own scale, so that no entry dwarfs another
     scale = np.array([1, max(1, x), max(1, x * x)], dtype=np.longdouble)
     a = a * scale[None, :] / scale[:, None]
     squarings = max(0, int(np.ceil(np.log2(float(np.abs(a).sum(axis=1).max())))) + 2)
     a = a / np.longdouble(2) ** squarings
-    term = total = np.eye(3, dtype=np.longdouble)
+    total: NDArray = np.eye(3, dtype=np.longdouble)
+    term = total
     for k in range(1, 25):
         term = term @ a / k
         total = total + term
@@ -264,12 +265,10 @@ def lemke(a: Array, b: Array) -> Array:
         # lexicographic: right side first, then the columns of the identity
         for key in [-1, *range(n)]:
             ratios = table[candidates, key] / column[candidates]
-            least = ratios.min()
+            least = float(ratios.min())
             candidates = candidates[ratios <= least + 1e-14 * max(1e-30, abs(least))]
             if candidates.size == 1:
                 break
-        row = int(candidates[0])
-        for place in candidates:
-            if basis[place] == 2 * n:
-                row = int(place)
+        with_z0 = [int(place) for place in candidates if basis[place] == 2 * n]
+        row = with_z0[0] if with_z0 else int(candidates[0])
     raise ArithmeticError("Lemke's method did not end")

@@ -126,9 +126,7 @@ def test_pressure_is_passed_over() -> None:
 
 
 def test_notes_are_counted_by_channel_and_program() -> None:
-    data = header() + track(
-        (0, on(60)), (0, b"\xc0\x21"), (10, on(61)), (0, on(62)), (0, on(36, channel=9)), (5, off(60))
-    )
+    data = header() + track((0, on(60)), (0, b"\xc0\x21"), (10, on(61)), (0, on(62)), (0, on(36, channel=9)), (5, off(60)))
     result = song(data)
     assert result.channels == {(0, 0): 1, (0, 33): 2, (9, 0): 1}
     assert result.keys == {(0, 0): {60}, (0, 33): {61, 62}, (9, 0): {36}}
@@ -187,10 +185,7 @@ def test_times_are_midos(tmp_path) -> None:
 )
 def test_every_note_has_an_end_and_no_pluck_is_lost(moves) -> None:
     data = header() + track(
-        *(
-            (delta, on(note, 80, channel) if starts else off(note, 80, channel))
-            for delta, starts, note, channel in moves
-        )
+        *((delta, on(note, 80, channel) if starts else off(note, 80, channel)) for delta, starts, note, channel in moves)
     )
     result = song(data)
     events = result.events

@@ -140,3 +140,15 @@ def test_silence_has_no_peak_and_needs_no_engine(tmp_path) -> None:
     json.dumps(report.as_dict(), allow_nan=False)
     # Quiet at its end, so there is no tail.
     assert len(soundfile.read(tmp_path / "x.wav")[0]) == round(0.5 * 44100)
+
+
+def test_clipped_samples_of_mix_and_stems_are_counted_apart(tmp_path, engine) -> None:
+    path = tmp_path / "loud.mid"
+    # Two notes at once on channel 1: the fake engine adds them up to 2.0, which falls below 1.0 after 69 frames.
+    path.write_bytes(header() + track((0, on(60, 127)), (0, on(61, 127)), (0, on(62, 1, channel=1)), (48, off(60))))
+    both = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), stems=str(tmp_path / "s"), tail=0.0))
+    beyond = sum(2.0 * 0.99**n > 1.0 for n in range(200))
+    assert (both.clipped_samples, both.clipped_stem_samples) == (beyond, beyond)
+    assert "stems" in both.lines()[-1] and "full scale" in both.lines()[-2]
+    loose = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), bit_depth="float", tail=0.0))
+    assert (loose.clipped_samples, loose.clipped_stem_samples) == (0, 0)

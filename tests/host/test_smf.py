@@ -173,9 +173,7 @@ def test_reads_what_mido_writes(tracks) -> None:
         timed = list(zip(at, (message for _, message in content), strict=True))
         plain = [(tick, m.bytes()) for tick, m in timed if not m.is_meta and m.type != "sysex"]
         got = zip(ours.ticks, ours.status, ours.data1, ours.data2, strict=True)
-        assert [
-            (tick, data[:size]) for (tick, *data), size in zip(got, (len(b) for _, b in plain), strict=True)
-        ] == plain
+        assert [(tick, data[:size]) for (tick, *data), size in zip(got, (len(b) for _, b in plain), strict=True)] == plain
         assert ours.tempos == [(tick, m.tempo) for tick, m in timed if m.type == "set_tempo"]
         assert ours.end_tick == (at[-1] if len(at) else 0)
 

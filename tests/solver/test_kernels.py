@@ -176,9 +176,7 @@ def test_one_step_from_random_states(law, with_finger):
             here = float(weights @ scene.q)
             path = here + rng.normal(size=2) * 1e-4
             row = twin.FingerRow(weights, 2e4, 0.7, (path[0], path[1]))
-        q, v, force, finger, out_q, out_v, rec_force, rec_u, u_c, v_c = step_kernel(
-            scene, law, 1, path, weights=weights
-        )
+        q, v, force, finger, out_q, out_v, rec_force, rec_u, u_c, v_c = step_kernel(scene, law, 1, path, weights=weights)
         expected = step_twin(scene, law, scene.q, scene.v, row)
         touched += int(np.any(force > 0.0))
         size = np.abs(energy_norm(scene, scene.q, scene.v)).max()
@@ -256,9 +254,7 @@ def test_one_contact_kernel_is_the_general_one():
         q, v = scene.q.copy(), scene.v.copy()
         out_q, out_v = np.zeros(50), np.zeros(50)
         weights = np.ones(25)
-        touched = advance_one(
-            50, coef, scene.shapes[0], scene.eta[0], g[0, 0], q, v, weights, weights, 1, 1, out_q, out_v
-        )
+        touched = advance_one(50, coef, scene.shapes[0], scene.eta[0], g[0, 0], q, v, weights, weights, 1, 1, out_q, out_v)
         general = step_kernel(scene, EXACT_HOLD, 50)
         assert touched == np.count_nonzero(general[6])
         assert close(energy_norm(scene, q, v), energy_norm(scene, general[0], general[1]), 1e-10)

@@ -133,9 +133,10 @@ def test_random_semidefinite():
         assert status == SOLVED
         assert_solves(a, b, z, 1e-9)
         # the motion x = Sᵀz is the shortest with S x ≥ −b: least-distance programming (Lawson and Hanson 1974, ch. 23)
-        residual = np.append(np.zeros(modes), -1.0) + np.vstack([shapes.T, -b]) @ nnls(
-            np.vstack([shapes.T, -b]), np.append(np.zeros(modes), 1.0)
-        )[0]
+        residual = (
+            np.append(np.zeros(modes), -1.0)
+            + np.vstack([shapes.T, -b]) @ nnls(np.vstack([shapes.T, -b]), np.append(np.zeros(modes), 1.0))[0]
+        )
         np.testing.assert_allclose(shapes.T @ z, -residual[:-1] / residual[-1], atol=1e-8 * np.abs(b).max())
 
 

@@ -1,0 +1,50 @@
+"""Compiled kernels are kept apart by the sources they come from."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import synth
+
+PACKAGE = Path(synth.__file__).parent
+
+
+def folder(root: Path, cache: Path) -> Path:
+    """The cache folder that a copy of the package under `root` chooses."""
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    told = subprocess.run(
+        [sys.executable, "-c", "import os, synth; print(os.environ['NUMBA_CACHE_DIR'])"],
+        cwd=root,
+        env={**environment, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(root), "HOME": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return Path(told.stdout.strip())
+
+
+def test_a_changed_kernel_has_another_folder(tmp_path: Path) -> None:
+    shutil.copytree(PACKAGE, tmp_path / "synth", ignore=shutil.ignore_patterns("__pycache__"))
+    first = folder(tmp_path, tmp_path / "cache")
+    assert folder(tmp_path, tmp_path / "cache") == first
+    with open(tmp_path / "synth" / "cli.py", "a") as file:
+        file.write("\n# no kernel\n")
+    assert folder(tmp_path, tmp_path / "cache") == first
+    with open(tmp_path / "synth" / "solver" / "lcp.py", "a") as file:
+        file.write("\n# another kernel\n")
+    assert folder(tmp_path, tmp_path / "cache") != first
+
+
+def test_old_folders_go(tmp_path: Path) -> None:
+    shutil.copytree(PACKAGE, tmp_path / "synth", ignore=shutil.ignore_patterns("__pycache__"))
+    base = folder(tmp_path, tmp_path / "cache").parent
+    for i in range(20):
+        (base / f"kernels-{i:04d}").mkdir()
+    with open(tmp_path / "synth" / "solver" / "lcp.py", "a") as file:
+        file.write("\n# another kernel\n")
+    folder(tmp_path, tmp_path / "cache")
+    assert len(list(base.glob("kernels-*"))) == 8
