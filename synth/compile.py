@@ -440,8 +440,7 @@ def describe_plan(
         assert note is not None
         low, high = playable_range(preset)
         raise PresetError(
-            f"{preset.name}: no string plays {midi_to_note(note)}; "
-            f"its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
+            f"{preset.name}: no string plays {midi_to_note(note)}; its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
         )
     head = f"{preset.name} at {quality}, {scheme}, {rate_hz:g} Hz out"
     lines = [

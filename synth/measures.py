@@ -58,9 +58,7 @@ def relative_error(u: ArrayLike, ref: ArrayLike) -> float:
     return float(np.sqrt(np.sum((ref - u) ** 2) / np.sum(ref**2)))
 
 
-def audible_band_error(
-    u: ArrayLike, ref: ArrayLike, rate_hz: float, factor: int, ref_factor: int | None = None
-) -> float:
+def audible_band_error(u: ArrayLike, ref: ArrayLike, rate_hz: float, factor: int, ref_factor: int | None = None) -> float:
     """:func:`relative_error` of what is left below 20 kHz: both signals go through the decimator first.
 
     Parameters
@@ -373,9 +371,7 @@ def dc(x: ArrayLike) -> float:
     return float(np.mean(_signal("x", x)))
 
 
-def click_ratios(
-    x: ArrayLike, positions: ArrayLike, *, within: int = 3, neighbourhood: int = 256
-) -> NDArray[np.float64]:
+def click_ratios(x: ArrayLike, positions: ArrayLike, *, within: int = 3, neighbourhood: int = 256) -> NDArray[np.float64]:
     """How much each given place stands out from its surroundings as a discontinuity.
 
     The third difference hides smooth motion (it falls with the cube of the frequency) and shows a jump of the

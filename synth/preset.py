@@ -187,8 +187,7 @@ class PointsObstacle(Table):
     def _same_length(self) -> PointsObstacle:
         if len(self.positions_mm) != len(self.heights_mm):
             raise ValueError(
-                f"positions_mm and heights_mm must be of one length, got {len(self.positions_mm)} and "
-                f"{len(self.heights_mm)}"
+                f"positions_mm and heights_mm must be of one length, got {len(self.positions_mm)} and {len(self.heights_mm)}"
             )
         return self
 

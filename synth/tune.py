@@ -18,12 +18,14 @@ from synth.compile import note_frequency
 from synth.engine.engine import Engine
 from synth.engine.events import NOTE_ON, make_events
 from synth.measures import sounding_fundamental
-from synth.preset import FretsObstacle, Preset, StringTable, contact_cents
+from synth.preset import FretsObstacle, Preset, StringTable, at_note, contact_cents
 from synth.units import cents, midi_to_note
 
 #: the reference pluck, and the part of the sound that has a pitch, counted from the moment the string is let go
 VELOCITY = 64
 WINDOW_S = (0.2, 2.0)
+#: how far an instrument of few strings is tuned up and down [semitones]
+TUNING_RANGE = 5
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,34 @@ class Pitch:
     fret: int
     target_hz: float
     cents: float
+
+
+def tunings(preset: Preset) -> tuple[int, ...]:
+    """Semitones by which the strings of a preset are tuned away from its notes, to be measured as well.
+
+    Only where every string has one note of its own and no frets (a tanpura): a fourth down, none, a fourth up.
+    """
+    alone = all(table.notes[0] == table.notes[1] for table in preset.string)
+    if not alone or isinstance(preset.obstacle, FretsObstacle):
+        return (0,)
+    return (-TUNING_RANGE, 0, TUNING_RANGE)
+
+
+def retuned(preset: Preset, semitones: int) -> Preset:
+    """The preset with every string's notes moved by `semitones`; the strings stay the same."""
+    if semitones == 0:
+        return preset
+    strings = []
+    for table in preset.string:
+        # numbers at anchor notes are the string's, whose notes were those of the preset
+        fixed = {
+            field: at_note(value, table.notes[0])
+            for field, value in table
+            if isinstance(value, dict) and table.notes[0] == table.notes[1]
+        }
+        moved = (table.notes[0] + semitones, table.notes[1] + semitones)
+        strings.append(table.model_copy(update={**fixed, "notes": moved}))
+    return preset.model_copy(update={"string": tuple(strings)})
 
 
 def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tuple[int, int, Preset]]:
@@ -98,6 +128,15 @@ def measure(
     return found
 
 
+def measure_all(preset: Preset, *, rate_hz: float = 44100.0, quality: str = "standard") -> list[Pitch]:
+    """`measure` of every position in every one of the preset's `tunings`."""
+    return [
+        pitch
+        for semitones in tunings(preset)
+        for pitch in measure(retuned(preset, semitones), rate_hz=rate_hz, quality=quality)
+    ]
+
+
 def worst(pitches: list[Pitch]) -> Pitch:
     """The position that is farthest from its pitch."""
     return max(pitches, key=lambda pitch: abs(pitch.cents))
@@ -118,7 +157,7 @@ def calibrate(
     in `rounds` rounds, or as `measure` does.
     """
     for _ in range(rounds):
-        pitches = measure(preset, rate_hz=rate_hz, quality=quality)
+        pitches = measure_all(preset, rate_hz=rate_hz, quality=quality)
         errors: dict[int, list[float]] = {}
         for pitch in pitches:
             errors.setdefault(pitch.note, []).append(pitch.cents)

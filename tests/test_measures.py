@@ -124,9 +124,7 @@ def test_band_levels():
     n = np.arange(48000)
     x = 0.25 + np.sin(2 * np.pi * 100 / rate * n) + 0.1 * np.sin(2 * np.pi * 5000 / rate * n)
     levels = ms.band_levels_db(x, rate, [0, 50, 1000, 8000, 24001])
-    assert levels[:3] == pytest.approx(
-        [20 * np.log10(0.25), 10 * np.log10(0.5), 10 * np.log10(0.005)], abs=1e-6
-    )
+    assert levels[:3] == pytest.approx([20 * np.log10(0.25), 10 * np.log10(0.5), 10 * np.log10(0.005)], abs=1e-6)
     assert levels[3] < -250
     # Parseval: all bands together are the mean square, for an odd length too.
     y = np.random.default_rng(0).standard_normal(1001)
@@ -243,9 +241,7 @@ def test_decay_time_of_one_partial_among_others(t60):
     x = np.exp(-rate_of * t) * np.sin(2 * np.pi * f1 * t)
     x += 2 * np.exp(-2 * rate_of * t) * np.sin(2 * np.pi * 2.003 * f1 * t) + 0.1
     assert ms.decay_time_s(x, rate, f1) == pytest.approx(t60, rel=1e-3)
-    assert ms.decay_time_s(x - 0.1, rate, 2.003 * f1, bandwidth_hz=0.8 * f1) == pytest.approx(
-        t60 / 2, rel=1e-3
-    )
+    assert ms.decay_time_s(x - 0.1, rate, 2.003 * f1, bandwidth_hz=0.8 * f1) == pytest.approx(t60 / 2, rel=1e-3)
 
 
 def test_decay_time_of_the_whole_signal():

@@ -75,6 +75,7 @@ def _set_coefficients(bank, state, settings, scratch, s: int) -> None:
         for k in range(c * c):
             state.matrix[fixed.goff + k] = bank.matrix[model.goff + k]
     else:
+        dt = 1.0 / (settings.rate_hz * fixed.factor)
         # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
         bend_ratio = 2.0 ** (me.bend / 12.0)
         added = (bend_ratio * bend_ratio - 1.0) * bank.omega[m_off] * bank.omega[m_off]
@@ -82,8 +83,9 @@ def _set_coefficients(bank, state, settings, scratch, s: int) -> None:
             w = bank.omega[m_off + j]
             scratch.omega[j] = math.sqrt(max(w * w + added * (j + 1.0) * (j + 1.0), 1e-6 * w * w))
             scratch.sigma[j] = bank.sigma[m_off + j] + me.hand
+            if scratch.omega[j] * dt > math.pi:  # bent above half the internal rate, where it would be heard mirrored
+                scratch.sigma[j] += LN_1000 / CUT_S
         coef = state.coef[6 * off : 6 * off + 6 * cap].reshape(6, cap)
-        dt = 1.0 / (settings.rate_hz * fixed.factor)
         step_coefficients(settings.law, scratch.omega[:n], scratch.sigma[:n], model.mu, dt, coef)
         if c > 0:
             shapes = bank.shapes[model.soff : model.soff + c * n].reshape(c, n)

@@ -42,9 +42,7 @@ def pluck_weights(length_m: float, position_m: float, width_m: float, n: int) ->
     return mode_shapes(length_m, position_m, n)[0] * _kernel(length_m, width_m, n)
 
 
-def rounded_triangle(
-    length_m: float, position_m: float, displacement_m: float, half_width_m: float, n: int
-) -> np.ndarray:
+def rounded_triangle(length_m: float, position_m: float, displacement_m: float, half_width_m: float, n: int) -> np.ndarray:
     """q (n,) [m·√m] of a triangle whose corner is a parabola over position_m ± half_width_m.
 
     That is convolution with a box of that half width h: mode j carries sin(k_j h)/(k_j h), and the crest lies
@@ -65,8 +63,7 @@ def _kernel(length_m: float, width_m: float, n: int) -> np.ndarray:
 def _check_point(length_m: float, position_m: float) -> None:
     if not 0.0 < position_m < length_m:
         raise ValueError(
-            f"pluck position must lie between 0 and the string's {length_m:g} m, got {position_m:g} m; "
-            "count it from the nut"
+            f"pluck position must lie between 0 and the string's {length_m:g} m, got {position_m:g} m; count it from the nut"
         )
 
 

@@ -112,9 +112,7 @@ def force_weights(string: String, position_m: float, n: int) -> np.ndarray:
     return math.sqrt(2.0 / string.length_m) * transverse * np.cos(k * x)
 
 
-def static_compliance(
-    string: String, position_m: np.ndarray | float, force_position_m: np.ndarray | float
-) -> np.ndarray:
+def static_compliance(string: String, position_m: np.ndarray | float, force_position_m: np.ndarray | float) -> np.ndarray:
     """G(x, y) = Σ_j φ_j(x) φ_j(y)/(μω̂_j²) over *all* modes [m/N]: displacement at x per static force at y.
 
     Arrays broadcast. In closed form for either law; with P = sinh κx sinh κ(L−y)/sinh κL for x ≤ y

@@ -132,9 +132,7 @@ def fretted(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float
         if height >= 0.0:
             stopped = f"stopped at fret {n}" if n else "open"
             remedy = f"lower fret {k} or raise fret {n}" if n else "lower the fret or raise the nut"
-            raise ValueError(
-                f"fret {k} must lie below the string at rest, {stopped}, got {height * 1e3:+.2f} mm; {remedy}"
-            )
+            raise ValueError(f"fret {k} must lie below the string at rest, {stopped}, got {height * 1e3:+.2f} mm; {remedy}")
         positions.append(x_k - x_n)
         heights.append(height)
     return speaking_m, Obstacle(tuple(positions), tuple(heights))

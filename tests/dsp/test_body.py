@@ -87,9 +87,7 @@ def test_bank_matches_scipy():
 )
 def test_any_split_gives_bitwise_the_same_samples(blocks, modes, seed):
     rng = np.random.default_rng(seed)
-    c = body_coefficients(
-        rng.uniform(60, 5000, modes), rng.uniform(2, 60, modes), rng.uniform(-20, 10, modes), 48000.0
-    )
+    c = body_coefficients(rng.uniform(60, 5000, modes), rng.uniform(2, 60, modes), rng.uniform(-20, 10, modes), 48000.0)
     x = rng.standard_normal(sum(blocks))
     assert np.array_equal(run(c, x), run(c, x, blocks))
 

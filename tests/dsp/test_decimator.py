@@ -112,9 +112,7 @@ def test_agrees_with_an_ideal_resampler(factor):
     """Periodic noise with nothing between 20 and 24.1 kHz: there an FFT brick wall is the exact answer."""
     rng = np.random.default_rng(factor)
     rate_hz, frames = 44100, 512
-    spectrum = rng.standard_normal(frames * factor // 2 + 1) * np.exp(
-        2j * np.pi * rng.random(frames * factor // 2 + 1)
-    )
+    spectrum = rng.standard_normal(frames * factor // 2 + 1) * np.exp(2j * np.pi * rng.random(frames * factor // 2 + 1))
     f = np.arange(spectrum.size) * rate_hz / frames
     spectrum[(f > 20000) & (f < 24100)] = 0
     spectrum[[0, -1]] = 0

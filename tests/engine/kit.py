@@ -93,9 +93,7 @@ BRIDGE = preset(
     output=FORCE,
 )
 #: its thread so thin that the string rests on the bridge: 20 µm too low
-PRESSED = preset(
-    "pressed", steel("G2"), obstacle='kind = "bridge"\ndistance_mm = 6.0\njiva_um = -20.0', output=FORCE
-)
+PRESSED = preset("pressed", steel("G2"), obstacle='kind = "bridge"\ndistance_mm = 6.0\njiva_um = -20.0', output=FORCE)
 NECK_OBSTACLE = 'kind = "frets"\ncount = 12\naction_12th_mm = 2.3\nnut_height_mm = 0.6\nrelief_mm = 0.3'
 #: E A D G with twelve frets; notes 28…55
 NECK = preset(
@@ -106,9 +104,7 @@ NECK = preset(
     polyphony=4,
 )
 #: its G string alone, heard as the force on the bridge
-ONE_NECK = preset(
-    "one-neck", wound("G2", 6.69), obstacle=NECK_OBSTACLE, output='kind = "force"\ngain_db = -24', polyphony=1
-)
+ONE_NECK = preset("one-neck", wound("G2", 6.69), obstacle=NECK_OBSTACLE, output='kind = "force"\ngain_db = -24', polyphony=1)
 
 
 def engine(*parts: Preset, quality: str = "standard", limiter: bool = False, **more) -> Engine:
@@ -141,6 +137,12 @@ def play(
     return out
 
 
+def bank_of(made: Engine) -> layout.Bank:
+    """The constant arrays of a prepared engine."""
+    assert made._bank is not None
+    return made._bank
+
+
 def until_state_at(made: Engine, events, frame: int) -> np.ndarray:
     """Play from the start until the strings stand exactly at a frame (a multiple of the quantum)."""
     assert frame % QUANTUM == 0
@@ -149,7 +151,7 @@ def until_state_at(made: Engine, events, frame: int) -> np.ndarray:
 
 def state_of(made: Engine, s: int) -> tuple[np.ndarray, np.ndarray]:
     """q, v of string s: views into the state, as many modes as its model has."""
-    string, model = made._bank.strings[s], made._bank.models[made._state.sounding["model"][s]]
+    string, model = bank_of(made).strings[s], bank_of(made).models[made._state.sounding["model"][s]]
     place = slice(int(string["off"]), int(string["off"] + model["n"]))
     return made._state.q[place], made._state.v[place]
 
@@ -157,8 +159,8 @@ def state_of(made: Engine, s: int) -> tuple[np.ndarray, np.ndarray]:
 def energy(made: Engine, s: int) -> float:
     """½ μ Σ (v² + ω² q²) of string s [J]."""
     q, v = state_of(made, s)
-    model = made._bank.models[made._state.sounding["model"][s]]
-    omega = made._bank.omega[model["off"] : model["off"] + model["n"]]
+    model = bank_of(made).models[made._state.sounding["model"][s]]
+    omega = bank_of(made).omega[model["off"] : model["off"] + model["n"]]
     return 0.5 * float(model["mu"]) * float(np.sum(v**2 + (omega * q) ** 2))
 
 
@@ -170,7 +172,7 @@ def awake(made: Engine) -> list[int]:
 def place(made: Engine, s: int) -> tuple[str, int]:
     """Name of string s and the fret it is stopped at."""
     model = made._state.sounding["model"][s]
-    position = made._bank.positions[made._bank.positions["model"] == model][0]
+    position = bank_of(made).positions[bank_of(made).positions["model"] == model][0]
     return made.compiled[int(position["part"])].strings[s].name, int(position["fret"])
 
 

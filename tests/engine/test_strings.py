@@ -18,7 +18,6 @@ from synth.units import cents
 
 from .kit import (
     BRIDGE,
-    FORCE,
     FREE,
     NECK,
     ONE_NECK,
@@ -97,7 +96,7 @@ def test_whole_note_and_repluck_equal_the_twin(name, request):
         z, _, more = twin.run(length - held)
         assert twin.energy() <= released
         pieces += [y, z]
-        touched += np.count_nonzero(forces) + np.count_nonzero(more)
+        touched += int(np.count_nonzero(forces) + np.count_nonzero(more))
     expected = heard(np.concatenate(pieces), factor)
     late = QUANTUM
     difference = np.abs(out[late:] - expected[: end - late]).max()
@@ -148,7 +147,7 @@ def test_economy_is_not_heard():
 def test_economy_saves_work_and_moves_no_sample_of_a_neck():
     """Certificates are proofs: while modes are all there, the same samples; later what was pruned is missing."""
     made = [engine(ONE_NECK, economy=e) for e in (False, True)]
-    outs = [play(m, [(0, NOTE_ON, 0, 45, 127)], 60000) for m in made]
+    outs = [play(m, [(0, NOTE_ON, 0, 45, 50)], 60000) for m in made]
     assert np.abs(outs[0] - outs[1]).max() <= 1e-6 * np.abs(outs[0]).max()
     assert made[1].mode_steps < 0.8 * made[0].mode_steps
 
@@ -173,15 +172,18 @@ def test_replucks_do_not_click_nor_build_up(chosen, note):
     rng = np.random.default_rng(2)
     for gap_s in (0.3, 0.05, 0.012):
         times = np.cumsum(rng.uniform(0.3, 1.7, int(3.0 / gap_s)) * gap_s * RATE_HZ).astype(int)
-        events = [(int(t), NOTE_ON, 0, note, 127) for t in times]
         made.reset()
-        out = play(made, events, int(times[-1]) + 2000)
+        out = play(made, [(int(t), NOTE_ON, 0, note, 127) for t in times], int(times[-1]) + 2000)
         assert np.abs(out).max() < 3.0 * np.abs(single).max()
         assert energy(made, s) < 2.4 * most
         if gap_s > 0.02:
-            places = [t + made.latency_samples for t in times[1:]]
-            released = [p + int(0.006 * RATE_HZ) for p in places]
-            assert click_ratios(out[:, 0], places + released[:-1]).max() < CLICK
+            places = times[1:-1] + made.latency_samples
+            release = places + int(0.006 * RATE_HZ)
+            kinks = np.abs(np.diff(out[:, 0], 3))
+            usual = np.quantile(kinks[places[0] :], 0.999)  # the buzz has kinks of its own
+            near = np.concatenate([kinks[p - 6 : p + 3] for p in (*places, *release)])
+            # a state that is set anew jumps by its own size; a finger that stops a moving string bends the curve
+            assert near.max() < max(0.02 * np.abs(single).max(), 1.5 * usual)
 
 
 def test_gentle_repluck_silences_a_loud_string(free):
@@ -241,9 +243,10 @@ def test_pull_off_is_continuous_and_adds_the_stopped_strings_energy(neck, frets)
     gain = np.abs(out).max()
     assert abs(force_after - force) < 0.05 * gain
     stretch = 0.5 * float(new["tension"]) * lift**2 * (1.0 / l1 + 1.0 / l2)
+    # a kink's bending energy grows with the number of modes: Σ B j²/j² = B N beside Σ sin²(…)/j² of its tension
     omega = neck._bank.omega[new["off"] : new["off"] + new["n"]]
-    bending = float(omega[-1]) / (float(omega[0]) * float(new["n"]))  # how much stiffer the highest mode is than a string
-    assert energy(neck, 0) <= (before + stretch) * (1.0 + 0.5 * (bending - 1.0))
+    stiffness = ((omega[-1] / (omega[0] * omega.size)) ** 2 - 1.0) / omega.size**2
+    assert energy(neck, 0) <= before + stretch * (1.0 + 4.0 * stiffness * omega.size)
     assert energy(neck, 0) >= 0.9 * before
 
 
@@ -313,8 +316,7 @@ def test_change_to_the_same_length_changes_nothing(neck):
 
 @pytest.mark.parametrize("chosen, note", [(BRIDGE, 43), (PRESSED, 43), (ONE_NECK, 43), (NECK, 30)])
 def test_energy_never_rises_by_itself(chosen, note):
-    """From quantum to quantum, H = E + ½ λᵀRλ; the second term, ½ R λ² of the step before, is below what R can hold at all
-    and is bounded by the first falling again, so E is compared with the largest E since plus 1 %."""
+    """H = E + ½ λᵀRλ never rises from step to step, so E rises by no more than R held before: next to nothing of E."""
     made = engine(chosen, quality="draft")
     play(made, [(0, NOTE_ON, 0, note, 127)], 32 * 20, QUANTUM)
     (s,) = awake(made)
@@ -322,12 +324,9 @@ def test_energy_never_rises_by_itself(chosen, note):
     for _ in range(600):
         play(made, [], QUANTUM, QUANTUM)
         energies.append(energy(made, s))
-    energies = np.array(energies)
     rises = np.diff(energies) / energies[:-1]
-    assert rises.max() < 0.01
+    assert rises.max() < 1e-4
     assert energies[-1] < energies[0]
-    # whatever R gave back it had taken: no trend upwards anywhere
-    assert np.all(energies[50:] <= np.minimum.accumulate(energies)[:-50] * 1.001)
 
 
 def test_bend_during_contact_stays_bounded():
@@ -372,7 +371,7 @@ def test_a_pressed_string_starts_from_rest(raised_um):
     assert not out[:pluck].any()
     peak = np.abs(out).max()
     begin = pluck + made.latency_samples
-    # the raised cosine of the draw and the 200 Hz of the fundamental leave no step at its beginning
+    # the draw is a raised cosine: it begins without a step
     assert np.abs(out[begin - 30 : begin + 8]).max() < 1e-4 * peak
     made.reset()
     play(made, [*raise_it, (pluck, NOTE_ON, 0, 43, 100), (pluck + 5000, CONTROL, 0, 120, 0)], 80000)
@@ -382,15 +381,12 @@ def test_a_pressed_string_starts_from_rest(raised_um):
 def test_rest_line_follows_without_a_jump_to_sleep():
     """Heard as force, stopping a string moves the zero line; cut right after, it must not sleep before the line is back."""
     made = engine(ONE_NECK)
-    out = play(
-        made, [(0, NOTE_ON, 0, 43, 30), (300, NOTE_ON, 0, 55, 1), (900, CONTROL, 0, 120, 0)], 60000
-    )[:, 0]
+    cut = 900
+    out = play(made, [(0, NOTE_ON, 0, 43, 30), (300, NOTE_ON, 0, 55, 1), (cut, CONTROL, 0, 120, 0)], 60000)[:, 0]
     assert made.silent
-    asleep = np.flatnonzero(np.abs(np.diff(out[1500:])) > 1e-4)
-    assert asleep.size == 0 or asleep.max() < 6000
-    assert click_ratios(out, np.arange(4000, 40000, 5)).max() < 1e6
-    steps = np.abs(np.diff(out[6000:]))
-    assert steps.max() < 2e-5
+    # T60 of 30 ms: 4000 frames later the string is at −180 dB, and what is left is the line on its way, by 50 ms
+    assert np.abs(np.diff(out[cut + 4000 :])).max() < 2e-5
+    assert np.abs(out[-1000:]).max() < 1e-9
 
 
 # --- no slow-down -----------------------------------------------------------------------------------------------------
@@ -455,7 +451,7 @@ def test_schemes_agree_at_a_high_rate(chosen, note):
     assert np.linalg.norm(runs["moreau-jean-filtered"] - runs["exact-hold"]) < 0.03 * reference
 
 
-def test_stolen_fast_moreau_jean_takes_no_certificate():
+def test_moreau_jean_takes_no_certificate():
     """v of Moreau–Jean is no velocity, so that the amplitudes of a certificate would not be those of the motion."""
     made = engine(ONE_NECK, scheme="moreau-jean", internal_rate_hz=4 * RATE_HZ)
     play(made, [(0, NOTE_ON, 0, 45, 20)], 30000)
@@ -464,7 +460,13 @@ def test_stolen_fast_moreau_jean_takes_no_certificate():
 
 def test_output_kinds_sound():
     for kind in ("force", "displacement", "velocity", "pickup"):
-        made = engine(preset("kind", steel("G2"), obstacle='kind = "bridge"\ndistance_mm = 6\njiva_um = 3', output=f'kind = "{kind}"\nposition = 0.1'))
+        made = engine(
+            preset(
+                "kind",
+                steel("G2"),
+                obstacle='kind = "bridge"\ndistance_mm = 6\njiva_um = 3',
+                output=f'kind = "{kind}"\nposition = 0.1',
+            )
+        )
         out = play(made, [(0, NOTE_ON, 0, 43, 100)], 8000)
         assert np.isfinite(out).all() and out.any()
-    assert FORCE

@@ -35,13 +35,17 @@ def general_midi_song(path: Path, seconds: float = 12.0) -> int:
             start = int(rng.integers(0, end))
             pitch = int(rng.integers(low, high))
             events.append((start, mido.Message("note_on", channel=channel, note=pitch, velocity=int(rng.integers(1, 128)))))
-            events.append((start + int(rng.integers(1, 960)), mido.Message("note_on", channel=channel, note=pitch, velocity=0)))
+            events.append(
+                (start + int(rng.integers(1, 960)), mido.Message("note_on", channel=channel, note=pitch, velocity=0))
+            )
             notes += channel != 9
         for _ in range(20):
             at = int(rng.integers(0, end))
             events.append((at, mido.Message("pitchwheel", channel=channel, pitch=int(rng.integers(-8192, 8192)))))
             events.append((at, mido.Message("control_change", channel=channel, control=64, value=int(rng.integers(0, 128)))))
-            events.append((at, mido.Message("control_change", channel=channel, control=11, value=int(rng.integers(60, 128)))))
+            events.append(
+                (at, mido.Message("control_change", channel=channel, control=11, value=int(rng.integers(60, 128))))
+            )
             events.append((at, mido.Message("aftertouch", channel=channel, value=40)))
         events.sort(key=lambda event: event[0])
         now = 0
@@ -72,9 +76,7 @@ def test_a_general_midi_song_plays_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("song", "preset"), [("drone", "tanpura"), ("bassline", "fretted-bass")])
 def test_the_demos_sound_as_they_should(song: str, preset: str, tmp_path: Path) -> None:
     report = render_file(
-        RenderSettings(
-            str(preset_folder() / "demos" / f"{song}.mid"), str(tmp_path / "demo.wav"), preset=preset, end_s=8.0
-        )
+        RenderSettings(str(preset_folder() / "demos" / f"{song}.mid"), str(tmp_path / "demo.wav"), preset=preset, end_s=8.0)
     )
     sound, _ = soundfile.read(tmp_path / "demo.wav")
     assert report.unplayed == []

@@ -51,9 +51,7 @@ def test_without_nut_the_model_is_the_base_law(guitar, bass):
 
 
 def test_measured_first_then_the_model(guitar):
-    measured = dataclasses.replace(
-        guitar, measured_frequencies_hz=(195.0, 391.0, 588.0), measured_decay_rates=(0.3, 0.7)
-    )
+    measured = dataclasses.replace(guitar, measured_frequencies_hz=(195.0, 391.0, 588.0), measured_decay_rates=(0.3, 0.7))
     omega, sigma = modes.modal_frequencies(measured, 10), modes.decay_rates(measured, 10)
     assert omega[:3] == pytest.approx(2 * math.pi * np.array([195.0, 391.0, 588.0]), rel=1e-15)
     assert np.array_equal(omega[3:], modes.modal_frequencies(guitar, 10)[3:])
@@ -300,9 +298,7 @@ def modal_sum(string: String, x: np.ndarray, first: int, last: int) -> np.ndarra
 
 
 def test_ideal_string_gives_way_like_a_triangle():
-    assert modes.static_compliance(STRINGS["ideal"], 0.2, 0.5) == pytest.approx(
-        0.2 * 0.502 / (180.5 * 1.002), rel=1e-14
-    )
+    assert modes.static_compliance(STRINGS["ideal"], 0.2, 0.5) == pytest.approx(0.2 * 0.502 / (180.5 * 1.002), rel=1e-14)
 
 
 @pytest.mark.parametrize("name", sorted(STRINGS))

@@ -64,9 +64,7 @@ def test_relief_is_the_gap_under_a_straightedge():
 def test_a_neck_without_relief_is_straight():
     neck = frets(0.65, 22, 0.0018, nut_height_m=0.0004)
     assert (
-        np.abs(
-            np.diff(neck.heights_m) / np.diff(neck.positions_m) + 0.0014 / (0.325 - fret_positions(0.65, 1)[0])
-        ).max()
+        np.abs(np.diff(neck.heights_m) / np.diff(neck.positions_m) + 0.0014 / (0.325 - fret_positions(0.65, 1)[0])).max()
         < 1e-13
     )
 
