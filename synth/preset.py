@@ -7,6 +7,7 @@ where all are positive, else linearly; beyond the outer anchors the nearest hold
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Mapping
@@ -46,12 +47,35 @@ def _note(value: Any) -> int:
 Note = Annotated[int, BeforeValidator(_note)]
 
 
+def _note_range(value: Any) -> tuple[int, int]:
+    if isinstance(value, list | tuple) and len(value) == 2:
+        return _note(value[0]), _note(value[1])
+    text = "" if isinstance(value, bool) or not isinstance(value, str | int) else str(value).strip()
+    ends = re.fullmatch(r"([A-Ga-g][#b♯♭]*-?\d+|\d+)(?:\s*-\s*([A-Ga-g][#b♯♭]*-?\d+|\d+))?", text)
+    if ends is None:
+        raise ValueError(f"must be one note (G2) or a range (E1-C7), got {value!r}")
+    low = _note(ends[1])
+    return low, _note(ends[2]) if ends[2] else low
+
+
+#: lowest and highest note
+NoteRange = Annotated[tuple[int, int], BeforeValidator(_note_range)]
+
+
+def _number(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"must be {what}, got {value!r}")
+    if not math.isfinite(value):
+        raise ValueError(f"must be finite, got {value}")
+    return float(value)
+
+
 def _anchors(value: Any) -> Any:
     if isinstance(value, Mapping):
         if not value:
             raise ValueError("anchors need at least one note")
-        return {_note(key): float(number) for key, number in value.items()}
-    return value
+        return {_note(key): _number(number, "a number at every note") for key, number in value.items()}
+    return _number(value, "a number, or numbers at notes such as { C2 = 1.0, C4 = 0.5 }")
 
 
 #: a number, or numbers at anchor notes
@@ -113,7 +137,7 @@ class StringTable(Table):
     """One string, or one string for every note of a range."""
 
     name: str = ""
-    notes: tuple[int, int]
+    notes: NoteRange
     length_m: Annotated[Scaled, _range(0.02, 5.0)]
     diameter_mm: Annotated[Scaled, _range(0.05, 6.0)]
     linear_density_g_m: Annotated[Scaled, _range(0.01, 200.0)] | None = None
@@ -129,18 +153,6 @@ class StringTable(Table):
     gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
     measured_frequencies_hz: tuple[float, ...] = ()
     measured_decay_rates: tuple[float, ...] = ()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _notes_of_range(cls, data: Any) -> Any:
-        if isinstance(data, dict) and isinstance(data.get("notes"), str | int):
-            text = str(data["notes"]).strip()
-            ends = re.fullmatch(r"([A-Ga-g][#b♯♭]*-?\d+|\d+)(?:\s*-\s*([A-Ga-g][#b♯♭]*-?\d+|\d+))?", text)
-            if ends is None:
-                raise ValueError(f"notes is one note (G2) or a range (E1-C7), got {text!r}")
-            low = _note(ends[1])
-            data = {**data, "notes": (low, _note(ends[2]) if ends[2] else low)}
-        return data
 
     @model_validator(mode="after")
     def _consistent(self) -> StringTable:
@@ -308,6 +320,8 @@ class Preset(Table):
                 if isinstance(place, tuple):
                     place = list(place)
                 index: Any = int(part) if isinstance(place, list) else part
+                if isinstance(index, int) and index < 0:
+                    raise IndexError
                 if depth == len(parts) - 1:
                     place[index] = new
                 else:
@@ -348,6 +362,10 @@ WORDS = {
 }
 
 
+#: of obstacle
+KINDS = ("none", "bridge", "points", "frets")
+
+
 def _validated(data: dict[str, Any], origin: str) -> Preset:
     try:
         return Preset.model_validate(data)
@@ -355,7 +373,11 @@ def _validated(data: dict[str, Any], origin: str) -> Preset:
         lines = []
         wrong = error.errors()
         for item in wrong:
-            place = ".".join(str(part) for part in item["loc"]) or "file"
+            # pydantic puts the kind of a table that has several into the path; the file does not
+            loc = [
+                part for i, part in enumerate(item["loc"]) if not (i == 1 and item["loc"][0] == "obstacle" and part in KINDS)
+            ]
+            place = ".".join(str(part) for part in loc) or "file"
             if item["type"] == "too_short" and any(len(i["loc"]) > 1 and i["loc"][0] == item["loc"][0] for i in wrong):
                 continue  # the items are missing because each of them is wrong, which is said already
             message = WORDS.get(item["type"], item["msg"].removeprefix("Value error, "))
