@@ -217,7 +217,7 @@ def _add_render(commands: Any) -> None:
         "--restitution",
         type=_number(float, 0, 1),
         metavar="E",
-        help="restitution of the Moreau–Jean schemes, 0 to 1 (default 1)",
+        help="restitution of the Moreau–Jean schemes, 0 (default) to 1",
     )
     how.add_argument(
         "--block",
@@ -287,7 +287,7 @@ def _render(options: argparse.Namespace) -> int:
         block=options.block,
         quality=options.quality,
         scheme=options.scheme,
-        restitution=1.0 if options.restitution is None else options.restitution,
+        restitution=0.0 if options.restitution is None else options.restitution,
         internal_rate_hz=options.internal_rate,
         limiter=not options.no_limiter,
         gain_db=options.gain,

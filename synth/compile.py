@@ -39,8 +39,6 @@ from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
 from synth.solver.lcp import SOLVED, solve
 from synth.units import db_to_gain, midi_to_hz, midi_to_note
 
-OUTPUT_KINDS = ("force", "displacement", "velocity", "pickup")
-
 
 @dataclass(frozen=True)
 class Position:
@@ -232,7 +230,6 @@ def compile_position(
     rate_hz: float,
     scheme: str,
     internal_rate_hz: float | None,
-    residual_compliance_on: bool = True,
     gain: float = 1.0,
 ) -> Position:
     """The model of one speaking string over its obstacle."""
@@ -253,7 +250,7 @@ def compile_position(
     eta = np.asarray(obstacle.heights_m, dtype=float)
     shapes = mode_shapes(string.length_m, positions, n) if positions.size else np.zeros((0, n))
     residual = np.zeros((eta.size, eta.size))
-    if positions.size and law == EXACT_HOLD and residual_compliance_on:
+    if positions.size and law == EXACT_HOLD:
         residual = residual_compliance(string, positions, n)
     mu = string.linear_density_kg_m
     coef = coefficients(law, omega, sigma, mu, 1.0 / plan.rate_hz)

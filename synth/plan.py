@@ -85,8 +85,14 @@ def choose_factor(
         return round(factor), "not calibrated at a rate of your own"
     table = FREE if contacts == 0 else POINT if contacts == 1 else SEVERAL
     calibration = table[quality]
-    factor = math.ceil(calibration.steps_per_period * fundamental_hz / rate_hz - 1e-9)
-    return min(max(factor, 1), MAXIMUM_FACTOR), calibration.error
+    factor = max(1, math.ceil(calibration.steps_per_period * fundamental_hz / rate_hz - 1e-9))
+    if factor <= MAXIMUM_FACTOR:
+        return factor, calibration.error
+    # as far as the decimator goes: what is promised is what that many steps are known to give
+    reached = MAXIMUM_FACTOR * rate_hz / fundamental_hz
+    kept = [c for c in table.values() if c.steps_per_period <= reached]
+    error = kept[-1].error if kept else "not calibrated"
+    return MAXIMUM_FACTOR, f"{error} (limited to {MAXIMUM_FACTOR} × output)"
 
 
 def plan_string(

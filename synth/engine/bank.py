@@ -214,6 +214,7 @@ def new_state(bank: Bank, parameters: np.ndarray) -> State:
         np.zeros(layout.N_COUNTERS, np.int64),
         np.zeros(1),
         np.zeros(int((bank.buses["n_taps"] - 1).sum())),
+        np.zeros(bank.buses.size),
         np.zeros((3, max(1, bank.body.shape[1]))),
         np.zeros((layout.RING, 2)),
         np.zeros((n_parts, layout.RING, 2)),
@@ -229,7 +230,7 @@ def new_scratch(bank: Bank) -> Scratch:
     factor = int(bank.buses["factor"].max(initial=1))
     q = layout.QUANTUM
     return Scratch(
-        np.zeros((max(1, bank.buses.size), q * factor)),
+        np.zeros((max(1, bank.buses.size), q * factor + 1)),
         workspace(factor, q),
         np.zeros(q),
         np.zeros(q),

@@ -73,6 +73,7 @@ class EngineReport:
     notes: int
     unplayed: tuple[Unplayed, ...]
     stolen: int
+    taken_over: int
     events_dropped: int
     mode_steps: int
     unsolved_contacts: int
@@ -95,7 +96,7 @@ class Engine:
         *,
         quality: str = "standard",
         scheme: str = "exact-hold",
-        restitution: float = 1.0,
+        restitution: float = 0.0,
         internal_rate_hz: float | None = None,
         limiter: bool = True,
         gain_db: float = 0.0,
@@ -318,6 +319,7 @@ class Engine:
             int(counters[layout.N_NOTES]),
             tuple(unplayed),
             int(counters[layout.N_STOLEN]),
+            int(counters[layout.N_TAKEN]),
             int(counters[layout.N_DROPPED]),
             int(counters[layout.WORK]),
             int(counters[layout.FAILED_LCP]),

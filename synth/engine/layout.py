@@ -205,8 +205,9 @@ PART_STATE = np.dtype(
     WORK,
     FAILED_LCP,
     CONTACT_STEPS,
-) = range(11)
-N_COUNTERS = 16
+    N_TAKEN,
+) = range(12)
+N_COUNTERS = 12
 
 
 class State(NamedTuple):
@@ -233,6 +234,7 @@ class State(NamedTuple):
     counters: np.ndarray
     meters: np.ndarray  # peak
     history: np.ndarray
+    carry: np.ndarray  # (buses,) last step of a quantum, which sounds in the next
     body: np.ndarray
     ring: np.ndarray  # (RING, 2)
     stems: np.ndarray  # (parts, RING, 2)
@@ -246,7 +248,7 @@ class State(NamedTuple):
 class Scratch(NamedTuple):
     """Work arrays of one thread; they carry nothing from call to call."""
 
-    bus: np.ndarray  # (buses, QUANTUM · factor)
+    bus: np.ndarray  # (buses, QUANTUM · factor + 1)
     decimator: np.ndarray
     mono: np.ndarray  # (QUANTUM,)
     frame: np.ndarray  # (QUANTUM,)

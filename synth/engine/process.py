@@ -26,6 +26,7 @@ from synth.engine.layout import (
     N_DROPPED,
     N_NOTES,
     N_STOLEN,
+    N_TAKEN,
     NOW,
     PARAMETER_RANGES,
     PENDING,
@@ -85,6 +86,9 @@ def _quantum(bank, state, settings, scratch) -> None:
     start = state.counters[PRODUCED]
     _smooth_controls(bank, state, settings)
     scratch.bus[:] = 0.0
+    # what a step ends with belongs to the instant after it, whatever the step: the last one to the next quantum
+    for b in range(bank.buses.size):
+        scratch.bus[b, 0] = state.carry[b]
     awake = 0
     looking = (start // QUANTUM) % CHECK_EVERY == 0
     for s in range(bank.strings.size):
@@ -120,6 +124,8 @@ def _quantum(bank, state, settings, scratch) -> None:
             state.pending[i].b = state.pending[i + taken].b
             state.pending[i].value = state.pending[i + taken].value
         state.counters[PENDING] = left
+    for b in range(bank.buses.size):
+        state.carry[b] = scratch.bus[b, QUANTUM * bank.buses[b].factor]
     _mix(bank, state, settings, scratch, start)
     state.counters[PRODUCED] = start + QUANTUM
 
@@ -255,6 +261,8 @@ def _note_on(bank, state, settings, scratch, c: int, note: int, velocity: int) -
         state.counters[AWAKE] += 1
         state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
     legato = state.channels[c].legato != 0 and me.held != 0 and me.awake != 0 and me.model != position.model
+    if me.held and me.awake and not legato and (me.note != note or me.channel != c):
+        state.counters[N_TAKEN] += 1
     me.note = note
     me.channel = c
     me.held = 1

@@ -208,7 +208,8 @@ def _set_finger(bank, state, settings, s: int, distance: float, width: float, se
     me.finger_k = part.finger_stiffness
     me.finger_r = part.finger_loss * fixed.impedance
     me.finger_step = 0
-    me.finger_steps = max(2, int(seconds * settings.rate_hz * fixed.factor))
+    # whole output frames, so that it lets go at the same instant at every internal rate
+    me.finger_steps = max(2, round(seconds * settings.rate_hz)) * fixed.factor
     here = dot(state.finger_weights[fixed.off : fixed.off + n], state.q[fixed.off : fixed.off + n])
     me.finger_from = here
     state.finger_state[s, 0] = here
@@ -395,7 +396,7 @@ def advance_string(bank, state, settings, scratch, s: int, start: int, frames: i
         if me.phase != NO_FINGER:
             steps = min(steps, me.finger_steps - me.finger_step)
         _steps(bank, state, settings, scratch, s, steps)
-        _collect(bank, state, settings, scratch, s, steps, bus[start * fixed.factor + done :])
+        _collect(bank, state, settings, scratch, s, steps, bus[start * fixed.factor + done + 1 :])
         done += steps
         if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
             _finger_done(bank, state, settings, scratch, s)

@@ -13,12 +13,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from synth.engine.events import CONTROL, EVENT
+from synth.engine.events import CONTROL, EVENT, NOTE_ON
 from synth.host.audiofile import AudioSink
 
 # An automatic tail ends when the output has stayed this quiet for this long, or at the limit.
 QUIET_DBFS = -80.0
 QUIET_FOR_S = 0.5
+# The longest draw of a finger that a preset may ask for.
+LONGEST_DRAW_S = 0.1
 LONGEST_AUTO_TAIL_S = 60.0
 # Where a tail is cut while strings still ring, it is faded: over this time, or (at the automatic limit) this.
 FADE_S = 0.02
@@ -115,7 +117,7 @@ def render(
     hard_stop = span.end + span.most_tail
     stop = hard_stop
     fade = _fade_out(span, rate_hz)
-    tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz)) if span.automatic else None
+    tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz), _last_release(events, rate_hz)) if span.automatic else None
     peak = 0.0
     written = 0
     at = 0
@@ -174,14 +176,20 @@ def _until(events: np.ndarray, span: Span) -> np.ndarray:
     return np.concatenate((events[:kept], release))
 
 
+def _last_release(events: np.ndarray, rate_hz: int) -> int | None:
+    """Frame by which the finger of the last note has let go of its string; None without notes."""
+    notes = events["frame"][(events["kind"] == NOTE_ON) & (events["b"] > 0)]
+    return int(notes[-1]) + round(LONGEST_DRAW_S * rate_hz) if len(notes) else None
+
+
 class _TailEnd:
     """Finds the first frame at or after `end` before which the output was quiet for `quiet_frames`."""
 
-    def __init__(self, end: int, quiet_frames: int) -> None:
+    def __init__(self, end: int, quiet_frames: int, last_release: int | None = None) -> None:
         self._end, self._quiet_frames = end, quiet_frames
         self._threshold = 10.0 ** (QUIET_DBFS / 20.0)
-        # Before the song there was silence for as long as one likes.
-        self._last_loud = -quiet_frames - 1
+        # Before the song there was silence for as long as one likes; a pluck is quiet until the finger lets go.
+        self._last_loud = -quiet_frames - 1 if last_release is None else last_release
 
     def stop_after(self, heard: np.ndarray, at: int) -> int | None:
         """The frame to stop at, if it is among those heard ((frames, 2), the first is frame `at`)."""

@@ -21,6 +21,8 @@ from synth.units import midi_to_note
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
 MOST_LINES = 12
+# Below it the schemes of the paper gain energy on the project's cases (README, speed against error).
+SAFE_MOREAU_JEAN_HZ = 1e6
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class RenderSettings:
     block: int = 1024
     quality: str = "standard"
     scheme: str = "exact-hold"
-    restitution: float = 1.0
+    restitution: float = 0.0
     internal_rate_hz: int | None = None
     limiter: bool = True
     gain_db: float = 0.0
@@ -80,11 +82,12 @@ class RenderReport:
     parts: list[str]
     notes: int
     strings: int
-    limiter_reduction_db: float
+    limiter_reduction_db: float | None
     normalize_gain_db: float | None
     clipped_samples: int
     clipped_stem_samples: int
     stolen: int
+    taken_over: int
     unplayed: list[dict[str, Any]]
     left_out: dict[int, int]
     warnings: list[str]
@@ -97,16 +100,18 @@ class RenderReport:
         """The closing line, and one line for every kind of note that could not be played."""
         peak = "silent" if self.peak_dbfs is None else f"peak {self.peak_dbfs:.1f} dBFS"
         speed = "" if self.realtime_factor is None else f", {self.realtime_factor:.1f}× real time"
-        limiter = (
-            f"limiter took off up to {self.limiter_reduction_db:.1f} dB"
-            if self.limiter_reduction_db >= 0.05
-            else "limiter at rest"
-        )
+        if self.limiter_reduction_db is None:
+            limiter = "limiter off"
+        elif self.limiter_reduction_db >= 0.05:
+            limiter = f"limiter took off up to {self.limiter_reduction_db:.1f} dB"
+        else:
+            limiter = "limiter at rest"
         where = self.output if self.output not in (None, "-") else ", ".join(self.stems) or "standard output"
         strings = f"{self.strings} string{'' if self.strings == 1 else 's'}"
         lost = sum(entry["count"] for entry in self.unplayed)
-        unplayed = f"{lost} not played" if lost else "all played"
-        closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {self.notes} notes ({unplayed}), {limiter}"]
+        unplayed = f" ({lost} not played)" if lost else " (all played)" if self.notes else ""
+        notes = f"{self.notes} note{'' if self.notes == 1 else 's'}{unplayed}"
+        closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {notes}, {limiter}"]
         details = [
             f"  not played: {entry['count']} × {entry['note']} ({entry['part']}): {entry['reason']}"
             for entry in self.unplayed
@@ -115,8 +120,12 @@ class RenderReport:
             details[MOST_LINES - 1 :] = [f"  and {len(details) - MOST_LINES + 1} more kinds of note"]
         if self.stolen:
             details.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
+        if self.taken_over:
+            details.append(f"  {self.taken_over} notes took over a string that still held another, which ended there")
         if self.clipped_samples:
-            details.append(f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain")
+            details.append(
+                f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain or use the limiter"
+            )
         if self.clipped_stem_samples:
             details.append(
                 f"  {self.clipped_stem_samples} samples of the stems, which pass no limiter, were clipped; "
@@ -156,6 +165,11 @@ def render_file(
         if channel not in settings.channel_presets:
             what = "percussion" if channel == PERCUSSION_CHANNEL else "no preset"
             note(f"channel {channel + 1} ({what}) is left out: {count} notes; --map {channel + 1}=PRESET plays it")
+    if settings.scheme != "exact-hold" and (settings.internal_rate_hz or 0) < SAFE_MOREAU_JEAN_HZ:
+        note(
+            f"{settings.scheme} can gain energy below about {SAFE_MOREAU_JEAN_HZ / 1e6:g} MHz; "
+            f"--internal-rate {settings.rate_hz * math.ceil(SAFE_MOREAU_JEAN_HZ / settings.rate_hz)} is safer, and slow"
+        )
     note_hz = None
     if settings.tuning is not None or settings.keyboard is not None:
         note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)
@@ -206,11 +220,12 @@ def render_file(
         parts=[part.label for part in casting.parts],
         notes=sum(part.notes for part in casting.parts),
         strings=int(told.most_strings),
-        limiter_reduction_db=float(told.limiter_reduction_db),
+        limiter_reduction_db=float(told.limiter_reduction_db) if settings.limiter else None,
         normalize_gain_db=20.0 * math.log10(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
         clipped_stem_samples=outputs.clipped_in_stems,
         stolen=int(told.stolen),
+        taken_over=int(told.taken_over),
         unplayed=untuned + unplayed,
         left_out={channel + 1: count for channel, count in casting.left_out.items()},
         warnings=warnings,
@@ -314,7 +329,9 @@ class _Silence:
         out[:] = 0.0
 
     def report(self) -> Any:
-        return SimpleNamespace(most_strings=0, limiter_reduction_db=0.0, stolen=0, unplayed=(), unsolved_contacts=0)
+        return SimpleNamespace(
+            most_strings=0, limiter_reduction_db=0.0, stolen=0, taken_over=0, unplayed=(), unsolved_contacts=0
+        )
 
 
 class _Nowhere:

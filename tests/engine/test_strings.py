@@ -58,8 +58,8 @@ def neck():
 
 
 def heard(x: np.ndarray, factor: int) -> np.ndarray:
-    """An internal output as it leaves the engine: decimated, without DC."""
-    y = decimate_reference(design(RATE_HZ, factor), factor, x)
+    """An internal output as it leaves the engine: each step at the instant it ends at, decimated, without DC."""
+    y = decimate_reference(design(RATE_HZ, factor), factor, np.concatenate([[0.0], x[:-1]]))
     pole = math.exp(-2.0 * math.pi * DC_BLOCK_HZ / RATE_HZ)
     out, before, high = np.empty(y.size), 0.0, 0.0
     for i, now in enumerate(y):
@@ -80,7 +80,7 @@ def test_whole_note_and_repluck_equal_the_twin(name, request):
     out = play(made, [(start, NOTE_ON, 0, note, 127), (again, NOTE_ON, 0, note, 90)], end)[:, 0]
 
     twin = Twin(string.positions[0])
-    held = int(string.draw_s * twin.position.plan.rate_hz)
+    held = round(string.draw_s * twin.position.plan.rate_hz / factor) * factor
     pieces = [np.zeros(start * factor)]
     touched = 0
     for velocity, length in ((127, (again - start) * factor), (90, (end - again) * factor)):

@@ -85,7 +85,7 @@ class Twin:
         x = pluck.position * string.open_length_m
         weights = pluck_weights(p.length_m, p.length_m - x, 1e-3 * pluck.width_mm, p.omega.size)
         displacement = 1e-3 * pluck.displacement_mm * strength**pluck.velocity_exponent
-        steps = int(string.draw_s * p.plan.rate_hz)
+        steps = round(string.draw_s * p.plan.rate_hz / string.factor) * string.factor  # whole output frames
         here = float(weights @ self.q)
         path = here + (displacement - here) * (0.5 - 0.5 * np.cos(math.pi * np.arange(steps + 1) / steps))
         return weights, 1e3 * pluck.finger_stiffness_n_mm, pluck.finger_loss * string.impedance_kg_s, path

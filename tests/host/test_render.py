@@ -28,6 +28,7 @@ class _Engine(FakeEngine):
             unsolved_contacts=0,
             unplayed=[SimpleNamespace(part=0, note=60, times=3, reason="no string reaches it")],
             stolen=0,
+            taken_over=0,
         )
 
 

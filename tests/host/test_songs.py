@@ -86,3 +86,15 @@ def test_the_demos_sound_as_they_should(song: str, preset: str, tmp_path: Path) 
     borders = np.arange(32, len(sound) - 300, 32)[::7]
     # sound itself gives a few; a step at a border of the engine's quanta would give tens and more at most of them
     assert np.median(click_ratios(sound[:, 0], borders, within=1)) < 3.0
+
+
+@pytest.mark.parametrize("silence_s", [0.0, 2.0])
+def test_a_last_note_without_length_is_heard(silence_s: float, tmp_path: Path) -> None:
+    song, track = mido.MidiFile(ticks_per_beat=480), mido.MidiTrack()
+    track.append(mido.Message("note_on", note=60, velocity=90, time=int(silence_s * 960)))
+    track.append(mido.Message("note_off", note=60, time=0))
+    song.tracks.append(track)
+    song.save(tmp_path / "one.mid")
+    report = render_file(RenderSettings(str(tmp_path / "one.mid"), str(tmp_path / "one.wav"), quality="draft"))
+    assert report.length_s > silence_s + 0.4
+    assert report.peak_dbfs is not None and report.peak_dbfs > -30.0
