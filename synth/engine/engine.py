@@ -189,14 +189,8 @@ class Engine:
         parameters = default_parameters(self.compiled)
         self._state: State = new_state(bank, parameters)
         self._state.part_state["left"] = self._state.part_state["right"] = self._settings.gain
-        for p in range(len(self.parts)):
-            of_part = np.argwhere(self.program_map == p)
-            # a channel begins with the first program it has a part for
-            for channel, program in of_part[::-1]:
-                self._state.channels["program"][channel] = min(program, self._state.channels["program"][channel] or program)
-        for channel in range(16):
-            if self.program_map[channel, 0] >= 0:
-                self._state.channels["program"][channel] = 0
+        # a channel begins with the lowest program that it has a part for
+        self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
     def _prepared(self) -> Bank:
         if self._bank is None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from synth.engine.events import CONTROL, EVENT, NOTE_ON
 from synth.host.audiofile import AudioSink
+from synth.units import db_to_gain
 
 # An automatic tail ends when the output has stayed this quiet for this long, or at the limit.
 QUIET_DBFS = -80.0
@@ -187,7 +188,7 @@ class _TailEnd:
 
     def __init__(self, end: int, quiet_frames: int, last_release: int | None = None) -> None:
         self._end, self._quiet_frames = end, quiet_frames
-        self._threshold = 10.0 ** (QUIET_DBFS / 20.0)
+        self._threshold = db_to_gain(QUIET_DBFS)
         # Before the song there was silence for as long as one likes; a pluck is quiet until the finger lets go.
         self._last_loud = -quiet_frames - 1 if last_release is None else last_release
 

@@ -16,7 +16,7 @@ import numpy as np
 from synth.engine.events import NOTE_OFF, NOTE_ON
 from synth.host import audiofile, offline, parts, scala
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
-from synth.units import midi_to_note
+from synth.units import db_to_gain, gain_to_db, midi_to_hz, midi_to_note
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
@@ -213,7 +213,7 @@ def render_file(
         quality=settings.quality,
         scheme=settings.scheme,
         length_s=length_s,
-        peak_dbfs=20.0 * math.log10(peak) if peak > 0.0 else None,
+        peak_dbfs=gain_to_db(peak) if peak > 0.0 else None,
         realtime_factor=length_s / rendering.wall_s if length_s > 0.0 else None,
         prepare_s=prepared_s,
         render_s=rendering.wall_s,
@@ -221,7 +221,7 @@ def render_file(
         notes=sum(part.notes for part in casting.parts),
         strings=int(told.most_strings),
         limiter_reduction_db=float(told.limiter_reduction_db) if settings.limiter else None,
-        normalize_gain_db=20.0 * math.log10(gain) if settings.normalize_dbfs is not None else None,
+        normalize_gain_db=gain_to_db(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
         clipped_stem_samples=outputs.clipped_in_stems,
         stolen=int(told.stolen),
@@ -260,8 +260,7 @@ def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) ->
     if note_hz is None:
         return events, []
     silent = np.isnan(note_hz)
-    keys = np.arange(128)
-    note_hz[silent] = 440.0 * 2.0 ** ((keys[silent] - 69) / 12.0)
+    note_hz[silent] = [midi_to_hz(float(key)) for key in np.flatnonzero(silent)]
     is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF))
     dropped = is_note & silent[np.where(is_note, events["a"], 0)]
     lost = events[dropped & (events["kind"] == NOTE_ON)]
@@ -415,7 +414,7 @@ class _Outputs:
         """Sets the level where that was asked for; `peak` is the mix's. Returns the gain (linear)."""
         if self._settings.normalize_dbfs is None:
             return 1.0
-        gain = 10.0 ** (self._settings.normalize_dbfs / 20.0) / peak if peak > 0.0 else 1.0
+        gain = db_to_gain(self._settings.normalize_dbfs) / peak if peak > 0.0 else 1.0
         for spool, writer in zip(self._spools, self._writers, strict=True):
             spool.copy_to(writer, gain)
         return gain

@@ -200,31 +200,21 @@ def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
     done = 0
     while done < n_steps and run.counts[ROW] < run.u.shape[0]:
         phase = run.counts[PHASE]
+        here = Finger(
+            finger.on,
+            finger.weights,
+            finger.coupling,
+            finger.own,
+            finger.stiffness,
+            finger.resistance,
+            finger.path[done:] if finger.on else finger.path,
+            finger.state,
+        )
         if ledger:
-            here = Finger(
-                finger.on,
-                finger.weights,
-                finger.coupling,
-                finger.own,
-                finger.stiffness,
-                finger.resistance,
-                finger.path[done:] if finger.on else finger.path,
-                finger.state,
-            )
             _weighed_step(model, run, here, none, no_out)
             m = 1
         else:
             m = min(n_steps - done, every - phase)
-            here = Finger(
-                finger.on,
-                finger.weights,
-                finger.coupling,
-                finger.own,
-                finger.stiffness,
-                finger.resistance,
-                finger.path[done:] if finger.on else finger.path,
-                finger.state,
-            )
             if m > 8:
                 _certify(model, run)
             else:
