@@ -204,10 +204,9 @@ PART_STATE = np.dtype(
     AWAKE,
     WORK,
     FAILED_LCP,
-    CONTACT_STEPS,
     N_TAKEN,
-) = range(12)
-N_COUNTERS = 12
+) = range(11)
+N_COUNTERS = 11
 
 
 class State(NamedTuple):

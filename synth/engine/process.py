@@ -336,15 +336,13 @@ def _note_off(bank, state, c: int, note: int) -> None:
 
 
 @njit(**CORE)
-def _release_all(bank, state, c: int, keep_sustained: bool) -> None:
+def _release_all(bank, state, c: int) -> None:
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if me.channel == c and (me.held or me.sustained):
             if me.held:
                 me.sustained = state.channels[c].sustain
             me.held = 0
-            if not keep_sustained:
-                me.sustained = 0
             let_go(bank, state, s)
 
 
@@ -399,4 +397,4 @@ def _control(bank, state, c: int, controller: int, value: int) -> None:
         channel.bend_raw = 0.0
         _sustain(bank, state, c, 0)
     elif controller >= 123:
-        _release_all(bank, state, c, True)
+        _release_all(bank, state, c)

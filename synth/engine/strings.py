@@ -7,7 +7,6 @@ import math
 from numba import njit
 
 from synth.engine.layout import (
-    CONTACT_STEPS,
     CORE,
     DRAW,
     FAILED_LCP,
@@ -419,7 +418,7 @@ def _steps(bank, state, settings, scratch, s: int, steps: int) -> None:
         return
     eta = state.eta[coff : coff + c]
     if not fingered and c == 1 and settings.law == EXACT_HOLD:
-        state.counters[CONTACT_STEPS] += advance_one(
+        advance_one(
             steps,
             coef,
             bank.shapes[model.soff : model.soff + n],
