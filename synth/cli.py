@@ -17,9 +17,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+from synth.schemes import LAWS, SCHEMES
+
 RATES_HZ = (44100, 48000, 88200, 96000)
 QUALITIES = ("draft", "standard", "fine", "reference")
-SCHEMES = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 MOST_BLOCK = 4096
 
 
@@ -170,7 +171,7 @@ def _add_physics(group: Any) -> None:
         "-r", "--rate", type=_rate, default=44100, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"
     )
     group.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
-    group.add_argument("--scheme", choices=SCHEMES, default="exact-hold", help="how contact is computed")
+    group.add_argument("--scheme", choices=tuple(LAWS), default="exact-hold", help="how contact is computed")
     group.add_argument(
         "--internal-rate",
         type=_number(int, 44100, 50_000_000, " Hz"),
@@ -455,7 +456,7 @@ def _add_simulate(commands: Any) -> None:
     )
     parser.add_argument("case", metavar="CASE.toml")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
-    parser.add_argument("--scheme", choices=SCHEMES, help="contact scheme")
+    parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
     parser.add_argument("--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes")
     parser.add_argument("--rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
     parser.add_argument("--output-rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")

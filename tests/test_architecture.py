@@ -13,10 +13,10 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"units", "kernel_cache"},
+    {"units", "kernel_cache", "schemes"},
     {"physics", "solver", "dsp"},
-    {"measures"},
-    {"plan", "compile", "preset", "simulation"},
+    {"measures", "exact"},
+    {"plan", "compile", "preset", "case", "scene", "methods", "simulation"},
     {"engine"},
     {"host", "tune"},
     {"cli"},

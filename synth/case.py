@@ -1,0 +1,277 @@
+"""Case files: one string, its obstacle, how it starts, the scheme and the run, as validated tables.
+
+What the tables and keys mean is written in `synth.simulation`.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from synth.schemes import SCHEMES
+
+
+class CaseError(ValueError):
+    """A case that cannot be run; the message has one line per fault and names file, table and key."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class NutTable(_Table):
+    frequency_hz: Positive
+    q: Positive
+    modal_mass_kg: Positive
+
+
+class MeasuredTable(_Table):
+    file: str
+    frequencies: str = "f"
+    decay_rates: str = "sig"
+
+
+class StringTable(_Table):
+    length_m: Positive
+    tension_n: Positive
+    linear_density_kg_m: Positive
+    diameter_m: Positive
+    inharmonicity: NonNegative | None = None
+    bending_stiffness_n_m2: NonNegative | None = None
+    core_diameter_m: Positive | None = None
+    winding_diameter_m: Positive | None = None
+    viscoelastic_loss: NonNegative = 0.0
+    thermoelastic_q_inverse: NonNegative = 0.0
+    air_viscosity: NonNegative = 1.8e-5
+    air_density: NonNegative = 1.2
+    stiffness_law: Literal["sqrt", "linear"] = "sqrt"
+    nut: list[NutTable] = []
+    measured: MeasuredTable | None = None
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> StringTable:
+        if self.inharmonicity is not None and self.bending_stiffness_n_m2 is not None:
+            raise ValueError("inharmonicity and bending_stiffness_n_m2 say the same; give one of them")
+        return self
+
+
+class FretsTable(_Table):
+    scale_length_m: Positive
+    count: int
+    action_12th_m: Positive
+    relief_m: NonNegative = 0.0
+    nut_height_m: Positive = 0.0004
+
+
+class ObstacleTable(_Table):
+    positions_m: list[float] | None = None
+    heights_m: list[float] | float | None = None
+    frets: FretsTable | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> ObstacleTable:
+        if self.frets is not None:
+            if self.positions_m is not None or self.heights_m is not None:
+                raise ValueError("give either frets or positions_m and heights_m")
+        elif (self.positions_m is None) != (self.heights_m is None):
+            raise ValueError("positions_m and heights_m must be given together")
+        return self
+
+
+class InitialTable(_Table):
+    shape: Literal["triangle", "modes", "rest"]
+    position_m: Positive | None = None
+    displacement_m: float | None = None
+    rounding_half_width_m: NonNegative | None = None
+    width_m: NonNegative | None = None
+    file: str | None = None
+    q: str | list[float] | None = None
+    v: str | list[float] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> InitialTable:
+        given = {name for name in InitialTable.model_fields if name != "shape" and getattr(self, name) is not None}
+        takes = {
+            "triangle": {"position_m", "displacement_m", "rounding_half_width_m", "width_m"},
+            "modes": {"file", "q", "v"},
+            "rest": set(),
+        }[self.shape]
+        needs = {"triangle": {"position_m", "displacement_m"}, "modes": {"q"}, "rest": set()}[self.shape]
+        if given - takes:
+            raise ValueError(f"shape {self.shape!r} does not take {', '.join(sorted(given - takes))}")
+        if needs - given:
+            raise ValueError(f"shape {self.shape!r} needs {', '.join(sorted(needs - given))}")
+        if self.rounding_half_width_m is not None and self.width_m is not None:
+            raise ValueError("give either rounding_half_width_m or width_m")
+        if self.file is None and any(isinstance(key, str) for key in (self.q, self.v)):
+            raise ValueError("q and v are keys of file; name the .npz file")
+        return self
+
+
+class FingerTable(_Table):
+    position_m: Positive
+    displacement_m: float
+    width_m: NonNegative = 0.01
+    start_s: NonNegative = 0.0
+    draw_s: Positive
+    hold_s: NonNegative = 0.0
+    stiffness_n_m: Positive = 1e5
+    resistance_n_s_m: NonNegative = 1.0
+
+
+class SchemeTable(_Table):
+    name: str = "exact-hold"
+    restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
+    residual_compliance: bool = True
+    start: Literal["exact", "published"] = "exact"
+
+    @model_validator(mode="after")
+    def _known(self) -> SchemeTable:
+        if self.name not in SCHEMES:
+            raise ValueError(f"unknown contact scheme {self.name!r}; use one of {', '.join(SCHEMES)}")
+        return self
+
+
+class RunTable(_Table):
+    internal_rate_hz: Positive
+    output_rate_hz: Positive | None = None
+    modes: Annotated[int, Field(ge=1)]
+    duration_s: Positive
+    outputs_m: Annotated[list[float], Field(min_length=1)]
+    ledger: bool = False
+
+    @model_validator(mode="after")
+    def _divides(self) -> RunTable:
+        if self.output_rate_hz is not None:
+            ratio = self.internal_rate_hz / self.output_rate_hz
+            if ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+                raise ValueError(
+                    "internal_rate_hz must be a whole multiple of output_rate_hz, "
+                    f"got {self.internal_rate_hz:g} and {self.output_rate_hz:g} Hz"
+                )
+        return self
+
+    @property
+    def steps_per_output(self) -> int:
+        return 1 if self.output_rate_hz is None else round(self.internal_rate_hz / self.output_rate_hz)
+
+
+class Case(_Table):
+    """A case file's tables; see the module's description."""
+
+    string: StringTable
+    obstacle: ObstacleTable = ObstacleTable()
+    initial: InitialTable = InitialTable(shape="rest")
+    finger: list[FingerTable] = []
+    scheme: SchemeTable = SchemeTable()
+    run: RunTable
+
+
+#: what an override may replace: its name → table and key; the short names are the command line's
+OVERRIDES = {
+    "scheme": ("scheme", "name"),
+    "restitution": ("scheme", "restitution"),
+    "residual_compliance": ("scheme", "residual_compliance"),
+    "start": ("scheme", "start"),
+    "internal_rate_hz": ("run", "internal_rate_hz"),
+    "output_rate_hz": ("run", "output_rate_hz"),
+    "modes": ("run", "modes"),
+    "duration_s": ("run", "duration_s"),
+    "outputs_m": ("run", "outputs_m"),
+    "ledger": ("run", "ledger"),
+    "rate": ("run", "internal_rate_hz"),
+    "internal_rate": ("run", "internal_rate_hz"),
+    "output_rate": ("run", "output_rate_hz"),
+    "duration": ("run", "duration_s"),
+}
+
+
+def load_case(case: str | os.PathLike[str], **overrides: Any) -> Case:
+    """The validated tables of a case file, or of one of the program's own cases by name."""
+    return read_case(case, overrides)[0]
+
+
+def case_folder() -> Path:
+    """Where the cases that come with the program are."""
+    from synth.preset import preset_folder
+
+    return preset_folder() / "cases"
+
+
+def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
+    folder, origin = Path(), "case"
+    if isinstance(case, Case):
+        tables = case.model_dump()
+    elif isinstance(case, Mapping):
+        tables = _plain(case)
+    else:
+        path = Path(case)
+        if path.suffix != ".toml" and not path.exists():
+            path = case_folder() / f"{case}.toml"
+            if not path.exists():
+                known = ", ".join(sorted(p.stem for p in case_folder().glob("*.toml")))
+                raise CaseError(f"case {str(case)!r} is not one of {known}; a file of your own ends in .toml")
+        folder, origin = path.parent, str(path)
+        try:
+            tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise CaseError(f"{origin}: not valid TOML: {error}") from None
+    for name, value in overrides.items():
+        if name not in OVERRIDES:
+            raise CaseError(f"no override {name!r}; there are {', '.join(OVERRIDES)}")
+        if value is not None:
+            table, key = OVERRIDES[name]
+            tables[table] = {**tables.get(table, {}), key: _plain(value)}
+    try:
+        return Case.model_validate(tables), folder
+    except ValidationError as error:
+        lines = []
+        for item in error.errors():
+            place = ".".join(str(part) for part in item["loc"]) or "file"
+            got = item.get("input")
+            shown = f", got {got!r}" if isinstance(got, int | float | str) else ""
+            message = item["msg"].removeprefix("Value error, ")
+            lines.append(f"{origin}: {place}: {message}{'' if 'got' in message else shown}")
+        raise CaseError("\n".join(lines)) from None
+
+
+def _plain(value: Any) -> Any:
+    """Arrays and their scalars as lists and numbers, all the way down."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def arrays_of(folder: Path, file: str, keys: dict[str, str]) -> dict[str, np.ndarray]:
+    """The arrays of an .npz by what they are for; CaseError names file and key."""
+    path = folder / file
+    if not path.is_file():
+        raise CaseError(f"file {path} does not exist; paths count from the case's folder")
+    found = {}
+    try:
+        with np.load(path) as data:
+            for what, key in keys.items():
+                if key not in data.files:
+                    raise CaseError(f"{path} has no array {key!r}; it has {', '.join(data.files)}")
+                found[what] = np.asarray(data[key], dtype=np.float64)
+                if found[what].ndim != 1 or not np.all(np.isfinite(found[what])):
+                    raise CaseError(f"{path}: {key!r} must be one row of finite numbers, got {found[what].shape}")
+    except CaseError:
+        raise
+    except (OSError, ValueError) as error:
+        raise CaseError(f"{path} cannot be read as .npz: {error}") from None
+    return found

@@ -1,0 +1,44 @@
+"""What a scheme is given and what it gives back, whatever it does in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Problem(NamedTuple):
+    """One string and its obstacle as arrays: N modes, C contacts, P outputs. SI units."""
+
+    dt: float  # internal step [s]
+    steps: int
+    every: int  # steps per output row: rows 0, every, 2·every … are kept
+    mu: float  # [kg/m]
+    omega: np.ndarray  # (N,) [rad/s]
+    sigma: np.ndarray  # (N,) [1/s]
+    shapes: np.ndarray  # (C, N) φ_j(x_c) [1/√m]
+    eta: np.ndarray  # (C,) [m]
+    out_shapes: np.ndarray  # (P, N)
+    q: np.ndarray  # (N,) at t = 0 [m·√m]
+    v: np.ndarray  # (N,) q̇ at t = 0
+
+
+@dataclass
+class Outcome:
+    """What a run gave; n = steps // every + 1 rows, row 0 is t = 0."""
+
+    u: np.ndarray  # (n, P) [m]
+    contact_u: np.ndarray  # (n, C) [m]
+    contact_force: np.ndarray  # (n, C) mean since the row before [N]
+    #: (n, 5) [J] stored, residual, viscous, contact, injected; None: no ledger was kept
+    energy: np.ndarray | None = None
+    #: max over steps (or rows) of η − u [m]; negative: never touched; 0 without contacts
+    largest_penetration_m: float = 0.0
+    #: of one step, over the energy at the start and injected since; NaN: not weighed
+    largest_energy_rise: float = float("nan")
+    last_contact_step: int = -1  # end of the last step with a contact force; −1: none
+    contact_steps: int = 0
+    unsolved_steps: int = 0
+    seconds: float = 0.0  # of the computation alone
+    notes: dict[str, Any] = field(default_factory=dict)  # more for the summary, by the scheme's own names
