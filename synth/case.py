@@ -133,13 +133,24 @@ class SchemeTable(_Table):
     name: str = "exact-hold"
     restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
     residual_compliance: bool = True
+    tail: Literal["lumped", "static", "none"] | None = None
+    substeps: Annotated[int, Field(ge=1, le=64)] = 1
     start: Literal["exact", "published"] = "exact"
 
     @model_validator(mode="after")
     def _known(self) -> SchemeTable:
         if self.name not in SCHEMES:
             raise ValueError(f"unknown contact scheme {self.name!r}; use one of {', '.join(SCHEMES)}")
+        if self.tail not in (None, "none") and not self.residual_compliance:
+            raise ValueError(f'residual_compliance = false and tail = "{self.tail}" contradict each other; leave one out')
+        if self.substeps > 1 and self.name != "exact-hold":
+            raise ValueError(f"substeps are exact-hold's, got {self.substeps} for {self.name}; raise internal_rate_hz")
         return self
+
+    @property
+    def tail_kind(self) -> str:
+        """What stands for the modes left out: "lumped", "static" or "none"."""
+        return self.tail or ("lumped" if self.residual_compliance else "none")
 
 
 class RunTable(_Table):
@@ -182,6 +193,8 @@ OVERRIDES = {
     "scheme": ("scheme", "name"),
     "restitution": ("scheme", "restitution"),
     "residual_compliance": ("scheme", "residual_compliance"),
+    "tail": ("scheme", "tail"),
+    "substeps": ("scheme", "substeps"),
     "start": ("scheme", "start"),
     "internal_rate_hz": ("run", "internal_rate_hz"),
     "output_rate_hz": ("run", "output_rate_hz"),

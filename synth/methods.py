@@ -9,7 +9,6 @@ import numpy as np
 
 from synth.case import CaseError, FingerTable
 from synth.dsp.denormals import enable_ftz, restore
-from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
 from synth.schemes import LAWS, SCHEMES
 from synth.solver import driver
@@ -21,7 +20,7 @@ from synth.solver.problem import Outcome
 def run_law(scene: Scene) -> Outcome:
     """Exact-hold and both Moreau–Jean forms, from the static contact solution if the start is pressed in."""
     case, model = scene.case, scene.model
-    q0, v0 = scene.initial()
+    q0, v0 = scene.start()
     q, force, status = driver.static_contact(model, q0)
     if status != SOLVED:
         raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
@@ -42,6 +41,10 @@ def run_law(scene: Scene) -> Outcome:
     seconds = time.perf_counter() - started
     sums, counts = state.sums, state.counts
     notes = {"started_from_static_contact": lifted > 0.0, "lifted_m": lifted}
+    if scene.tail is not None:
+        notes["lumped_modes"] = int(scene.tail.omega.size)
+    if case.scheme.substeps > 1:
+        notes["substeps"] = case.scheme.substeps
     if ledger:
         notes["initial_energy_j"] = float(sums[driver.INITIAL])
     return Outcome(
@@ -67,11 +70,12 @@ def _advance(scene: Scene, state: driver.Run, until: int, finger: FingerTable | 
     if finger is None:
         driver.run(model, state, steps, no_finger(model.omega.size, model.eta.size))
         return
-    weights = pluck_weights(scene.string.length_m, finger.position_m, finger.width_m, model.omega.size)
+    weights = scene.pluck_weights(finger)
     coupling = np.zeros(model.eta.size)
-    own = finger_row(model.law, model.coef, model.shapes, weights, coupling)
+    parts = model.sub.count
+    own = finger_row(model.law, model.sub.coef if parts > 1 else model.coef, model.shapes, weights, coupling)
     here = float(weights @ state.q)
-    ramp = np.clip(np.arange(steps + 1) * scene.dt / finger.draw_s, 0.0, 1.0)
+    ramp = np.clip(np.arange(steps * parts + 1) * scene.dt / parts / finger.draw_s, 0.0, 1.0)
     path = here + (finger.displacement_m - here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
     row = Finger(1, weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, np.array([here, 0.0]))
     driver.run(model, state, steps, row)

@@ -12,6 +12,7 @@ from synth.physics.excitation import pluck_weights, rounded_triangle, triangle_p
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.obstacle import Obstacle, frets
 from synth.physics.string import NutResonance, String
+from synth.physics.tail import Tail, lumped_tail
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD, law_of
 from synth.solver.problem import Problem
@@ -47,30 +48,65 @@ class Scene:
         self.out_shapes = mode_shapes(length, np.array(case.run.outputs_m), n)
 
     @cached_property
+    def tail(self) -> Tail | None:
+        """The lumped modes of those left out, where the scheme is exact-hold and wants them."""
+        scheme, run = self.case.scheme, self.case.run
+        if scheme.name != "exact-hold" or scheme.tail_kind != "lumped" or self.positions.size == 0:
+            return None
+        return lumped_tail(self.string, self.positions, run.modes, run.internal_rate_hz * scheme.substeps)
+
+    @cached_property
     def residual(self) -> np.ndarray:
-        """R (C, C) [m/N] of the modes left out, zero where the case wants none."""
+        """R (C, C) [m/N], static compliance of what neither modes nor lumped modes stand for; zero if not wanted."""
         contacts = self.positions.size
-        if self.case.scheme.residual_compliance and contacts > 0:
+        if self.tail is not None:
+            return self.tail.residual
+        if self.case.scheme.tail_kind != "none" and contacts > 0:
             return residual_compliance(self.string, self.positions, self.case.run.modes)
         return np.zeros((contacts, contacts))
 
     @cached_property
     def model(self) -> driver.Model:
-        """Coefficients and contact matrix of a case whose scheme is a law of the block kernels."""
+        """Coefficients and contact matrix of a case whose scheme is a law of the block kernels; lumped modes come last."""
         law = law_of(self.case.scheme.name)
         contacts = self.positions.size
+        omega, sigma, shapes, out_shapes = self.omega, self.sigma, self.shapes, self.out_shapes
+        if self.tail is not None:
+            outputs = mode_shapes(self.string.length_m, np.array(self.case.run.outputs_m), self.tail.modes)
+            omega = np.append(omega, self.tail.omega)
+            sigma = np.append(sigma, self.tail.sigma)
+            shapes = np.hstack([shapes, self.tail.shapes])
+            out_shapes = np.hstack([out_shapes, self.tail.weights(outputs)])
         return driver.make_model(
             law,
-            self.omega,
-            self.sigma,
+            omega,
+            sigma,
             self.string.linear_density_kg_m,
             self.dt,
-            self.shapes,
+            shapes,
             self.eta,
             self.residual if law == EXACT_HOLD else np.zeros((contacts, contacts)),
-            self.out_shapes,
+            out_shapes,
             self.case.scheme.restitution,
+            self.case.scheme.substeps,
         )
+
+    def pluck_weights(self, finger: FingerTable) -> np.ndarray:
+        """(N,) weights of a finger's width on the coordinates of `model`."""
+        n = self.case.run.modes
+        where = (self.string.length_m, finger.position_m, finger.width_m)
+        if self.tail is None:
+            return pluck_weights(*where, n)
+        full = pluck_weights(*where, self.tail.modes)
+        return np.append(full[:n], self.tail.weights(full))
+
+    def start(self) -> tuple[np.ndarray, np.ndarray]:
+        """q, v (N,) as the case gives them on the coordinates of `model`, whatever the obstacle says to that."""
+        n = self.case.run.modes
+        if self.tail is None:
+            return self.initial(n)
+        q, v = self.initial(self.tail.modes)
+        return np.append(q[:n], self.tail.state(q)), np.append(v[:n], self.tail.state(v))
 
     def problem(self) -> Problem:
         """The arrays for any other scheme."""
@@ -136,9 +172,10 @@ class Scene:
                 "lower internal_rate_hz, modes or duration_s"
             )
 
-    def initial(self) -> tuple[np.ndarray, np.ndarray]:
-        """q, v (N,) as the case gives them, whatever the obstacle says to that."""
-        table, n, length = self.case.initial, self.case.run.modes, self.string.length_m
+    def initial(self, n: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """q, v (n,) of the string's first n modes (default: those of the case), as the case gives them."""
+        table, length = self.case.initial, self.string.length_m
+        n = self.case.run.modes if n is None else n
         q, v = np.zeros(n), np.zeros(n)
         if table.shape == "triangle":
             assert table.position_m is not None and table.displacement_m is not None

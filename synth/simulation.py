@@ -38,7 +38,11 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     [scheme]
     name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
-    residual_compliance         default true: exact-hold adds the static compliance of the modes left out
+    tail                        exact-hold, what stands for the modes left out: "lumped" (default), one or two damped modes
+                                per contact (`physics.tail`), "static", their static compliance, or "none"
+    residual_compliance         default true; false is tail = "none"
+    substeps                    exact-hold, default 1: the contact force changes K times a step while the modes advance
+                                once (`solver.substeps`); one contact is fastest with 2, 3 or 4
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
 
     [run]
