@@ -62,7 +62,7 @@ def test_free_flight_is_exact_at_any_rate(rate):
     }
     result = simulate(case)
     scene = Scene(Case.model_validate(case), Path())
-    q, _ = scene.initial()
+    q, _ = scene.start()
     w, s, t = scene.model.omega, scene.model.sigma, result.t[:, None]
     root = np.sqrt((w**2 - s**2).astype(complex))
     motion = (np.exp(-s * t) * (np.cos(root * t) + s * np.sin(root * t) / root)).real * q
@@ -172,6 +172,7 @@ def test_order_of_convergence_with_residual_compliance(position):
         "string": {**STIFF, "length_m": 1.0, "tension_n": 160.0, "linear_density_kg_m": 1e-3, "inharmonicity": 1e-4},
         "obstacle": {"positions_m": [position], "heights_m": [-0.4e-3]},
         "initial": {"shape": "triangle", "position_m": 0.4, "displacement_m": 2e-3, "width_m": 0.3},
+        "scheme": {"tail": "static"},
         "run": {"internal_rate_hz": 50e3, "output_rate_hz": 25e3, "modes": modes, "duration_s": 0.008, "outputs_m": points},
     }
 

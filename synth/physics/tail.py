@@ -34,6 +34,8 @@ DAMPING_RATIO = 1.0 / 7.0
 _SUMMED, _LEAST_SUMMED = 8, 1000
 #: directions of the unit shapes that are smaller are dropped (contacts that coincide, or lie on an end)
 _NEGLIGIBLE = 1e-7
+#: and contacts whose shapes are that much smaller than shapes can be
+_AT_REST = 1e-10
 
 
 class Tail(NamedTuple):
@@ -78,7 +80,9 @@ def lumped_tail(
     shapes = mode_shapes(string.length_m, positions_m, total)[:, n_modes:]
 
     static = (shapes / base**2).T
-    basis = _orthonormal(static, np.zeros((base.size, 0)))
+    # an end gives way to nothing but rounding
+    moved = np.linalg.norm(static, axis=0) > _AT_REST * math.sqrt(2.0 / string.length_m) * np.linalg.norm(base**-2.0)
+    basis = _orthonormal(static[:, moved], np.zeros((base.size, 0)))
     basis = np.hstack([basis, _orthonormal(basis / (base**2)[:, None], basis)])
     squares, vectors = np.linalg.eigh(basis.T @ (base[:, None] ** 2 * basis))
     omega, mix = np.sqrt(squares), basis @ vectors
@@ -101,11 +105,11 @@ def lumped_tail(
 
 def _orthonormal(block: np.ndarray, against: np.ndarray) -> np.ndarray:
     """An orthonormal basis (T, ≤C) of what the columns of block (T, C) add to the orthonormal columns of `against`."""
-    size = np.linalg.norm(block, axis=0)
-    block = block[:, size > 0.0] / size[size > 0.0]
     if block.shape[1] == 0:
         return block
+    block = block / np.linalg.norm(block, axis=0)
     for _ in range(2):  # twice is enough
         block = block - against @ (against.T @ block)
-    left, strength, _ = np.linalg.svd(block, full_matrices=False)
-    return left[:, strength > _NEGLIGIBLE]
+    basis, small = np.linalg.qr(block)
+    left, strength, _ = np.linalg.svd(small)
+    return basis @ left[:, strength > _NEGLIGIBLE]
