@@ -72,7 +72,7 @@ def _advance(scene: Scene, state: driver.Run, until: int, finger: FingerTable | 
         return
     weights = scene.pluck_weights(finger)
     coupling = np.zeros(model.eta.size)
-    parts = model.sub.count
+    parts = model.sub.parts
     own = finger_row(model.law, model.sub.coef if parts > 1 else model.coef, model.shapes, weights, coupling)
     here = float(weights @ state.q)
     ramp = np.clip(np.arange(steps * parts + 1) * scene.dt / parts / finger.draw_s, 0.0, 1.0)

@@ -63,9 +63,7 @@ class Tail(NamedTuple):
         return (self.base_omega**2 * q[self.first :]) @ self.mix / self.omega**2
 
 
-def lumped_tail(
-    string: String, positions_m: np.ndarray | Sequence[float], n_modes: int, contact_rate_hz: float
-) -> Tail:
+def lumped_tail(string: String, positions_m: np.ndarray | Sequence[float], n_modes: int, contact_rate_hz: float) -> Tail:
     """The modes above N = n_modes at contacts (C,) whose forces may change contact_rate_hz times a second.
 
     Σ ψψᵀ/(μω²) + residual is `modes.residual_compliance`, exactly but for rounding. Frequencies are the model's

@@ -140,7 +140,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         energy=np.zeros((outputs if ledger else 0, len(ENERGY_COLUMNS))),
         watch=np.ones(contacts, np.uint8),
         records=np.zeros((steps_per_output, contacts)),
-        parts=np.zeros((model.sub.count, contacts)),
+        parts=np.zeros((model.sub.parts, contacts)),
         scratch=np.zeros((3, n)),
         work=make_work(contacts),
     )
@@ -218,7 +218,7 @@ def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
     none = np.zeros((0, model.omega.size))
     no_out = np.zeros((every, 0))
     no_record = np.zeros((0, 0))
-    count = model.sub.count
+    count = model.sub.parts
     if count > 1 and not ledger and finger.on == 0 and model.eta.size == 1 and model.sub.response.size > 0:
         _run_one_divided(model, run, n_steps)
         return
@@ -298,7 +298,7 @@ def _run_one_divided(model: Model, run: Run, n_steps: int) -> None:
             m, model.sub, model.coef, shape, eta, run.q, run.v, model.out_shapes[0] if points else shape, shape,
             1 if wanted else 0, 0, run.u[row : row + m, 0] if wanted else no_out, no_out, u, force, parts,
         )  # fmt: skip
-        run.force[0] = parts[model.sub.count - 1]
+        run.force[0] = parts[model.sub.parts - 1]
         for t in range(m):
             run.records[run.counts[PHASE] + (0 if wanted else t), 0] = force[t]
             if force[t] > 0.0:
@@ -321,7 +321,7 @@ def _run_one_divided(model: Model, run: Run, n_steps: int) -> None:
 @njit(cache=True, nogil=True)
 def _divided_step(model: Model, run: Run, finger: Finger, ledger: bool, none, no_out) -> None:
     """One step, in parts where `solver.substeps` says so or a finger is on; weighed if asked for."""
-    phase, count, contacts = run.counts[PHASE], model.sub.count, model.eta.size
+    phase, count, contacts = run.counts[PHASE], model.sub.parts, model.eta.size
     run.watch[:] = 1
     whole = finger.on == 0 and contacts > 1 and run.counts[DIVIDE] == 0
     after = run.v_contact
@@ -341,7 +341,7 @@ def _divided_step(model: Model, run: Run, finger: Finger, ledger: bool, none, no
                 _weighed_step(fine, run, here, run.parts[k : k + 1], none, no_out)
             else:
                 status = advance(
-                    fine.law, 1, fine.dt, fine.restitution, fine.coef, fine.shapes, fine.eta, fine.g,
+                    fine.law, np.int64(1), fine.dt, fine.restitution, fine.coef, fine.shapes, fine.eta, fine.g,
                     run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
                     none, none, no_out[:1], no_out[:1], run.parts[k : k + 1], run.parts[0:0], run.work,
                 )  # fmt: skip
@@ -369,7 +369,7 @@ def _weighed_step(model: Model, run: Run, finger: Finger, record, none, no_out) 
     before_v[:] = run.v
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
     status = advance(
-        model.law, 1, model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+        model.law, np.int64(1), model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
         run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
         none, none, no_out[:1], no_out[:1], record, record[0:0], run.work,
     )  # fmt: skip

@@ -34,7 +34,7 @@ FUSED = (2, 3, 4)
 class Substeps(NamedTuple):
     """What the parts of a step need; N modes, C contacts, K parts. The last five are empty unless C = 1 and K in FUSED."""
 
-    count: int  # K
+    parts: int  # K
     coef: np.ndarray  # (6, N) over Δt/K
     g: np.ndarray  # (C, C) S diag(kq) Sᵀ + R of these
     look_q: np.ndarray  # (K − 1, N) φ p11 after each part but the last
@@ -149,10 +149,10 @@ def advance_one_substepped(
     """n steps over one contact, K in FUSED, no finger. Returns the number of steps in contact.
 
     coef (6, ≥N) over the whole step; shape, wq, wv (≥N,); out_q, out_v (n,) as in `kernels.advance_one`; rec_u (n,)
-    S q + R λ at the end of each step and rec_force (n,) mean force over it, or empty; forces (4,) those of the last one's parts.
+    S q + R λ at the end of each step and rec_force (n,) mean force over it, or empty; forces (4,) of the last one's parts.
     """
     n = q.size
-    count = sub.count
+    count = sub.parts
     last, third = count - 1, min(2, count - 1)
     p11, p12, p21, p22 = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n]
     shape, wq, wv = shape[:n], wq[:n], wv[:n]
@@ -258,8 +258,9 @@ def advance_substepped(
     (n, P), out_v (n, R) outputs; rec_force (n, C) mean force over each step; work space free (≥2, N), after (C,),
     parts (K, C), none (0, N).
     """
-    n, count = q.size, sub.count
+    n, count = q.size, sub.parts
     status = SOLVED
+    law = np.int64(EXACT_HOLD)  # a literal would have `advance` compiled once more
     for t in range(n_steps):
         rec_force[t] = 0.0
         touched = False
@@ -270,7 +271,7 @@ def advance_substepped(
             force[:] = 0.0
         else:
             bad = advance(
-                EXACT_HOLD, count, dt / count, 1.0, sub.coef, shapes, eta, sub.g, q, v, u, u, force, finger, watch,
+                law, count, dt / count, 1.0, sub.coef, shapes, eta, sub.g, q, v, u, u, force, finger, watch,
                 none, none, none, none, parts, none, work,
             )  # fmt: skip
             if bad != SOLVED:
