@@ -1,7 +1,8 @@
 """Runs one string for a while, writes what it does at the output rate, and keeps the energy ledger if asked.
 
 A run is `start_run`, then `run` as often as the finger changes. Between two outputs the block kernel `kernels.advance`
-does all the steps; with the ledger on they are done one at a time, so that every step is weighed.
+does all the steps; with the ledger on they are done one at a time, so that every step is weighed. Steps may be divided
+where the string touches (`substeps`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ _SUMS = 10
 # places in Run.counts
 STEPS, PHASE, ROW, LAST_CONTACT, BAD_STEPS, CONTACT_STEPS, DIVIDE = 0, 1, 2, 3, 4, 5, 6
 _COUNTS = 7
+#: where rows are few steps apart, contacts out of reach are looked for that often; they stay so until one is touched
+_CERTIFY_STEPS = 32
 #: steps of one call of the kernel for one contact in parts
 _BLOCK = 512
 #: columns of Run.energy
@@ -208,6 +211,8 @@ def _certify(model: Model, run: Run) -> None:
             # the bound is a sum of N roundings too: leave it a margin
             if reach(model.shapes[c], amplitude) * (1.0 + 1e-9) < -model.eta[c]:
                 run.watch[c] = 0
+            elif model.sub.parts > 1:
+                run.u_contact[c] = dot(model.shapes[c], run.q)
 
 
 @njit(cache=True, nogil=True)
@@ -243,10 +248,10 @@ def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
             _weighed_step(model, run, here, run.records[phase : phase + 1], none, no_out)
         else:
             m = min(n_steps - done, every - phase)
-            if m > 8:
-                _certify(model, run)
-            else:
+            if finger.on != 0:
                 run.watch[:] = 1
+            elif m > 8 or run.counts[STEPS] % _CERTIFY_STEPS == 0:
+                _certify(model, run)
             if count > 1:
                 status = advance_substepped(
                     m, model.dt, model.sub, model.coef, model.shapes, model.eta, run.q, run.v, run.u_contact, run.force,
