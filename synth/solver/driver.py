@@ -346,7 +346,7 @@ def _divided_step(model: Model, run: Run, finger: Finger, ledger: bool, none, no
                 _weighed_step(fine, run, here, run.parts[k : k + 1], none, no_out)
             else:
                 status = advance(
-                    fine.law, np.int64(1), fine.dt, fine.restitution, fine.coef, fine.shapes, fine.eta, fine.g,
+                    fine.law, int(np.int64(1)), fine.dt, fine.restitution, fine.coef, fine.shapes, fine.eta, fine.g,
                     run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
                     none, none, no_out[:1], no_out[:1], run.parts[k : k + 1], run.parts[0:0], run.work,
                 )  # fmt: skip
@@ -374,7 +374,7 @@ def _weighed_step(model: Model, run: Run, finger: Finger, record, none, no_out) 
     before_v[:] = run.v
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
     status = advance(
-        model.law, np.int64(1), model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+        model.law, int(np.int64(1)), model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
         run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
         none, none, no_out[:1], no_out[:1], record, record[0:0], run.work,
     )  # fmt: skip

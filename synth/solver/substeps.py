@@ -260,7 +260,7 @@ def advance_substepped(
     """
     n, count = q.size, sub.parts
     status = SOLVED
-    law = np.int64(EXACT_HOLD)  # a literal would have `advance` compiled once more
+    law = int(np.int64(EXACT_HOLD))  # a literal would have `advance` compiled once more
     for t in range(n_steps):
         rec_force[t] = 0.0
         touched = False
