@@ -73,10 +73,28 @@ class FretsTable(_Table):
     nut_height_m: Positive = 0.0004
 
 
+class RampTable(_Table):
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+    displacement_m: float
+
+
+class SineTable(_Table):
+    start_s: NonNegative = 0.0
+    frequency_hz: Positive
+    amplitude_m: float
+
+
+class MotionTable(_Table):
+    ramp: list[RampTable] = []
+    sine: list[SineTable] = []
+
+
 class ObstacleTable(_Table):
     positions_m: list[float] | None = None
     heights_m: list[float] | float | None = None
     frets: FretsTable | None = None
+    motion: MotionTable = MotionTable()
 
     @model_validator(mode="after")
     def _one_kind(self) -> ObstacleTable:
@@ -85,7 +103,13 @@ class ObstacleTable(_Table):
                 raise ValueError("give either frets or positions_m and heights_m")
         elif (self.positions_m is None) != (self.heights_m is None):
             raise ValueError("positions_m and heights_m must be given together")
+        if self.moves and self.frets is None and not self.positions_m:
+            raise ValueError("motion needs something that moves; give positions_m and heights_m, or frets")
         return self
+
+    @property
+    def moves(self) -> bool:
+        return bool(self.motion.ramp or self.motion.sine)
 
 
 class InitialTable(_Table):
@@ -127,6 +151,12 @@ class FingerTable(_Table):
     hold_s: NonNegative = 0.0
     stiffness_n_m: Positive = 1e5
     resistance_n_s_m: NonNegative = 1.0
+
+
+class BendTable(_Table):
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+    cents: float
 
 
 class SchemeTable(_Table):
@@ -173,6 +203,7 @@ class Case(_Table):
     obstacle: ObstacleTable = ObstacleTable()
     initial: InitialTable = InitialTable(shape="rest")
     finger: list[FingerTable] = []
+    bend: list[BendTable] = []
     scheme: SchemeTable = SchemeTable()
     run: RunTable
 
@@ -208,6 +239,13 @@ def case_folder() -> Path:
     return preset_folder() / "cases"
 
 
+def case_names() -> list[str]:
+    """Names of the program's own cases, such as "tanpura" or "hard/two-close", those of subfolders last."""
+    folder = case_folder()
+    names = [path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.toml")]
+    return sorted(names, key=lambda name: (name.count("/"), name))
+
+
 def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
     folder, origin = Path(), "case"
     if isinstance(case, Case):
@@ -219,7 +257,7 @@ def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
         if path.suffix != ".toml" and not path.exists():
             path = case_folder() / f"{case}.toml"
             if not path.exists():
-                known = ", ".join(sorted(p.stem for p in case_folder().glob("*.toml")))
+                known = ", ".join(case_names())
                 raise CaseError(f"case {str(case)!r} is not one of {known}; a file of your own ends in .toml")
         folder, origin = path.parent, str(path)
         try:

@@ -454,7 +454,7 @@ def _add_simulate(commands: Any) -> None:
         allow_abbrev=False,
         description="Computes a case file (TOML) and writes an .npz file; options replace its values.",
     )
-    parser.add_argument("case", metavar="CASE.toml")
+    parser.add_argument("case", metavar="CASE", help="a .toml file, or a case of the program by name: tanpura, bass, hard/…")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
     parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
     parser.add_argument("--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes")
@@ -473,7 +473,12 @@ def _simulate(options: argparse.Namespace) -> int:
 
     names = ("scheme", "restitution", "rate", "output_rate", "modes", "duration", "ledger")
     overrides = {name: value for name in names if (value := getattr(options, name)) is not None}
-    summary = simulate_file(options.case, options.output, overrides)
+
+    def warn(text: str) -> None:
+        if not options.quiet:
+            print(f"synth: {text}", file=sys.stderr)
+
+    summary = simulate_file(options.case, options.output, overrides, warn)
     if options.json:
         print(json.dumps(summary, indent=2))
     elif not options.quiet:
