@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from synth.schemes import energy_warning, safe_rate_hz
 from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
 from synth.solver import driver
 from synth.solver.kernels import no_finger
+from synth.solver.reference import exact_hold_step, moreau_jean_step
 
 HARD = [name for name in case_names() if name.startswith("hard/")]
 SMALLEST = np.finfo(float).tiny
@@ -38,7 +40,10 @@ def ran(name):
 
 def with_tables(name, **tables):
     """A case's tables with some replaced, for `simulate`."""
-    case = load_case(name).model_dump(exclude_none=True)
+    return with_tables_of(load_case(name).model_dump(exclude_none=True), **tables)
+
+
+def with_tables_of(case, **tables):
     for key, table in tables.items():
         case[key] = {**case[key], **table} if isinstance(table, dict) else table
     return case
@@ -348,6 +353,39 @@ def test_an_obstacle_that_does_not_move():
         fixed = simulate("hard/two-close", duration_s=0.02, ledger=ledger)
         np.testing.assert_array_equal(moved.u, fixed.u)
         np.testing.assert_array_equal(moved.contact_force, fixed.contact_force)
+
+
+@pytest.mark.parametrize("scheme", ["exact-hold", "moreau-jean", "moreau-jean-filtered"])
+@pytest.mark.parametrize("restitution", [0.0, 0.7])
+def test_the_driver_steps_as_the_twin_does(scheme, restitution):
+    """Three points right under a drawn string of 15 modes, rising and falling at random: the same motion for 60 steps."""
+    points = [0.3, 0.32, 0.5]
+    case = with_tables("hard/moving-ramp", obstacle={"positions_m": points, "heights_m": 0.0})
+    case["run"] |= {"modes": 15, "internal_rate_hz": 20e3, "output_rate_hz": 20e3}
+    start = scene_of(case)
+    case["obstacle"]["heights_m"] = list(start.shapes @ start.initial()[0] - 5e-5)
+    scene = scene_of(with_tables_of(case, scheme={"name": scheme, "restitution": restitution}))
+    model, string, dt = scene.model, scene.string, scene.dt
+    rng = np.random.default_rng(7)
+    path = np.cumsum(np.concatenate([[0.0], rng.normal(size=60) * 2e-5]))
+    q, v = scene.initial()
+    touched = 0
+    state = driver.start_run(model, q, v, np.zeros(3), 1, 61, False, True)
+    risen = 0.0
+    for before, after in pairwise(path):
+        common = (model.omega, model.sigma, string.linear_density_kg_m, dt, model.shapes)
+        if scheme == "exact-hold":
+            step = exact_hold_step(*common, model.eta + after, model.residual, q, v)
+        else:
+            moves = (risen / dt, (after - before) / dt)
+            filtered = scheme == "moreau-jean-filtered"
+            step = moreau_jean_step(*common, model.eta + before, restitution, filtered, q, v, obstacle=moves)
+        driver.run_moving(model, state, 1, no_finger(15, 3), np.array([before, after]))
+        np.testing.assert_allclose(state.q, step.q, rtol=0, atol=1e-11 * np.abs(q).max())
+        np.testing.assert_allclose(state.v, step.v, rtol=0, atol=1e-11 * np.abs(v).max() + 1e-15)
+        touched += np.count_nonzero(step.contact)
+        q, v, risen = step.q, step.v, after - before
+    assert touched > 10
 
 
 RISING = {"motion": {"ramp": [{"duration_s": 0.01, "displacement_m": 1.5e-3}], "sine": []}}

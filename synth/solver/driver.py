@@ -224,6 +224,7 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
     """
     every = run.records.shape[0]
     ledger = run.energy.shape[0] > 0
+    moves = path.size > 0
     none = np.zeros((0, model.omega.size))
     no_out = np.zeros((every, 0))
     no_record = np.zeros((0, 0))
@@ -243,25 +244,25 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
         if ledger:
             _weighed_step(model, run, here, path[done : done + 2], none, no_out)
             m = 1
-        elif path.size > 0:
-            status = _one_step(model, run, here, path[done : done + 2], none, no_out)
-            if status != SOLVED:
-                run.counts[BAD_STEPS] += 1
-            m = 1
         else:
             m = min(n_steps - done, every - phase)
+            restitution = model.restitution
+            if moves:
+                m = 1
+                restitution = _rise(model, run, path[done], path[done + 1])
             if m > 8:
                 _certify(model, run)
             else:
                 run.watch[:] = 1
             status = advance(
-                model.law, m, model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+                model.law, m, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
                 run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
                 none, none, no_out, no_out, run.records[phase : phase + m], no_record, run.work,
             )  # fmt: skip
+            if moves:
+                _risen(model, run, path[done], path[done + 1])
             if status != SOLVED:
                 run.counts[BAD_STEPS] += 1
-        if not ledger:
             for t in range(m):
                 touched = False
                 for c in range(model.eta.size):
@@ -278,8 +279,8 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
 
 
 @njit(cache=True, nogil=True)
-def _one_step(model: Model, run: Run, finger: Finger, path, none, no_out) -> int:
-    """One step of the block kernel, every contact looked at; path (2,) as in `run_moving`, or (0,).
+def _rise(model: Model, run: Run, before: float, after: float) -> float:
+    """Heights for a step in which the obstacle goes from `before` to `after` [m]; returns the restitution to step with.
 
     Exact-hold takes the heights at the end of the step. Moreau–Jean's law is one of velocities relative to the obstacle,
     whose own is w⁻ over the step before and w⁺ over this one:
@@ -287,43 +288,48 @@ def _one_step(model: Model, run: Run, finger: Finger, path, none, no_out) -> int
         0 ≤ (S v⁺ − w⁺) + e (S v − w⁻)  ⊥  p ≥ 0,   active where the gap now, or predicted with S v − w⁻, is closed.
 
     For the kernel that is restitution 1 after the velocity e (S v − w⁻) − w⁺, over heights that leave the gap the same.
+    `_risen` belongs behind the step.
     """
-    phase = run.counts[PHASE]
-    restitution = model.restitution
-    run.watch[:] = 1
-    if path.size > 0:
-        if model.law == EXACT_HOLD:
-            run.eta[:] = model.eta + path[1]
-        else:
-            before, now = run.risen[0] / model.dt, (path[1] - path[0]) / model.dt
-            restitution = 1.0
-            for c in range(model.eta.size):
-                relative = run.v_contact[c] - before
-                run.v_contact[c] = model.restitution * relative - now
-                run.eta[c] = model.eta[c] + path[0]
-                if model.law == MOREAU_JEAN_FILTERED:
-                    run.eta[c] += 0.5 * model.dt * (run.v_contact[c] - relative)
-    status = advance(
-        model.law, 1, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
-        run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
-        none, none, no_out, no_out, run.records[phase : phase + 1], none, run.work,
-    )  # fmt: skip
-    if path.size > 0:
-        run.eta[:] = model.eta + path[1]
-        run.risen[0] = path[1] - path[0]
-    return status
+    if model.law == EXACT_HOLD:
+        run.eta[:] = model.eta + after
+        return model.restitution
+    old, new = run.risen[0] / model.dt, (after - before) / model.dt
+    for c in range(model.eta.size):
+        relative = run.v_contact[c] - old
+        run.v_contact[c] = model.restitution * relative - new
+        run.eta[c] = model.eta[c] + before
+        if model.law == MOREAU_JEAN_FILTERED:
+            run.eta[c] += 0.5 * model.dt * (run.v_contact[c] - relative)
+    return 1.0
+
+
+@njit(cache=True, nogil=True)
+def _risen(model: Model, run: Run, before: float, after: float) -> None:
+    """The obstacle as it is after the step that `_rise` prepared."""
+    run.eta[:] = model.eta + after
+    run.risen[0] = after - before
 
 
 @njit(cache=True, nogil=True)
 def _weighed_step(model: Model, run: Run, finger: Finger, path, none, no_out) -> None:
-    """One step with its place in the energy ledger; path as in `_one_step`."""
+    """One step with its place in the energy ledger; path (2,) as in `run_moving`, or (0,)."""
     n, contacts = model.omega.size, model.eta.size
     hold = model.law == EXACT_HOLD
     before_q, before_v, w_free = run.scratch[0], run.scratch[1], run.scratch[2]
     before_q[:] = run.q
     before_v[:] = run.v
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
-    status = _one_step(model, run, finger, path, none, no_out)
+    phase = run.counts[PHASE]
+    moves = path.size > 0
+    run.watch[:] = 1
+    restitution = _rise(model, run, path[0], path[1]) if moves else model.restitution
+    status = advance(
+        model.law, 1, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
+        run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
+        none, none, no_out, no_out, run.records[phase : phase + 1], none, run.work,
+    )  # fmt: skip
+    if moves:
+        _risen(model, run, path[0], path[1])
     if status != SOLVED:
         run.counts[BAD_STEPS] += 1
     touched = False
@@ -343,7 +349,7 @@ def _weighed_step(model: Model, run: Run, finger: Finger, path, none, no_out) ->
         strength = run.force[c]
         if strength > 0.0:
             touched = True
-            if path.size > 0:
+            if moves:
                 mean = strength if hold else strength / model.dt
                 lifted += mean * (run.eta[c] - (model.eta[c] + path[0]))
             if hold:
