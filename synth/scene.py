@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -30,6 +31,8 @@ _MOST_BYTES = 4 * 2**30
 _MOST_MODE_STEPS = 1e14  # a day of one core
 #: a bend renews the tension this often
 _BEND_INTERVAL_S = 1e-3
+#: residual compliance is worked out at bends this far apart
+_RESIDUAL_GRID_CENTS = 25.0
 
 
 class Scene:
@@ -56,10 +59,11 @@ class Scene:
         self.omega = modal_frequencies(self.string, n)
         self.sigma = decay_rates(self.string, n)
         self.shapes = mode_shapes(length, self.positions, n)
+        self._bent_residuals: dict[int, np.ndarray] = {}
         self.out_shapes = mode_shapes(length, np.array(case.run.outputs_m), n)
         for end in sorted(bend.start_s + bend.duration_s for bend in case.bend):
             cents = float(self._cents(np.array([end]))[0])
-            if not self._tension_at(cents) > 0.0:
+            if not self._tension_at(cents - _RESIDUAL_GRID_CENTS) > 0.0:
                 raise CaseError(f"bend: {cents:g} cents at {end:g} s leave no tension; bend the string up, or less far down")
 
     @cached_property
@@ -70,7 +74,7 @@ class Scene:
     @cached_property
     def model(self) -> driver.Model:
         """Coefficients and contact matrix of a case whose scheme is a law of the block kernels."""
-        return self._model(self.string, self.omega, self.sigma)
+        return self._model(self.omega, self.sigma, 0.0)
 
     def bent_model(self, cents: float) -> driver.Model:
         """`model` at another tension: mode shapes and contacts stay, ω, σ and R follow.
@@ -79,15 +83,14 @@ class Scene:
         decay rates, which belong to the tension at rest, are scaled as the model's.
         """
         n = self.omega.size
-        plain = replace(self.string, measured_frequencies_hz=(), measured_decay_rates=())
-        bent = replace(plain, tension_n=self._tension_at(cents))
+        plain, bent = self._bent_string(0.0), self._bent_string(cents)
         omega, sigma = model_frequencies(bent, n), model_decay_rates(bent, n)
         measured = len(self.string.measured_frequencies_hz)
         omega[:measured] = self.omega[:measured] * (omega / model_frequencies(plain, n))[:measured]
         measured = min(n, len(self.string.measured_decay_rates))
         rest = model_decay_rates(plain, measured)
         sigma[:measured] = self.sigma[:measured] * np.divide(sigma[:measured], rest, out=np.ones(measured), where=rest > 0.0)
-        return self._model(bent, omega, sigma)
+        return self._model(omega, sigma, cents)
 
     @cached_property
     def tension_changes(self) -> list[tuple[int, float]]:
@@ -119,18 +122,36 @@ class Scene:
         first = float(base_frequencies(string, 1)[0]) * string.length_m / np.pi  # ω̂₁/k₁
         return string.tension_n + (2.0 ** (cents / 600.0) - 1.0) * string.linear_density_kg_m * first**2
 
+    def _bent_string(self, cents: float) -> String:
+        tension = self._tension_at(cents)
+        return replace(self.string, tension_n=tension, measured_frequencies_hz=(), measured_decay_rates=())
+
+    def _bent_residual(self, cents: float) -> np.ndarray:
+        """R, between two of a grid of bends linear in 1/T: exact for an ideal string, off by < 3e-4 for others."""
+        if cents == 0.0:
+            return self.residual
+        below = math.floor(cents / _RESIDUAL_GRID_CENTS)
+        low, high = self._residual_of_bend(below), self._residual_of_bend(below + 1)
+        at_low, here, at_high = (
+            1.0 / self._tension_at(c) for c in (below * _RESIDUAL_GRID_CENTS, cents, (below + 1) * _RESIDUAL_GRID_CENTS)
+        )
+        share = (here - at_low) / (at_high - at_low)
+        return (1.0 - share) * low + share * high
+
+    def _residual_of_bend(self, place: int) -> np.ndarray:
+        if place not in self._bent_residuals:
+            self._bent_residuals[place] = self._residual(self._bent_string(place * _RESIDUAL_GRID_CENTS))
+        return self._bent_residuals[place]
+
     def _residual(self, string: String) -> np.ndarray:
         contacts = self.positions.size
         if self.case.scheme.residual_compliance and contacts > 0:
             return residual_compliance(string, self.positions, self.case.run.modes)
         return np.zeros((contacts, contacts))
 
-    def _model(self, string: String, omega: np.ndarray, sigma: np.ndarray) -> driver.Model:
+    def _model(self, omega: np.ndarray, sigma: np.ndarray, cents: float) -> driver.Model:
         law = law_of(self.case.scheme.name)
         contacts = self.positions.size
-        residual = np.zeros((contacts, contacts))
-        if law == EXACT_HOLD:
-            residual = self.residual if string is self.string else self._residual(string)
         return driver.make_model(
             law,
             omega,
@@ -139,7 +160,7 @@ class Scene:
             self.dt,
             self.shapes,
             self.eta,
-            residual,
+            self._bent_residual(cents) if law == EXACT_HOLD else np.zeros((contacts, contacts)),
             self.out_shapes,
             self.case.scheme.restitution,
         )

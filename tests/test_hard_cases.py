@@ -17,7 +17,7 @@ from synth import EVENT, Engine, cli, load_preset
 from synth.case import case_names
 from synth.engine.events import NOTE_ON
 from synth.measures import relative_error
-from synth.physics.modes import static_compliance
+from synth.physics.modes import residual_compliance, static_compliance
 from synth.schemes import energy_warning, safe_rate_hz
 from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
 from synth.solver import driver
@@ -475,6 +475,22 @@ def test_a_bend_that_goes_back_ends_where_it_began():
     up = scene.bent_model(500.0)
     assert up.omega[0] / scene.omega[0] == pytest.approx(2.0 ** (500 / 1200), rel=1e-12)
     assert up.omega[-1] / scene.omega[-1] < 2.0 ** (500 / 1200) - 1e-3  # stiffness does not bend
+
+
+@pytest.mark.parametrize("name", ["tanpura", "bass", "hard/highest-sitar"])
+@pytest.mark.parametrize("cents", [-312.5, 12.5, 137.0, 700.0])
+def test_residual_compliance_of_a_bent_string(name, cents):
+    """From a grid of bends 25 cents apart, against that of the string tuned there.
+
+    Linear in x = 1/T over a relative step δ = 0.029 errs by δ²/8 · x²R''/R at most, and that factor is ≤ 2 for either law.
+    """
+    scene = scene_of(name)
+    got = scene.bent_model(cents).residual
+    exact = residual_compliance(
+        scene.string.tuned(float(scene.omega[0]) * 2.0 ** (cents / 1200) / (2.0 * np.pi)), scene.positions, scene.omega.size
+    )
+    np.testing.assert_allclose(got, exact, rtol=0, atol=2.0 * 0.0293**2 / 8.0 * np.diag(exact).max())
+    assert np.abs(np.diag(got) / np.diag(scene.residual) - 1.0).max() > 3e-4
 
 
 def test_measured_modes_are_bent_as_the_models(tmp_path):
