@@ -399,9 +399,12 @@ def test_moreau_jean_over_a_moving_obstacle(scheme):
     exact = simulate(case, internal_rate_hz=6.144e6, ledger=False, **common)
     fixed = simulate(with_tables("hard/moving-ramp", obstacle={"motion": {}}), internal_rate_hz=768e3, **common)
     assert relative_error(fixed.u, exact.u) > 0.3
-    result = simulate(case, scheme=scheme, restitution=0.0, internal_rate_hz=1.536e6, **common)
-    assert relative_error(result.u, exact.u) < 0.01
-    assert result.largest_penetration_m <= 10.0 / 1.5e6  # some 10 m/s
+    every = {**common, "output_rate_hz": 1.536e6}
+    result = simulate(case, scheme=scheme, restitution=0.0, internal_rate_hz=1.536e6, **every)
+    assert relative_error(result.u[::32], exact.u) < 0.01
+    gap = result.u_contact - result.contact_heights - result.obstacle_displacement[:, None]
+    assert result.largest_penetration_m == pytest.approx(-gap.min(), rel=1e-6)
+    assert -gap.min() <= np.abs(np.diff(gap, axis=0)).max()
     np.testing.assert_allclose(account(result), 0.0, rtol=0, atol=1e-11 * had(result)[-1])
     assert result.energy_injected[-1] == pytest.approx(exact_work(case, common), rel=0.02)
 
@@ -523,13 +526,15 @@ def test_finger_bend_and_moving_obstacle_at_once(scheme):
         must_hold(result)
 
 
-def test_random_motion_is_passive():
-    """H⁺ − H − λ·Δη ≤ 0 over paths without any smoothness, 60 scenes of up to 8 contacts, ωΔt from 0.3 to 100, with R."""
+@pytest.mark.parametrize("compliant", [False, True])
+def test_random_motion_is_passive(compliant):
+    """H⁺ − H − λ·Δη ≤ 0 over paths without any smoothness: 60 scenes, up to 8 contacts, ωΔt of the last mode 0.3 to 100."""
     rng = np.random.default_rng(20)
     touched = 0
     for _ in range(60):
         points = np.sort(rng.uniform(0.05, 0.95, int(rng.integers(1, 9))))
         case = with_tables("hard/moving-ramp", obstacle={"positions_m": list(points), "heights_m": -1e-4})
+        case["scheme"]["residual_compliance"] = compliant
         case["run"]["modes"] = int(rng.integers(4, 40))
         case["run"]["internal_rate_hz"] = float(scene_of(case).omega[-1]) / 10 ** rng.uniform(-0.5, 2.0)
         case["run"].pop("output_rate_hz", None)
@@ -553,18 +558,23 @@ def test_random_motion_is_passive():
 @pytest.mark.parametrize("scheme", ["moreau-jean", "moreau-jean-filtered"])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9, 1.0])
 def test_every_restitution_at_a_safe_rate(scheme, restitution):
-    """At 4.2 MHz, bass frets, all modes: never more energy than at the start, and nothing deeper than a step's way.
+    """At 4.2 MHz, bass frets, all modes: never more energy than at the start, and no deeper than a point moves in a step.
 
-    A velocity law lets a point through until the step after its gap has closed: |u̇| Δt, here of some 10 m/s.
+    A law of velocities lets a point through until the step after its gap has closed.
     """
-    result = simulate("hard/restitution", scheme=scheme, restitution=restitution, duration_s=0.006)
+    rate = load_case("hard/restitution").run.internal_rate_hz
+    common = {"duration_s": 0.006, "output_rate_hz": rate}
+    result = simulate("hard/restitution", scheme=scheme, restitution=restitution, **common)
     energy = result.energy_stored
-    assert result.metadata["restitution"] == restitution and result.summary["contact_steps"] > 100
+    assert result.metadata["restitution"] == restitution and result.summary["contact_steps"] > 1000
     assert energy.max() <= energy[0] * (1.0 + 1e-12)
     np.testing.assert_allclose(account(result), 0.0, rtol=0, atol=1e-11 * energy[0])
-    assert result.largest_penetration_m <= 10.0 / 4.2e6 * (1.0 if restitution < 1.0 else 3.0)
+    assert result.largest_penetration_m <= np.abs(np.diff(result.u_contact, axis=0)).max()
+    # what contacts take falls with restitution: measured 0.02 of all energy at 0, and at 1 a gain of 0.005 at most
+    lost = result.energy_contact[-1] / energy[0]
+    assert lost > 0.01 if restitution <= 0.5 else abs(lost) < 0.01
     highest = float(scene_of("hard/restitution").omega.max()) / (2.0 * np.pi)
-    assert result.metadata["internal_rate_hz"] >= safe_rate_hz(scheme, restitution, highest)
+    assert rate >= safe_rate_hz(scheme, restitution, highest)
 
 
 @pytest.mark.parametrize(
