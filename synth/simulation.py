@@ -41,7 +41,7 @@ keys are errors. * marks what must be there.
     stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string, default 1e5 and 1
 
     [[bend]]                    changes the string's tension, any number; what they give adds up and stays
-    duration_s*, cents*, start_s    raised cosine from 0 to cents of the first mode, renewed every millisecond; shapes and
+    duration_s*, cents*, start_s    raised cosine from 0 to cents of the first mode, renewed every ms, start_s 0; shapes and
                                 (q, q̇) are carried over, frequencies, losses and residual compliance follow
 
     [scheme]
