@@ -9,6 +9,7 @@ import numpy as np
 
 from synth.case import CaseError, FingerTable
 from synth.dsp.denormals import enable_ftz, restore
+from synth.exact_methods import EXACT_RUNNERS
 from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
 from synth.schemes import LAWS, SCHEMES
@@ -79,6 +80,7 @@ def _advance(scene: Scene, state: driver.Run, until: int, finger: FingerTable | 
 
 RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
     **dict.fromkeys(LAWS, run_law),
+    **EXACT_RUNNERS,
 }
 assert RUNNERS.keys() == SCHEMES.keys()
 

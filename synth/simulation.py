@@ -36,7 +36,8 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string, default 1e5 and 1
 
     [scheme]
-    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"
+    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; exact solutions where there is
+                                one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
     residual_compliance         default true: exact-hold adds the static compliance of the modes left out
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
@@ -185,7 +186,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "version": _version(),
         "scheme": law,
         "restitution": case.scheme.restitution if law.startswith("moreau-jean") else None,
-        "residual_compliance": law == "exact-hold" and bool(np.any(scene.residual)),
+        "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
         "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
         "internal_rate_hz": run.internal_rate_hz,
         "output_rate_hz": run.internal_rate_hz / run.steps_per_output,
