@@ -23,7 +23,7 @@ def filter_factor(law: int, omega: np.ndarray, coef: np.ndarray, dt: float) -> n
     """F (N,) of the Moreau–Jean energy, recovered from the step coefficients; ones for exact-hold."""
     factor = np.ones(omega.size)
     if law != EXACT_HOLD:
-        moving = omega > 0.0
+        moving = omega * dt > 1e-150
         lossy = ~moving & (coef[3, : omega.size] < 1.0)
         e = coef[3, : omega.size][lossy]
         factor[lossy] = (1.0 - e) / -np.log(e)

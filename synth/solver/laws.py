@@ -37,6 +37,8 @@ SCHEMES: dict[str, int] = {
 #: Below this (ω + 2σ)Δt the power series in Δt replaces the closed forms, which cancel there.
 _SERIES_BELOW = 0.25
 _SERIES_TERMS = 16
+#: ωΔt whose square is no number worth dividing by: a rigid motion
+_RIGID_BELOW = 1e-150
 
 
 def law_of(scheme: str) -> int:
@@ -124,7 +126,7 @@ def step_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> Non
             coef[3, j] = e
             gain = 1.0 / mu
             if law == MOREAU_JEAN_FILTERED:
-                if w > 0.0:
+                if w * dt > _RIGID_BELOW:
                     gain *= missing / (w * w * dt * dt)
                 elif s > 0.0:
                     gain *= -math.expm1(-2.0 * s * dt) / (2.0 * s * dt)

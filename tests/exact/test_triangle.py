@@ -87,7 +87,7 @@ def test_cabannes_asks_for_its_case():
     for height in (-1.0, 1.0, 3.0):
         with pytest.raises(ValueError, match="between −1 and 1"):
             triangle.cabannes(X, 0.0, LENGTH, SPEED, PLUCK, height)
-    with pytest.raises(ValueError, match="> 0 m, got -0.001 m"):
+    with pytest.raises(ValueError, match=r"> 0 m, got -0\.001 m"):
         triangle.cabannes(X, 0.0, LENGTH, SPEED, -PLUCK, 0.0)
 
 
@@ -114,7 +114,7 @@ def test_wall_pushes_only_where_it_is_touched(position, height):
     expected = mu * pushed.sum(axis=0) / (LENGTH / (cells * SPEED))
     assert impulses.min() >= 0.0 and impulses.max() > 0.0
     # each edge of the part that lands falls on a node, which then gets half of what its neighbour does or none
-    assert abs(impulses.sum() - expected.sum()) <= impulses.max()
+    assert abs(impulses.sum() - expected.sum()) <= (1.0 + 1e-9) * impulses.max()
 
 
 def test_wall_periods():

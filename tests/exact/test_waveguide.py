@@ -132,13 +132,13 @@ def test_string_thrown_flat_against_a_point_pushes_with_twice_its_impedance():
 
 def test_what_does_not_fit_the_grid_is_said():
     assert waveguide.cells(1.0, 400.0, 64e3) == 160
-    with pytest.raises(ValueError, match="got 160.25; the nearest rates are 64000 or 64400 Hz"):
+    with pytest.raises(ValueError, match=r"got 160\.25; the nearest rates are 64000 or 64400 Hz"):
         waveguide.cells(1.0, 400.0, 64.1e3)
     with pytest.raises(ValueError, match="nearest rates are 800 or 1200 Hz"):
         waveguide.cells(1.0, 400.0, 400.0)
-    with pytest.raises(ValueError, match="got 0.303 m; the nearest nodes are at 0.3 and 0.31 m"):
+    with pytest.raises(ValueError, match=r"got 0\.303 m; the nearest nodes are at 0\.3 and 0\.31 m"):
         waveguide.nodes("obstacle", np.array([0.303]), 1.0, 100)
-    with pytest.raises(ValueError, match="clear of its obstacle, got 0.0005 m under point 2"):
+    with pytest.raises(ValueError, match=r"clear of its obstacle, got 0\.0005 m under point 2"):
         run(pluck(100, 0.5), [20, 50], [0.0, 1.5e-3], [0], 10)
     with pytest.raises(ValueError, match="at most the shortest way back"):
         waveguide.reflection(np.sin, 0.0, 0.1, 1.0, 400.0, 1e-3, 10)
