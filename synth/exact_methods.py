@@ -84,7 +84,7 @@ def _outcome(scene: Scene, u: np.ndarray, contact_u: np.ndarray, force: np.ndarr
         contact_force=force,
         energy=energy,
         largest_penetration_m=float((scene.eta - contact_u).max()) if scene.eta.size else 0.0,
-        largest_energy_rise=max(0.0, float(np.diff(stored).max(initial=0.0)) / stored[0])
+        largest_energy_rise=max(0.0, float(np.diff(stored).max(initial=0.0) / stored[0]))
         if energy is not None and stored[0] > 0.0
         else math.nan,
         last_contact_step=int(touched[-1]) * every if touched.size else -1,
@@ -215,7 +215,7 @@ def run_event_driven(scene: Scene) -> Outcome:
     model = driver.make_model(
         EXACT_HOLD, scene.omega, scene.sigma, mu, scene.dt, scene.shapes, scene.eta, residual, scene.out_shapes, 0.0
     )
-    q, _, status = driver.static_contact(model, q0)
+    q, static, status = driver.static_contact(model, q0)
     if status != SOLVED:
         raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
     lifted = float(abs(scene.shapes[0] @ (q - q0)))
@@ -229,6 +229,7 @@ def run_event_driven(scene: Scene) -> Outcome:
     except ValueError as error:
         raise CaseError(f"event-driven: {error}") from None
     seconds = time.perf_counter() - started
+    events.contact_force[0] = static[0]
     energy = None
     if run.ledger:
         held = events.energy + events.spring_energy
@@ -242,7 +243,7 @@ def run_event_driven(scene: Scene) -> Outcome:
         contact_force=events.contact_force[:, None],
         energy=energy,
         largest_penetration_m=float((scene.eta[0] - events.contact_u).max()),
-        largest_energy_rise=max(0.0, float(np.diff(held).max(initial=0.0)) / held[0])
+        largest_energy_rise=max(0.0, float(np.diff(held).max(initial=0.0) / held[0]))
         if energy is not None and held[0] > 0.0
         else math.nan,
         last_contact_step=-1 if events.last_contact_s < 0.0 else math.ceil(events.last_contact_s / scene.dt - 1e-9),

@@ -39,7 +39,7 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; exact solutions where there is
                                 one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
-    residual_compliance         default true: exact-hold adds the static compliance of the modes left out
+    residual_compliance         default true: exact-hold and event-driven add the static compliance of the modes left out
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
 
     [run]

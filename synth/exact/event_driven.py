@@ -49,7 +49,7 @@ class Events:
     spring_energy: np.ndarray  # (n,) ½Rλ² [J]
     q: np.ndarray  # (N,) at the end
     v: np.ndarray  # (N,)
-    contact_force: np.ndarray  # (n,) mean since the row before, impulses included; row 0: the static force
+    contact_force: np.ndarray  # (n,) mean since the row before, impulses included; row 0: as it starts
     contact_energy: np.ndarray  # (n,) lost at landings so far [J]
     contact_time: np.ndarray  # (n,) spent in contact so far [s]
     landings: int
