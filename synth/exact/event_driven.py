@@ -19,7 +19,9 @@ modal amplitudes). A polynomial lies in the convex hull of its Bernstein coeffic
 no root, where they change sign once there is one (Descartes), and else the piece is halved (de Casteljau), the earlier
 half first. A touch, however grazing and short, is found unless it is less deep than the rounding of g itself, some 1e-14 of
 Σ|φ_j q_j|. Modes are finite in number, so that with R = 0 one contact of a string is many: what the landing starts in the
-highest modes opens and closes it again within their periods.
+highest modes opens and closes it again within their periods. With R > 0 and many modes the point bounces on R's spring, at
+about the highest mode's frequency, all through a contact: that is this model's exact motion, and steps that do not resolve
+it damp it away.
 """
 
 from __future__ import annotations

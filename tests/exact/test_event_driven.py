@@ -135,6 +135,29 @@ def test_contact_phase_against_a_dense_exponential(loss):
     assert got.landings <= 1 and got.releases == 0 and got.contact_time[-1] == pytest.approx(0.02)
 
 
+def test_spring_contact_against_an_adaptive_integrator():
+    """Thirty modes on R's spring through a dozen bounces: scipy's DOP853 at 1e-11 on v̇ = … + φ max(0, (η − φq)/R)/μ."""
+    from scipy.integrate import solve_ivp
+
+    n, eta = 30, -2e-4
+    omega, sigma, shape = modes_at(0.05, n)
+    residual = float(residual_compliance(stiff_string(), [0.05], n)[0, 0])
+    q, v = pluck(n)
+    rows = 61
+    got = run((omega, sigma, shape), eta, q, v, 1e-4, rows, residual)
+
+    def slope(_, x):
+        push = max(0.0, eta - shape @ x[:n]) / (residual * MU)
+        return np.concatenate([x[n:], push * shape - omega**2 * x[:n] - 2.0 * sigma * x[n:]])
+
+    t = np.arange(rows) * 1e-4
+    start = np.concatenate([q, v])
+    other = solve_ivp(slope, (0.0, t[-1]), start, method="DOP853", rtol=1e-11, atol=1e-17, t_eval=t)
+    assert got.landings >= 3
+    # rtol a step on the velocities, some thousands of steps
+    np.testing.assert_allclose(got.u, other.y[:n].T, rtol=0, atol=1e-8 * 2e-3)
+
+
 # --- what must hold for any motion ------------------------------------------------------------------------------------
 
 
