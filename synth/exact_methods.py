@@ -30,6 +30,7 @@ from synth.solver.problem import Outcome
 
 _FEWEST_WALL_POINTS = 20
 _WIDEST_WALL_GAP = 0.1  # of the string's length
+_MOST_CELL_STEPS = 1e14  # a day of one core
 
 
 def _no_finger(scene: Scene) -> None:
@@ -101,6 +102,11 @@ def run_waveguide(scene: Scene) -> Outcome:
         n = waveguide.cells(length, speed, run.internal_rate_hz)
     except ValueError as error:
         raise CaseError(f"waveguide: run.internal_rate_hz: {error}") from None
+    if float(n) * scene.steps > _MOST_CELL_STEPS:
+        raise CaseError(
+            f"waveguide: {float(n) * scene.steps:.1e} steps of cells would take days, the limit is {_MOST_CELL_STEPS:.0e}; "
+            "lower internal_rate_hz or duration_s"
+        )
     try:
         points = waveguide.nodes("obstacle.positions_m", scene.positions, length, n)
         outputs = waveguide.nodes("run.outputs_m", np.array(run.outputs_m), length, n)

@@ -3,8 +3,8 @@
     μ(q̈_j + 2σ_j q̇_j + ω_j² q_j) = φ_j λ,   0 ≤ φ·q + Rλ − η ⊥ λ ≥ 0
 
 R = 0, a rigid point under N modes, needs an impact law and gets restitution 0; R > 0, the static compliance of the modes
-left out, is a spring in between and needs none. Pieces that are each exact to rounding (B. Brogliato, Nonsmooth
-Mechanics, 3rd ed. 2016, ch. 5, on event-driven schemes; IA2018 II for the model):
+left out, is a spring in between and needs none. Pieces that are each exact to rounding (the model: Issanchou et al., JASA
+143(5), 2018, II; event-driven schemes: V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems, 2008):
 
 flight     λ = 0: each mode by its exact propagator
 landing    g = φ·q − η = 0, ġ < 0. R = 0: v⁺ = v − φ(φ·v)/(φ·φ), the impulse −μ(φ·v)/(φ·φ); μ is every mode's mass
