@@ -11,6 +11,7 @@ import numpy as np
 
 from synth.case import CaseError, FingerTable
 from synth.dsp.denormals import enable_ftz, restore
+from synth.exact_methods import EXACT_RUNNERS
 from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
 from synth.schemes import LAWS, SCHEMES
@@ -125,6 +126,7 @@ def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finge
 
 RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
     **dict.fromkeys(LAWS, run_law),
+    **EXACT_RUNNERS,
 }
 assert RUNNERS.keys() == SCHEMES.keys()
 

@@ -5,7 +5,7 @@
 
 A case is a TOML file (or the same tables as a dict; lists may then be NumPy arrays). SI units throughout; x counts from
 the nut, heights and displacements from the string at rest, up is positive. Files named in a case are looked for beside
-it. The program's own cases (`tanpura`, `bass`, `hard/two-close`, …; `case.case_names()`) can be given by name. Unknown
+it. The program's own cases (`tanpura`, `cabannes`, `hard/two-close`, …; `case.case_names()`) can be given by name. Unknown
 keys are errors. * marks what must be there.
 
     [string]                    the model of Issanchou et al., JASA 143(5), 2018, appendix (A1–A5)
@@ -45,9 +45,10 @@ keys are errors. * marks what must be there.
                                 (q, q̇) are carried over, frequencies, losses and residual compliance follow
 
     [scheme]
-    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"
+    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; exact solutions where there is
+                                one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
-    residual_compliance         default true: exact-hold adds the static compliance of the modes left out
+    residual_compliance         default true: exact-hold and event-driven add the static compliance of the modes left out
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
 
     [run]
@@ -209,7 +210,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "version": _version(),
         "scheme": law,
         "restitution": case.scheme.restitution if law.startswith("moreau-jean") else None,
-        "residual_compliance": law == "exact-hold" and bool(np.any(scene.residual)),
+        "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
         "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
         "internal_rate_hz": run.internal_rate_hz,
         "output_rate_hz": run.internal_rate_hz / run.steps_per_output,
