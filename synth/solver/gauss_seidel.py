@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.solver.lcp import FEASIBILITY, NOT_SOLVED, SOLVED, natural
+from synth.solver.lcp import FEASIBILITY, NOT_SOLVED, SOLVED, gaps, natural
 from synth.solver.vectors import add
 
 #: sweeps after which `solve` gives up
@@ -37,7 +37,7 @@ def relax(a, b, enabled, active, z, w, relaxation: float, tolerance: float, most
         z[i] = max(0.0, z[i]) if active[i] and enabled[i] else 0.0
     enough = tolerance * scale
     status, sweeps = NOT_SOLVED, 0
-    _gaps(a, b, z, w)
+    gaps(a, b, z, w)
     if _residual(a, enabled, z, w) <= enough:
         status = SOLVED
     while status != SOLVED and sweeps < most:
@@ -49,21 +49,12 @@ def relax(a, b, enabled, active, z, w, relaxation: float, tolerance: float, most
                     add(force - z[i], a[i], w)
                     z[i] = force
         if _residual(a, enabled, z, w) <= enough:
-            _gaps(a, b, z, w)  # w without the rounding of its many small changes
+            gaps(a, b, z, w)  # w without the rounding of its many small changes
             if _residual(a, enabled, z, w) <= enough:
                 status = SOLVED
     for i in range(n):
         active[i] = 1 if z[i] > 0.0 else 0
     return status, sweeps
-
-
-@njit(cache=True, nogil=True)
-def _gaps(a, b, z, w) -> None:
-    """w = A z + b."""
-    w[:] = b
-    for k in range(b.size):
-        if z[k] > 0.0:
-            add(z[k], a[k], w)
 
 
 @njit(cache=True, nogil=True)

@@ -1,10 +1,11 @@
 """Linear complementarity problems z ≥ 0, w = A z + b ≥ 0, zᵀw = 0 with a symmetric positive semidefinite A.
 
 `solve` is block principal pivoting (Kostreva 1978; Júdice and Pires, Computers & OR 21(5), 1994): every infeasible
-index changes sides at once while that helps, and one at a time (Murty's rule, finite for P-matrices) when it does
-not. It starts from the active set it is given, so that a contact that lasts costs one factorisation a step. Where it
-meets contacts that depend on each other (coincident, or more than modes), the principal pivoting method of Dantzig and
-Cottle (1968) takes over: slower, and sure for every semidefinite A. `natural_residual` judges any solver's answer.
+index changes sides at once while that helps. It starts from the active set it is given, so that a contact that lasts
+costs one factorisation a step, and none where `pivot` is handed the factor of the step before. Where block steps stop
+helping, or meet contacts that depend on each other (coincident, or more than modes), the principal pivoting method of
+Dantzig and Cottle (1968) goes on one at a time: slower, and sure for every semidefinite A. `natural_residual` judges any
+solver's answer.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ DEPENDENT = 1e-13
 _JOINS_ABOVE = 1e-12
 _SINGULAR = 1e-16
 
+#: block steps that may fail to lower the number of infeasible contacts before they are taken one by one
+_PATIENCE = 3
 #: bit of `active` while infeasible contacts are collected
 _MARK = 2
 
@@ -83,58 +86,56 @@ def pivot(a, b, enabled, active, z, factor, index, held: int) -> tuple[int, int,
             active[i] = 0
     tolerance = FEASIBILITY * scale
     best = n + 1
-    patience = 3
+    patience = _PATIENCE
     tried = 0
-    while tried < 50 + 20 * n:
+    while patience >= 0:
         tried += 1
         m, held = factorise(a, active, DEPENDENT, factor, index, held)
         if m < 0:
             break
         substitute(b, m, factor, index, z)
-        wrong, last = _mark_infeasible(a, b, enabled, tolerance, m, index, active, z, factor)
+        wrong = _mark_infeasible(a, b, enabled, tolerance, m, index, active, z, factor)
         if wrong == 0:
             return SOLVED, tried, held
         if wrong < best:
             best = wrong
-            patience = 3
+            patience = _PATIENCE
         else:
             patience -= 1
-        for i in range(n if patience >= 0 else 0):
+        for i in range(n):
             if active[i] & _MARK:
                 active[i] ^= _MARK | 1
-        if patience < 0:
-            for i in range(n):
-                active[i] &= 1
-            active[last] ^= 1
-    for i in range(n):
-        active[i] &= 1
     status, loads = _solve_one_by_one(a, b, enabled, tolerance, active, z, factor, index)
     return status, tried + loads, 0
 
 
 @njit(cache=True, nogil=True)
-def _mark_infeasible(a, b, enabled, tolerance: float, m: int, index, active, z, factor) -> tuple[int, int]:
-    """Mark in `active` the enabled contacts that pull or that lie in the obstacle: (how many, the last of them)."""
+def _mark_infeasible(a, b, enabled, tolerance: float, m: int, index, active, z, factor) -> int:
+    """Mark in `active` the enabled contacts that pull or that lie in the obstacle; how many."""
     n = b.size
-    wrong, last = 0, -1
+    wrong = 0
     if m < n:
         w = factor[n - 1]  # no row of the factor when m < n
-        w[:] = b
-        for r in range(m):
-            k = index[r]
-            add(z[k], a[k], w)
+        gaps(a, b, z, w)
         for i in range(n):
             if enabled[i] and not active[i] and w[i] < -tolerance and _shortfall(a, b, z, i, tolerance) < 0.0:
                 active[i] |= _MARK
                 wrong += 1
-                last = i
     for r in range(m):
         i = index[r]
         if z[i] < 0.0:
             active[i] |= _MARK
             wrong += 1
-            last = max(last, i)
-    return wrong, last
+    return wrong
+
+
+@njit(cache=True, nogil=True)
+def gaps(a, b, z, w) -> None:
+    """w = A z + b for a z that is mostly zero."""
+    w[:] = b
+    for k in range(b.size):
+        if z[k] != 0.0:
+            add(z[k], a[k], w)
 
 
 @njit(cache=True, nogil=True)
@@ -150,25 +151,27 @@ def _shortfall(a, b, z, i: int, tolerance: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _solve_one_by_one(a, b, enabled, tolerance: float, active, z, factor, index) -> tuple[int, int]:
-    """Principal pivoting from z = 0: the most violated contact is loaded until it holds, or until another one lets go.
+    """Principal pivoting: the most violated contact is loaded until it holds, or until another one lets go.
 
-    While contact i is loaded along d = e_i − A_PP⁻¹A_Pi the active ones P stay closed. If i depends on P the load
-    changes no motion and only shifts forces, until one of P has none left: P never holds dependent contacts.
+    It starts from the part of the active set that holds without pulling. While contact i is loaded along
+    d = e_i − A_PP⁻¹A_Pi the active ones P stay closed. If i depends on P the load changes no motion and only shifts
+    forces, until one of P has none left: P never holds dependent contacts.
     """
     n = b.size
-    for i in range(n):
-        z[i] = 0.0
-        active[i] = 0
-    loads, held = 0, 0
-    while loads < 50 + 20 * n:
+    loads, held = 0, _hold_without_pull(a, b, active, z, factor, index)
+    most = 50 + 20 * n
+    w_all = factor[n - 1]  # free while contacts are outside the set, and then only while one is chosen
+    while loads < most:
         entering, worst = -1, 0.0
-        for i in range(n):
-            if enabled[i] and not active[i]:
-                w = _shortfall(a, b, z, i, tolerance)
-                if w < 0.0 and a[i, i] <= 0.0:
-                    return NOT_SOLVED, loads  # nothing moves this contact
-                if w < 0.0 and w / np.sqrt(a[i, i]) < worst:
-                    entering, worst = i, w / np.sqrt(a[i, i])
+        if held < n:
+            gaps(a, b, z, w_all)
+            for i in range(n):
+                if enabled[i] and not active[i] and w_all[i] < -tolerance:
+                    w = _shortfall(a, b, z, i, tolerance)
+                    if w < 0.0 and a[i, i] <= 0.0:
+                        return NOT_SOLVED, loads  # nothing moves this contact
+                    if w < 0.0 and w / np.sqrt(a[i, i]) < worst:
+                        entering, worst = i, w / np.sqrt(a[i, i])
         if entering < 0:
             return SOLVED, loads
         while True:
@@ -180,20 +183,13 @@ def _solve_one_by_one(a, b, enabled, tolerance: float, active, z, factor, index)
             row = factor[m]
             pivot = a[entering, entering]
             for c in range(m):
-                total = a[entering, index[c]]
-                for k in range(c):
-                    total -= row[k] * factor[c, k]
-                row[c] = total * factor[c, c]
+                row[c] = (a[entering, index[c]] - dot(row, factor[c, :c])) * factor[c, c]
                 pivot -= row[c] * row[c]
             # A_PP⁻¹A_Pi in place
             for r in range(m - 1, -1, -1):
-                total = row[r]
-                for k in range(r + 1, m):
-                    total -= factor[k, r] * row[k]
-                row[r] = total * factor[r, r]
-            w = b[entering]
-            for k in range(n):
-                w += a[entering, k] * z[k]
+                row[r] *= factor[r, r]
+                add(-row[r], factor[r, :r], row)
+            w = b[entering] + dot(a[entering], z)
             holds = pivot > _JOINS_ABOVE * a[entering, entering]
             step = max(0.0, -w) / pivot if holds else np.inf
             leaving = -1
@@ -211,9 +207,30 @@ def _solve_one_by_one(a, b, enabled, tolerance: float, active, z, factor, index)
                 break
             z[index[leaving]] = 0.0
             active[index[leaving]] = 0
-            if loads >= 50 + 20 * n:
+            if loads >= most:
                 return NOT_SOLVED, loads
     return NOT_SOLVED, loads
+
+
+@njit(cache=True, nogil=True)
+def _hold_without_pull(a, b, active, z, factor, index) -> int:
+    """Drop contacts from the active set until the rest are independent and push, z with w = 0 on them; rows of factor."""
+    held = 0
+    while True:
+        m, held = factorise(a, active, _JOINS_ABOVE, factor, index, held)
+        if m < 0:
+            active[index[held]] = 0  # it depends on those before it
+            continue
+        substitute(b, m, factor, index, z)
+        pulls = False
+        for r in range(m):
+            i = index[r]
+            if z[i] <= 0.0:
+                z[i] = 0.0
+                active[i] = 0
+                pulls = True
+        if not pulls:
+            return held
 
 
 @njit(cache=True, nogil=True)
