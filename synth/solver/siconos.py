@@ -99,7 +99,7 @@ class Siconos:
         self._problem.M = self._lib.NM_create_from_data(_DENSE, n, n, self._pointer(self._a))
         self._problem.q = self._pointer(self._b)
         self._enumerates = solver == "enum"
-        #: seconds of the last solve inside the library, the call included
+        #: this thread's seconds of the last solve inside the library, the call included
         self.seconds = 0.0
         #: iterations or pivots of the last solve, as the library counts them
         self.iterations = 0
@@ -117,9 +117,9 @@ class Siconos:
         pointers = self._pointer(self._z), self._pointer(self._w)
         if self._enumerates:
             self._lib.lcp_enum_init(self._problem, self._options, 1)
-        started = time.perf_counter()
+        started = time.thread_time()
         status = self._lib.linearComplementarity_driver(self._problem, *pointers, self._options)
-        self.seconds = time.perf_counter() - started
+        self.seconds = time.thread_time() - started
         self.iterations = int(self._options.iparam[_DONE])
         if self._enumerates:
             self._lib.lcp_enum_reset(self._problem, self._options, 1)
