@@ -30,6 +30,7 @@ def relax(a, b, enabled, active, z, w, relaxation: float, tolerance: float, most
     1 is Gauss–Seidel. NOT_SOLVED after `most` sweeps, z then being the last iterate.
     """
     n = b.size
+    z = z[:n]
     scale = 0.0
     for i in range(n):
         if enabled[i]:
@@ -46,7 +47,7 @@ def relax(a, b, enabled, active, z, w, relaxation: float, tolerance: float, most
             if enabled[i] and a[i, i] > 0.0 and (z[i] > 0.0 or w[i] < 0.0):
                 force = max(0.0, z[i] - relaxation * w[i] / a[i, i])
                 if force != z[i]:
-                    add(force - z[i], a[i], w)
+                    add(force - z[i], a[i, :n], w)
                     z[i] = force
         if _residual(a, enabled, z, w) <= enough:
             gaps(a, b, z, w)  # w without the rounding of its many small changes

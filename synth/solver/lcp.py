@@ -65,7 +65,8 @@ def solve(a, b, enabled, active, z, factor, index) -> int:
     """Solve the LCP on the enabled indices; z of the others is 0.
 
     a (n, n) symmetric positive semidefinite, b (n,), enabled (n,) uint8, active (n,) uint8 in: first guess, out: the
-    set with z > 0, z (n,) out, factor (n, n) and index (n,) int64 work space. Returns SOLVED or NOT_SOLVED.
+    set with z > 0, z (n,) out, factor (n, n) and index (n,) int64 work space. n is b's; the other arrays may be longer.
+    Returns SOLVED or NOT_SOLVED.
     """
     return pivot(a, b, enabled, active, z, factor, index, 0)[0]
 
@@ -78,6 +79,7 @@ def pivot(a, b, enabled, active, z, factor, index, held: int) -> tuple[int, int,
     (0: none), and are kept as far as the active set agrees with them. The answer is bitwise that of held = 0.
     """
     n = b.size
+    active, z = active[:n], z[:n]
     scale = 0.0
     for i in range(n):
         if enabled[i]:
@@ -132,10 +134,12 @@ def _mark_infeasible(a, b, enabled, tolerance: float, m: int, index, active, z, 
 @njit(cache=True, nogil=True)
 def gaps(a, b, z, w) -> None:
     """w = A z + b for a z that is mostly zero."""
-    w[:] = b
-    for k in range(b.size):
+    n = b.size
+    for i in range(n):
+        w[i] = b[i]
+    for k in range(n):
         if z[k] != 0.0:
-            add(z[k], a[k], w)
+            add(z[k], a[k, :n], w)
 
 
 @njit(cache=True, nogil=True)

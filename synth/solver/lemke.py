@@ -33,6 +33,7 @@ def solve(a, b, enabled, active, z, table, index) -> int:
 def pivot(a, b, enabled, active, z, table, index) -> tuple[int, int]:
     """`solve` with the number of pivots: (status, pivots). NOT_SOLVED: it ended on a ray, there is no solution."""
     n = b.size
+    active, z = active[:n], z[:n]
     m = 0
     for i in range(n):
         z[i] = 0.0
@@ -153,7 +154,7 @@ def _precedes(table, m: int, column: int, basic, nonbasic, r: int, s: int) -> bo
 def _polish(a, b, active, z, table, index) -> int:
     """z again from the set that was found, by one Cholesky solve, where the set is well enough conditioned for that."""
     n = b.size
-    spare = table[:, n + 1]
+    spare = table[:n, n + 1]
     spare[:] = z
     m, _ = factorise(a, active, DEPENDENT, table, index, 0)
     if m < 0:

@@ -167,6 +167,25 @@ def test_one_contact_is_the_closed_form(solver):
         assert z[0] == pytest.approx(lcp.single(2.5e-7, b), rel=1e-12, abs=0.0)
 
 
+def test_arrays_may_be_longer():
+    """Space made for more contacts, with what others left there, changes no bit and is not read."""
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        n, more = 7, 12
+        root = rng.normal(size=(n, 20))
+        a, b = root @ root.T / 20, rng.normal(size=n)
+        wide, factor = rng.normal(size=(more, more)), rng.normal(size=(more, more))
+        wide[:n, :n] = a
+        ones, index = np.ones(more, np.uint8), np.full(more, 99)
+        for solver, solve in (("active set", lcp.solve), ("gauss-seidel", gauss_seidel.solve), ("lemke", lemke.solve)):
+            active, z = ones.copy(), np.zeros(more)
+            space = (factor, index) if solver != "lemke" else lemke.make_work(more)
+            assert solve(wide, b, ones, active, z, *space) == SOLVED
+            guess = np.ones(n, np.uint8)
+            np.testing.assert_array_equal(z[:n], run(solver, a, b, active=guess, z=np.zeros(n))[1], err_msg=solver)
+            assert not np.any(z[n:])
+
+
 def test_lemke_does_not_cycle():
     """Ties everywhere: integer matrices of low rank with equal right sides, where a plain ratio test has no rule."""
     rng = np.random.default_rng(6)
