@@ -120,7 +120,7 @@ def _nodes(scene: Scene) -> np.ndarray:
     if np.any(nodes < 0) or np.any(nodes >= cells - 1) or np.unique(nodes).size < nodes.size:
         raise CaseError(
             f"scheme.grid: a grid of {cells} cells puts points of the obstacle on one another or on an end; "
-            "take more modes or grid = \"contacts\""
+            'take more modes or grid = "contacts"'
         )
     return nodes
 

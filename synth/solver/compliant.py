@@ -16,7 +16,6 @@ from numba import njit
 
 from synth.solver.penalty import discrete_gradient, discrete_gradient_slope, solve_stiffened
 
-
 #: weight of a contact out of reach in the scale of the tolerance: its motion is no larger than that of the others
 _FAR = 1e-3
 
@@ -35,29 +34,25 @@ def newton_one(stiffness, exponent, compliance, drag, before, b, guess, toleranc
         return high, drag * high, 0
     low = high - compliance * quotient / lossy
     r = min(high, max(low, high - compliance * guess / lossy))
-    done = -1
+    f = 0.0
     for iteration in range(1, most + 1):
         quotient = discrete_gradient(stiffness, exponent, before, before + r)
+        k = discrete_gradient_slope(stiffness, exponent, before, before + r, quotient) + drag
         residual = lossy * r - b + compliance * quotient
-        slope = lossy + compliance * discrete_gradient_slope(stiffness, exponent, before, before + r, quotient)
         if residual > 0.0:
             high = r
         else:
             low = r
-        step = -residual / slope
+        step = -residual / (1.0 + compliance * k)
         small = tolerance * (abs(before) + abs(r))
-        if abs(step) <= small or high - low <= small:
-            r += step
-            done = iteration
-            break
+        # the force goes along with the step, so that r + A f = b to rounding however stiff the contact is
+        f = quotient + drag * r + k * step
         r += step
+        if abs(step) <= small or high - low <= small:
+            return r, f, iteration
         if not low <= r <= high:
             r = 0.5 * (low + high)
-    # either formula gives the force; take the one that forgives an error of r
-    quotient = discrete_gradient(stiffness, exponent, before, before + r)
-    if compliance * discrete_gradient_slope(stiffness, exponent, before, before + r, quotient) > 1.0:
-        return r, (b - r) / compliance, done
-    return r, quotient + drag * r, done
+    return r, f, -1
 
 
 @njit(cache=True, nogil=True)
@@ -83,9 +78,7 @@ def newton(stiffness, exponent, compliance, drag, before, b, f, r, tolerance, mo
     """
     n = b.size
     if n == 1:
-        r[0], f[0], done = newton_one(
-            stiffness, exponent, compliance[0, 0], drag[0], before[0], b[0], f[0], tolerance, most
-        )
+        r[0], f[0], done = newton_one(stiffness, exponent, compliance[0, 0], drag[0], before[0], b[0], f[0], tolerance, most)
         return done
     h, k, step, trial, quotient = work[0], work[1], work[2], work[3], work[4]
     for c in range(n):
@@ -93,7 +86,6 @@ def newton(stiffness, exponent, compliance, drag, before, b, f, r, tolerance, mo
         for d in range(n):
             r[c] -= compliance[c, d] * f[d]
     worst = _residual(stiffness, exponent, compliance, drag, before, b, r, quotient, h)
-    done = -1
     for iteration in range(1, most + 1):
         scale = 0.0
         for c in range(n):
@@ -106,20 +98,23 @@ def newton(stiffness, exponent, compliance, drag, before, b, f, r, tolerance, mo
         longest = 0.0
         for c in range(n):
             longest = max(longest, abs(step[c]))
+        if longest <= tolerance * scale or worst == 0.0:
+            # the forces go along with the step, so that r + A f = b to rounding however stiff the contacts are
+            for c in range(n):
+                f[c] = quotient[c] + drag[c] * r[c] - k[c] * step[c]
+                r[c] -= step[c]
+            return iteration
         part = 1.0
         while True:
             for c in range(n):
                 trial[c] = r[c] - part * step[c]
             now = _residual(stiffness, exponent, compliance, drag, before, b, trial, quotient, h)
-            if now <= (1.0 - 1e-4 * part) * worst or part < 1e-9 or longest <= tolerance * scale:
+            if now <= (1.0 - 1e-4 * part) * worst or part < 1e-9:
                 break
             part *= 0.5
         for c in range(n):
             r[c] = trial[c]
         worst = now
-        if longest <= tolerance * scale or worst == 0.0:
-            done = iteration
-            break
     for c in range(n):
         f[c] = quotient[c] + drag[c] * r[c]
-    return done
+    return -1

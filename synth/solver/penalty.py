@@ -104,8 +104,11 @@ def solve_stiffened(compliance, k, right, x, matrix) -> None:
         for m in range(i + 1, n):
             total -= matrix[m, i] * x[m]
         x[i] = total / matrix[i, i]
-    # x = right − A √k z, row by row into the diagonal of the work space first: z is still needed
+    # where k is stiff the difference right − A √k z cancels; z is still needed, so x goes to the diagonal first
     for i in range(n):
+        if k[i] * compliance[i, i] > 1.0:
+            matrix[i, i] = x[i] / math.sqrt(k[i])
+            continue
         total = right[i]
         for j in range(n):
             if k[j] > 0.0:

@@ -6,12 +6,14 @@ potential differences are subtracted as they stand and Newton's equation is bise
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from synth.solver.reference import held_force_propagator, moreau_jean_matrices
 
-Long = NDArray[np.longdouble]
+Long = NDArray[Any]  # of long doubles, or one of them
 
 
 class Twin:
@@ -60,7 +62,7 @@ class Twin:
         self.old, self.q = self.q, free + self.gain * (force @ self.shapes)
         return force
 
-    def _quotient(self, before: np.longdouble, r: np.longdouble) -> np.longdouble:
+    def _quotient(self, before: Long, r: Long) -> Long:
         if abs(r) < 1e-9 * abs(before):
             return self.force(before + r / 2)
         return (self.potential(before + r) - self.potential(before)) / r if r != 0 else self.force(before)

@@ -253,7 +253,9 @@ def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
                 state.spread[0, i] = dot(model.grid[i], q)
             for c in range(contacts):
                 b[c] = state.spread[0, model.nodes[c]] if nodes else dot(model.shapes[c], q)
-        reached = model.method == QUADRATISED and np.any(state.psi != 0.0)
+        reached = False
+        if model.method == QUADRATISED:
+            reached = bool(np.any(state.psi != 0.0))
         for c in range(contacts):
             free = model.eta[c] - b[c]
             if state.now[c] > 0.0 or state.before[c] > 0.0 or (model.method == NEWTON and free > 0.0):
