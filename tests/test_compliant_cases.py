@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from synth.cli import main
 from synth.measures import relative_error
 from synth.schemes import COMPLIANT
 from synth.simulation import Case, CaseError, Scene, simulate
@@ -152,6 +154,30 @@ def test_no_obstacle_is_no_contact():
 def test_faults_are_named(scheme, message):
     with pytest.raises(CaseError, match=message):
         simulate(case(scheme=scheme))
+
+
+def test_newton_keeps_to_its_limit_and_says_so():
+    hard = simulate(case(), stiffness=1e12, iterations=2)
+    assert hard.summary["unsolved_steps"] > 0 and hard.summary["most_newton_iterations"] == 2
+    rough, fine = (simulate(case(), stiffness=1e12, tolerance=t).summary for t in (1e-2, 1e-12))
+    assert rough["newton_iterations"] < fine["newton_iterations"] and fine["unsolved_steps"] == 0
+
+
+def test_options_of_the_command_line(tmp_path, capsys):
+    out = tmp_path / "out.npz"
+    run = ["simulate", "tanpura", "-o", str(out), "--modes", "20", "--rate", "44100", "--duration", "0.01", "--json"]
+    assert main([*run, "--scheme", "energy-quadratisation", "--stiffness", "1e9", "--exponent", "2"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["scheme"], summary["stiffness"], summary["exponent"]) == ("energy-quadratisation", 1e9, 2.0)
+    assert summary["contact_steps"] > 0 and summary["auxiliary_drift"] > 0
+    assert main([*run, "--stiffness", "1e9"]) != 0
+    assert "'exact-hold' does not take stiffness" in capsys.readouterr().err
+
+
+def test_work_of_the_full_grid_counts():
+    absurd = case(scheme={"grid": "full"}, run={"modes": 20_000, "internal_rate_hz": 2e6, "output_rate_hz": 1e3})
+    with pytest.raises(CaseError, match="mode-steps"):
+        simulate(absurd, duration_s=1.0)
 
 
 def test_fingers_and_crowded_grids_are_refused():
