@@ -105,6 +105,7 @@ class Twin:
         return slope * (psi + self.psi) / 2 + drag * r
 
     def _scalar(self, before: Long, now: Long, b: Long) -> Long:
+        self.psi = np.abs(self.psi)
         total = self.potential(now).sum()
         slope = self.force(now) / np.sqrt(2 * total) if total > 0 else np.zeros(b.size, np.longdouble)
         if self.correction > 0:

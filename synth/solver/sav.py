@@ -4,10 +4,11 @@ Bilbao, Ducceschi, Zama, J. Comput. Phys. 472 (2023), on the exact modal oscilla
 
     f = ½(ψ⁺ + ψ⁻) G,   ψ⁺ = ψ⁻ + ½ Gᵀr,   G = ∇V(gⁿ)/√(2V(gⁿ)),   r + A f = b,
 
-a rank-one update, so that a step costs two scalar products of length C and no solution of equations. The energy with
-½ψ² in it is kept, but ψ drifts from √(2V): what drifted away no longer comes back from the obstacle, and a ψ below
-zero attracts. `correction` κ in 0 … 1 takes that part of the drift back over the step, G ← G − κ (ψ⁻ − √(2V)) d/(d·d)
-with d = b/2 at the contacts in reach; the energy is kept with it too.
+a rank-one update, so that a step takes A G and no solution of equations. The energy with ½ψ² in it is kept, but ψ drifts
+from √(2V), and what is left of it when the string has gone waits for the next contact. The sign of ψ holds no energy;
+ψ⁻ enters as |ψ⁻|, because below zero it would pull the string in and hold it there. `correction` κ in 0 … 1 takes that
+part of the drift back over the step, G ← G − κ (ψ⁻ − √(2V)) d/(d·d) with d = b/2 at the contacts in reach: less drift,
+the energy still kept, but not less error on stiff contacts.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ def forces(stiffness, exponent, compliance, correction, before, now, b, psi, f, 
         here += potential(stiffness, exponent, now[c])
         earlier += potential(stiffness, exponent, before[c])
     root = math.sqrt(2.0 * here)
+    psi[0] = abs(psi[0])
     for c in range(n):
         gradient[c] = force(stiffness, exponent, now[c]) / root if root > 0.0 else 0.0
     if correction > 0.0:
