@@ -24,17 +24,17 @@ from synth.solver.penalty import force, potential
 def forces(stiffness, exponent, compliance, correction, before, now, b, psi, f, r, gradient) -> float:
     """f, r (C,) of a step and ψ (1,) moved on; returns |ψ̄ − √(2V(gⁿ))| [√J]. gradient (C,) work space."""
     n = b.size
-    here, earlier = 0.0, 0.0
+    here = 0.0
     for c in range(n):
         here += potential(stiffness, exponent, now[c])
-        earlier += potential(stiffness, exponent, before[c])
     root = math.sqrt(2.0 * here)
     psi[0] = abs(psi[0])
     for c in range(n):
         gradient[c] = force(stiffness, exponent, now[c]) / root if root > 0.0 else 0.0
     if correction > 0.0:
-        length = 0.0
+        length, earlier = 0.0, 0.0
         for c in range(n):
+            earlier += potential(stiffness, exponent, before[c])
             if now[c] > 0.0 or before[c] > 0.0:
                 length += 0.25 * b[c] * b[c]
         if length > 0.0:

@@ -24,11 +24,12 @@ import numpy as np
 from numba import njit
 
 from synth.solver import quadratisation, sav
-from synth.solver.compliant import newton
+from synth.solver.compliant import newton, newton_one
 from synth.solver.energy import filter_factor, stored
 from synth.solver.kernels import FAST, dot
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients
-from synth.solver.penalty import force, potential
+from synth.solver.penalty import force as law_force
+from synth.solver.penalty import potential
 from synth.solver.problem import Outcome, Problem
 
 NEWTON = 0
@@ -75,9 +76,7 @@ class Model(NamedTuple):
     lossy: np.ndarray  # (N,) μ (1 − e)/F
     coef: np.ndarray  # (6, N)
     shapes: np.ndarray  # (C, N)
-    push_q: np.ndarray  # (C, N) what a unit force adds to q and w
-    push_w: np.ndarray  # (C, N)
-    compliance: np.ndarray  # (C, C) S push_qᵀ [m/N]
+    compliance: np.ndarray  # (C, C) contacts' response to unit forces at the end of the step [m/N]
     eta: np.ndarray  # (C,)
     out_shapes: np.ndarray  # (P, N)
     grid: np.ndarray  # (M, N) mode shapes at every node
@@ -108,26 +107,13 @@ class State(NamedTuple):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _fly_one(coef, shape, push_q, push_w, force: float, q, w) -> float:
-    """The last step's force and then a free step, in one pass over the modes; returns S q."""
+def _push(coef, shape, impulse: float, q, w) -> None:
     n = q.size
-    p11, p12, p21, p22 = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n]
-    u = 0.0
-    if force != 0.0:
-        for j in range(n):
-            qj = q[j] + push_q[j] * force
-            wj = w[j] + push_w[j] * force
-            a = p11[j] * qj + p12[j] * wj
-            w[j] = p21[j] * qj + p22[j] * wj
-            q[j] = a
-            u += shape[j] * a
-    else:
-        for j in range(n):
-            a = p11[j] * q[j] + p12[j] * w[j]
-            w[j] = p21[j] * q[j] + p22[j] * w[j]
-            q[j] = a
-            u += shape[j] * a
-    return u
+    kq, kw = coef[4, :n], coef[5, :n]
+    for j in range(n):
+        f = shape[j] * impulse
+        q[j] += kq[j] * f
+        w[j] += kw[j] * f
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -141,13 +127,7 @@ def _fly(coef, q, w) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _add(q, row, force: float) -> None:
-    for j in range(q.size):
-        q[j] += row[j] * force
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _add_spread(dt: float, coef, grid, spread, q, w, modal) -> None:
+def _push_spread(dt: float, coef, grid, spread, q, w, modal) -> None:
     """Forces at every node of the full grid, Sᵀf as a dense product."""
     modal[:] = 0.0
     for i in range(grid.shape[0]):
@@ -183,39 +163,6 @@ def _held(model: Model, state: State) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _forces(model: Model, state: State, b, drag, r) -> None:
-    """Forces of a step in reach of an obstacle, into state.force."""
-    contacts = model.eta.size
-    sums, counts = state.sums, state.counts
-    for c in range(contacts):
-        drag[c] = 0.0
-        if model.loss > 0.0:
-            drag[c] = model.loss * force(model.stiffness, model.exponent, state.now[c]) / (2.0 * model.dt)
-    if model.method == NEWTON:
-        done = newton(
-            model.stiffness, model.exponent, model.compliance, drag, state.before, b, state.force, r,
-            model.tolerance, model.iterations, state.work, state.matrix,
-        )  # fmt: skip
-        if done < 0:
-            counts[_UNSOLVED] += 1
-            done = model.iterations
-        counts[_ITERATIONS] += done
-        counts[_MOST] = max(counts[_MOST], done)
-    elif model.method == QUADRATISED:
-        drift = quadratisation.forces(
-            model.stiffness, model.exponent, model.compliance, drag, state.now, b, state.psi, state.force, r,
-            state.work, state.matrix,
-        )  # fmt: skip
-        sums[_DRIFT] = max(sums[_DRIFT], drift)
-    else:
-        drift = sav.forces(
-            model.stiffness, model.exponent, model.compliance, model.correction, state.before, state.now, b,
-            state.psi, state.force, r, state.work[0],
-        )  # fmt: skip
-        sums[_DRIFT] = max(sums[_DRIFT], drift)
-
-
-@njit(cache=True, nogil=True)
 def _write_row(model: Model, state: State) -> None:
     row, steps = state.counts[_ROW], state.counts[_PHASE]
     for p in range(model.out_shapes.shape[0]):
@@ -233,66 +180,169 @@ def _write_row(model: Model, state: State) -> None:
     state.counts[_PHASE] = 0
 
 
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _advance_one(model: Model, state: State, n_steps: int, every: int) -> None:
+    """`_advance` with one contact and no ledger: scalars, and the force of a step enters in the pass of the next."""
+    coef, eta, matrix, dt = model.coef, model.eta[0], model.compliance, model.dt
+    method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
+    tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
+    q, w, sums, counts, psi, work = state.q, state.w, state.sums, state.counts, state.psi, state.work
+    n = q.size
+    p11, p12, p21, p22, kq, kw = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n], coef[4, :n], coef[5, :n]
+    shape, factor = model.shapes[0, :n], state.matrix
+    f, r, b, drags, depth, earlier = state.force, work[7], work[5], work[6], work[3], work[4]
+    before, now, deepest, weakest = state.before[0], state.now[0], sums[_DEPTH], sums[_LEAST_FORCE]
+    steps, phase, compliance, total, drag = counts[_STEPS], counts[_PHASE], matrix[0, 0], state.totals[0], 0.0
+    strength, pending = f[0], 0.0
+    for _ in range(n_steps):
+        u = 0.0
+        if pending != 0.0:
+            for j in range(n):
+                push = shape[j] * pending
+                qj = q[j] + kq[j] * push
+                wj = w[j] + kw[j] * push
+                a = p11[j] * qj + p12[j] * wj
+                c = p21[j] * qj + p22[j] * wj
+                q[j] = a
+                w[j] = c
+                u += shape[j] * a
+        else:
+            for j in range(n):
+                a = p11[j] * q[j] + p12[j] * w[j]
+                c = p21[j] * q[j] + p22[j] * w[j]
+                q[j] = a
+                w[j] = c
+                u += shape[j] * a
+        free = eta - u
+        change = free - before
+        pending = 0.0
+        reached = now > 0.0 or before > 0.0
+        if method == NEWTON:
+            reached = reached or free > 0.0
+        elif method == QUADRATISED:
+            reached = reached or psi[0] != 0.0
+        if reached:
+            if loss > 0.0:
+                drag = loss * law_force(stiffness, exponent, now) / (2.0 * dt)
+            if method == NEWTON:
+                _, strength, done = newton_one(
+                    stiffness, exponent, compliance, drag, before, change, strength, tolerance, iterations
+                )
+                if done < 0:
+                    counts[_UNSOLVED] += 1
+                    done = iterations
+                counts[_ITERATIONS] += done
+                counts[_MOST] = max(counts[_MOST], done)
+            else:
+                depth[0], earlier[0], b[0], drags[0] = now, before, change, drag
+                if method == QUADRATISED:
+                    drift = quadratisation.forces(stiffness, exponent, matrix, drags, depth, b, psi, f, r, work, factor)
+                else:
+                    drift = sav.forces(stiffness, exponent, matrix, correction, earlier, depth, b, psi, f, r, work[0])
+                strength = f[0]
+                sums[_DRIFT] = max(sums[_DRIFT], drift)
+            free -= compliance * strength
+        else:
+            strength = 0.0
+        before, now = now, free
+        deepest = max(deepest, free)
+        steps += 1
+        phase += 1
+        if strength != 0.0:
+            pending = dt * strength
+            total += strength
+            weakest = min(weakest, strength)
+            counts[_LAST] = steps
+            counts[_TOUCHED] += 1
+        if phase == every:
+            if pending != 0.0:
+                _push(coef, shape, pending, q, w)
+                pending = 0.0
+            state.now[0], state.totals[0], counts[_PHASE] = now, total, phase
+            _write_row(model, state)
+            phase, total = 0, 0.0
+    if pending != 0.0:
+        _push(coef, shape, pending, q, w)
+    state.before[0], state.now[0], f[0], state.totals[0] = before, now, strength, total
+    sums[_DEPTH], sums[_LEAST_FORCE], counts[_STEPS], counts[_PHASE] = deepest, weakest, steps, phase
+
+
 @njit(cache=True, nogil=True)
 def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
     contacts, nodes = model.eta.size, model.grid.shape[0]
-    q, w, sums, counts = state.q, state.w, state.sums, state.counts
+    coef, shapes, eta, compliance, dt = model.coef, model.shapes, model.eta, model.compliance, model.dt
+    q, w, before, now, force, totals = state.q, state.w, state.before, state.now, state.force, state.totals
+    sums, counts, psi, work, matrix = state.sums, state.counts, state.psi, state.work, state.matrix
+    b, drag, r, gradient = work[5], work[6], work[7], work[0]
+    method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
+    tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
     ledger = state.energy.shape[0] > 0
-    fused = contacts == 1 and nodes == 0 and not ledger
-    b, drag, r = state.work[5], state.work[6], state.work[7]
-    pending = 0.0
     for _ in range(n_steps):
-        if fused:
-            b[0] = _fly_one(model.coef, model.shapes[0], model.push_q[0], model.push_w[0], pending, q, w)
-            pending = 0.0
-        else:
-            if ledger:
-                state.old_w[:] = w
-            _fly(model.coef, q, w)
-            for i in range(nodes):
-                state.spread[0, i] = dot(model.grid[i], q)
-            for c in range(contacts):
-                b[c] = state.spread[0, model.nodes[c]] if nodes else dot(model.shapes[c], q)
-        reached = False
-        if model.method == QUADRATISED:
-            reached = bool(np.any(state.psi != 0.0))
+        if ledger:
+            state.old_w[:] = w
+        _fly(coef, q, w)
+        for i in range(nodes):
+            state.spread[0, i] = dot(model.grid[i], q)
         for c in range(contacts):
-            free = model.eta[c] - b[c]
-            if state.now[c] > 0.0 or state.before[c] > 0.0 or (model.method == NEWTON and free > 0.0):
+            b[c] = state.spread[0, model.nodes[c]] if nodes else dot(shapes[c], q)
+        reached = False
+        for c in range(contacts):
+            free = eta[c] - b[c]
+            if (
+                now[c] > 0.0
+                or before[c] > 0.0
+                or (method == NEWTON and free > 0.0)
+                or (method == QUADRATISED and psi[c] != 0.0)
+            ):
                 reached = True
-            b[c] = free - state.before[c]
-        if reached:
-            _forces(model, state, b, drag, r)
+            b[c] = free - before[c]
         touched = False
         worked = 0.0
+        if reached:
+            # arguments one by one: a tuple of arrays costs a call more than the contact does
+            for c in range(contacts):
+                drag[c] = loss * law_force(stiffness, exponent, now[c]) / (2.0 * dt) if loss > 0.0 else 0.0
+            if method == NEWTON:
+                done = newton(
+                    stiffness, exponent, compliance, drag, before, b, force, r, tolerance, iterations, work, matrix
+                )
+                if done < 0:
+                    counts[_UNSOLVED] += 1
+                    done = iterations
+                counts[_ITERATIONS] += done
+                counts[_MOST] = max(counts[_MOST], done)
+            elif method == QUADRATISED:
+                drift = quadratisation.forces(stiffness, exponent, compliance, drag, now, b, psi, force, r, work, matrix)
+                sums[_DRIFT] = max(sums[_DRIFT], drift)
+            else:
+                drift = sav.forces(stiffness, exponent, compliance, correction, before, now, b, psi, force, r, gradient)
+                sums[_DRIFT] = max(sums[_DRIFT], drift)
         for c in range(contacts):
-            state.before[c], previous = state.now[c], state.before[c]
-            state.now[c] = previous + b[c]
+            free = before[c] + b[c]
+            before[c] = now[c]
+            now[c] = free
         if reached:
             for c in range(contacts):
-                strength = state.force[c]
+                strength = force[c]
                 for d in range(contacts):
-                    state.now[d] -= model.compliance[d, c] * strength
-                state.totals[c] += strength
+                    now[d] -= compliance[d, c] * strength
+                totals[c] += strength
                 if strength != 0.0:
                     touched = True
                     sums[_LEAST_FORCE] = min(sums[_LEAST_FORCE], strength)
-                    if fused:
-                        pending = strength
-                    elif nodes == 0:
-                        _add(q, model.push_q[c], strength)
-                        _add(w, model.push_w[c], strength)
+                    if nodes == 0:
+                        _push(coef, shapes[c], dt * strength, q, w)
                 worked += 0.5 * drag[c] * r[c] * r[c]
             if nodes and touched:
                 state.spread[1, :] = 0.0
                 for c in range(contacts):
-                    state.spread[1, model.nodes[c]] = state.force[c]
-                _add_spread(model.dt, model.coef, model.grid, state.spread[1], q, w, state.modal)
+                    state.spread[1, model.nodes[c]] = force[c]
+                _push_spread(dt, coef, model.grid, state.spread[1], q, w, state.modal)
         else:
             for c in range(contacts):
-                state.force[c] = 0.0
+                force[c] = 0.0
         for c in range(contacts):
-            sums[_DEPTH] = max(sums[_DEPTH], state.now[c])
+            sums[_DEPTH] = max(sums[_DEPTH], now[c])
         counts[_STEPS] += 1
         counts[_PHASE] += 1
         if touched:
@@ -301,14 +351,7 @@ def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
         if ledger:
             _weigh(model, state, worked)
         if counts[_PHASE] == every:
-            if pending != 0.0:
-                _add(q, model.push_q[0], pending)
-                _add(w, model.push_w[0], pending)
-                pending = 0.0
             _write_row(model, state)
-    if pending != 0.0:
-        _add(q, model.push_q[0], pending)
-        _add(w, model.push_w[0], pending)
 
 
 @njit(cache=True, nogil=True)
@@ -344,12 +387,11 @@ def make_model(
     else:
         grid = np.ascontiguousarray(grid, dtype=np.float64)
         shapes = np.ascontiguousarray(grid[nodes])
-    push_q = shapes * coef[4] * problem.dt
     return Model(
         METHODS[method], law.stiffness, law.exponent, law.loss, law.tolerance, law.iterations, law.correction,
         problem.dt, problem.mu, omega, 2.0 * filter_ / (1.0 + e),
-        -problem.mu * np.expm1(-2.0 * sigma * problem.dt) / filter_, coef, shapes, push_q,
-        shapes * coef[5] * problem.dt, push_q @ shapes.T, eta, out_shapes, grid, np.asarray(nodes, dtype=np.int64),
+        -problem.mu * np.expm1(-2.0 * sigma * problem.dt) / filter_, coef, shapes,
+        problem.dt * (shapes * coef[4]) @ shapes.T, eta, out_shapes, grid, np.asarray(nodes, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -379,7 +421,7 @@ def start(problem: Problem, model: Model, ledger: bool) -> State:
         matrix=np.zeros((contacts, contacts)),
         spread=np.zeros((2, model.grid.shape[0])),
     )
-    state.force[:] = [force(k, alpha, g) for g in state.now]
+    state.force[:] = [law_force(k, alpha, g) for g in state.now]
     hold = coefficients(EXACT_HOLD, model.omega, np.ascontiguousarray(problem.sigma), model.mu, model.dt)
     free = hold[0] * q0 + hold[1] * v0
     b = model.eta - model.shapes @ free - state.before
@@ -424,7 +466,8 @@ def solve(problem: Problem, model: Model, ledger: bool) -> Outcome:
     """Runs the problem to its end."""
     state = start(problem, model, ledger)
     started = time.perf_counter()
-    _advance(model, state, problem.steps - 1, problem.every)
+    advance = _advance_one if model.eta.size == 1 and model.grid.shape[0] == 0 and not ledger else _advance
+    advance(model, state, problem.steps - 1, problem.every)
     seconds = time.perf_counter() - started
     sums, counts = state.sums, state.counts
     notes: dict[str, Any] = {
