@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from synth.schemes import SCHEMES
+from synth.schemes import COMPLIANT, SCHEMES
 
 
 class CaseError(ValueError):
@@ -159,16 +159,38 @@ class BendTable(_Table):
     cents: float
 
 
+#: keys of [scheme] that only some schemes take
+_TAKEN_BY = {
+    "stiffness": tuple(COMPLIANT),
+    "exponent": tuple(COMPLIANT),
+    "loss": ("compliant", "energy-quadratisation"),
+    "tolerance": ("compliant",),
+    "iterations": ("compliant",),
+    "grid": ("compliant",),
+    "drift_correction": ("scalar-auxiliary-variable",),
+}
+
+
 class SchemeTable(_Table):
     name: str = "exact-hold"
     restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
     residual_compliance: bool = True
     start: Literal["exact", "published"] = "exact"
+    stiffness: Positive | None = None
+    exponent: Annotated[float, Field(ge=1)] | None = None
+    loss: NonNegative | None = None
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    grid: Literal["contacts", "full"] | None = None
+    drift_correction: Annotated[float, Field(ge=0, le=1)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> SchemeTable:
         if self.name not in SCHEMES:
             raise ValueError(f"unknown contact scheme {self.name!r}; use one of {', '.join(SCHEMES)}")
+        for key, schemes in _TAKEN_BY.items():
+            if getattr(self, key) is not None and self.name not in schemes:
+                raise ValueError(f"scheme {self.name!r} does not take {key}; it belongs to {', '.join(schemes)}")
         return self
 
 
@@ -214,6 +236,13 @@ OVERRIDES = {
     "restitution": ("scheme", "restitution"),
     "residual_compliance": ("scheme", "residual_compliance"),
     "start": ("scheme", "start"),
+    "stiffness": ("scheme", "stiffness"),
+    "exponent": ("scheme", "exponent"),
+    "loss": ("scheme", "loss"),
+    "tolerance": ("scheme", "tolerance"),
+    "iterations": ("scheme", "iterations"),
+    "grid": ("scheme", "grid"),
+    "drift_correction": ("scheme", "drift_correction"),
     "internal_rate_hz": ("run", "internal_rate_hz"),
     "output_rate_hz": ("run", "output_rate_hz"),
     "modes": ("run", "modes"),

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from synth.case import CaseError, FingerTable
+from synth.compliant_methods import run_compliant
 from synth.dsp.denormals import enable_ftz, restore
 from synth.exact_methods import EXACT_RUNNERS
 from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
-from synth.schemes import LAWS, SCHEMES
+from synth.schemes import COMPLIANT, LAWS, SCHEMES
 from synth.solver import driver
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.lcp import SOLVED
@@ -127,6 +128,7 @@ def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finge
 RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
     **dict.fromkeys(LAWS, run_law),
     **EXACT_RUNNERS,
+    **dict.fromkeys(COMPLIANT, run_compliant),
 }
 assert RUNNERS.keys() == SCHEMES.keys()
 

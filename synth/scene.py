@@ -215,14 +215,15 @@ class Scene:
     def _refuse_the_absurd(self) -> None:
         run = self.case.run
         contacts, points = len(self.obstacle), len(run.outputs_m)
+        rows = run.modes if self.case.scheme.grid == "full" else contacts  # of S
         columns = 1 + points + 2 * contacts + (5 if run.ledger else 0)
-        n_bytes = 8.0 * (self.outputs * columns + run.modes * (contacts + points + 12) + run.steps_per_output * contacts)
+        n_bytes = 8.0 * (self.outputs * columns + run.modes * (rows + points + 12) + run.steps_per_output * contacts)
         if n_bytes > _MOST_BYTES:
             raise CaseError(
                 f"run: the results would take {n_bytes / 2**30:.1f} GiB, the limit is {_MOST_BYTES / 2**30:.0f}; "
                 "lower output_rate_hz, duration_s or the number of points"
             )
-        work = float(self.steps) * run.modes * (1 + contacts)
+        work = float(self.steps) * run.modes * (1 + rows)
         if work > _MOST_MODE_STEPS:
             raise CaseError(
                 f"run: {work:.1e} mode-steps would take days, the limit is {_MOST_MODE_STEPS:.0e}; "

@@ -17,10 +17,17 @@ EXACT: dict[str, str] = {
     "flat-wall": "ideal string, triangle over an elastic flat wall: closed form",
     "event-driven": "any string over one point: every landing and release found exactly",
 }
+#: compliant contacts, f = K [η − u]₊^α, on the exact modal two-step scheme
+COMPLIANT: dict[str, str] = {
+    "compliant": "power-law penalty by Newton–Raphson, energy kept (Issanchou et al. 2017)",
+    "energy-quadratisation": "power-law penalty, one linear system a step (Ducceschi et al. 2021)",
+    "scalar-auxiliary-variable": "power-law penalty, explicit (Bilbao, Ducceschi, Zama 2023)",
+}
 #: schemes of `simulate`
 SCHEMES: dict[str, str] = {
     **LAWS,
     **EXACT,
+    **COMPLIANT,
 }
 
 #: From these rates on no Moreau–Jean run of the project's cases held more energy than it began with: with restitution 0,

@@ -45,11 +45,19 @@ keys are errors. * marks what must be there.
                                 (q, q̇) are carried over, frequencies, losses and residual compliance follow
 
     [scheme]
-    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; exact solutions where there is
-                                one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
+    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; with a compliant contact
+                                "compliant", "energy-quadratisation", "scalar-auxiliary-variable"; exact solutions where
+                                there is one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
     residual_compliance         default true: exact-hold and event-driven add the static compliance of the modes left out
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
+    stiffness, exponent         compliant contacts, f = K [η − u]₊^α: K of a point in N/m^α, default 1e10, and α ≥ 1, default
+                                1.5. Issanchou et al.'s K = 1e13 is per metre, at the nodes of their grid of 1 mm: 1e10
+    loss                        s/m, default 0: Hunt–Crossley, f = K [g]₊^α (1 + loss·ġ); not scalar-auxiliary-variable
+    tolerance, iterations       compliant: of Newton's last step, relative to the depths, default 1e-12; at most, default 50
+    grid                        compliant: "contacts" (default), or "full": S over all inner nodes x_i = iL/(modes + 1), the
+                                points moved to the nearest, as first published. The same motion, at many times the cost
+    drift_correction            scalar-auxiliary-variable: 0 … 1, default 0: part of the drift of ψ taken back in a step
 
     [run]
     internal_rate_hz*, modes*, duration_s*
@@ -58,7 +66,10 @@ keys are errors. * marks what must be there.
     ledger                      default false: weigh every step (about three times slower)
 
 A start pressed into the obstacle begins from the static contact solution (`solver.driver.static_contact`), at which the
-contact forces of row 0 are those that hold it; `summary["lifted_m"]` says how far that moved a contact point.
+contact forces of row 0 are those that hold it; `summary["lifted_m"]` says how far that moved a contact point. Compliant
+contacts begin as given. They take no fingers, ignore residual_compliance, and say in the summary how many Newton
+iterations they needed, or how far the auxiliary variable drifted from √(2V), in √J (`auxiliary_drift`) and relative to
+√(2 · initial energy), and `largest_adhesion_n`, the strongest pull of a contact.
 
 What comes out, as attributes of `Result` and under the same names in the .npz; n rows, row 0 is t = 0:
 
@@ -68,7 +79,7 @@ What comes out, as attributes of `Result` and under the same names in the .npz; 
     contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
-    energy_residual         ½ λᵀRλ, held by the modes left out
+    energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²
     energy_viscous, energy_contact    lost so far to damping, at contacts
     energy_injected         work on the string so far of the fingers (what their spring and dashpot keep left out), of the
                             moving obstacle (λ·Δη) and of whoever bends it
