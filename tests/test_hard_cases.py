@@ -102,9 +102,9 @@ def test_what_holds_in_every_case(name):
 
 
 def test_cases_are_found_by_name(tmp_path, capsys):
-    assert len(HARD) >= 20 and case_names()[:2] == ["bass", "tanpura"]
+    assert len(HARD) >= 20 and case_names()[:2] == ["bass", "cabannes"]
     assert load_case("hard/two-close").obstacle.positions_m == [0.006, 0.0061]
-    with pytest.raises(CaseError, match=r"not one of bass, tanpura, .*hard/two-close"):
+    with pytest.raises(CaseError, match=r"not one of bass, cabannes, .*hard/two-close"):
         load_case("hard/three-close")
     arguments = ["simulate", "hard/two-close", "-o", str(tmp_path / "out.npz"), "--duration", "0.01", "--json"]
     assert cli.main(arguments) == 0
