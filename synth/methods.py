@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -12,7 +13,7 @@ from synth.dsp.denormals import enable_ftz, restore
 from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
 from synth.schemes import LAWS, SCHEMES
-from synth.solver import driver
+from synth.solver import driver, wall
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Outcome
@@ -77,8 +78,48 @@ def _advance(scene: Scene, state: driver.Run, until: int, finger: FingerTable | 
     driver.run(model, state, steps, row)
 
 
+def run_wall(scene: Scene) -> Outcome:
+    """Impulses at the nodes of the modal grid under the case's wall."""
+    case, table = scene.case, scene.case.obstacle.wall
+    if table is None:
+        raise CaseError(f"obstacle: scheme {case.scheme.name!r} needs a wall; give obstacle.wall or take another scheme")
+    if scene.fingers:
+        raise CaseError(f"finger: scheme {case.scheme.name!r} takes none; start from an initial shape")
+    problem = scene.problem()
+    stiffness = math.inf if table.stiffness_n_m2 == "rigid" else table.stiffness_n_m2
+    try:
+        model = wall.make_wall(
+            problem.omega, problem.sigma, problem.mu, problem.dt, scene.string.length_m, scene.positions, problem.eta,
+            problem.out_shapes, stiffness, case.scheme.restitution,
+        )  # fmt: skip
+        state = wall.start_run(problem, model, case.run.ledger)
+    except ValueError as error:
+        raise CaseError(f"obstacle.wall: {error}") from None
+    flush = enable_ftz()
+    started = time.perf_counter()
+    try:
+        wall.advance(model, state, problem.steps, problem.every)
+    finally:
+        restore(flush)
+    seconds = time.perf_counter() - started
+    sums, counts = state.sums, state.counts
+    return Outcome(
+        u=state.u,
+        contact_u=state.contact_u,
+        contact_force=state.contact_force,
+        energy=state.energy if case.run.ledger else None,
+        largest_penetration_m=float(sums[wall.PENETRATION]),
+        largest_energy_rise=float(sums[wall.RISE]) if case.run.ledger else float("nan"),
+        last_contact_step=int(counts[wall.LAST]),
+        contact_steps=int(counts[wall.TOUCHED]),
+        seconds=seconds,
+        notes={"steps_looked_at": int(counts[wall.LOOKED]), "spring_radians_per_step": wall.spring_angle(model)},
+    )
+
+
 RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
     **dict.fromkeys(LAWS, run_law),
+    "wall": run_wall,
 }
 assert RUNNERS.keys() == SCHEMES.keys()
 

@@ -11,4 +11,5 @@ LAWS: dict[str, str] = {
 #: schemes of `simulate`
 SCHEMES: dict[str, str] = {
     **LAWS,
+    "wall": "impulses at every node of the modal grid from an elastic, or rigid, wall along the string",
 }

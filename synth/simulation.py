@@ -21,6 +21,10 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     [obstacle]                  left out: none. Either
     positions_m, heights_m      one height per point, or a single one for all
     frets = {scale_length_m, count, action_12th_m, relief_m = 0, nut_height_m = 0.0004}
+    wall = {from_m, to_m, …}    contact all along a stretch, its height one of: height_m; neck = "bass" (the paper's, without
+                                frets); parabola = {top_m, height_m = 0, radius_m}, a curved bridge. Points: nodes or
+                                spacing_m; neither: the modal grid, for scheme "wall" (then the default).
+                                stiffness_n_m2 = 1e8, of that scheme alone: [N/m per m], or "rigid"
 
     [initial]                   left out: at rest
     shape                       "triangle", "modes" or "rest"
@@ -36,7 +40,7 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string, default 1e5 and 1
 
     [scheme]
-    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"
+    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered", "wall"
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
     residual_compliance         default true: exact-hold adds the static compliance of the modes left out
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
@@ -58,7 +62,7 @@ What comes out, as attributes of `Result` and under the same names in the .npz; 
     contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
-    energy_residual         ½ λᵀRλ, held by the modes left out
+    energy_residual         ½ λᵀRλ, held by the modes left out; by the springs of a wall
     energy_viscous, energy_contact    lost so far to damping, at contacts
     energy_injected         work of the fingers on the string so far, what their spring and dashpot keep left out
                             stored + residual + viscous + contact = stored(0) + residual(0) + injected
@@ -184,7 +188,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
     metadata = {
         "version": _version(),
         "scheme": law,
-        "restitution": case.scheme.restitution if law.startswith("moreau-jean") else None,
+        "restitution": case.scheme.restitution if law.startswith(("moreau-jean", "wall")) else None,
         "residual_compliance": law == "exact-hold" and bool(np.any(scene.residual)),
         "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
         "internal_rate_hz": run.internal_rate_hz,
