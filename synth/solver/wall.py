@@ -5,10 +5,10 @@ under the wall gets an impulse of its own. With as many modes as inner nodes the
 S Sᵀ = I/Δx: an impulse P changes the velocity of its node alone, by P/(μΔx), and kinetic energy is the sum over nodes.
 No node knows another, so that there is no complementarity problem. Node i, gap g = u − η, velocity w:
 
-springs      k [N/m per m of wall]: while g < 0,  w⁺ = w − κ g Δt,  κ = (2/Δt · sin(½ min(ΩΔt, 2)))²,  Ω² = k/μ, which gives a
+springs      k [N/m per m of wall]: while g < 0, w⁺ = w − κ g Δt, κ = (2/Δt · sin(½ min(ΩΔt, 2)))², Ω² = k/μ, which gives a
              single node the exact frequency Ω. Each node keeps account of the energy that it took from the string, and gives
-             back at most restitution² of it: unloading uses restitution²·κ, an impulse that would overdraw the account stops
-             at its balance, and what is left when the node lifts off (g ≥ 0, w > 0) is paid out at once.
+             back restitution² of it and no more: unloading (w > 0) uses restitution²·κ, an impulse that would overdraw the
+             account stops at its balance, and what is left when the node lifts off (g ≥ 0, w > 0) is paid out at once.
 rigid        Newton's law w⁺ = −e w where w < 0 and g + ½Δt w ≤ 0 (an instant that is early as often as late).
 
 The energy of the string plus the accounts never grows, at any step, any number of modes and any k; with restitution 1
@@ -83,7 +83,7 @@ def grid_numbers(positions: np.ndarray, length: float, modes: int) -> np.ndarray
     off = np.abs(places - numbers) > 1e-6
     if off.any():
         raise ValueError(
-            f"a wall's nodes must be multiples of {length / (modes + 1):g} m, the string's length over modes + 1, got "
+            f"a wall's nodes must lie on the modal grid, multiples of {length / (modes + 1):g} m, got "
             f"{positions[off.argmax()]:g} m; leave nodes and spacing_m out"
         )
     if numbers.size == 0 or np.any(np.diff(numbers) != 1):
@@ -154,16 +154,22 @@ def after_contact(gap: float, w: float, touching: int, account: float, kappa: fl
             back = e * e * account
             return math.sqrt(w * w + 2.0 * back), 0, 0.0, account - back
         return w, 0, 0.0, account
-    if not touching and w >= 0.0:
-        return w, 0, 0.0, 0.0
-    after = w - (kappa if w < 0.0 else e * e * kappa) * gap * dt
-    taken = 0.5 * (w * w - after * after)
-    if taken >= 0.0:
-        return after, 1, account + taken, 0.0
-    if e * e * account + taken <= 0.0:
-        back = e * e * account
-        return math.sqrt(w * w + 2.0 * back), 0, 0.0, account - back
-    return after, 1, account + taken / (e * e), -taken * (1.0 / (e * e) - 1.0)
+    if w < 0.0:
+        after = w - kappa * gap * dt
+        if after <= 0.0:
+            return after, 1, account + 0.5 * (w * w - after * after), 0.0
+        account += 0.5 * w * w  # stopped and turned round within the instant
+        given = min(0.5 * after * after, account)
+        after = e * math.sqrt(2.0 * given)
+    else:
+        after, given = w, 0.0
+        if not touching:
+            return w, 0, 0.0, 0.0
+        if e > 0.0:
+            after = w - e * e * kappa * gap * dt
+            given = min(0.5 * (after * after - w * w) / (e * e), account)
+            after = math.sqrt(w * w + 2.0 * e * e * given)
+    return after, 1 if account > given else 0, account - given, given * (1.0 - e * e)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -177,13 +183,20 @@ def _fly(coef, q, v) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _moves_by(scale: float, omega, q, v, horizon: float) -> float:
-    """No point of the freely moving string moves further than this within `horizon` [s]; see `kernels.cull`."""
-    total = 0.0
+def _extents(omega, q, v, out) -> None:
+    """√(q² + v²/ω²) of every mode, which free motion does not enlarge."""
     for j in range(q.size):
         speed = v[j] / omega[j]
-        total += math.sqrt(q[j] * q[j] + speed * speed) * min(2.0, omega[j] * horizon)
-    return scale * total
+        out[j] = math.sqrt(q[j] * q[j] + speed * speed)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _moves_by(omega, extent, horizon: float) -> float:
+    """No point of the freely moving string moves further than √(2/L) times this in `horizon` [s]; see `kernels.cull`."""
+    total = 0.0
+    for j in range(extent.size):
+        total += extent[j] * min(2.0, omega[j] * horizon)
+    return total
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -232,8 +245,9 @@ def touch(wall: Wall, run: Run, step: int) -> int:
         return 0
     if held > 0:
         return 0
+    _extents(wall.omega, run.q, run.v, spare)
     steps = _LONGEST_SKIP
-    while steps > 1 and least <= 1.001 * _moves_by(wall.scale, wall.omega, run.q, run.v, (steps + 1) * wall.dt):
+    while steps > 1 and least <= 1.001 * wall.scale * _moves_by(wall.omega, spare, (steps + 1) * wall.dt):
         steps //= 2
     return steps - 1
 
