@@ -457,7 +457,9 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument("case", metavar="CASE.toml")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
     parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
-    parser.add_argument("--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes")
+    parser.add_argument(
+        "--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
+    )
     parser.add_argument("--rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
     parser.add_argument("--output-rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
     parser.add_argument("--modes", type=_number(int, 1, 100_000), metavar="N", help="number of modes")

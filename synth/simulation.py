@@ -5,7 +5,8 @@
 
 A case is a TOML file (or the same tables as a dict; lists may then be NumPy arrays). SI units throughout; x counts from
 the nut, heights and displacements from the string at rest, up is positive. Files named in a case are looked for beside
-it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown keys are errors. * marks what must be there.
+it. The program's own cases (`tanpura`, `bass`, `fretless`, `sitar`, `flat-wall`) can be given by name. Unknown keys are
+errors. * marks what must be there.
 
     [string]                    the model of Issanchou et al., JASA 143(5), 2018, appendix (A1–A5)
     length_m*, tension_n*, linear_density_kg_m*, diameter_m*

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import copy
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.fft
+import scipy.integrate
 
 import synth
 from synth.case import CaseError, load_case
 from synth.measures import relative_error
 from synth.physics.flat_wall import at_rest_height, below, free_triangle
 from synth.physics.obstacle import parabola_height, wall_positions
+from synth.scene import Scene
 from synth.solver import wall
 from synth.solver.problem import Problem
 from synth.solver.sine import make_sine, transform
@@ -54,13 +57,14 @@ def test_sine_transform_is_scipys(n: int) -> None:
     rng = np.random.default_rng(n)
     a, b = rng.normal(size=(2, n - 1))
     out = np.empty((2, n - 1))
-    transform(make_sine(n), a, b, out[0], out[1])
+    transform(make_sine(n, dense=False), a, b, out[0], out[1])
     expected = 0.5 * scipy.fft.dst(np.array([a, b]), type=1)
     # the running sum of n/2 terms of size √n, each with a rounding
     assert np.abs(out - expected).max() < 1e-15 * n * math.sqrt(n)
     dense = np.empty((2, n - 1))
     transform(make_sine(n, dense=True), a, b, dense[0], dense[1])
     assert np.abs(dense - expected).max() < 1e-15 * n * math.sqrt(n)
+    assert make_sine(n).matrix.size == (0 if n == 512 else (n - 1) ** 2)
 
 
 @pytest.mark.parametrize("stiffness", [0.3, 1.2, 5.0, math.inf])
@@ -69,7 +73,7 @@ def test_kernel_is_its_twin(stiffness: float, e: float) -> None:
     touched = 0
     for seed in range(4):
         rng = np.random.default_rng([seed, int(10 * e)])
-        modes = int(rng.choice([15, 20, 31]))
+        modes = int(rng.choice([15, 20, 127]))
         problem, model, numbers, length, k = scene(rng, modes, 60, stiffness, e)
         run = wall.start_run(problem, model, ledger=False)
         wall.advance(model, run, problem.steps, problem.every)
@@ -121,7 +125,7 @@ def test_energy_never_grows_at_any_step(e: float) -> None:
     for seed in range(12):
         rng = np.random.default_rng([seed, 7])
         stiffness = [10 ** rng.uniform(-1.5, 1.5), math.inf][seed % 3 == 0]
-        problem, model, *_ = scene(rng, int(rng.choice([7, 31, 40])), 1500, stiffness, e, lossy=seed % 2 == 0, every=1)
+        problem, model, *_ = scene(rng, int(rng.choice([7, 40, 127])), 1500, stiffness, e, lossy=seed % 2 == 0, every=1)
         run = wall.start_run(problem, model, ledger=True)
         wall.advance(model, run, problem.steps, problem.every)
         stored, held, viscous, lost, _ = run.energy.T
@@ -171,6 +175,46 @@ def test_elastic_wall_converges_where_contact_sweeps() -> None:
             found.append(relative_error(result.u, exact))
     assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1]
     assert rigid[2] > 0.9 * rigid[0]
+
+
+def test_springs_converge_to_their_differential_equation() -> None:
+    """Another integrator of the same springs: second order in Δt, touch and release included."""
+    modes, k, duration = 31, 5e-3 * 3200.0**2, 0.03
+    j = np.arange(1, modes + 1)
+    shapes = math.sqrt(2.0) * np.sin(np.pi * np.outer(j, j) / (modes + 1))
+    omega, eta = 100.0 * np.pi * j, -0.5e-3
+    q = shapes.T @ (2e-3 * np.minimum(j, modes + 1 - j) / 16.0) / (modes + 1)
+
+    def rates(_, y):
+        gap = shapes @ y[:modes] - eta
+        force = k / 5e-3 * np.maximum(0.0, -gap) / (modes + 1)
+        return np.concatenate([y[modes:], shapes.T @ force - omega**2 * y[:modes]])
+
+    start = np.concatenate([q, np.zeros(modes)])
+    exact = scipy.integrate.solve_ivp(rates, (0.0, duration), start, method="DOP853", rtol=1e-10, atol=1e-14).y[:modes, -1]
+    errors = []
+    for rate in (25_600, 51_200, 102_400, 204_800):
+        steps = round(duration * rate)
+        problem = Problem(
+            1.0 / rate, steps, steps, 5e-3, omega, np.zeros(modes), shapes, np.full(modes, eta), shapes[:1], q, 0 * q
+        )
+        model = wall.make_wall(
+            omega, np.zeros(modes), 5e-3, 1.0 / rate, 1.0, j / (modes + 1), problem.eta, shapes[:1], k, 1.0
+        )  # fmt: skip
+        run = wall.start_run(problem, model, ledger=False)
+        wall.advance(model, run, steps, steps)
+        assert run.counts[wall.TOUCHED] > 10
+        errors.append(relative_error(run.q, exact))
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert ratios == pytest.approx(4.0, rel=0.15)  # second order
+
+
+def test_advice_is_what_was_measured() -> None:
+    string = Scene(load_case("fretless"), Path()).string
+    given = (string.length_m, string.tension_n, string.linear_density_kg_m, string.bending_stiffness_n_m2)
+    assert wall.advised("standard", 1e8, *given) == (255, pytest.approx(174.7e3, rel=1e-3))
+    assert wall.advised("fine", 1e8, *given) == (511, pytest.approx(679.2e3, rel=1e-3))
+    assert [wall.advised(quality, 1e9, *given)[0] for quality in wall.QUALITIES] == [255, 511, 1023, 2047]
 
 
 def test_fretless_converges_in_nodes_and_rate() -> None:

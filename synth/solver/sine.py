@@ -1,7 +1,8 @@
 """Sine transforms of modes to nodes of the modal grid and back: y_i = Σ_j a_j sin(π i j/n), i, j = 1 … n − 1.
 
 The nodes x_i = iL/n and the n − 1 modes of a string are each other's transform. Two rows are transformed at once, by one
-complex FFT of length n where n is a power of two and by a matrix otherwise. Compiled and free of allocation, so that a
+complex FFT of length n where n is a power of two of 128 and more, and otherwise by a matrix, which up to there is faster
+(`tools/wall-study transform`). Compiled and free of allocation, so that a
 contact law can call it in every step.
 """
 
@@ -13,6 +14,7 @@ import numpy as np
 from numba import njit
 
 FAST = {"reassoc", "contract", "nsz"}
+_FFT_FROM = 128
 
 
 class Sine(NamedTuple):
@@ -26,11 +28,13 @@ class Sine(NamedTuple):
 
 
 def make_sine(n: int, dense: bool | None = None) -> Sine:
-    """The transform for n intervals of the grid, n ≥ 2; `dense` forces the matrix (True) or lets n decide (None)."""
+    """The transform for n intervals of the grid, n ≥ 2; `dense` forces the matrix, or the FFT where n allows."""
     if n < 2:
         raise ValueError(f"intervals of the modal grid must be >= 2, got {n}")
     k = np.arange(n)
     half = np.sin(np.pi * k / n)
+    if dense is None:
+        dense = n < _FFT_FROM
     if dense or n & (n - 1):
         inner = np.arange(1, n)
         matrix = np.sin(np.pi / n * (np.outer(inner, inner) % (2 * n)))
