@@ -227,6 +227,15 @@ def test_fretless_converges_in_nodes_and_rate() -> None:
     assert errors[1] < 0.01
 
 
+def test_steps_passed_over_change_nothing() -> None:
+    """Every row is looked at: with a row for every step none is passed over."""
+    every = synth.simulate("fretless", modes=127, internal_rate_hz=352800, output_rate_hz=352800, duration_s=0.02)
+    some = synth.simulate("fretless", modes=127, internal_rate_hz=352800, output_rate_hz=11025, duration_s=0.02)
+    assert some.summary["steps_looked_at"] < 0.5 * every.summary["steps_looked_at"] == 0.5 * every.summary["steps"]
+    assert some.summary["contact_steps"] == every.summary["contact_steps"] > 10
+    assert np.array_equal(some.u, every.u[::32])
+
+
 def test_fretless_keeps_its_energy_but_for_losses() -> None:
     result = synth.simulate(
         case(

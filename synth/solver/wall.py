@@ -98,7 +98,7 @@ class Run(NamedTuple):
     energy: np.ndarray  # (n, 5), or (0, 5)
     sums: np.ndarray  # float64
     counts: np.ndarray  # int64
-    nodes: np.ndarray  # (4, N) work space
+    nodes: np.ndarray  # (5, N) sine transforms of q and v when last looked at, and work space
 
 
 def grid_numbers(positions: np.ndarray, length: float, modes: int) -> np.ndarray:
@@ -236,7 +236,7 @@ def _stored(wall: Wall, q, v) -> float:
 def touch(wall: Wall, run: Run, step: int) -> int:
     """Impulses of one instant; returns for how many steps from here nothing can be touched."""
     contacts, n = wall.eta.size, run.q.size
-    u, w, change, spare = run.nodes[0], run.nodes[1], run.nodes[2], run.nodes[3]
+    u, w, change, spare, kick = run.nodes[0], run.nodes[1], run.nodes[2], run.nodes[3], run.nodes[4]
     transform(wall.tables, run.q, run.v, u, w)
     run.counts[LOOKED] += 1
     hit, held, least = False, 0, np.inf
@@ -261,10 +261,10 @@ def touch(wall: Wall, run: Run, step: int) -> int:
         run.counts[LAST] = step
         run.counts[TOUCHED] += 1
         w[:] = 0.0
-        transform(wall.tables, change, w, u, spare)
+        transform(wall.tables, change, w, kick, spare)
         gain = wall.spacing * wall.scale
         for j in range(n):
-            run.v[j] += gain * u[j]
+            run.v[j] += gain * kick[j]
         for c in range(contacts):
             change[wall.first + c] = 0.0
         return 0
@@ -281,10 +281,8 @@ def touch(wall: Wall, run: Run, step: int) -> int:
 def _write(wall: Wall, run: Run, row: int, every: int) -> None:
     for p in range(wall.out_shapes.shape[0]):
         run.u[row, p] = dot(wall.out_shapes[p], run.q)
-    u, w = run.nodes[0], run.nodes[1]
-    transform(wall.tables, run.q, run.v, u, w)
     for c in range(wall.eta.size):
-        run.contact_u[row, c] = wall.scale * u[wall.first + c]
+        run.contact_u[row, c] = wall.scale * run.nodes[0, wall.first + c]
         run.contact_force[row, c] = run.impulse[c] / (every * wall.dt)
         run.impulse[c] = 0.0
     if run.energy.shape[0] > 0:
@@ -298,6 +296,7 @@ def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
     sums = run.sums
     ledger = run.energy.shape[0] > 0
     run.nodes[:] = 0.0
+    transform(wall.tables, run.q, run.v, run.nodes[0], run.nodes[1])
     before = sums[STORED] = sums[START] = _stored(wall, run.q, run.v)
     _write(wall, run, 0, every)
     skip = 0
@@ -308,9 +307,9 @@ def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
             flown = _stored(wall, run.q, run.v)
             sums[VISCOUS] += before - flown
             before = flown
-        if skip > 0:
+        if skip > 0 and t % every != 0:
             skip -= 1
-        else:
+        else:  # rows are looked at in any case: they need the nodes' positions
             skip = touch(wall, run, t)
             if ledger:
                 before = _stored(wall, run.q, run.v)
@@ -340,7 +339,7 @@ def start_run(problem: Problem, wall: Wall, ledger: bool) -> Run:
         energy=np.zeros((rows if ledger else 0, 5)),
         sums=np.zeros(_SUMS),
         counts=np.zeros(_COUNTS, np.int64),
-        nodes=np.zeros((4, n)),
+        nodes=np.zeros((5, n)),
     )
     run.sums[PENETRATION] = -np.inf
     run.counts[LAST] = -1
