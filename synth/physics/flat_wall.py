@@ -1,6 +1,7 @@
 """An ideal plucked string over a flat wall: exact solutions, elastic (energy-conserving) impact.
 
-Amerio, Prouse, Rend. Mat. 8, 1975; Schatzman, J. Math. Anal. Appl. 73, 1980; Cabannes, Haraux, Int. J. Non-Linear Mech. 16, 1981.
+Amerio, Prouse, Rend. Mat. 8, 1975; Schatzman, J. Math. Anal. Appl. 73, 1980;
+Cabannes, Haraux, Int. J. Non-Linear Mech. 16, 1981.
 """
 
 from __future__ import annotations
