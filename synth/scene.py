@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, arrays_of
+from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, WallTable, arrays_of
 from synth.physics.excitation import pluck_weights, rounded_triangle, triangle_pluck
 from synth.physics.modes import (
     base_frequencies,
@@ -21,7 +21,7 @@ from synth.physics.modes import (
     model_frequencies,
     residual_compliance,
 )
-from synth.physics.obstacle import Obstacle, frets
+from synth.physics.obstacle import Obstacle, bass_neck_height, frets, parabola_height, wall_positions
 from synth.physics.string import NutResonance, String
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD, law_of
@@ -200,7 +200,9 @@ class Scene:
 
     def _obstacle(self) -> Obstacle:
         table = self.case.obstacle
-        if table.frets is not None:
+        if table.wall is not None:
+            obstacle = self._wall(table.wall)
+        elif table.frets is not None:
             obstacle = frets(**table.frets.model_dump())
         elif table.positions_m is not None:
             heights = table.heights_m
@@ -211,6 +213,19 @@ class Scene:
             obstacle = Obstacle()
         obstacle.check(self.string.length_m)
         return obstacle
+
+    def _wall(self, table: WallTable) -> Obstacle:
+        x = wall_positions(
+            self.string.length_m, table.from_m, table.to_m, intervals=self.case.run.modes + 1, nodes=table.nodes,
+            spacing_m=table.spacing_m,
+        )  # fmt: skip
+        if table.neck is not None:
+            heights = bass_neck_height(x)
+        elif table.parabola is not None:
+            heights = parabola_height(x, **table.parabola.model_dump())
+        else:
+            heights = np.full(x.size, table.height_m)
+        return Obstacle(tuple(x.tolist()), tuple(heights.tolist()))
 
     def _refuse_the_absurd(self) -> None:
         run = self.case.run

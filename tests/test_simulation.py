@@ -502,8 +502,8 @@ def test_faults_are_named(change, message):
 
 
 def test_faults_in_files_and_names(tmp_path):
-    with pytest.raises(CaseError, match="not one of bass, "):
-        simulate("sitar")
+    with pytest.raises(CaseError, match=r"not one of bass, .*tanpura"):
+        simulate("lyre")
     broken = tmp_path / "broken.toml"
     broken.write_text("[string\n")
     with pytest.raises(CaseError, match=r"broken\.toml: not valid TOML"):

@@ -1,21 +1,17 @@
-"""How each scheme of `synth.schemes` runs a scene."""
+"""How the laws of the block kernels run a scene."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from synth.case import CaseError, FingerTable
-from synth.compliant_methods import run_compliant
 from synth.dsp.denormals import enable_ftz, restore
-from synth.exact_methods import EXACT_RUNNERS
 from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
-from synth.schemes import COMPLIANT, LAWS, SCHEMES
 from synth.solver import driver
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.lcp import SOLVED
@@ -123,19 +119,3 @@ def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finge
         else:
             driver.run(model, state, stop - step, row)
         step = stop
-
-
-RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
-    **dict.fromkeys(LAWS, run_law),
-    **EXACT_RUNNERS,
-    **dict.fromkeys(COMPLIANT, run_compliant),
-}
-assert RUNNERS.keys() == SCHEMES.keys()
-
-
-def run(scene: Scene) -> Outcome:
-    """The scene from t = 0 to its end by the scheme that its case names; CaseError where it does not apply."""
-    name = scene.case.scheme.name
-    if name not in LAWS and (scene.case.bend or scene.case.obstacle.moves):
-        raise CaseError(f"scheme {name!r} knows no bend and no moving obstacle; use one of {', '.join(LAWS)}")
-    return RUNNERS[name](scene)
