@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from synth.schemes import SCHEMES
+from synth.schemes import COMPLIANT, SCHEMES
 
 
 class CaseError(ValueError):
@@ -73,19 +73,71 @@ class FretsTable(_Table):
     nut_height_m: Positive = 0.0004
 
 
+class RampTable(_Table):
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+    displacement_m: float
+
+
+class SineTable(_Table):
+    start_s: NonNegative = 0.0
+    frequency_hz: Positive
+    amplitude_m: float
+
+
+class MotionTable(_Table):
+    ramp: list[RampTable] = []
+    sine: list[SineTable] = []
+
+
+class ParabolaTable(_Table):
+    top_m: float
+    height_m: float = 0.0
+    radius_m: Positive
+
+
+class WallTable(_Table):
+    from_m: NonNegative
+    to_m: Positive
+    nodes: Annotated[int, Field(ge=1)] | None = None
+    spacing_m: Positive | None = None
+    height_m: float | None = None
+    neck: Literal["bass"] | None = None
+    parabola: ParabolaTable | None = None
+    stiffness_n_m2: Positive | Literal["rigid"] = 1e8
+
+    @model_validator(mode="after")
+    def _one_height(self) -> WallTable:
+        if (self.height_m is not None) + (self.neck is not None) + (self.parabola is not None) != 1:
+            raise ValueError("give one of height_m, neck and parabola")
+        if self.nodes is not None and self.spacing_m is not None:
+            raise ValueError("give either nodes or spacing_m")
+        return self
+
+
 class ObstacleTable(_Table):
     positions_m: list[float] | None = None
     heights_m: list[float] | float | None = None
     frets: FretsTable | None = None
+    motion: MotionTable = MotionTable()
+    wall: WallTable | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> ObstacleTable:
+        if self.wall is not None and (self.frets, self.positions_m, self.heights_m) != (None, None, None):
+            raise ValueError("give either wall, or frets, or positions_m and heights_m")
         if self.frets is not None:
             if self.positions_m is not None or self.heights_m is not None:
                 raise ValueError("give either frets or positions_m and heights_m")
         elif (self.positions_m is None) != (self.heights_m is None):
             raise ValueError("positions_m and heights_m must be given together")
+        if self.moves and self.frets is None and not self.positions_m:
+            raise ValueError("motion needs something that moves; give positions_m and heights_m, or frets")
         return self
+
+    @property
+    def moves(self) -> bool:
+        return bool(self.motion.ramp or self.motion.sine)
 
 
 class InitialTable(_Table):
@@ -129,6 +181,24 @@ class FingerTable(_Table):
     resistance_n_s_m: NonNegative = 1.0
 
 
+class BendTable(_Table):
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+    cents: float
+
+
+#: keys of [scheme] that only some schemes take
+_TAKEN_BY = {
+    "stiffness": tuple(COMPLIANT),
+    "exponent": tuple(COMPLIANT),
+    "loss": ("compliant", "energy-quadratisation"),
+    "tolerance": ("compliant",),
+    "iterations": ("compliant",),
+    "grid": ("compliant",),
+    "drift_correction": ("scalar-auxiliary-variable",),
+}
+
+
 class SchemeTable(_Table):
     name: str = "exact-hold"
     restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
@@ -136,6 +206,13 @@ class SchemeTable(_Table):
     tail: Literal["lumped", "static", "none"] | None = None
     substeps: Annotated[int, Field(ge=1, le=64)] = 1
     start: Literal["exact", "published"] = "exact"
+    stiffness: Positive | None = None
+    exponent: Annotated[float, Field(ge=1)] | None = None
+    loss: NonNegative | None = None
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    grid: Literal["contacts", "full"] | None = None
+    drift_correction: Annotated[float, Field(ge=0, le=1)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> SchemeTable:
@@ -145,6 +222,9 @@ class SchemeTable(_Table):
             raise ValueError(f'residual_compliance = false and tail = "{self.tail}" contradict each other; leave one out')
         if self.substeps > 1 and self.name != "exact-hold":
             raise ValueError(f"substeps are exact-hold's, got {self.substeps} for {self.name}; raise internal_rate_hz")
+        for key, schemes in _TAKEN_BY.items():
+            if getattr(self, key) is not None and self.name not in schemes:
+                raise ValueError(f"scheme {self.name!r} does not take {key}; it belongs to {', '.join(schemes)}")
         return self
 
     @property
@@ -184,8 +264,20 @@ class Case(_Table):
     obstacle: ObstacleTable = ObstacleTable()
     initial: InitialTable = InitialTable(shape="rest")
     finger: list[FingerTable] = []
+    bend: list[BendTable] = []
     scheme: SchemeTable = SchemeTable()
     run: RunTable
+
+    @model_validator(mode="before")
+    @classmethod
+    def _scheme_of_a_wall(cls, tables: Any) -> Any:
+        """A wall that is not cut into points of its own is the wall scheme's, where none is named."""
+        wall = tables.get("obstacle", {}).get("wall") if isinstance(tables, dict) else None
+        scheme = tables.get("scheme", {}) if isinstance(tables, dict) else {}
+        if isinstance(wall, dict) and isinstance(scheme, dict) and "name" not in scheme:
+            if wall.get("nodes") is None and wall.get("spacing_m") is None:
+                return {**tables, "scheme": {**scheme, "name": "wall"}}
+        return tables
 
 
 #: what an override may replace: its name → table and key; the short names are the command line's
@@ -196,6 +288,13 @@ OVERRIDES = {
     "tail": ("scheme", "tail"),
     "substeps": ("scheme", "substeps"),
     "start": ("scheme", "start"),
+    "stiffness": ("scheme", "stiffness"),
+    "exponent": ("scheme", "exponent"),
+    "loss": ("scheme", "loss"),
+    "tolerance": ("scheme", "tolerance"),
+    "iterations": ("scheme", "iterations"),
+    "grid": ("scheme", "grid"),
+    "drift_correction": ("scheme", "drift_correction"),
     "internal_rate_hz": ("run", "internal_rate_hz"),
     "output_rate_hz": ("run", "output_rate_hz"),
     "modes": ("run", "modes"),
@@ -221,6 +320,13 @@ def case_folder() -> Path:
     return preset_folder() / "cases"
 
 
+def case_names() -> list[str]:
+    """Names of the program's own cases, such as "tanpura" or "hard/two-close", those of subfolders last."""
+    folder = case_folder()
+    names = [path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.toml")]
+    return sorted(names, key=lambda name: (name.count("/"), name))
+
+
 def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
     folder, origin = Path(), "case"
     if isinstance(case, Case):
@@ -232,7 +338,7 @@ def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
         if path.suffix != ".toml" and not path.exists():
             path = case_folder() / f"{case}.toml"
             if not path.exists():
-                known = ", ".join(sorted(p.stem for p in case_folder().glob("*.toml")))
+                known = ", ".join(case_names())
                 raise CaseError(f"case {str(case)!r} is not one of {known}; a file of your own ends in .toml")
         folder, origin = path.parent, str(path)
         try:

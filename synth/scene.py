@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from synth.case import Case, CaseError, FingerTable, arrays_of
+from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, WallTable, arrays_of
 from synth.physics.excitation import pluck_weights, rounded_triangle, triangle_pluck
-from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
-from synth.physics.obstacle import Obstacle, frets
+from synth.physics.modes import (
+    base_frequencies,
+    decay_rates,
+    modal_frequencies,
+    mode_shapes,
+    model_decay_rates,
+    model_frequencies,
+    residual_compliance,
+)
+from synth.physics.obstacle import Obstacle, bass_neck_height, frets, parabola_height, wall_positions
 from synth.physics.string import NutResonance, String
 from synth.physics.tail import Tail, lumped_tail
 from synth.solver import driver
@@ -19,6 +30,10 @@ from synth.solver.problem import Problem
 
 _MOST_BYTES = 4 * 2**30
 _MOST_MODE_STEPS = 1e14  # a day of one core
+#: a bend renews the tension this often
+_BEND_INTERVAL_S = 1e-3
+#: residual compliance is worked out at bends this far apart
+_RESIDUAL_GRID_CENTS = 25.0
 
 
 class Scene:
@@ -45,32 +60,121 @@ class Scene:
         self.omega = modal_frequencies(self.string, n)
         self.sigma = decay_rates(self.string, n)
         self.shapes = mode_shapes(length, self.positions, n)
+        self._bent_residuals: dict[int, np.ndarray] = {}
         self.out_shapes = mode_shapes(length, np.array(case.run.outputs_m), n)
+        for end in sorted(bend.start_s + bend.duration_s for bend in case.bend):
+            cents = float(self._cents(np.array([end]))[0])
+            if not self._tension_at(cents - _RESIDUAL_GRID_CENTS) > 0.0:
+                raise CaseError(f"bend: {cents:g} cents at {end:g} s leave no tension; bend the string up, or less far down")
+
+        if case.bend and case.scheme.tail == "lumped":
+            raise CaseError('scheme.tail: lumped modes do not follow a bend; take tail = "static"')
+        if case.obstacle.moves and case.scheme.substeps > 1:
+            raise CaseError(
+                f"scheme.substeps: not over a moving obstacle, got {case.scheme.substeps}; raise internal_rate_hz"
+            )
 
     @cached_property
     def tail(self) -> Tail | None:
-        """The lumped modes of those left out, where the scheme is exact-hold and wants them."""
+        """The lumped modes of those left out, where the scheme is exact-hold and wants them.
+
+        Unless asked for by name there are none with a bend, whose R follows the tension, and none where contacts are more
+        than a fourth of the modes, a wall of points: they would be as many as those.
+        """
         scheme, run = self.case.scheme, self.case.run
-        if scheme.name != "exact-hold" or scheme.tail_kind != "lumped" or self.positions.size == 0:
+        if scheme.name != "exact-hold" or scheme.tail_kind != "lumped" or self.positions.size == 0 or self.case.bend:
+            return None
+        if scheme.tail is None and 4 * self.positions.size > run.modes:
             return None
         return lumped_tail(self.string, self.positions, run.modes, run.internal_rate_hz * scheme.substeps)
 
     @cached_property
     def residual(self) -> np.ndarray:
         """R (C, C) [m/N], static compliance of what neither modes nor lumped modes stand for; zero if not wanted."""
-        contacts = self.positions.size
-        if self.tail is not None:
-            return self.tail.residual
-        if self.case.scheme.tail_kind != "none" and contacts > 0:
-            return residual_compliance(self.string, self.positions, self.case.run.modes)
-        return np.zeros((contacts, contacts))
+        return self._residual(self.string) if self.tail is None else self.tail.residual
 
     @cached_property
     def model(self) -> driver.Model:
         """Coefficients and contact matrix of a case whose scheme is a law of the block kernels; lumped modes come last."""
+        return self._model(self.omega, self.sigma, 0.0)
+
+    def bent_model(self, cents: float) -> driver.Model:
+        """`model` at another tension: mode shapes and contacts stay, ω, σ and R follow.
+
+        The added tension is that which moves the first mode of the pinned string by `cents`. Measured frequencies and
+        decay rates, which belong to the tension at rest, are scaled as the model's.
+        """
+        n = self.omega.size
+        plain, bent = self._bent_string(0.0), self._bent_string(cents)
+        omega, sigma = model_frequencies(bent, n), model_decay_rates(bent, n)
+        measured = len(self.string.measured_frequencies_hz)
+        omega[:measured] = self.omega[:measured] * (omega / model_frequencies(plain, n))[:measured]
+        measured = min(n, len(self.string.measured_decay_rates))
+        rest = model_decay_rates(plain, measured)
+        sigma[:measured] = self.sigma[:measured] * np.divide(sigma[:measured], rest, out=np.ones(measured), where=rest > 0.0)
+        return self._model(omega, sigma, cents)
+
+    @cached_property
+    def tension_changes(self) -> list[tuple[int, float]]:
+        """(step, cents) from which step on the string is bent by how much; empty without a bend.
+
+        The bend is a staircase: each tread has the value in its middle.
+        """
+        if not self.case.bend:
+            return []
+        tread = max(1, round(_BEND_INTERVAL_S / self.dt))
+        begin = np.arange(0, self.steps, tread)
+        cents = self._cents((begin + 0.5 * tread) * self.dt)
+        changes = np.flatnonzero(np.diff(cents, prepend=0.0))
+        return [(int(begin[k]), float(cents[k])) for k in changes]
+
+    def obstacle_displacement(self, t: np.ndarray) -> np.ndarray:
+        """How far the obstacle is above its heights at the times t [s], any shape → [m]."""
+        motion = self.case.obstacle.motion
+        up = _ramps(t, motion.ramp, [ramp.displacement_m for ramp in motion.ramp])
+        for sine in motion.sine:
+            up = up + sine.amplitude_m * np.sin(2.0 * np.pi * sine.frequency_hz * np.maximum(t - sine.start_s, 0.0))
+        return up
+
+    def _cents(self, t: np.ndarray) -> np.ndarray:
+        return _ramps(t, self.case.bend, [bend.cents for bend in self.case.bend])
+
+    def _tension_at(self, cents: float) -> float:
+        string = self.string
+        first = float(base_frequencies(string, 1)[0]) * string.length_m / np.pi  # ω̂₁/k₁
+        return string.tension_n + (2.0 ** (cents / 600.0) - 1.0) * string.linear_density_kg_m * first**2
+
+    def _bent_string(self, cents: float) -> String:
+        tension = self._tension_at(cents)
+        return replace(self.string, tension_n=tension, measured_frequencies_hz=(), measured_decay_rates=())
+
+    def _bent_residual(self, cents: float) -> np.ndarray:
+        """R, between two of a grid of bends linear in 1/T: exact for an ideal string, off by < 3e-4 for others."""
+        if cents == 0.0:
+            return self.residual
+        below = math.floor(cents / _RESIDUAL_GRID_CENTS)
+        low, high = self._residual_of_bend(below), self._residual_of_bend(below + 1)
+        at_low, here, at_high = (
+            1.0 / self._tension_at(c) for c in (below * _RESIDUAL_GRID_CENTS, cents, (below + 1) * _RESIDUAL_GRID_CENTS)
+        )
+        share = (here - at_low) / (at_high - at_low)
+        return (1.0 - share) * low + share * high
+
+    def _residual_of_bend(self, place: int) -> np.ndarray:
+        if place not in self._bent_residuals:
+            self._bent_residuals[place] = self._residual(self._bent_string(place * _RESIDUAL_GRID_CENTS))
+        return self._bent_residuals[place]
+
+    def _residual(self, string: String) -> np.ndarray:
+        contacts = self.positions.size
+        if self.case.scheme.tail_kind != "none" and contacts > 0:
+            return residual_compliance(string, self.positions, self.case.run.modes)
+        return np.zeros((contacts, contacts))
+
+    def _model(self, omega: np.ndarray, sigma: np.ndarray, cents: float) -> driver.Model:
         law = law_of(self.case.scheme.name)
         contacts = self.positions.size
-        omega, sigma, shapes, out_shapes = self.omega, self.sigma, self.shapes, self.out_shapes
+        shapes, out_shapes = self.shapes, self.out_shapes
         if self.tail is not None:
             outputs = mode_shapes(self.string.length_m, np.array(self.case.run.outputs_m), self.tail.modes)
             omega = np.append(omega, self.tail.omega)
@@ -85,7 +189,7 @@ class Scene:
             self.dt,
             shapes,
             self.eta,
-            self.residual if law == EXACT_HOLD else np.zeros((contacts, contacts)),
+            self._bent_residual(cents) if law == EXACT_HOLD else np.zeros((contacts, contacts)),
             out_shapes,
             self.case.scheme.restitution,
             self.case.scheme.substeps,
@@ -99,14 +203,6 @@ class Scene:
             return pluck_weights(*where, n)
         full = pluck_weights(*where, self.tail.modes)
         return np.append(full[:n], self.tail.weights(full))
-
-    def start(self) -> tuple[np.ndarray, np.ndarray]:
-        """q, v (N,) as the case gives them on the coordinates of `model`, whatever the obstacle says to that."""
-        n = self.case.run.modes
-        if self.tail is None:
-            return self.initial(n)
-        q, v = self.initial(self.tail.modes)
-        return np.append(q[:n], self.tail.state(q)), np.append(v[:n], self.tail.state(v))
 
     def problem(self) -> Problem:
         """The arrays for any other scheme."""
@@ -143,7 +239,9 @@ class Scene:
 
     def _obstacle(self) -> Obstacle:
         table = self.case.obstacle
-        if table.frets is not None:
+        if table.wall is not None:
+            obstacle = self._wall(table.wall)
+        elif table.frets is not None:
             obstacle = frets(**table.frets.model_dump())
         elif table.positions_m is not None:
             heights = table.heights_m
@@ -155,27 +253,48 @@ class Scene:
         obstacle.check(self.string.length_m)
         return obstacle
 
+    def _wall(self, table: WallTable) -> Obstacle:
+        x = wall_positions(
+            self.string.length_m, table.from_m, table.to_m, intervals=self.case.run.modes + 1, nodes=table.nodes,
+            spacing_m=table.spacing_m,
+        )  # fmt: skip
+        if table.neck is not None:
+            heights = bass_neck_height(x)
+        elif table.parabola is not None:
+            heights = parabola_height(x, **table.parabola.model_dump())
+        else:
+            heights = np.full(x.size, table.height_m)
+        return Obstacle(tuple(x.tolist()), tuple(heights.tolist()))
+
     def _refuse_the_absurd(self) -> None:
         run = self.case.run
         contacts, points = len(self.obstacle), len(run.outputs_m)
+        rows = run.modes if self.case.scheme.grid == "full" else contacts  # of S
         columns = 1 + points + 2 * contacts + (5 if run.ledger else 0)
-        n_bytes = 8.0 * (self.outputs * columns + run.modes * (contacts + points + 12) + run.steps_per_output * contacts)
+        n_bytes = 8.0 * (self.outputs * columns + run.modes * (rows + points + 12) + run.steps_per_output * contacts)
         if n_bytes > _MOST_BYTES:
             raise CaseError(
                 f"run: the results would take {n_bytes / 2**30:.1f} GiB, the limit is {_MOST_BYTES / 2**30:.0f}; "
                 "lower output_rate_hz, duration_s or the number of points"
             )
-        work = float(self.steps) * run.modes * (1 + contacts)
+        work = float(self.steps) * run.modes * (1 + rows)
         if work > _MOST_MODE_STEPS:
             raise CaseError(
                 f"run: {work:.1e} mode-steps would take days, the limit is {_MOST_MODE_STEPS:.0e}; "
                 "lower internal_rate_hz, modes or duration_s"
             )
 
-    def initial(self, n: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """q, v (n,) of the string's first n modes (default: those of the case), as the case gives them."""
+    def initial(self) -> tuple[np.ndarray, np.ndarray]:
+        """q, v (N,) on the coordinates of `model`, as the case gives them, whatever the obstacle says to that."""
+        n = self.case.run.modes
+        if self.tail is None:
+            return self._initial(n)
+        q, v = self._initial(self.tail.modes)
+        return np.append(q[:n], self.tail.state(q)), np.append(v[:n], self.tail.state(v))
+
+    def _initial(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """q, v (n,) of the string's first n modes."""
         table, length = self.case.initial, self.string.length_m
-        n = self.case.run.modes if n is None else n
         q, v = np.zeros(n), np.zeros(n)
         if table.shape == "triangle":
             assert table.position_m is not None and table.displacement_m is not None
@@ -193,6 +312,15 @@ class Scene:
                     given = np.asarray(given, dtype=np.float64)[:n]
                     target[: given.size] = given
         return q, v
+
+
+def _ramps(t: np.ndarray, ramps: Sequence[RampTable | BendTable], heights: Sequence[float]) -> np.ndarray:
+    """Σ of raised cosines from 0 to each height over start_s … start_s + duration_s, at the times t [s]."""
+    total = np.zeros_like(t)
+    for ramp, height in zip(ramps, heights, strict=True):
+        share = np.clip((t - ramp.start_s) / ramp.duration_s, 0.0, 1.0)
+        total = total + height * 0.5 * (1.0 - np.cos(np.pi * share))
+    return total
 
 
 def finger_end(finger: FingerTable) -> float:

@@ -9,7 +9,7 @@ Two things are added to it:
 
 - Ritz modes have to give back what the many modes behind each of them carry away along the string, and do so too early.
   They are damped by a share of their distance to the band of the kept modes, σ = σ̂ + 0.2 (ω − ω̂_N): a wave that leaves
-  the contact does not come back in phase.
+  the contact does not come back in phase. What they take is lost, on a string without losses too.
 - A mode that turns by nearly half a period or more in one step of the contact force is not resolved by it. All of these
   become modes at the fastest frequency that is, with the same static compliance and seven radians to the e-fold.
 """
