@@ -72,7 +72,7 @@ def test_event_driven_on_the_tanpura():
     np.testing.assert_allclose(total, total[0], rtol=1e-12)
     assert np.diff(exact.energy_viscous).min() >= -1e-13 * total[0] and not np.any(exact.energy_contact)
     errors = [
-        relative_error(simulate("tanpura", modes=20, duration=0.02, internal_rate=44_100 * 4**k).u, exact.u)
+        relative_error(simulate("tanpura", modes=20, duration=0.02, internal_rate=44_100 * 4**k, tail="static").u, exact.u)
         for k in range(4)
     ]
     assert errors[0] > 3.0 * errors[2] > 9.0 * errors[3], errors
@@ -82,7 +82,7 @@ def test_pressed_start_is_lifted_as_for_exact_hold():
     case = changed("tanpura", obstacle={"positions_m": [0.3], "heights_m": [2e-3]}, run={"modes": 20, "duration_s": 0.005})
     for residual in (True, False):
         exact = simulate(case, scheme="event-driven", internal_rate=88_200, residual_compliance=residual)
-        held = simulate(case, internal_rate=88_200, residual_compliance=residual)
+        held = simulate(case, internal_rate=88_200, tail="static" if residual else "none")
         assert exact.summary["lifted_m"] == held.summary["lifted_m"] > 0.0
         np.testing.assert_allclose(exact.contact_force[0], held.contact_force[0], rtol=1e-9)
         np.testing.assert_allclose(exact.u_contact[0], 2e-3, rtol=1e-12)
