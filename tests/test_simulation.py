@@ -349,6 +349,22 @@ def test_tail_by_name():
         simulate("tanpura", substeps=0, **common)
 
 
+def test_what_lumped_modes_and_substeps_do_not_go_with():
+    """A bend carries R along, not lumped modes; a moving obstacle takes whole steps; a wall of points has R."""
+    common = {"run": {"internal_rate_hz": 44_100.0, "modes": 60, "duration_s": 0.01, "outputs_m": [0.9]}}
+    tanpura = load_case("tanpura").model_dump(exclude_none=True) | common
+    bent = tanpura | {"bend": [{"duration_s": 0.005, "cents": 50.0}]}
+    np.testing.assert_array_equal(simulate(bent).u, simulate(bent, tail="static").u)
+    with pytest.raises(CaseError, match="lumped modes do not follow a bend"):
+        simulate(bent, tail="lumped")
+    ramp = {"motion": {"ramp": [{"duration_s": 0.01, "displacement_m": 1e-4}]}}
+    with pytest.raises(CaseError, match="not over a moving obstacle"):
+        simulate(tanpura | {"obstacle": tanpura["obstacle"] | ramp}, substeps=2)
+    points = {"positions_m": [0.1 + 0.02 * k for k in range(20)], "heights_m": -1e-4}
+    assert "lumped_modes" not in simulate(tanpura | {"obstacle": points}).summary
+    assert simulate(tanpura | {"obstacle": points}, tail="lumped").summary["lumped_modes"] == 20
+
+
 def test_tanpura_moreau_jean_needs_two_megahertz():
     """Both forms: e < 0.1 over 3 s at 2 MHz with 1001 modes; the same cost as a reference."""
     common = {"internal_rate_hz": 2e6, "output_rate_hz": 40e3, "residual_compliance": False}
