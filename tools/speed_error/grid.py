@@ -1,0 +1,172 @@
+"""Which runs are made: case, scheme, rate and modes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from synth.case import SchemeTable, load_case
+from synth.physics.modes import count_modes_below
+from synth.physics.obstacle import bass_neck_height
+from synth.scene import Scene
+from synth.schemes import SCHEMES
+
+BASE_HZ = 44_100
+CASES = ("tanpura", "bass", "fretless")
+#: modes of a converged run: of the paper
+ALL_MODES = {"tanpura": 1001, "bass": 863, "fretless": 863}
+LONGEST_S = {"tanpura": 3.0, "bass": 0.4, "fretless": 0.1}
+#: end of the fretless board [m]: where the paper's last fret is
+BOARD_END_M = 0.591
+DEFAULT = SchemeTable().name
+
+
+@dataclass(frozen=True)
+class Run:
+    """One choice of everything; `table` holds what the scheme's table in the case has besides its name."""
+
+    case: str
+    scheme: str
+    factor: int  # internal rate over 44.1 kHz
+    modes: int
+    table: tuple[tuple[str, Any], ...] = field(default=())
+    nodes: int = 0  # of the fretless board
+
+    @property
+    def rate_hz(self) -> int:
+        return self.factor * BASE_HZ
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        return {**asdict(self), "table": dict(self.table)}
+
+    @property
+    def label(self) -> str:
+        """The scheme as tables and legends name it."""
+        options = dict(self.table)
+        label = self.scheme
+        if self.scheme == "exact-hold":
+            label += " + R" if options.get("residual_compliance", True) else ", no R"
+        if self.scheme.startswith("moreau-jean"):
+            label = {"moreau-jean": "Moreau–Jean, printed", "moreau-jean-filtered": "Moreau–Jean, filtered"}[self.scheme]
+            label += f", e = {options.get('restitution', 1.0):g}"
+        shown = [f"{k} {v}" for k, v in self.table if k not in ("residual_compliance", "restitution")]
+        return ", ".join([label, *shown])
+
+    def scene(self, duration_s: float, output_factor: int, ledger: bool = False) -> Scene:
+        """The arrays of this run with displacements kept at output_factor × 44.1 kHz."""
+        tables = tables_of(self.case, self.nodes)
+        tables["scheme"] = {"name": self.scheme, **dict(self.table)}
+        case = load_case(
+            tables,  # type: ignore[arg-type]
+            internal_rate_hz=self.rate_hz,
+            output_rate_hz=output_factor * BASE_HZ,
+            modes=self.modes,
+            duration_s=duration_s,
+            ledger=ledger,
+        )
+        return Scene(case, Path())
+
+
+def tables_of(case: str, nodes: int = 0) -> dict[str, Any]:
+    """Tables of a case; fretless: the bass over `nodes` points of a board that goes through its frets' tops."""
+    tables = load_case("bass" if case == "fretless" else case).model_dump(exclude_none=True)
+    if case == "fretless":
+        length = tables["string"]["length_m"]
+        # on the grid of a whole number of equal parts of the string, as modal collocation would have it
+        parts = max(2, round(nodes * length / BOARD_END_M))
+        x = np.arange(1, parts) * (length / parts)
+        x = x[x <= BOARD_END_M]
+        tables["obstacle"] = {"positions_m": x.tolist(), "heights_m": bass_neck_height(x).tolist()}
+    return tables
+
+
+@cache
+def modes_below_half(case: str, factor: int) -> int:
+    """Modes below half the internal rate, no more than a converged run has."""
+    string = Run(case, DEFAULT, 1, 1, nodes=2).scene(0.01, 1).string
+    return min(ALL_MODES[case], count_modes_below(string, factor * BASE_HZ / 2))
+
+
+def _table(**values: Any) -> tuple[tuple[str, Any], ...]:
+    return tuple(sorted(values.items()))
+
+
+WITH_R, WITHOUT_R = _table(residual_compliance=True), _table(residual_compliance=False)
+E0, E1 = _table(restitution=0.0), _table(restitution=1.0)
+LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
+
+
+def reference(case: str, short: bool) -> tuple[Run, Run]:
+    """The finest run and the one of half its rate that shows how far it stands."""
+    factor = {"tanpura": 192, "bass": 192, "fretless": 48}[case] // (4 if short else 1)
+    nodes = (80 if short else 160) if case == "fretless" else 0
+    modes = ALL_MODES[case]
+    return tuple(Run(case, "exact-hold", f, modes, WITHOUT_R, nodes) for f in (factor, factor // 2))  # type: ignore[return-value]
+
+
+def runs(case: str, short: bool) -> list[Run]:
+    """Every run of a case but the reference."""
+    if case == "fretless":
+        return _fretless(short)
+    full = ALL_MODES[case]
+    one_point = case == "tanpura"
+    found: list[Run] = []
+
+    def add(scheme: str, table: tuple[tuple[str, Any], ...], factors: tuple[int, ...], modes: int | None = None) -> None:
+        for factor in factors:
+            run = Run(case, scheme, factor, modes or modes_below_half(case, factor), table)
+            if run not in found:
+                found.append(run)
+
+    if short:
+        add("exact-hold", WITH_R, (1, 2, 4, 8) if one_point else (1, 2, 4))
+        add("exact-hold", WITHOUT_R, (1, 4), full)
+        add("moreau-jean", E0, (1, 4), full)
+        add("moreau-jean-filtered", E0, (1, 4), full)
+        add("moreau-jean-filtered", E0, (2,))
+    else:
+        add("exact-hold", WITH_R, (1, 2, 3, 4, 6, 8, 12, 16, 24))
+        add("exact-hold", WITHOUT_R, (1, 2, 4, 8))
+        add("exact-hold", WITHOUT_R, (1, 2, 4, 8, 24, 48), full)
+        for scheme in ("moreau-jean", "moreau-jean-filtered"):
+            add(scheme, E0, (1, 2, 4, 8))
+            add(scheme, E0, (1, 2, 4, 8, 24, 48), full)
+            add(scheme, E1, (2, 8, 24, 48), full)
+        if one_point:
+            add("moreau-jean-filtered", E0, (96, 192, 384), full)
+    for scheme in SCHEMES:
+        if scheme in LAWS:
+            continue
+        for table in variants(scheme):
+            if short:
+                add(scheme, table, (1, 4))
+                continue
+            add(scheme, table, (1, 2, 4, 8, 16))
+            add(scheme, table, (1, 2, 4, 24, 48), full)
+    return found
+
+
+def variants(scheme: str) -> list[tuple[tuple[str, Any], ...]]:
+    """The forms of a scheme that is no law of the block kernels, by its own options in the case's table."""
+    if scheme == "compliant":
+        return [_table(grid="contacts"), _table(grid="full")]
+    return [()]
+
+
+def _fretless(short: bool) -> list[Run]:
+    found = []
+    for nodes in (20, 40, 80) if short else (20, 40, 80, 160):
+        for factor in (2,) if short else (2, 8):
+            modes = modes_below_half("fretless", factor)
+            found.append(Run("fretless", "exact-hold", factor, modes, WITH_R, nodes))
+            found.append(Run("fretless", "moreau-jean-filtered", factor, modes, E1, nodes))
+            found.append(Run("fretless", "moreau-jean-filtered", factor, modes, E0, nodes))
+    if not short:
+        for factor in (1, 4, 24):
+            found.append(Run("fretless", "exact-hold", factor, modes_below_half("fretless", factor), WITH_R, 160))
+    return found
