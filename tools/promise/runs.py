@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from synth.case import load_case
-from synth.measures import log_spectral_distance, relative_error
+from synth.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.methods import run as run_scene
 from synth.physics.modes import count_modes_below
 from synth.scene import Scene
@@ -46,12 +46,13 @@ def modes_below_half(tables: dict[str, Any], factor: int, most: int) -> int:
 
 
 def distances(u: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """e over the first 100 ms and over all, and the log-spectral distance."""
+    """e over the first 100 ms and over all, log-spectral distance and that in third octaves."""
     onset = round(ONSET_S * RATE_HZ) + 1
     return {
         "e_onset": relative_error(u[:onset], reference[:onset]),
         "e": relative_error(u, reference),
         "lsd_db": log_spectral_distance(u, reference, RATE_HZ),
+        "bands_db": third_octave_distance(u, reference, RATE_HZ),
     }
 
 

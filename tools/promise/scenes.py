@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.physics.obstacle import fretted, frets
+from synth.physics.obstacle import frets, fretted
 
 KINDS = ("bridge", "point", "points", "frets")
 STEEL_KG_M3 = 7850.0
@@ -53,7 +53,7 @@ def scene(rng: np.random.Generator, kind: str, duration_s: float) -> dict[str, A
     frets   the frets left above a stopped one, of 20, string plucked hard near the bridge
     """
     several = kind in ("points", "frets")
-    f0 = _log_uniform(rng, 41.0, 330.0 if several else 1050.0)
+    f0 = _log_uniform(rng, 41.0, 260.0 if several else 1050.0)
     string = _string(rng, f0, 1.35)
     length = string["length_m"]
     displacement = 3e-3 * length
@@ -61,7 +61,7 @@ def scene(rng: np.random.Generator, kind: str, duration_s: float) -> dict[str, A
     if kind == "frets":
         open_length = length
         pluck = float(rng.uniform(0.7, 0.92)) * length
-        action = float(rng.uniform(0.5, 1.0)) * lowest(length, pluck, displacement, 0.5 * length)
+        action = float(rng.uniform(0.6, 1.1)) * lowest(length, pluck, displacement, 0.5 * length)
         neck = frets(
             open_length,
             20,

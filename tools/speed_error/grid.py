@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -101,12 +101,15 @@ E0, E1 = _table(restitution=0.0), _table(restitution=1.0)
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 
 
-def reference(case: str, short: bool) -> tuple[Run, Run]:
-    """The finest run and the one of half its rate that shows how far it stands."""
+def reference(case: str, short: bool) -> list[tuple[str, Run]]:
+    """The finest run first, then what shows how far it stands: half its rate, and on the board half its points."""
     factor = {"tanpura": 192, "bass": 192, "fretless": 48}[case] // (4 if short else 1)
-    nodes = (80 if short else 160) if case == "fretless" else 0
-    modes = ALL_MODES[case]
-    return tuple(Run(case, "exact-hold", f, modes, WITHOUT_R, nodes) for f in (factor, factor // 2))  # type: ignore[return-value]
+    nodes = (160 if short else 320) if case == "fretless" else 0
+    finest = Run(case, "exact-hold", factor, ALL_MODES[case], WITHOUT_R, nodes)
+    checks = [("the finest", finest), ("half its rate", replace(finest, factor=factor // 2))]
+    if nodes:
+        checks.append(("half its points", replace(finest, nodes=nodes // 2)))
+    return checks
 
 
 def runs(case: str, short: bool) -> list[Run]:
@@ -159,14 +162,13 @@ def variants(scheme: str) -> list[tuple[tuple[str, Any], ...]]:
 
 
 def _fretless(short: bool) -> list[Run]:
+    """Points at one rate, then rates at the most points, by every scheme that takes them."""
     found = []
-    for nodes in (20, 40, 80) if short else (20, 40, 80, 160):
-        for factor in (2,) if short else (2, 8):
-            modes = modes_below_half("fretless", factor)
-            found.append(Run("fretless", "exact-hold", factor, modes, WITH_R, nodes))
-            found.append(Run("fretless", "moreau-jean-filtered", factor, modes, E1, nodes))
-            found.append(Run("fretless", "moreau-jean-filtered", factor, modes, E0, nodes))
-    if not short:
-        for factor in (1, 4, 24):
-            found.append(Run("fretless", "exact-hold", factor, modes_below_half("fretless", factor), WITH_R, 160))
+    grid = [(nodes, 2) for nodes in (20, 40, 80)] if short else [(nodes, 8) for nodes in (20, 40, 80, 160, 320)]
+    grid += [(160, factor) for factor in (1, 4)] if short else [(160, factor) for factor in (1, 2, 4, 16)]
+    forms = [("exact-hold", WITH_R), ("moreau-jean-filtered", E0), ("moreau-jean-filtered", E1)]
+    forms += [(scheme, table) for scheme in SCHEMES if scheme not in LAWS for table in variants(scheme)]
+    for scheme, table in forms:
+        for nodes, factor in grid:
+            found.append(Run("fretless", scheme, factor, modes_below_half("fretless", factor), table, nodes))
     return found

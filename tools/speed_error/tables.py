@@ -96,7 +96,7 @@ def paper_table(session: Session) -> str:
         for factor, seconds in paper.items():
             cost = [
                 row["cpu_per_s"]
-                for row in session.rows
+                for row in session.rows + session.timed
                 if row["run"].case == "tanpura"
                 and ours[what](row["run"])
                 and row["run"].factor == factor
@@ -165,21 +165,19 @@ def markdown(session: Session) -> str:
     """tables.md."""
     parts = [f"# Speed against error\n\nOne core of: {session.machine}. "]
     parts.append(
-        "e = √(Σ(u_ref − u)²/Σu_ref²), plain samples at 44.1 kHz; “audible e”: over the longest span, both behind the decimator; "
-        "LSD: log-spectral distance; energy rise: largest of a step, relative, first 20 ms; × real time: kernel alone, and "
+        "e = √(Σ(u_ref − u)²/Σu_ref²), plain samples at 44.1 kHz; “audible e”: over the longest span, behind the "
+        "decimator; LSD: log-spectral distance; energy rise: largest of a step, relative, first 20 ms; × real time: kernel alone, and "
         "with decimation to 44.1 kHz; CPU time, best of the rounds. Bold: the default.\n"
     )
     for case, found in session.references.items():
-        stands = found["stands"]
-        shown = ", ".join(f"{number(stands[k])} over {k[2:-1]} s" for k in ("e_0.1s", "e_0.4s", "e_3s") if k in stands)
         run = found["run"]
-        parts.append(f"\n## {case}\n")
         points = f", {run.nodes} points" if run.nodes else ""
-        parts.append(
-            f"Reference: {run.label}, {run.modes} modes{points}, {rate(run.rate_hz)}; half its rate differs from it by "
-            f"e = {shown}, {stands['spectral_distance_db']:.1f} dB. Last contact: "
-            f"{number(found['values']['last_contact_s'])} s.\n"
-        )
+        parts.append(f"\n## {case}\n")
+        line = f"Reference: {run.label}, {run.modes} modes{points}, {rate(run.rate_hz)}. "
+        for what, stands in found["stands"].items():
+            shown = [f"{number(stands[k])} over {k[2:-1]} s" for k in ("e_0.1s", "e_0.4s", "e_3s") if k in stands]
+            line += f"A run at {what} differs by e = {', '.join(shown)}, {stands['spectral_distance_db']:.1f} dB. "
+        parts.append(line + f"Last contact: {number(found['values']['last_contact_s'])} s.\n")
         parts.append(case_table(session, case))
     if "tanpura" in session.references:
         parts.append("\n## Ratios\n")
@@ -188,5 +186,7 @@ def markdown(session: Session) -> str:
         parts.append(paper_table(session))
     if session.skipped:
         parts.append("\n## Left out\n")
-        parts += [f"- {run.label}, {rate(run.rate_hz)}, {run.modes} modes ({run.case}): {why}" for run, why in session.skipped]
+        parts += [
+            f"- {run.label}, {rate(run.rate_hz)}, {run.modes} modes ({run.case}): {why}" for run, why in session.skipped
+        ]
     return "\n".join(parts) + "\n"
