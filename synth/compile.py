@@ -23,7 +23,7 @@ from synth.physics.modes import (
 )
 from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
 from synth.physics.string import NutResonance, String
-from synth.plan import StringPlan, plan_string
+from synth.plan import StringPlan, plan_string, scene_kind
 from synth.preset import (
     BridgeObstacle,
     FretsObstacle,
@@ -224,7 +224,7 @@ def compile_position(
     fret: int,
     open_length_m: float,
     open_frequency_hz: float,
-    contacts_of_scene: int,
+    whole: Obstacle,
     rest_height_m: float,
     quality: str,
     rate_hz: float,
@@ -232,12 +232,13 @@ def compile_position(
     internal_rate_hz: float | None,
     gain: float = 1.0,
 ) -> Position:
-    """The model of one speaking string over its obstacle."""
+    """The model of one speaking string over its obstacle; `whole` is that of the open string."""
     law = law_of(scheme)
     plan = plan_string(
         string,
         open_frequency_hz,
-        contacts_of_scene,
+        len(obstacle),
+        scene_kind(whole.positions_m, open_length_m),
         quality=quality,
         rate_hz=rate_hz,
         scheme=scheme,
@@ -257,7 +258,6 @@ def compile_position(
     matrix = np.zeros((eta.size, eta.size))
     contact_matrix(law, coef, shapes, residual, matrix)
     wq, wv = output_weights(preset, string, open_length_m, n)
-    plan = replace(plan, contacts=eta.size)
     return Position(
         note,
         fret,
@@ -323,7 +323,7 @@ def compile_string(
                     fret=fret,
                     open_length_m=length,
                     open_frequency_hz=frequency,
-                    contacts_of_scene=len(whole),
+                    whole=whole,
                     rest_height_m=height,
                     quality=quality,
                     rate_hz=rate_hz,

@@ -166,8 +166,8 @@ def markdown(session: Session) -> str:
     parts = [f"# Speed against error\n\nOne core of: {session.machine}. "]
     parts.append(
         "e = √(Σ(u_ref − u)²/Σu_ref²), plain samples at 44.1 kHz; “audible e”: over the longest span, behind the "
-        "decimator; LSD: log-spectral distance; energy rise: largest of a step, relative, first 20 ms; × real time: kernel alone, and "
-        "with decimation to 44.1 kHz; CPU time, best of the rounds. Bold: the default.\n"
+        "decimator; LSD: log-spectral distance; energy rise: largest of a step, relative, first 20 ms; × real time: "
+        "kernel alone, and with decimation to 44.1 kHz; CPU time, best of the rounds. Bold: the default.\n"
     )
     for case, found in session.references.items():
         run = found["run"]
