@@ -3,15 +3,15 @@
 #: scene, quality → internal steps per period of a string of 200 Hz, exponent p: rate = steps · 200 Hz · (f₀/200 Hz)^p
 STEPS = {
     "bridge": {
-        "draft": (250.0, 1.0),
-        "standard": (650.0, 1.0),
-        "fine": (1400.0, 1.0),
+        "draft": (250.0, 0.8),
+        "standard": (450.0, 0.8),
+        "fine": (1800.0, 0.8),
         "reference": (5400.0, 1.0),
     },
     "impacts": {
-        "draft": (450.0, 1.0),
-        "standard": (1350.0, 1.0),
-        "fine": (5400.0, 1.0),
+        "draft": (220.0, 1.0),
+        "standard": (2000.0, 1.0),
+        "fine": (4000.0, 1.0),
         "reference": (10800.0, 1.0),
     },
 }

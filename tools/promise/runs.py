@@ -32,7 +32,7 @@ def fundamental_hz(tables: dict[str, Any]) -> float:
 
 
 def build(tables: dict[str, Any], factor: int, modes: int, **scheme: Any) -> Scene:
-    """The scene at factor × 44.1 kHz, rows at 44.1 kHz."""
+    """The scene at factor × 44.1 kHz, rows at 44.1 kHz; the default scheme unless `scheme` names another."""
     case = load_case(
         {**tables, "scheme": scheme, "run": {**tables["run"], "internal_rate_hz": factor * RATE_HZ, "modes": modes}},
         output_rate_hz=RATE_HZ,
@@ -61,8 +61,8 @@ def reference(tables: dict[str, Any], kind: str) -> tuple[np.ndarray, dict[str, 
     steps, most_factor, most_modes = REFERENCE[kind]
     factor = int(min(most_factor, max(16, math.ceil(steps * fundamental_hz(tables) / RATE_HZ))))
     modes = modes_below_half(tables, factor, most_modes)
-    finest = run_scene(build(tables, factor, modes))
-    half = run_scene(build(tables, factor // 2, max(1, int(0.7 * modes))))
+    finest = run_scene(build(tables, factor, modes, name="exact-hold"))
+    half = run_scene(build(tables, factor // 2, max(1, int(0.7 * modes)), name="exact-hold"))
     return finest.u[:, 0], {
         "factor": factor,
         "modes": modes,
