@@ -103,7 +103,9 @@ def test_modes_are_those_below_half_the_internal_rate():
 def test_there_is_a_mode_at_least_and_an_end():
     short = plan_string(string(0.02, 4000.0), 50000.0, 0, FREE, quality="draft", rate_hz=44100.0)
     assert short.modes == 1
-    long = plan_string(string(5.0, 10.0), 10.0, 1, BRIDGE, quality="standard", rate_hz=44100.0, internal_rate_hz=64 * 44100.0)
+    long = plan_string(
+        string(5.0, 10.0), 10.0, 1, BRIDGE, quality="standard", rate_hz=44100.0, internal_rate_hz=64 * 44100.0
+    )
     assert long.modes <= MAX_MODES
 
 

@@ -73,9 +73,14 @@ class Run:
 
 
 def tables_of(case: str, nodes: int = 0) -> dict[str, Any]:
-    """Tables of a case; fretless: the bass over `nodes` points of a board that goes through its frets' tops."""
+    """Tables of a case; fretless: the bass over `nodes` points of a board that goes through its frets' tops.
+
+    No nodes: the board as a wall, at every node of the modal grid.
+    """
     tables = load_case("bass" if case == "fretless" else case).model_dump(exclude_none=True)
-    if case == "fretless":
+    if case == "fretless" and nodes == 0:
+        tables["obstacle"] = {"wall": {"from_m": 0.0, "to_m": BOARD_END_M, "neck": "bass"}}
+    elif case == "fretless":
         length = tables["string"]["length_m"]
         # on the grid of a whole number of equal parts of the string, as modal collocation would have it
         parts = max(2, round(nodes * length / BOARD_END_M))
@@ -88,7 +93,7 @@ def tables_of(case: str, nodes: int = 0) -> dict[str, Any]:
 @cache
 def modes_below_half(case: str, factor: int) -> int:
     """Modes below half the internal rate, no more than a converged run has."""
-    string = Run(case, DEFAULT, 1, 1, nodes=2).scene(0.01, 1).string
+    string = Run(case, "exact-hold", 1, 1, nodes=2).scene(0.01, 1).string
     return min(ALL_MODES[case], count_modes_below(string, factor * BASE_HZ / 2))
 
 
@@ -101,18 +106,29 @@ E0, E1 = _table(restitution=0.0), _table(restitution=1.0)
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 #: closed forms for ideal strings: none of the cases is one
 _IDEAL = ("waveguide", "cabannes", "flat-wall")
-RIVALS = tuple(scheme for scheme in SCHEMES if scheme not in LAWS + _IDEAL)
+#: contact all along a stretch
+WALL = "wall"
+RIVALS = tuple(scheme for scheme in SCHEMES if scheme not in (*LAWS, *_IDEAL, WALL))
 
 
 def reference(case: str, short: bool) -> list[tuple[str, Run]]:
     """The finest run first, then what shows how far it stands: half its rate, and on the board half its points."""
+    if case == "fretless" and WALL in SCHEMES:
+        finest = Run(case, WALL, 16 if short else 48, 511 if short else 1023, E1)
+        half_points = replace(finest, modes=finest.modes // 2)
+        return [("the finest", finest), ("half its rate", half_rate(finest)), ("half its points", half_points)]
     factor = {"tanpura": 192, "bass": 192, "fretless": 48}[case] // (4 if short else 1)
     nodes = (160 if short else 320) if case == "fretless" else 0
     finest = Run(case, "exact-hold", factor, ALL_MODES[case], WITHOUT_R, nodes)
-    checks = [("the finest", finest), ("half its rate", replace(finest, factor=factor // 2))]
+    checks = [("the finest", finest), ("half its rate", half_rate(finest))]
     if nodes:
         checks.append(("half its points", replace(finest, nodes=nodes // 2)))
     return checks
+
+
+def half_rate(run: Run) -> Run:
+    """The same at half the internal rate."""
+    return replace(run, factor=run.factor // 2)
 
 
 def runs(case: str, short: bool) -> list[Run]:
@@ -171,6 +187,10 @@ def _fretless(short: bool) -> list[Run]:
     grid += [(160, factor) for factor in (1, 4)] if short else [(160, factor) for factor in (1, 2, 4, 16)]
     forms = [("exact-hold", WITH_R), ("moreau-jean-filtered", E0), ("moreau-jean-filtered", E1)]
     forms += [(scheme, table) for scheme in RIVALS for table in variants(scheme)]
+    if WALL in SCHEMES:
+        walls = [(2, 255), (4, 255)] if short else [(2, 127), (2, 255), (4, 255), (8, 255), (4, 511), (8, 511), (16, 511)]
+        for table in (E1, E0):
+            found += [Run("fretless", WALL, factor, modes, table) for factor, modes in walls]
     for scheme, table in forms:
         for nodes, factor in grid:
             found.append(Run("fretless", scheme, factor, modes_below_half("fretless", factor), table, nodes))
