@@ -16,10 +16,13 @@ from synth.scene import Scene
 from synth.schemes import SCHEMES
 
 BASE_HZ = 44_100
-CASES = ("tanpura", "bass", "fretless")
+#: the board twice: the elastic wall of the project's case, and a rigid one that takes all of what hits it. On a board, unlike
+#: on points, the two sound differently, and a scheme can only be measured against the one that it means
+ELASTIC, INELASTIC = "fretless", "fretless-inelastic"
+CASES = ("tanpura", "bass", ELASTIC, INELASTIC)
 #: modes of a converged run: of the paper
-ALL_MODES = {"tanpura": 1001, "bass": 863, "fretless": 863}
-LONGEST_S = {"tanpura": 3.0, "bass": 0.4, "fretless": 0.1}
+ALL_MODES = {"tanpura": 1001, "bass": 863, ELASTIC: 863, INELASTIC: 863}
+LONGEST_S = {"tanpura": 3.0, "bass": 0.4, ELASTIC: 0.1, INELASTIC: 0.1}
 #: end of the fretless board [m]: where the paper's last fret is
 BOARD_END_M = 0.591
 DEFAULT = SchemeTable().name
@@ -77,10 +80,12 @@ def tables_of(case: str, nodes: int = 0) -> dict[str, Any]:
 
     No nodes: the board as a wall, at every node of the modal grid.
     """
-    tables = load_case("bass" if case == "fretless" else case).model_dump(exclude_none=True)
-    if case == "fretless" and nodes == 0:
-        tables["obstacle"] = {"wall": {"from_m": 0.0, "to_m": BOARD_END_M, "neck": "bass"}}
-    elif case == "fretless":
+    board = case in (ELASTIC, INELASTIC)
+    tables = load_case("bass" if board else case).model_dump(exclude_none=True)
+    if board and nodes == 0:
+        stiffness = {"stiffness_n_m2": "rigid"} if case == INELASTIC else {}
+        tables["obstacle"] = {"wall": {"from_m": 0.0, "to_m": BOARD_END_M, "neck": "bass", **stiffness}}
+    elif board:
         length = tables["string"]["length_m"]
         # on the grid of a whole number of equal parts of the string, as modal collocation would have it
         parts = max(2, round(nodes * length / BOARD_END_M))
@@ -102,6 +107,7 @@ def _table(**values: Any) -> tuple[tuple[str, Any], ...]:
 
 
 WITH_R, WITHOUT_R = _table(residual_compliance=True), _table(residual_compliance=False)
+FULL_GRID = _table(grid="full")
 E0, E1 = _table(restitution=0.0), _table(restitution=1.0)
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 #: closed forms for ideal strings: none of the cases is one
@@ -113,12 +119,13 @@ RIVALS = tuple(scheme for scheme in SCHEMES if scheme not in (*LAWS, *_IDEAL, WA
 
 def reference(case: str, short: bool) -> list[tuple[str, Run]]:
     """The finest run first, then what shows how far it stands: half its rate, and on the board half its points."""
-    if case == "fretless" and WALL in SCHEMES:
-        finest = Run(case, WALL, 16 if short else 48, 511 if short else 1023, E1)
+    board = case in (ELASTIC, INELASTIC)
+    if board and WALL in SCHEMES:
+        finest = Run(case, WALL, 16 if short else 48, 511 if short else 1023, E1 if case == ELASTIC else E0)
         half_points = replace(finest, modes=finest.modes // 2)
         return [("the finest", finest), ("half its rate", half_rate(finest)), ("half its points", half_points)]
-    factor = {"tanpura": 192, "bass": 192, "fretless": 48}[case] // (4 if short else 1)
-    nodes = (160 if short else 320) if case == "fretless" else 0
+    factor = (48 if board else 192) // (4 if short else 1)
+    nodes = (160 if short else 320) if board else 0
     finest = Run(case, "exact-hold", factor, ALL_MODES[case], WITHOUT_R, nodes)
     checks = [("the finest", finest), ("half its rate", half_rate(finest))]
     if nodes:
@@ -133,8 +140,8 @@ def half_rate(run: Run) -> Run:
 
 def runs(case: str, short: bool) -> list[Run]:
     """Every run of a case but the reference."""
-    if case == "fretless":
-        return _fretless(short)
+    if case in (ELASTIC, INELASTIC):
+        return _fretless(case, short)
     full = ALL_MODES[case]
     one_point = case == "tanpura"
     found: list[Run] = []
@@ -164,34 +171,42 @@ def runs(case: str, short: bool) -> list[Run]:
         if one_point:
             add("moreau-jean-filtered", E0, (96, 192, 384), full)
     for scheme in RIVALS:
+        if scheme == "event-driven" and not one_point:
+            continue
         for table in variants(scheme):
-            if short:
+            if table == FULL_GRID:
+                add(scheme, table, (1,) if short else (1, 2, 4, 24), full)
+            elif scheme == "event-driven":  # exact at any rate, which is only that of its rows
+                add(scheme, table, (1,) if short else (1, 2, 4))
+            elif short:
                 add(scheme, table, (1, 4))
-                continue
-            add(scheme, table, (1, 2, 4, 8, 16))
-            add(scheme, table, (1, 2, 4, 24, 48), full)
+            else:
+                add(scheme, table, (1, 2, 4, 8, 16))
+                add(scheme, table, (1, 2, 4, 24, 48), full)
     return found
 
 
 def variants(scheme: str) -> list[tuple[tuple[str, Any], ...]]:
     """The forms of a scheme that is no law of the block kernels, by its own options in the case's table."""
     if scheme == "compliant":
-        return [_table(grid="contacts"), _table(grid="full")]
+        return [_table(grid="contacts"), FULL_GRID]
     return [()]
 
 
-def _fretless(short: bool) -> list[Run]:
+def _fretless(case: str, short: bool) -> list[Run]:
     """Points at one rate, then rates at the most points, by every scheme that takes them."""
     found = []
     grid = [(nodes, 2) for nodes in (20, 40, 80)] if short else [(nodes, 8) for nodes in (20, 40, 80, 160, 320)]
     grid += [(160, factor) for factor in (1, 4)] if short else [(160, factor) for factor in (1, 2, 4, 16)]
-    forms = [("exact-hold", WITH_R), ("moreau-jean-filtered", E0), ("moreau-jean-filtered", E1)]
-    forms += [(scheme, table) for scheme in RIVALS for table in variants(scheme)]
     if WALL in SCHEMES:
         walls = [(2, 255), (4, 255)] if short else [(2, 127), (2, 255), (4, 255), (8, 255), (4, 511), (8, 511), (16, 511)]
-        for table in (E1, E0):
-            found += [Run("fretless", WALL, factor, modes, table) for factor, modes in walls]
+        found += [Run(case, WALL, factor, modes, E1 if case == ELASTIC else E0) for factor, modes in walls]
+    if case == INELASTIC:
+        forms = [("exact-hold", WITH_R), ("moreau-jean-filtered", E0)]
+    else:
+        forms = [("moreau-jean-filtered", E1)]
+        forms += [(scheme, table) for scheme in RIVALS if scheme != "event-driven" for table in variants(scheme)[:1]]
     for scheme, table in forms:
         for nodes, factor in grid:
-            found.append(Run("fretless", scheme, factor, modes_below_half("fretless", factor), table, nodes))
+            found.append(Run(case, scheme, factor, modes_below_half(case, factor), table, nodes))
     return found

@@ -24,9 +24,10 @@ _MARKERS = ("s", "^", "D", "v", "P", "X", "<", ">", "h", "p")
 _TITLES = {
     "tanpura": "Two-point bridge (tanpura), error over 3 s",
     "bass": "Bass over 20 frets, error over 0.1 s",
-    "fretless": "Fretless board, error over 0.1 s",
+    "fretless": "Fretless board, elastic, error over 0.1 s",
+    "fretless-inelastic": "Fretless board, inelastic, error over 0.1 s",
 }
-_ERRORS = {"tanpura": "e_3s", "bass": "e_0.1s", "fretless": "e_0.1s"}
+_ERRORS = {"tanpura": "e_3s", "bass": "e_0.1s", "fretless": "e_0.1s", "fretless-inelastic": "e_0.1s"}
 _STYLE = {
     "figure.facecolor": "white", "axes.facecolor": "white", "savefig.facecolor": "white", "font.size": 10,
     "axes.grid": True, "grid.color": "#dddddd", "grid.linewidth": 0.6, "axes.axisbelow": True,
@@ -153,7 +154,7 @@ def _floor(axis: Axes, session: Session, case: str, key: str) -> None:
 
 def convergence(session: Session) -> None:
     """Error against internal rate, with lines of first and second order."""
-    cases = [case for case in session.cases if case != "fretless"]
+    cases = [case for case in session.cases if not case.startswith("fretless")]
     styles = _styles(session)
     figure, axes = plt.subplots(1, len(cases), figsize=(5.4 * len(cases), 5.2), squeeze=False)
     handles: dict[str, Any] = {}

@@ -62,17 +62,17 @@ def table(head: list[str], lines: list[list[str]]) -> str:
 def case_table(session: Session, case: str) -> str:
     """Every run of a case: errors, cost."""
     rows = [row for row in session.rows if row["run"].case == case]
-    with_nodes, with_long = case == "fretless", any("e_3s" in row for row in rows)
+    with_nodes, with_long = case.startswith("fretless"), any("e_3s" in row for row in rows)
     head = ["scheme", "internal rate", "modes"] + ["points"] * with_nodes
-    head += ["e, 0.1 s"] + ["e, 0.4 s"] * (case != "fretless") + ["e, 3 s"] * with_long
+    head += ["e, 0.1 s"] + ["e, 0.4 s"] * (not with_nodes) + ["e, 3 s"] * with_long
     head += ["audible e", "LSD", "penetration", "energy rise", "× real time", "decimated"]
     ours = {id(row) for row in session.default_rows(case)}
     lines = []
     for row in rows:
         run: Run = row["run"]
         label = f"**{run.label}**" if id(row) in ours else run.label
-        line = [label, rate(run.rate_hz), str(run.modes)] + [str(run.nodes)] * with_nodes
-        line += [number(row.get("e_0.1s"))] + [number(row.get("e_0.4s"))] * (case != "fretless")
+        line = [label, rate(run.rate_hz), str(run.modes)] + [str(run.nodes or "all")] * with_nodes
+        line += [number(row.get("e_0.1s"))] + [number(row.get("e_0.4s"))] * (not with_nodes)
         line += [number(row.get("e_3s"))] * with_long
         longest = [row[f"e_band_{s}s"] for s in ("0.1", "0.4", "3") if f"e_band_{s}s" in row]
         lsd = row.get("spectral_distance_db")
