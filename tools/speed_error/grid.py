@@ -16,8 +16,8 @@ from synth.scene import Scene
 from synth.schemes import SCHEMES
 
 BASE_HZ = 44_100
-#: the board twice: the elastic wall of the project's case, and a rigid one that takes all of what hits it. On a board, unlike
-#: on points, the two sound differently, and a scheme can only be measured against the one that it means
+#: the board twice: the elastic wall of the project's case, and a rigid one that takes all of what hits it. On a board,
+#: unlike on points, the two sound differently, and a scheme can only be measured against the one that it means
 ELASTIC, INELASTIC = "fretless", "fretless-inelastic"
 CASES = ("tanpura", "bass", ELASTIC, INELASTIC)
 #: modes of a converged run: of the paper
