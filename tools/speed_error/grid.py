@@ -26,6 +26,7 @@ LONGEST_S = {"tanpura": 3.0, "bass": 0.4, ELASTIC: 0.1, INELASTIC: 0.1}
 #: end of the fretless board [m]: where the paper's last fret is
 BOARD_END_M = 0.591
 DEFAULT = SchemeTable().name
+DEFAULT_TAIL = str(getattr(SchemeTable(), "tail_kind", "static"))
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,16 @@ class Run:
         """The scheme as tables and legends name it."""
         options = dict(self.table)
         label = self.scheme
+        shown = {key: value for key, value in options.items() if key not in ("restitution", "residual_compliance", "tail")}
         if self.scheme == "exact-hold":
-            label += " + R" if options.get("residual_compliance", True) else ", no R"
+            tail = options.get("tail", DEFAULT_TAIL if options.get("residual_compliance", True) else "none")
+            label += {"static": " + R", "lumped": " + lumped tail", "none": ", no R"}[tail]
+            if shown.pop("substeps", 1) > 1:
+                label += f", {options['substeps']} sub-steps"
         if self.scheme.startswith("moreau-jean"):
             label = {"moreau-jean": "Moreau–Jean, printed", "moreau-jean-filtered": "Moreau–Jean, filtered"}[self.scheme]
             label += f", e = {options.get('restitution', 1.0):g}"
-        shown = [f"{k} {v}" for k, v in self.table if k not in ("residual_compliance", "restitution")]
-        return ", ".join([label, *shown])
+        return ", ".join([label, *(f"{key} {value}" for key, value in shown.items())])
 
     def scene(self, duration_s: float, output_factor: int, ledger: bool = False) -> Scene:
         """The arrays of this run with displacements kept at output_factor × 44.1 kHz."""
@@ -106,7 +110,10 @@ def _table(**values: Any) -> tuple[tuple[str, Any], ...]:
     return tuple(sorted(values.items()))
 
 
-WITH_R, WITHOUT_R = _table(residual_compliance=True), _table(residual_compliance=False)
+#: the default's own table, then what stands for the modes left out: nothing, or their static compliance
+AS_DEFAULT, WITHOUT_R = (), _table(residual_compliance=False)
+WITH_R = _table(tail="static") if "tail" in SchemeTable.model_fields else AS_DEFAULT
+SUBSTEPS = tuple(_table(substeps=n) for n in (4, 16)) if "substeps" in SchemeTable.model_fields else ()
 FULL_GRID = _table(grid="full")
 E0, E1 = _table(restitution=0.0), _table(restitution=1.0)
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
@@ -153,7 +160,8 @@ def runs(case: str, short: bool) -> list[Run]:
                 found.append(run)
 
     if short:
-        add("exact-hold", WITH_R, (1, 2, 4, 8) if one_point else (1, 2, 4))
+        add("exact-hold", AS_DEFAULT, (1, 2, 4, 8) if one_point else (1, 2, 4))
+        add("exact-hold", WITH_R, (1, 4))
         add("exact-hold", WITHOUT_R, (1, 4), full)
         add("moreau-jean", E0, (1, 4), full)
         add("moreau-jean-filtered", E0, (1, 4), full)
@@ -161,7 +169,10 @@ def runs(case: str, short: bool) -> list[Run]:
         if one_point:
             add("moreau-jean", E0, (48,), full)
     else:
+        add("exact-hold", AS_DEFAULT, (1, 2, 3, 4, 6, 8, 12, 16, 24))
         add("exact-hold", WITH_R, (1, 2, 3, 4, 6, 8, 12, 16, 24))
+        for table in SUBSTEPS:
+            add("exact-hold", table, (1, 2, 4, 8))
         add("exact-hold", WITHOUT_R, (1, 2, 4, 8))
         add("exact-hold", WITHOUT_R, (1, 2, 4, 8, 24, 48), full)
         for scheme in ("moreau-jean", "moreau-jean-filtered"):
@@ -202,7 +213,7 @@ def _fretless(case: str, short: bool) -> list[Run]:
         walls = [(2, 255), (4, 255)] if short else [(2, 127), (2, 255), (4, 255), (8, 255), (4, 511), (8, 511), (16, 511)]
         found += [Run(case, WALL, factor, modes, E1 if case == ELASTIC else E0) for factor, modes in walls]
     if case == INELASTIC:
-        forms = [("exact-hold", WITH_R), ("moreau-jean-filtered", E0)]
+        forms = [("exact-hold", AS_DEFAULT), ("moreau-jean-filtered", E0)]
     else:
         forms = [("moreau-jean-filtered", E1)]
         forms += [(scheme, table) for scheme in RIVALS if scheme != "event-driven" for table in variants(scheme)[:1]]

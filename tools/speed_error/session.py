@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from speed_error import tables
-from speed_error.grid import DEFAULT, LONGEST_S, WITH_R, Run, reference, runs
+from speed_error.grid import AS_DEFAULT, DEFAULT, LONGEST_S, Run, reference, runs
 from speed_error.measure import cpu_s, decimation_cpu_s, displacement, errors, ledger, longest, machine
 from speed_error.store import Store, write_beside
 from synth.case import CaseError
@@ -136,8 +136,8 @@ class Session:
 
     def default_rows(self, case: str) -> list[dict[str, Any]]:
         """The rows of the program's default scheme with the modes a plan gives it."""
-        found = [row for row in self.rows if row["run"].case == case and row["run"].scheme == DEFAULT]
-        return [row for row in found if DEFAULT != "exact-hold" or row["run"].table == WITH_R]
+        runs = [(row["run"], row) for row in self.rows]
+        return [row for run, row in runs if run.case == case and (run.scheme, run.table) == (DEFAULT, AS_DEFAULT)]
 
     def write_tables(self) -> None:
         """results.csv and tables.md."""
