@@ -224,7 +224,7 @@ def compile_position(
     fret: int,
     open_length_m: float,
     open_frequency_hz: float,
-    whole: Obstacle,
+    kind: str,
     rest_height_m: float,
     quality: str,
     rate_hz: float,
@@ -232,13 +232,13 @@ def compile_position(
     internal_rate_hz: float | None,
     gain: float = 1.0,
 ) -> Position:
-    """The model of one speaking string over its obstacle; `whole` is that of the open string."""
+    """The model of one speaking string over its obstacle; `kind` is the open string's scene."""
     law = law_of(scheme)
     plan = plan_string(
         string,
         open_frequency_hz,
         len(obstacle),
-        scene_kind(whole.positions_m, open_length_m),
+        kind,
         quality=quality,
         rate_hz=rate_hz,
         scheme=scheme,
@@ -323,7 +323,7 @@ def compile_string(
                     fret=fret,
                     open_length_m=length,
                     open_frequency_hz=frequency,
-                    whole=whole,
+                    kind=scene_kind(opened, whole.positions_m),
                     rest_height_m=height,
                     quality=quality,
                     rate_hz=rate_hz,

@@ -22,12 +22,12 @@ from synth.plan import (
 )
 
 
-def string(length_m: float = 0.9, tension_n: float = 40.0) -> String:
+def string(length_m: float = 0.9, tension_n: float = 40.0, bending_n_m2: float = 2.5e-4) -> String:
     return String(
         length_m=length_m,
         tension_n=tension_n,
         linear_density_kg_m=1e-3,
-        bending_stiffness_n_m2=2.5e-4,
+        bending_stiffness_n_m2=bending_n_m2,
         diameter_m=4e-4,
         core_diameter_m=None,
         winding_diameter_m=None,
@@ -37,9 +37,11 @@ def string(length_m: float = 0.9, tension_n: float = 40.0) -> String:
 
 
 def test_what_is_touched_decides_the_kind():
-    assert scene_kind((), 1.0) == FREE
-    assert scene_kind((0.006,), 1.0) == scene_kind((0.98,), 1.0) == BRIDGE
-    assert scene_kind((0.3,), 1.0) == scene_kind((0.006, 0.5), 1.0) == IMPACTS
+    stiff, soft = string(), string(bending_n_m2=1e-7)  # bending lengths 2.5 mm and 0.05 mm
+    assert scene_kind(stiff, ()) == FREE
+    assert scene_kind(stiff, (0.006,)) == scene_kind(stiff, (0.88,)) == BRIDGE
+    assert scene_kind(stiff, (0.3,)) == scene_kind(stiff, (0.006, 0.5)) == IMPACTS
+    assert scene_kind(soft, (0.006,)) == IMPACTS
 
 
 def test_without_contact_the_output_rate_is_enough():

@@ -43,8 +43,13 @@ def scenes() -> list[dict]:
     return [{**scene, "u": arrays[scene["name"]]} for scene in found]
 
 
+def at(scene: dict, factor: int, modes: int) -> Scene:
+    run_table = {**scene["tables"]["run"], "internal_rate_hz": factor * RATE_HZ, "modes": modes}
+    return Scene(load_case({**scene["tables"], "run": run_table}, output_rate_hz=RATE_HZ), Path())
+
+
 def kind_of(scene: dict) -> str:
-    return scene_kind(scene["tables"]["obstacle"]["positions_m"], scene["tables"]["string"]["length_m"])
+    return scene_kind(at(scene, 1, 1).string, scene["tables"]["obstacle"]["positions_m"])
 
 
 def judged(scene: dict, quality: str) -> list[tuple[str, float]]:
@@ -63,13 +68,8 @@ def judged(scene: dict, quality: str) -> list[tuple[str, float]]:
 def displacement(scene: dict, quality: str) -> np.ndarray:
     """The scene at 44.1 kHz with the rate and modes that a plan gives it."""
     factor, _ = choose_factor(scene["f0_hz"], kind_of(scene), quality, RATE_HZ)
-
-    def at(modes: int) -> Scene:
-        tables = {**scene["tables"], "run": {**scene["tables"]["run"], "internal_rate_hz": factor * RATE_HZ}}
-        return Scene(load_case({**tables, "run": {**tables["run"], "modes": modes}}, output_rate_hz=RATE_HZ), Path())
-
-    modes = max(1, min(MAX_MODES, count_modes_below(at(1).string, 0.5 * factor * RATE_HZ)))
-    return run(at(modes)).u[:: scene["every"], 0]
+    modes = max(1, min(MAX_MODES, count_modes_below(at(scene, 1, 1).string, 0.5 * factor * RATE_HZ)))
+    return run(at(scene, factor, modes)).u[:: scene["every"], 0]
 
 
 def measured(measure: str, u: np.ndarray, reference: np.ndarray) -> float:

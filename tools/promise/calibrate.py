@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from promise.runs import RATE_HZ
-from synth.plan import BRIDGE, BRIDGE_ERROR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR, IMPACTS
+from synth.plan import BRIDGE, BRIDGE_ERROR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR
 
-SCENE_OF = {"bridge": BRIDGE, "point": IMPACTS, "points": IMPACTS, "frets": IMPACTS}
 PROMISED = ("draft", "standard", "fine")
 #: what is promised of other scenes too
 HOLD, WORST = 0.95, 2.0
@@ -29,7 +28,7 @@ def judged(kind: str, quality: str, stands: dict[str, float]) -> list[tuple[str,
 
     signal = ("lsd_db", IMPACT_DISTANCE_DB[quality])
     found = []
-    if SCENE_OF[kind] == BRIDGE:
+    if kind == BRIDGE:
         choices = [("e", BRIDGE_ERROR[quality]), signal]
     else:
         choices = [signal, ("bands_db", IMPACT_BANDS_DB[quality])]

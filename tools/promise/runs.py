@@ -13,6 +13,7 @@ from synth.case import load_case
 from synth.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.methods import run as run_scene
 from synth.physics.modes import count_modes_below
+from synth.plan import scene_kind
 from synth.scene import Scene
 
 RATE_HZ = 44_100
@@ -43,6 +44,11 @@ def build(tables: dict[str, Any], factor: int, modes: int, **scheme: Any) -> Sce
 def modes_below_half(tables: dict[str, Any], factor: int, most: int) -> int:
     """Modes below half the internal rate."""
     return max(1, min(most, count_modes_below(build(tables, factor, 1).string, factor * RATE_HZ / 2)))
+
+
+def kind_of(tables: dict[str, Any]) -> str:
+    """What the planner takes the scene for."""
+    return scene_kind(build(tables, 1, 1).string, tables["obstacle"]["positions_m"])
 
 
 def distances(u: np.ndarray, reference: np.ndarray) -> dict[str, float]:
