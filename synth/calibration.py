@@ -3,9 +3,9 @@
 #: scene, quality → internal steps per period of a string of 200 Hz, exponent p: rate = steps · 200 Hz · (f₀/200 Hz)^p
 STEPS = {
     "bridge": {
-        "draft": (250.0, 0.8),
-        "standard": (450.0, 0.8),
-        "fine": (1800.0, 0.8),
+        "draft": (220.0, 0.9),
+        "standard": (710.0, 0.9),
+        "fine": (1800.0, 0.9),
         "reference": (5400.0, 1.0),
     },
     "impacts": {
