@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from synth.schemes import SCHEMES
+from synth.schemes import COMPLIANT, SCHEMES
 
 
 class CaseError(ValueError):
@@ -73,10 +73,28 @@ class FretsTable(_Table):
     nut_height_m: Positive = 0.0004
 
 
+class RampTable(_Table):
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+    displacement_m: float
+
+
+class SineTable(_Table):
+    start_s: NonNegative = 0.0
+    frequency_hz: Positive
+    amplitude_m: float
+
+
+class MotionTable(_Table):
+    ramp: list[RampTable] = []
+    sine: list[SineTable] = []
+
+
 class ObstacleTable(_Table):
     positions_m: list[float] | None = None
     heights_m: list[float] | float | None = None
     frets: FretsTable | None = None
+    motion: MotionTable = MotionTable()
 
     @model_validator(mode="after")
     def _one_kind(self) -> ObstacleTable:
@@ -85,7 +103,13 @@ class ObstacleTable(_Table):
                 raise ValueError("give either frets or positions_m and heights_m")
         elif (self.positions_m is None) != (self.heights_m is None):
             raise ValueError("positions_m and heights_m must be given together")
+        if self.moves and self.frets is None and not self.positions_m:
+            raise ValueError("motion needs something that moves; give positions_m and heights_m, or frets")
         return self
+
+    @property
+    def moves(self) -> bool:
+        return bool(self.motion.ramp or self.motion.sine)
 
 
 class InitialTable(_Table):
@@ -129,16 +153,44 @@ class FingerTable(_Table):
     resistance_n_s_m: NonNegative = 1.0
 
 
+class BendTable(_Table):
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+    cents: float
+
+
+#: keys of [scheme] that only some schemes take
+_TAKEN_BY = {
+    "stiffness": tuple(COMPLIANT),
+    "exponent": tuple(COMPLIANT),
+    "loss": ("compliant", "energy-quadratisation"),
+    "tolerance": ("compliant",),
+    "iterations": ("compliant",),
+    "grid": ("compliant",),
+    "drift_correction": ("scalar-auxiliary-variable",),
+}
+
+
 class SchemeTable(_Table):
     name: str = "exact-hold"
     restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
     residual_compliance: bool = True
     start: Literal["exact", "published"] = "exact"
+    stiffness: Positive | None = None
+    exponent: Annotated[float, Field(ge=1)] | None = None
+    loss: NonNegative | None = None
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    grid: Literal["contacts", "full"] | None = None
+    drift_correction: Annotated[float, Field(ge=0, le=1)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> SchemeTable:
         if self.name not in SCHEMES:
             raise ValueError(f"unknown contact scheme {self.name!r}; use one of {', '.join(SCHEMES)}")
+        for key, schemes in _TAKEN_BY.items():
+            if getattr(self, key) is not None and self.name not in schemes:
+                raise ValueError(f"scheme {self.name!r} does not take {key}; it belongs to {', '.join(schemes)}")
         return self
 
 
@@ -173,6 +225,7 @@ class Case(_Table):
     obstacle: ObstacleTable = ObstacleTable()
     initial: InitialTable = InitialTable(shape="rest")
     finger: list[FingerTable] = []
+    bend: list[BendTable] = []
     scheme: SchemeTable = SchemeTable()
     run: RunTable
 
@@ -183,6 +236,13 @@ OVERRIDES = {
     "restitution": ("scheme", "restitution"),
     "residual_compliance": ("scheme", "residual_compliance"),
     "start": ("scheme", "start"),
+    "stiffness": ("scheme", "stiffness"),
+    "exponent": ("scheme", "exponent"),
+    "loss": ("scheme", "loss"),
+    "tolerance": ("scheme", "tolerance"),
+    "iterations": ("scheme", "iterations"),
+    "grid": ("scheme", "grid"),
+    "drift_correction": ("scheme", "drift_correction"),
     "internal_rate_hz": ("run", "internal_rate_hz"),
     "output_rate_hz": ("run", "output_rate_hz"),
     "modes": ("run", "modes"),
@@ -208,6 +268,13 @@ def case_folder() -> Path:
     return preset_folder() / "cases"
 
 
+def case_names() -> list[str]:
+    """Names of the program's own cases, such as "tanpura" or "hard/two-close", those of subfolders last."""
+    folder = case_folder()
+    names = [path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.toml")]
+    return sorted(names, key=lambda name: (name.count("/"), name))
+
+
 def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
     folder, origin = Path(), "case"
     if isinstance(case, Case):
@@ -219,7 +286,7 @@ def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
         if path.suffix != ".toml" and not path.exists():
             path = case_folder() / f"{case}.toml"
             if not path.exists():
-                known = ", ".join(sorted(p.stem for p in case_folder().glob("*.toml")))
+                known = ", ".join(case_names())
                 raise CaseError(f"case {str(case)!r} is not one of {known}; a file of your own ends in .toml")
         folder, origin = path.parent, str(path)
         try:

@@ -454,10 +454,12 @@ def _add_simulate(commands: Any) -> None:
         allow_abbrev=False,
         description="Computes a case file (TOML) and writes an .npz file; options replace its values.",
     )
-    parser.add_argument("case", metavar="CASE.toml")
+    parser.add_argument("case", metavar="CASE", help="a .toml file, or a case of the program by name: tanpura, bass, hard/…")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
     parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
     parser.add_argument("--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes")
+    parser.add_argument("--stiffness", type=_number(float, 0, 1e30), metavar="K", help="of a compliant contact, N/m^α")
+    parser.add_argument("--exponent", type=_number(float, 1, 100), metavar="A", help="α of a compliant contact")
     parser.add_argument("--rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
     parser.add_argument("--output-rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
     parser.add_argument("--modes", type=_number(int, 1, 100_000), metavar="N", help="number of modes")
@@ -471,9 +473,14 @@ def _add_simulate(commands: Any) -> None:
 def _simulate(options: argparse.Namespace) -> int:
     from synth.simulation import simulate_file
 
-    names = ("scheme", "restitution", "rate", "output_rate", "modes", "duration", "ledger")
+    names = ("scheme", "restitution", "stiffness", "exponent", "rate", "output_rate", "modes", "duration", "ledger")
     overrides = {name: value for name in names if (value := getattr(options, name)) is not None}
-    summary = simulate_file(options.case, options.output, overrides)
+
+    def warn(text: str) -> None:
+        if not options.quiet:
+            print(f"synth: {text}", file=sys.stderr)
+
+    summary = simulate_file(options.case, options.output, overrides, warn)
     if options.json:
         print(json.dumps(summary, indent=2))
     elif not options.quiet:

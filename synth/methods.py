@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from synth.case import CaseError, FingerTable
+from synth.compliant_methods import run_compliant
 from synth.dsp.denormals import enable_ftz, restore
+from synth.exact_methods import EXACT_RUNNERS
 from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
-from synth.schemes import LAWS, SCHEMES
+from synth.schemes import COMPLIANT, LAWS, SCHEMES
 from synth.solver import driver
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Outcome
+
+_MOST_PATH = 1 << 16  # steps of an obstacle's path that are prepared at once
 
 
 def run_law(scene: Scene) -> Outcome:
@@ -29,14 +35,15 @@ def run_law(scene: Scene) -> Outcome:
     every, ledger = case.run.steps_per_output, case.run.ledger
     started = time.perf_counter()
     state = driver.start_run(model, q, v0, force, every, scene.outputs, ledger, case.scheme.start == "published")
+    tuning = _Tuning(scene)
     flush = enable_ftz()
     try:
         for finger in scene.fingers:
             begin = max(round(finger.start_s / scene.dt), int(state.counts[driver.STEPS]))
-            _advance(scene, state, begin, None)
+            _advance(scene, state, tuning, begin, None)
             end = max(begin + 1, round(finger_end(finger) / scene.dt))
-            _advance(scene, state, min(end, scene.steps), finger)
-        _advance(scene, state, scene.steps, None)
+            _advance(scene, state, tuning, min(end, scene.steps), finger)
+        _advance(scene, state, tuning, scene.steps, None)
     finally:
         restore(flush)
     seconds = time.perf_counter() - started
@@ -59,30 +66,76 @@ def run_law(scene: Scene) -> Outcome:
     )
 
 
-def _advance(scene: Scene, state: driver.Run, until: int, finger: FingerTable | None) -> None:
-    steps = until - int(state.counts[driver.STEPS])
-    if steps <= 0:
+class _Tuning:
+    """The model of the moment; its tension changes as the scene says."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.model = scene.model
+        self._scene = scene
+        self._changes = list(reversed(scene.tension_changes))
+
+    def until(self, step: int, state: driver.Run) -> float:
+        """Makes the changes that are due at `step`; returns the step of the next one."""
+        while self._changes and self._changes[-1][0] <= step:
+            before, self.model = self.model, self._scene.bent_model(self._changes.pop()[1])
+            driver.change_model(before, self.model, state)
+        return self._changes[-1][0] if self._changes else math.inf
+
+
+@dataclass
+class _Hold:
+    """One finger from its touch to its release."""
+
+    finger: FingerTable
+    begin: int
+    weights: np.ndarray
+    path: np.ndarray
+    state: np.ndarray
+
+    def row(self, model: driver.Model, start: int, stop: int) -> Finger:
+        coupling = np.zeros(model.eta.size)
+        own = finger_row(model.law, model.coef, model.shapes, self.weights, coupling)
+        path = self.path[start - self.begin : stop - self.begin + 1]
+        return Finger(
+            1, self.weights, coupling, own, self.finger.stiffness_n_m, self.finger.resistance_n_s_m, path, self.state
+        )
+
+
+def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finger: FingerTable | None) -> None:
+    step = begin = int(state.counts[driver.STEPS])
+    if until <= begin:
         return
-    model = scene.model
-    if finger is None:
-        driver.run(model, state, steps, no_finger(model.omega.size, model.eta.size))
-        return
-    weights = pluck_weights(scene.string.length_m, finger.position_m, finger.width_m, model.omega.size)
-    coupling = np.zeros(model.eta.size)
-    own = finger_row(model.law, model.coef, model.shapes, weights, coupling)
-    here = float(weights @ state.q)
-    ramp = np.clip(np.arange(steps + 1) * scene.dt / finger.draw_s, 0.0, 1.0)
-    path = here + (finger.displacement_m - here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
-    row = Finger(1, weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, np.array([here, 0.0]))
-    driver.run(model, state, steps, row)
+    hold = None
+    if finger is not None:
+        weights = pluck_weights(scene.string.length_m, finger.position_m, finger.width_m, scene.omega.size)
+        here = float(weights @ state.q)
+        ramp = np.clip(np.arange(until - begin + 1) * scene.dt / finger.draw_s, 0.0, 1.0)
+        path = here + (finger.displacement_m - here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
+        hold = _Hold(finger, begin, weights, path, np.array([here, 0.0]))
+    moves = scene.case.obstacle.moves
+    while step < until:
+        stop = int(min(until, tuning.until(step, state), step + _MOST_PATH if moves else until))
+        model = tuning.model
+        row = no_finger(model.omega.size, model.eta.size) if hold is None else hold.row(model, step, stop)
+        if moves:
+            heights = scene.obstacle_displacement(np.arange(step, stop + 1) * scene.dt)
+            driver.run_moving(model, state, stop - step, row, heights)
+        else:
+            driver.run(model, state, stop - step, row)
+        step = stop
 
 
 RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
     **dict.fromkeys(LAWS, run_law),
+    **EXACT_RUNNERS,
+    **dict.fromkeys(COMPLIANT, run_compliant),
 }
 assert RUNNERS.keys() == SCHEMES.keys()
 
 
 def run(scene: Scene) -> Outcome:
     """The scene from t = 0 to its end by the scheme that its case names; CaseError where it does not apply."""
-    return RUNNERS[scene.case.scheme.name](scene)
+    name = scene.case.scheme.name
+    if name not in LAWS and (scene.case.bend or scene.case.obstacle.moves):
+        raise CaseError(f"scheme {name!r} knows no bend and no moving obstacle; use one of {', '.join(LAWS)}")
+    return RUNNERS[name](scene)

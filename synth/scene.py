@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from synth.case import Case, CaseError, FingerTable, arrays_of
+from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, arrays_of
 from synth.physics.excitation import pluck_weights, rounded_triangle, triangle_pluck
-from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
+from synth.physics.modes import (
+    base_frequencies,
+    decay_rates,
+    modal_frequencies,
+    mode_shapes,
+    model_decay_rates,
+    model_frequencies,
+    residual_compliance,
+)
 from synth.physics.obstacle import Obstacle, frets
 from synth.physics.string import NutResonance, String
 from synth.solver import driver
@@ -18,6 +29,10 @@ from synth.solver.problem import Problem
 
 _MOST_BYTES = 4 * 2**30
 _MOST_MODE_STEPS = 1e14  # a day of one core
+#: a bend renews the tension this often
+_BEND_INTERVAL_S = 1e-3
+#: residual compliance is worked out at bends this far apart
+_RESIDUAL_GRID_CENTS = 25.0
 
 
 class Scene:
@@ -44,30 +59,108 @@ class Scene:
         self.omega = modal_frequencies(self.string, n)
         self.sigma = decay_rates(self.string, n)
         self.shapes = mode_shapes(length, self.positions, n)
+        self._bent_residuals: dict[int, np.ndarray] = {}
         self.out_shapes = mode_shapes(length, np.array(case.run.outputs_m), n)
+        for end in sorted(bend.start_s + bend.duration_s for bend in case.bend):
+            cents = float(self._cents(np.array([end]))[0])
+            if not self._tension_at(cents - _RESIDUAL_GRID_CENTS) > 0.0:
+                raise CaseError(f"bend: {cents:g} cents at {end:g} s leave no tension; bend the string up, or less far down")
 
     @cached_property
     def residual(self) -> np.ndarray:
         """R (C, C) [m/N] of the modes left out, zero where the case wants none."""
-        contacts = self.positions.size
-        if self.case.scheme.residual_compliance and contacts > 0:
-            return residual_compliance(self.string, self.positions, self.case.run.modes)
-        return np.zeros((contacts, contacts))
+        return self._residual(self.string)
 
     @cached_property
     def model(self) -> driver.Model:
         """Coefficients and contact matrix of a case whose scheme is a law of the block kernels."""
+        return self._model(self.omega, self.sigma, 0.0)
+
+    def bent_model(self, cents: float) -> driver.Model:
+        """`model` at another tension: mode shapes and contacts stay, ω, σ and R follow.
+
+        The added tension is that which moves the first mode of the pinned string by `cents`. Measured frequencies and
+        decay rates, which belong to the tension at rest, are scaled as the model's.
+        """
+        n = self.omega.size
+        plain, bent = self._bent_string(0.0), self._bent_string(cents)
+        omega, sigma = model_frequencies(bent, n), model_decay_rates(bent, n)
+        measured = len(self.string.measured_frequencies_hz)
+        omega[:measured] = self.omega[:measured] * (omega / model_frequencies(plain, n))[:measured]
+        measured = min(n, len(self.string.measured_decay_rates))
+        rest = model_decay_rates(plain, measured)
+        sigma[:measured] = self.sigma[:measured] * np.divide(sigma[:measured], rest, out=np.ones(measured), where=rest > 0.0)
+        return self._model(omega, sigma, cents)
+
+    @cached_property
+    def tension_changes(self) -> list[tuple[int, float]]:
+        """(step, cents) from which step on the string is bent by how much; empty without a bend.
+
+        The bend is a staircase: each tread has the value in its middle.
+        """
+        if not self.case.bend:
+            return []
+        tread = max(1, round(_BEND_INTERVAL_S / self.dt))
+        begin = np.arange(0, self.steps, tread)
+        cents = self._cents((begin + 0.5 * tread) * self.dt)
+        changes = np.flatnonzero(np.diff(cents, prepend=0.0))
+        return [(int(begin[k]), float(cents[k])) for k in changes]
+
+    def obstacle_displacement(self, t: np.ndarray) -> np.ndarray:
+        """How far the obstacle is above its heights at the times t [s], any shape → [m]."""
+        motion = self.case.obstacle.motion
+        up = _ramps(t, motion.ramp, [ramp.displacement_m for ramp in motion.ramp])
+        for sine in motion.sine:
+            up = up + sine.amplitude_m * np.sin(2.0 * np.pi * sine.frequency_hz * np.maximum(t - sine.start_s, 0.0))
+        return up
+
+    def _cents(self, t: np.ndarray) -> np.ndarray:
+        return _ramps(t, self.case.bend, [bend.cents for bend in self.case.bend])
+
+    def _tension_at(self, cents: float) -> float:
+        string = self.string
+        first = float(base_frequencies(string, 1)[0]) * string.length_m / np.pi  # ω̂₁/k₁
+        return string.tension_n + (2.0 ** (cents / 600.0) - 1.0) * string.linear_density_kg_m * first**2
+
+    def _bent_string(self, cents: float) -> String:
+        tension = self._tension_at(cents)
+        return replace(self.string, tension_n=tension, measured_frequencies_hz=(), measured_decay_rates=())
+
+    def _bent_residual(self, cents: float) -> np.ndarray:
+        """R, between two of a grid of bends linear in 1/T: exact for an ideal string, off by < 3e-4 for others."""
+        if cents == 0.0:
+            return self.residual
+        below = math.floor(cents / _RESIDUAL_GRID_CENTS)
+        low, high = self._residual_of_bend(below), self._residual_of_bend(below + 1)
+        at_low, here, at_high = (
+            1.0 / self._tension_at(c) for c in (below * _RESIDUAL_GRID_CENTS, cents, (below + 1) * _RESIDUAL_GRID_CENTS)
+        )
+        share = (here - at_low) / (at_high - at_low)
+        return (1.0 - share) * low + share * high
+
+    def _residual_of_bend(self, place: int) -> np.ndarray:
+        if place not in self._bent_residuals:
+            self._bent_residuals[place] = self._residual(self._bent_string(place * _RESIDUAL_GRID_CENTS))
+        return self._bent_residuals[place]
+
+    def _residual(self, string: String) -> np.ndarray:
+        contacts = self.positions.size
+        if self.case.scheme.residual_compliance and contacts > 0:
+            return residual_compliance(string, self.positions, self.case.run.modes)
+        return np.zeros((contacts, contacts))
+
+    def _model(self, omega: np.ndarray, sigma: np.ndarray, cents: float) -> driver.Model:
         law = law_of(self.case.scheme.name)
         contacts = self.positions.size
         return driver.make_model(
             law,
-            self.omega,
-            self.sigma,
+            omega,
+            sigma,
             self.string.linear_density_kg_m,
             self.dt,
             self.shapes,
             self.eta,
-            self.residual if law == EXACT_HOLD else np.zeros((contacts, contacts)),
+            self._bent_residual(cents) if law == EXACT_HOLD else np.zeros((contacts, contacts)),
             self.out_shapes,
             self.case.scheme.restitution,
         )
@@ -122,14 +215,15 @@ class Scene:
     def _refuse_the_absurd(self) -> None:
         run = self.case.run
         contacts, points = len(self.obstacle), len(run.outputs_m)
+        rows = run.modes if self.case.scheme.grid == "full" else contacts  # of S
         columns = 1 + points + 2 * contacts + (5 if run.ledger else 0)
-        n_bytes = 8.0 * (self.outputs * columns + run.modes * (contacts + points + 12) + run.steps_per_output * contacts)
+        n_bytes = 8.0 * (self.outputs * columns + run.modes * (rows + points + 12) + run.steps_per_output * contacts)
         if n_bytes > _MOST_BYTES:
             raise CaseError(
                 f"run: the results would take {n_bytes / 2**30:.1f} GiB, the limit is {_MOST_BYTES / 2**30:.0f}; "
                 "lower output_rate_hz, duration_s or the number of points"
             )
-        work = float(self.steps) * run.modes * (1 + contacts)
+        work = float(self.steps) * run.modes * (1 + rows)
         if work > _MOST_MODE_STEPS:
             raise CaseError(
                 f"run: {work:.1e} mode-steps would take days, the limit is {_MOST_MODE_STEPS:.0e}; "
@@ -156,6 +250,15 @@ class Scene:
                     given = np.asarray(given, dtype=np.float64)[:n]
                     target[: given.size] = given
         return q, v
+
+
+def _ramps(t: np.ndarray, ramps: Sequence[RampTable | BendTable], heights: Sequence[float]) -> np.ndarray:
+    """Σ of raised cosines from 0 to each height over start_s … start_s + duration_s, at the times t [s]."""
+    total = np.zeros_like(t)
+    for ramp, height in zip(ramps, heights, strict=True):
+        share = np.clip((t - ramp.start_s) / ramp.duration_s, 0.0, 1.0)
+        total = total + height * 0.5 * (1.0 - np.cos(np.pi * share))
+    return total
 
 
 def finger_end(finger: FingerTable) -> float:

@@ -5,7 +5,8 @@
 
 A case is a TOML file (or the same tables as a dict; lists may then be NumPy arrays). SI units throughout; x counts from
 the nut, heights and displacements from the string at rest, up is positive. Files named in a case are looked for beside
-it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown keys are errors. * marks what must be there.
+it. The program's own cases (`tanpura`, `cabannes`, `hard/two-close`, …; `case.case_names()`) can be given by name. Unknown
+keys are errors. * marks what must be there.
 
     [string]                    the model of Issanchou et al., JASA 143(5), 2018, appendix (A1–A5)
     length_m*, tension_n*, linear_density_kg_m*, diameter_m*
@@ -21,6 +22,10 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     [obstacle]                  left out: none. Either
     positions_m, heights_m      one height per point, or a single one for all
     frets = {scale_length_m, count, action_12th_m, relief_m = 0, nut_height_m = 0.0004}
+    [[obstacle.motion.ramp]]    moves the whole obstacle, any number; what they and the sines give adds up
+    duration_s*, displacement_m*, start_s    raised cosine from 0 to displacement_m, where it stays; start_s default 0
+    [[obstacle.motion.sine]]
+    frequency_hz*, amplitude_m*, start_s     amplitude·sin(2πf(t − start_s)) from start_s (default 0) on
 
     [initial]                   left out: at rest
     shape                       "triangle", "modes" or "rest"
@@ -35,11 +40,24 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     start_s, draw_s*, hold_s    default start and hold 0; path: raised cosine from where the string is to displacement_m
     stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string, default 1e5 and 1
 
+    [[bend]]                    changes the string's tension, any number; what they give adds up and stays
+    duration_s*, cents*, start_s    raised cosine from 0 to cents of the first mode, renewed every ms, start_s 0; shapes and
+                                (q, q̇) are carried over, frequencies, losses and residual compliance follow
+
     [scheme]
-    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"
+    name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; with a compliant contact
+                                "compliant", "energy-quadratisation", "scalar-auxiliary-variable"; exact solutions where
+                                there is one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
-    residual_compliance         default true: exact-hold adds the static compliance of the modes left out
+    residual_compliance         default true: exact-hold and event-driven add the static compliance of the modes left out
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
+    stiffness, exponent         compliant contacts, f = K [η − u]₊^α: K of a point in N/m^α, default 1e10, and α ≥ 1, default
+                                1.5. Issanchou et al.'s K = 1e13 is per metre, at the nodes of their grid of 1 mm: 1e10
+    loss                        s/m, default 0: Hunt–Crossley, f = K [g]₊^α (1 + loss·ġ); not scalar-auxiliary-variable
+    tolerance, iterations       compliant: of Newton's last step, relative to the depths, default 1e-12; at most, default 50
+    grid                        compliant: "contacts" (default), or "full": S over all inner nodes x_i = iL/(modes + 1), the
+                                points moved to the nearest, as first published. The same motion, at many times the cost
+    drift_correction            scalar-auxiliary-variable: 0 … 1, default 0: part of the drift of ψ taken back in a step
 
     [run]
     internal_rate_hz*, modes*, duration_s*
@@ -48,7 +66,10 @@ it. The program's own cases (`tanpura`, `bass`) can be given by name. Unknown ke
     ledger                      default false: weigh every step (about three times slower)
 
 A start pressed into the obstacle begins from the static contact solution (`solver.driver.static_contact`), at which the
-contact forces of row 0 are those that hold it; `summary["lifted_m"]` says how far that moved a contact point.
+contact forces of row 0 are those that hold it; `summary["lifted_m"]` says how far that moved a contact point. Compliant
+contacts begin as given. They take no fingers, ignore residual_compliance, and say in the summary how many Newton
+iterations they needed, or how far the auxiliary variable drifted from √(2V), in √J (`auxiliary_drift`) and relative to
+√(2 · initial energy), and `largest_adhesion_n`, the strongest pull of a contact.
 
 What comes out, as attributes of `Result` and under the same names in the .npz; n rows, row 0 is t = 0:
 
@@ -58,11 +79,13 @@ What comes out, as attributes of `Result` and under the same names in the .npz; 
     contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
-    energy_residual         ½ λᵀRλ, held by the modes left out
+    energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²
     energy_viscous, energy_contact    lost so far to damping, at contacts
-    energy_injected         work of the fingers on the string so far, what their spring and dashpot keep left out
+    energy_injected         work on the string so far of the fingers (what their spring and dashpot keep left out), of the
+                            moving obstacle (λ·Δη) and of whoever bends it
                             stored + residual + viscous + contact = stored(0) + residual(0) + injected
-    positions               outputs_m; contact_positions, contact_heights the obstacle
+    positions               outputs_m; contact_positions, contact_heights the obstacle at t = 0
+    obstacle_displacement (n,)    with motion: how far the obstacle is above contact_heights [m]
     largest_penetration_m   over every step with the ledger, over the rows without; negative: never touched
     largest_energy_rise     of one step, over initial + injected energy; NaN without the ledger
     last_contact_s          end of the last step with a contact force; NaN: none
@@ -75,7 +98,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -85,7 +108,7 @@ import numpy as np
 from synth import methods
 from synth.case import OVERRIDES, Case, CaseError, case_folder, load_case, read_case
 from synth.scene import Scene
-from synth.schemes import SCHEMES
+from synth.schemes import SCHEMES, energy_warning
 from synth.solver import driver
 from synth.solver.problem import Outcome
 
@@ -106,6 +129,7 @@ class Result:
     positions: np.ndarray
     contact_positions: np.ndarray
     contact_heights: np.ndarray
+    obstacle_displacement: np.ndarray | None
     largest_penetration_m: float
     largest_energy_rise: float
     last_contact_s: float
@@ -135,25 +159,37 @@ class Result:
             beside.unlink(missing_ok=True)
 
 
-def simulate(case: Case | Mapping[str, Any] | str | os.PathLike[str], **overrides: Any) -> Result:
+def simulate(
+    case: Case | Mapping[str, Any] | str | os.PathLike[str], *, warn: Callable[[str], None] | None = None, **overrides: Any
+) -> Result:
     """Runs a case: a file (or the name of one of the program's own), tables as a dict, or a `Case`.
 
+    warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`)
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
     """
     loaded, folder = read_case(case, overrides)
     scene = Scene(loaded, folder)
+    if warn is not None:
+        run, scheme, highest_hz = loaded.run, loaded.scheme, float(scene.omega.max()) / (2.0 * math.pi)
+        multiple = run.output_rate_hz or 1.0
+        risk = energy_warning(scheme.name, scheme.restitution, run.internal_rate_hz, "--rate", multiple, highest_hz)
+        if risk is not None:
+            warn(risk)
     return _result(scene, methods.run(scene))
 
 
 def simulate_file(
-    case: str | os.PathLike[str], out: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None
+    case: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    overrides: Mapping[str, Any] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """`simulate` to an .npz file; returns the summary."""
     folder = Path(out).resolve().parent
     if not folder.is_dir():
         raise FileNotFoundError(f"folder {folder} for the result does not exist")
-    result = simulate(case, **dict(overrides or {}))
+    result = simulate(case, warn=warn, **dict(overrides or {}))
     result.save(out)
     return result.summary
 
@@ -185,7 +221,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "version": _version(),
         "scheme": law,
         "restitution": case.scheme.restitution if law.startswith("moreau-jean") else None,
-        "residual_compliance": law == "exact-hold" and bool(np.any(scene.residual)),
+        "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
         "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
         "internal_rate_hz": run.internal_rate_hz,
         "output_rate_hz": run.internal_rate_hz / run.steps_per_output,
@@ -196,8 +232,9 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
     }
     if law.startswith("moreau-jean"):
         metadata["first_step"] = case.scheme.start
+    t = np.arange(scene.outputs) * run.steps_per_output / run.internal_rate_hz
     return Result(
-        t=np.arange(scene.outputs) * run.steps_per_output / run.internal_rate_hz,
+        t=t,
         u=outcome.u,
         u_contact=outcome.contact_u,
         contact_force=outcome.contact_force,
@@ -209,6 +246,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         positions=np.array(run.outputs_m),
         contact_positions=scene.positions,
         contact_heights=scene.eta,
+        obstacle_displacement=scene.obstacle_displacement(t) if case.obstacle.moves else None,
         largest_penetration_m=outcome.largest_penetration_m,
         largest_energy_rise=outcome.largest_energy_rise,
         last_contact_s=math.nan if last is None else last,

@@ -22,6 +22,22 @@ need_packages() {
     fail "$3: install it with your system's package manager, then try again."
 }
 
+# Installs the Debian package $1 where that can be done; otherwise one line says what ($2) is left out. Never fails.
+want_package() {
+    dpkg -s "$1" >/dev/null 2>&1 && return 0
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then
+        # an old index may name a version that is gone, a container may have none
+        if ! apt-cache show "$1" >/dev/null 2>&1; then
+            apt-get update -qq >/dev/null 2>&1 || true
+        fi
+        if apt-cache show "$1" >/dev/null 2>&1; then
+            echo "Installing $1 ..." >&2
+            DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$1" >/dev/null 2>&1 && return 0
+        fi
+    fi
+    echo "Without the package $1: $2." >&2
+}
+
 find_python() {
     local candidate
     for candidate in python3 python3.13 python3.12 python3.11 python3.14; do

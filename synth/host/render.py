@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
@@ -16,13 +15,12 @@ import numpy as np
 from synth.engine.events import NOTE_OFF, NOTE_ON
 from synth.host import audiofile, offline, parts, scala
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
+from synth.schemes import energy_warning
 from synth.units import db_to_gain, gain_to_db, midi_to_hz, midi_to_note
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
 MOST_LINES = 12
-# Below it the schemes of the paper gain energy on the project's cases (README, speed against error).
-SAFE_MOREAU_JEAN_HZ = 1e6
 
 
 @dataclass(frozen=True)
@@ -165,11 +163,10 @@ def render_file(
         if channel not in settings.channel_presets:
             what = "percussion" if channel == PERCUSSION_CHANNEL else "no preset"
             note(f"channel {channel + 1} ({what}) is left out: {count} notes; --map {channel + 1}=PRESET plays it")
-    if settings.scheme != "exact-hold" and (settings.internal_rate_hz or 0) < SAFE_MOREAU_JEAN_HZ:
-        note(
-            f"{settings.scheme} can gain energy below about {SAFE_MOREAU_JEAN_HZ / 1e6:g} MHz; "
-            f"--internal-rate {settings.rate_hz * math.ceil(SAFE_MOREAU_JEAN_HZ / settings.rate_hz)} is safer, and slow"
-        )
+    internal_hz = settings.internal_rate_hz or 0
+    risk = energy_warning(settings.scheme, settings.restitution, internal_hz, "--internal-rate", settings.rate_hz)
+    if risk is not None:
+        note(risk)
     note_hz = None
     if settings.tuning is not None or settings.keyboard is not None:
         note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)

@@ -1,7 +1,8 @@
 """Runs one string for a while, writes what it does at the output rate, and keeps the energy ledger if asked.
 
-A run is `start_run`, then `run` as often as the finger changes. Between two outputs the block kernel `kernels.advance`
-does all the steps; with the ledger on they are done one at a time, so that every step is weighed.
+A run is `start_run`, then `run` as often as the finger changes, `run_moving` where the obstacle moves, and
+`change_model` wherever the string's tension does. Between two outputs the block kernel `kernels.advance` does all the
+steps; with the ledger on, or over a moving obstacle, they are done one at a time.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numba import njit
 
 from synth.solver.energy import filter_factor, impulse_work, spring, stored
 from synth.solver.kernels import Finger, Work, advance, amplitudes, dot, make_work, reach
-from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
+from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
 
 # places in Run.sums
@@ -28,7 +29,7 @@ ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
 
 class Model(NamedTuple):
-    """What does not change during a run. N modes, C contacts, P output points."""
+    """What does not change while the tension does not. N modes, C contacts, P output points."""
 
     law: int
     dt: float
@@ -39,7 +40,7 @@ class Model(NamedTuple):
     coef: np.ndarray  # (6, N)
     factor: np.ndarray  # (N,) F of the Moreau–Jean energy
     shapes: np.ndarray  # (C, N)
-    eta: np.ndarray  # (C,)
+    eta: np.ndarray  # (C,) heights at t = 0
     g: np.ndarray  # (C, C)
     residual: np.ndarray  # (C, C); zero for Moreau–Jean
     out_shapes: np.ndarray  # (P, N)
@@ -63,6 +64,8 @@ class Run(NamedTuple):
     records: np.ndarray  # (M, C)
     scratch: np.ndarray  # (3, N)
     work: Work
+    eta: np.ndarray  # (C,) heights now
+    risen: np.ndarray  # (1,) how far the obstacle rose in the last step [m]
 
 
 def make_model(law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float) -> Model:
@@ -122,6 +125,8 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         records=np.zeros((steps_per_output, contacts)),
         scratch=np.zeros((3, n)),
         work=make_work(contacts),
+        eta=model.eta.copy(),
+        risen=np.zeros(1),
     )
     run.counts[LAST_CONTACT] = 0 if np.any(run.force > 0.0) else -1
     run.sums[PENETRATION] = -np.inf if contacts else 0.0
@@ -148,6 +153,22 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     return run
 
 
+def change_model(old: Model, new: Model, run: Run) -> None:
+    """Go on under `new`, which has other ω, σ and R: same shapes, law and step. For a change of tension.
+
+    q and v are carried over, and so is R λ, the displacement of the modes left out; the forces that go with it follow,
+    so that the contacts stay where they are and the scheme stays passive. What the stored energy gains counts as injected.
+    """
+    if np.any(old.residual @ run.force):
+        run.force[:] = np.linalg.lstsq(new.residual, old.residual @ run.force, rcond=None)[0]
+    if run.energy.size:
+        after_stored = stored(new.law, new.omega, new.factor, new.mu, new.dt, run.q, run.v)
+        after_spring = spring(new.residual, run.force)
+        run.sums[INJECTED] += after_stored + after_spring - run.sums[STORED] - run.sums[SPRING]
+        run.sums[STORED] = after_stored
+        run.sums[SPRING] = after_spring
+
+
 @njit(cache=True, nogil=True)
 def _write_output(model: Model, run: Run) -> None:
     """One row of every result, from the state as it is and the contact forces recorded since the row before."""
@@ -161,7 +182,7 @@ def _write_output(model: Model, run: Run) -> None:
         for d in range(contacts):
             u += model.residual[c, d] * run.force[d]
         run.contact_u[row, c] = u
-        run.sums[PENETRATION] = max(run.sums[PENETRATION], model.eta[c] - u)
+        run.sums[PENETRATION] = max(run.sums[PENETRATION], run.eta[c] - u)
         steps = run.counts[PHASE]
         total = 0.0
         for t in range(steps):
@@ -192,8 +213,18 @@ def _certify(model: Model, run: Run) -> None:
 @njit(cache=True, nogil=True)
 def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
     """n steps; finger.path (n + 1,) where finger.on. Stops early when the rows of the results are full."""
+    run_moving(model, run, n_steps, finger, np.zeros(0))
+
+
+@njit(cache=True, nogil=True)
+def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> None:
+    """`run` while the obstacle moves up and down as a whole.
+
+    path (n + 1,) its displacement [m] from the heights of the model, at the start and after each step; (0,): it stands.
+    """
     every = run.records.shape[0]
     ledger = run.energy.shape[0] > 0
+    moves = path.size > 0
     none = np.zeros((0, model.omega.size))
     no_out = np.zeros((every, 0))
     no_record = np.zeros((0, 0))
@@ -211,19 +242,25 @@ def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
             finger.state,
         )
         if ledger:
-            _weighed_step(model, run, here, none, no_out)
+            _weighed_step(model, run, here, path[done : done + 2], none, no_out)
             m = 1
         else:
             m = min(n_steps - done, every - phase)
+            restitution = model.restitution
+            if moves:
+                m = 1
+                restitution = _rise(model, run, path[done], path[done + 1])
             if m > 8:
                 _certify(model, run)
             else:
                 run.watch[:] = 1
             status = advance(
-                model.law, m, model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+                model.law, m, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
                 run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
                 none, none, no_out, no_out, run.records[phase : phase + m], no_record, run.work,
             )  # fmt: skip
+            if moves:
+                _risen(model, run, path[done], path[done + 1])
             if status != SOLVED:
                 run.counts[BAD_STEPS] += 1
             for t in range(m):
@@ -242,39 +279,79 @@ def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _weighed_step(model: Model, run: Run, finger: Finger, none, no_out) -> None:
-    """One step with its place in the energy ledger."""
+def _rise(model: Model, run: Run, before: float, after: float) -> float:
+    """Heights for a step in which the obstacle goes from `before` to `after` [m]; returns the restitution to step with.
+
+    Exact-hold takes the heights at the end of the step. Moreau–Jean's law is one of velocities relative to the obstacle,
+    whose own is w⁻ over the step before and w⁺ over this one:
+
+        0 ≤ (S v⁺ − w⁺) + e (S v − w⁻)  ⊥  p ≥ 0,   active where the gap now, or predicted with S v − w⁻, is closed.
+
+    For the kernel that is restitution 1 after the velocity e (S v − w⁻) − w⁺, over heights that leave the gap the same.
+    `_risen` belongs behind the step.
+    """
+    if model.law == EXACT_HOLD:
+        run.eta[:] = model.eta + after
+        return model.restitution
+    old, new = run.risen[0] / model.dt, (after - before) / model.dt
+    for c in range(model.eta.size):
+        relative = run.v_contact[c] - old
+        run.v_contact[c] = model.restitution * relative - new
+        run.eta[c] = model.eta[c] + before
+        if model.law == MOREAU_JEAN_FILTERED:
+            run.eta[c] += 0.5 * model.dt * (run.v_contact[c] - relative)
+    return 1.0
+
+
+@njit(cache=True, nogil=True)
+def _risen(model: Model, run: Run, before: float, after: float) -> None:
+    """The obstacle as it is after the step that `_rise` prepared."""
+    run.eta[:] = model.eta + after
+    run.risen[0] = after - before
+
+
+@njit(cache=True, nogil=True)
+def _weighed_step(model: Model, run: Run, finger: Finger, path, none, no_out) -> None:
+    """One step with its place in the energy ledger; path (2,) as in `run_moving`, or (0,)."""
     n, contacts = model.omega.size, model.eta.size
     hold = model.law == EXACT_HOLD
-    phase = run.counts[PHASE]
     before_q, before_v, w_free = run.scratch[0], run.scratch[1], run.scratch[2]
     before_q[:] = run.q
     before_v[:] = run.v
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
+    phase = run.counts[PHASE]
+    moves = path.size > 0
     run.watch[:] = 1
+    restitution = _rise(model, run, path[0], path[1]) if moves else model.restitution
     status = advance(
-        model.law, 1, model.dt, model.restitution, model.coef, model.shapes, model.eta, model.g,
+        model.law, 1, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
         run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
-        none, none, no_out, no_out, run.records[phase : phase + 1], np.zeros((0, 0)), run.work,
+        none, none, no_out, no_out, run.records[phase : phase + 1], none, run.work,
     )  # fmt: skip
+    if moves:
+        _risen(model, run, path[0], path[1])
     if status != SOLVED:
         run.counts[BAD_STEPS] += 1
     touched = False
     worked = 0.0
-    injected = 0.0
+    injected = 0.0  # by the finger
+    lifted = 0.0  # by the obstacle
     if not hold:
         for j in range(n):
             w_free[j] = model.coef[2, j] * before_q[j] + model.coef[3, j] * before_v[j]
     gain = model.coef[5]
     for c in range(contacts):
         after = dot(model.shapes[c], run.q)
-        depth = model.eta[c] - after
+        depth = run.eta[c] - after
         for d in range(contacts):
             depth -= model.residual[c, d] * run.force[d]
         run.sums[PENETRATION] = max(run.sums[PENETRATION], depth)
         strength = run.force[c]
         if strength > 0.0:
             touched = True
+            if moves:
+                mean = strength if hold else strength / model.dt
+                lifted += mean * (run.eta[c] - (model.eta[c] + path[0]))
             if hold:
                 worked += strength * (after - dot(model.shapes[c], before_q))
             else:
@@ -294,15 +371,15 @@ def _weighed_step(model: Model, run: Run, finger: Finger, none, no_out) -> None:
     after_stored = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
     after_spring = spring(model.residual, run.force)
     sums = run.sums
-    rise = after_stored + after_spring - sums[STORED] - sums[SPRING] - injected
+    rise = after_stored + after_spring - sums[STORED] - sums[SPRING] - injected - lifted
     viscous = sums[STORED] - after_stored + worked + injected
-    contact = -worked - (after_spring - sums[SPRING])
+    contact = lifted - worked - (after_spring - sums[SPRING])
     sums[STORED] = after_stored
     sums[SPRING] = after_spring
     sums[VISCOUS] += viscous
     sums[CONTACT] += contact
-    sums[INJECTED] += injected
-    # a finger that brings energy raises the scale only as far as it did
+    sums[INJECTED] += injected + lifted
+    # a finger or obstacle that brings energy raises the scale only as far as it did
     scale = sums[INITIAL] + max(0.0, sums[INJECTED])
     if scale > 0.0:
         sums[RISE] = max(sums[RISE], rise / scale)

@@ -20,10 +20,13 @@ from synth.solver.laws import EXACT_HOLD
 
 
 def filter_factor(law: int, omega: np.ndarray, coef: np.ndarray, dt: float) -> np.ndarray:
-    """F (N,) of the Moreau–Jean energy, recovered from the step coefficients; ones for exact-hold and where ω = 0."""
+    """F (N,) of the Moreau–Jean energy, recovered from the step coefficients; ones for exact-hold."""
     factor = np.ones(omega.size)
     if law != EXACT_HOLD:
-        moving = omega > 0.0
+        moving = omega * dt > 1e-150
+        lossy = ~moving & (coef[3, : omega.size] < 1.0)
+        e = coef[3, : omega.size][lossy]
+        factor[lossy] = (1.0 - e) / -np.log(e)
         factor[moving] = -coef[2, : omega.size][moving] / (omega[moving] ** 2 * dt)
     return factor
 

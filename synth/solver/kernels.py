@@ -25,10 +25,8 @@ import numpy as np
 from numba import njit
 
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
-from synth.solver.lcp import SOLVED, solve
-
-#: sums may be reordered and contracted (vectorised, FMA); NaN and infinity keep their meaning.
-FAST = {"reassoc", "contract", "nsz"}
+from synth.solver.lcp import SOLVED, pivot, single
+from synth.solver.vectors import FAST, dot
 
 
 class Work(NamedTuple):
@@ -75,15 +73,6 @@ def make_work(contacts: int) -> Work:
 def no_finger(n_modes: int, contacts: int) -> Finger:
     """A finger that is not there."""
     return Finger(0, np.zeros(n_modes), np.zeros(contacts), 0.0, 0.0, 0.0, np.zeros(1), np.zeros(2))
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def dot(a, b) -> float:
-    """Σ a_j b_j over b's length."""
-    total = 0.0
-    for j in range(b.size):
-        total += a[j] * b[j]
-    return total
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -241,6 +230,7 @@ def advance(
             for d in range(contacts):
                 matrix[c, d] = g[c, d] - finger.coupling[c] * finger.coupling[d] / total_own
 
+    held = 0  # rows of work.factor that the steps so far made for `matrix`
     for t in range(n_steps):
         for j in range(n):
             a = p11[j] * q[j] + p12[j] * v[j]
@@ -286,9 +276,9 @@ def advance(
             everything = True
         if touching:
             if contacts == 1:
-                z[0] = -b[0] / matrix[0, 0]
+                z[0] = single(matrix[0, 0], b[0])
             else:
-                bad = solve(matrix, b, enabled, active, z, work.factor, work.order)
+                bad, _, held = pivot(matrix, b, enabled, active, z, work.factor, work.order, held)
                 if bad != SOLVED:
                     status = bad
             for c in range(contacts):

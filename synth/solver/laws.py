@@ -7,6 +7,8 @@ A mode obeys μ(q̈ + 2σq̇ + ω²q) = f. Every law here steps a pair (q, v) pe
 
 and differs only in what v means, in the six numbers and in what the contact unknown f is:
 
+ω = 0 is a rigid motion and has its limits in every row (F → (1 − e^{−2σΔt})/(2σΔt), 1 without loss).
+
 exact-hold
     v = q̇, f a force [N] held over the step; (p) is the exact propagator Φ(Δt), kq and kv its step responses.
 moreau-jean
@@ -35,6 +37,8 @@ SCHEMES: dict[str, int] = {
 #: Below this (ω + 2σ)Δt the power series in Δt replaces the closed forms, which cancel there.
 _SERIES_BELOW = 0.25
 _SERIES_TERMS = 16
+#: ωΔt whose square is no number worth dividing by: a rigid motion
+_RIGID_BELOW = 1e-150
 
 
 def law_of(scheme: str) -> int:
@@ -82,8 +86,9 @@ def _hold_responses(omega: float, sigma: float, dt: float):
         sine = (e_slow - e_fast) / (2.0 * s)
         cosine = 0.5 * (e_slow + e_fast)
         p11 = ((s + sigma) * e_slow - slow * e_fast) / (2.0 * s)
-        y = (-(s + sigma) * math.expm1(-slow * dt) + slow * math.expm1(-(sigma + s) * dt)) / (2.0 * s)
-        y /= omega * omega
+        # (1 − e^{−slow Δt})/ω² = Δt/(σ + s) · (1 − e^{−z})/z, which holds for ω = 0 too
+        z = slow * dt
+        y = (dt * (-math.expm1(-z) / z if z > 1e-300 else 1.0) + math.expm1(-(sigma + s) * dt) / (sigma + s)) / (2.0 * s)
     return y, sine, p11, cosine - sigma * sine
 
 
@@ -120,8 +125,11 @@ def step_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> Non
             coef[2, j] = -missing / dt
             coef[3, j] = e
             gain = 1.0 / mu
-            if law == MOREAU_JEAN_FILTERED and w > 0.0:
-                gain *= missing / (w * w * dt * dt)
+            if law == MOREAU_JEAN_FILTERED:
+                if w * dt > _RIGID_BELOW:
+                    gain *= missing / (w * w * dt * dt)
+                elif s > 0.0:
+                    gain *= -math.expm1(-2.0 * s * dt) / (2.0 * s * dt)
             coef[4, j] = dt * gain
             coef[5, j] = gain
 

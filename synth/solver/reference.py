@@ -201,12 +201,17 @@ def moreau_jean_step(
     q: Array,
     w: Array,
     finger: FingerRow | None = None,
+    obstacle: tuple[float, float] = (0.0, 0.0),
 ) -> Step:
-    """One step of IA2018 eqs 26–31, as printed or with the filter and the predicted gap of the authors' solver."""
+    """One step of IA2018 eqs 26–31, as printed or with the filter and the predicted gap of the authors' solver.
+
+    obstacle : its velocity [m/s] over the step before and over this one; eta is where it is before this one. The law then
+    is that of the velocities relative to it.
+    """
     gamma, gamma_bar, filter_ = moreau_jean_matrices(omega, sigma, dt)
     w_free = (w - dt * gamma * q - dt * gamma_bar * w).astype(np.float64)  # (27)
     gain = (filter_ if filtered else np.ones(omega.size)).astype(np.float64) / mu
-    v_c = shapes @ w
+    v_c = shapes @ w - obstacle[0]
     gap = shapes @ q - eta
     if filtered:
         gap = gap + 0.5 * dt * v_c
@@ -220,7 +225,7 @@ def moreau_jean_step(
         spring = (finger.weights, slope, constant)
     impulse = np.zeros(eta.size)
     part, pushed = _contact_forces(
-        w_free, gain, shapes[active], -restitution * v_c[active], np.zeros((active.size,) * 2), spring
+        w_free, gain, shapes[active], obstacle[1] - restitution * v_c[active], np.zeros((active.size,) * 2), spring
     )  # (31)
     impulse[active] = part
     modal = impulse @ shapes + (pushed * finger.weights if finger is not None else 0.0)
