@@ -3,9 +3,9 @@
 #: scene, quality → internal steps per period of a string of 200 Hz, exponent p: rate = steps · 200 Hz · (f₀/200 Hz)^p
 STEPS = {
     "bridge": {
-        "draft": (220.0, 0.9),
-        "standard": (710.0, 0.9),
-        "fine": (1800.0, 0.9),
+        "draft": (220.0, 0.7),
+        "standard": (800.0, 0.7),
+        "fine": (2300.0, 0.7),
         "reference": (5400.0, 1.0),
     },
     "impacts": {
