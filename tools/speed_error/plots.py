@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter
 
-from speed_error.grid import BASE_HZ, Run
+from speed_error.grid import BASE_HZ, ELASTIC, INELASTIC, Run
 from speed_error.tables import rate
 from synth.measures import _stft_power
 
@@ -38,7 +39,8 @@ _STYLE = {
 def draw_all(session: Session, front: Path | None) -> None:
     """Every picture into the session's folder; the front one to `front` too."""
     with plt.rc_context(_STYLE):
-        pareto(session, front)
+        pareto(session, "pareto.png", ["tanpura", "bass"], front)
+        pareto(session, "pareto-fretless.png", [ELASTIC, INELASTIC], None)
         convergence(session)
         for case in ("tanpura", "bass"):
             if case in session.references:
@@ -95,48 +97,63 @@ def _finite(rows: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
     return [row for row in rows if math.isfinite(row.get(key, math.inf)) and row[key] > 0.0]
 
 
-def pareto(session: Session, front: Path | None) -> None:
-    """Error against CPU time of every run, with the front of those that nothing beats in both."""
-    cases = [
-        case for case in session.cases if any(_finite([r], _ERRORS[case]) for r in session.rows if r["run"].case == case)
-    ]
+def nothing_better(rows: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    """Those rows that no other one beats in error and in cost, cheapest first."""
+    found: list[dict[str, Any]] = []
+    for row in sorted(rows, key=lambda row: (row["cpu_per_s"], row[key])):
+        if not found or row[key] < found[-1][key]:
+            found.append(row)
+    return found
+
+
+def pareto(session: Session, name: str, cases: list[str], front: Path | None) -> None:
+    """Error against CPU time: of every scheme its best choices of rate and modes, and the front over all of them."""
+    cases = [case for case in cases if any(_finite([r], _ERRORS[case]) for r in session.rows if r["run"].case == case)]
+    if not cases:
+        return
     styles = _styles(session)
-    figure, axes = plt.subplots(1, len(cases), figsize=(5.4 * len(cases), 5.2), squeeze=False)
+    figure, axes = plt.subplots(1, len(cases), figsize=(5.4 * len(cases), 4.8), squeeze=False)
     handles: dict[str, Any] = {}
     for axis, case in zip(axes[0], cases, strict=True):
         key = _ERRORS[case]
         everything = _finite([row for row in session.rows if row["run"].case == case], key)
-        for name, rows in families(session, case).items():
-            rows = _finite(rows, key)
-            if rows:
-                (line,) = axis.plot([r["cpu_per_s"] for r in rows], [r[key] for r in rows], **_look(name, styles))
-                handles.setdefault(name, line)
-        best, points = math.inf, []
-        for row in sorted(everything, key=lambda row: row["cpu_per_s"]):
-            if row[key] < best:
-                best = row[key]
-                points.append((row["cpu_per_s"], best))
-        x, y = np.array(points).T
-        (line,) = axis.step(x, y, where="post", color="#555555", linewidth=5.0, alpha=0.25, zorder=1)
-        handles.setdefault("Pareto front: nothing is both cheaper and closer", line)
+        ours = {id(row) for row in session.default_rows(case)}
+        schemes: dict[str, list[dict[str, Any]]] = {}
+        for row in everything:
+            label = row["run"].label + (" (default)" if id(row) in ours else "")
+            schemes.setdefault(label, []).append(row)
+        for label, rows in sorted(schemes.items(), key=lambda item: not item[0].endswith("(default)")):
+            best = nothing_better(rows, key)
+            look = _look(label, styles)
+            axis.plot([r["cpu_per_s"] for r in rows], [r[key] for r in rows], color=look["color"], marker=".",
+                      markersize=4, linestyle="", alpha=0.35, zorder=1)  # fmt: skip
+            (line,) = axis.plot([r["cpu_per_s"] for r in best], [r[key] for r in best], **look)
+            handles.setdefault(label, line)
+        x, y = np.array([(row["cpu_per_s"], row[key]) for row in nothing_better(everything, key)]).T
+        (line,) = axis.step(x, y, where="post", color="#555555", linewidth=6.0, alpha=0.22, zorder=0.5)
+        handles.setdefault("Pareto front of all", line)
         _floor(axis, session, case, key)
         axis.set(xscale="log", yscale="log", title=_TITLES[case])
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_xlabel("CPU seconds per second of sound (one core)")
         axis.set_ylabel("relative error e against the converged run")
         axis.axvline(1.0, color="#555555", linewidth=1.0, linestyle=":")
-        axis.annotate("real time", (1.0, 0.985), xycoords=("data", "axes fraction"), rotation=90, ha="right", va="top",
+        axis.annotate("real time", (1.0, 0.015), xycoords=("data", "axes fraction"), rotation=90, ha="right", va="bottom",
                       fontsize=8, color="#555555")  # fmt: skip
         if case == "tanpura":
             axis.axhline(0.1, color="#555555", linewidth=1.0, linestyle=":")
-            axis.annotate("criterion of the literature, e = 0.1", (0.985, 0.1), xycoords=("axes fraction", "data"),
-                          ha="right", va="bottom", fontsize=8, color="#555555")  # fmt: skip
-        for row in _finite(session.default_rows(case), key):
-            axis.annotate(rate(row["run"].rate_hz).replace(".0 MHz", " MHz"), (row["cpu_per_s"], row[key]), xytext=(-7, -11),
-                          textcoords="offset points", ha="right", fontsize=7, color=_OURS)  # fmt: skip
-    figure.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, fontsize=8)
-    figure.suptitle(f"Error against cost; CPU: {session.machine}", fontsize=11)
+            axis.annotate("criterion of the literature: e < 0.1", (0.01, 0.1), xycoords=("axes fraction", "data"),
+                          ha="left", va="bottom", fontsize=8, color="#555555")  # fmt: skip
+        best = nothing_better(_finite(session.default_rows(case), key), key)
+        for row in best[:2] + best[-1:] * (len(best) > 2):
+            axis.annotate(rate(row["run"].rate_hz), (row["cpu_per_s"], row[key]), xytext=(-6, -6), ha="right", va="top",
+                          textcoords="offset points", fontsize=8, color=_OURS)  # fmt: skip
+        axis.margins(x=0.12)
+    figure.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, 0.01), ncols=3, fontsize=8)
+    what = "lines: each scheme's best choices of rate and modes; dots: its other runs"
+    figure.suptitle(f"Error against cost ({what}). CPU: {session.machine}", fontsize=9)
     figure.tight_layout()
-    for path in filter(None, (session.out / "pareto.png", front)):
+    for path in filter(None, (session.out / name, front)):
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=100, bbox_inches="tight")
     plt.close(figure)
@@ -154,7 +171,9 @@ def _floor(axis: Axes, session: Session, case: str, key: str) -> None:
 
 def convergence(session: Session) -> None:
     """Error against internal rate, with lines of first and second order."""
-    cases = [case for case in session.cases if not case.startswith("fretless")]
+    cases = [case for case in session.cases if case not in (ELASTIC, INELASTIC)]
+    if not cases:
+        return
     styles = _styles(session)
     figure, axes = plt.subplots(1, len(cases), figsize=(5.4 * len(cases), 5.2), squeeze=False)
     handles: dict[str, Any] = {}
