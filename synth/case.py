@@ -90,14 +90,42 @@ class MotionTable(_Table):
     sine: list[SineTable] = []
 
 
+class ParabolaTable(_Table):
+    top_m: float
+    height_m: float = 0.0
+    radius_m: Positive
+
+
+class WallTable(_Table):
+    from_m: NonNegative
+    to_m: Positive
+    nodes: Annotated[int, Field(ge=1)] | None = None
+    spacing_m: Positive | None = None
+    height_m: float | None = None
+    neck: Literal["bass"] | None = None
+    parabola: ParabolaTable | None = None
+    stiffness_n_m2: Positive | Literal["rigid"] = 1e8
+
+    @model_validator(mode="after")
+    def _one_height(self) -> WallTable:
+        if (self.height_m is not None) + (self.neck is not None) + (self.parabola is not None) != 1:
+            raise ValueError("give one of height_m, neck and parabola")
+        if self.nodes is not None and self.spacing_m is not None:
+            raise ValueError("give either nodes or spacing_m")
+        return self
+
+
 class ObstacleTable(_Table):
     positions_m: list[float] | None = None
     heights_m: list[float] | float | None = None
     frets: FretsTable | None = None
     motion: MotionTable = MotionTable()
+    wall: WallTable | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> ObstacleTable:
+        if self.wall is not None and (self.frets, self.positions_m, self.heights_m) != (None, None, None):
+            raise ValueError("give either wall, or frets, or positions_m and heights_m")
         if self.frets is not None:
             if self.positions_m is not None or self.heights_m is not None:
                 raise ValueError("give either frets or positions_m and heights_m")
@@ -175,6 +203,8 @@ class SchemeTable(_Table):
     name: str = "exact-hold"
     restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
     residual_compliance: bool = True
+    tail: Literal["lumped", "static", "none"] | None = None
+    substeps: Annotated[int, Field(ge=1, le=64)] = 1
     start: Literal["exact", "published"] = "exact"
     stiffness: Positive | None = None
     exponent: Annotated[float, Field(ge=1)] | None = None
@@ -188,10 +218,19 @@ class SchemeTable(_Table):
     def _known(self) -> SchemeTable:
         if self.name not in SCHEMES:
             raise ValueError(f"unknown contact scheme {self.name!r}; use one of {', '.join(SCHEMES)}")
+        if self.tail not in (None, "none") and not self.residual_compliance:
+            raise ValueError(f'residual_compliance = false and tail = "{self.tail}" contradict each other; leave one out')
+        if self.substeps > 1 and self.name != "exact-hold":
+            raise ValueError(f"substeps are exact-hold's, got {self.substeps} for {self.name}; raise internal_rate_hz")
         for key, schemes in _TAKEN_BY.items():
             if getattr(self, key) is not None and self.name not in schemes:
                 raise ValueError(f"scheme {self.name!r} does not take {key}; it belongs to {', '.join(schemes)}")
         return self
+
+    @property
+    def tail_kind(self) -> str:
+        """What stands for the modes left out: "lumped", "static" or "none"."""
+        return self.tail or ("lumped" if self.residual_compliance else "none")
 
 
 class RunTable(_Table):
@@ -229,12 +268,25 @@ class Case(_Table):
     scheme: SchemeTable = SchemeTable()
     run: RunTable
 
+    @model_validator(mode="before")
+    @classmethod
+    def _scheme_of_a_wall(cls, tables: Any) -> Any:
+        """A wall that is not cut into points of its own is the wall scheme's, where none is named."""
+        wall = tables.get("obstacle", {}).get("wall") if isinstance(tables, dict) else None
+        scheme = tables.get("scheme", {}) if isinstance(tables, dict) else {}
+        if isinstance(wall, dict) and isinstance(scheme, dict) and "name" not in scheme:
+            if wall.get("nodes") is None and wall.get("spacing_m") is None:
+                return {**tables, "scheme": {**scheme, "name": "wall"}}
+        return tables
+
 
 #: what an override may replace: its name → table and key; the short names are the command line's
 OVERRIDES = {
     "scheme": ("scheme", "name"),
     "restitution": ("scheme", "restitution"),
     "residual_compliance": ("scheme", "residual_compliance"),
+    "tail": ("scheme", "tail"),
+    "substeps": ("scheme", "substeps"),
     "start": ("scheme", "start"),
     "stiffness": ("scheme", "stiffness"),
     "exponent": ("scheme", "exponent"),

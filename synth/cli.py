@@ -457,7 +457,9 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument("case", metavar="CASE", help="a .toml file, or a case of the program by name: tanpura, bass, hard/…")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
     parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
-    parser.add_argument("--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes")
+    parser.add_argument(
+        "--restitution", type=_number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
+    )
     parser.add_argument("--stiffness", type=_number(float, 0, 1e30), metavar="K", help="of a compliant contact, N/m^α")
     parser.add_argument("--exponent", type=_number(float, 1, 100), metavar="A", help="α of a compliant contact")
     parser.add_argument("--rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")

@@ -19,10 +19,10 @@ from synth.physics.modes import (
     force_weights,
     modal_frequencies,
     mode_shapes,
-    residual_compliance,
 )
 from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
 from synth.physics.string import NutResonance, String
+from synth.physics.tail import lumped_tail
 from synth.plan import StringPlan, plan_string, scene_kind
 from synth.preset import (
     BridgeObstacle,
@@ -42,7 +42,7 @@ from synth.units import db_to_gain, midi_to_hz, midi_to_note
 
 @dataclass(frozen=True)
 class Position:
-    """A note at a place of a string, with its model. Shapes: N modes, C contacts."""
+    """A note at a place of a string, with its model. Shapes: N modes, of which the last may be lumped, C contacts."""
 
     note: int
     fret: int
@@ -62,6 +62,7 @@ class Position:
     q_rest: np.ndarray  # (N,) static state under contacts that press
     rest_height_m: float  # of the fret it is stopped at, below the open string's line
     output_rest: float  # output of that line
+    own: int  # the string's own modes; those behind them are lumped (`physics.tail`)
 
 
 @dataclass(frozen=True)
@@ -251,13 +252,17 @@ def compile_position(
     eta = np.asarray(obstacle.heights_m, dtype=float)
     shapes = mode_shapes(string.length_m, positions, n) if positions.size else np.zeros((0, n))
     residual = np.zeros((eta.size, eta.size))
+    wq, wv = output_weights(preset, string, open_length_m, n)
     if positions.size and law == EXACT_HOLD:
-        residual = residual_compliance(string, positions, n)
+        tail = lumped_tail(string, positions, n, plan.rate_hz)
+        omega, sigma = np.append(omega, tail.omega), np.append(sigma, tail.sigma)
+        shapes, residual = np.hstack([shapes, tail.shapes]), tail.residual
+        outputs = np.array(output_weights(preset, string, open_length_m, tail.modes))
+        wq, wv = np.hstack([[wq, wv], tail.weights(outputs)])
     mu = string.linear_density_kg_m
     coef = coefficients(law, omega, sigma, mu, 1.0 / plan.rate_hz)
     matrix = np.zeros((eta.size, eta.size))
     contact_matrix(law, coef, shapes, residual, matrix)
-    wq, wv = output_weights(preset, string, open_length_m, n)
     return Position(
         note,
         fret,
@@ -277,6 +282,7 @@ def compile_position(
         static_state(omega, mu, shapes, eta, residual),
         rest_height_m,
         gain * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
+        n,
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, arrays_of
+from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, WallTable, arrays_of
 from synth.physics.excitation import pluck_weights, rounded_triangle, triangle_pluck
 from synth.physics.modes import (
     base_frequencies,
@@ -21,8 +21,9 @@ from synth.physics.modes import (
     model_frequencies,
     residual_compliance,
 )
-from synth.physics.obstacle import Obstacle, frets
+from synth.physics.obstacle import Obstacle, bass_neck_height, frets, parabola_height, wall_positions
 from synth.physics.string import NutResonance, String
+from synth.physics.tail import Tail, lumped_tail
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD, law_of
 from synth.solver.problem import Problem
@@ -66,14 +67,35 @@ class Scene:
             if not self._tension_at(cents - _RESIDUAL_GRID_CENTS) > 0.0:
                 raise CaseError(f"bend: {cents:g} cents at {end:g} s leave no tension; bend the string up, or less far down")
 
+        if case.bend and case.scheme.tail == "lumped":
+            raise CaseError('scheme.tail: lumped modes do not follow a bend; take tail = "static"')
+        if case.obstacle.moves and case.scheme.substeps > 1:
+            raise CaseError(
+                f"scheme.substeps: not over a moving obstacle, got {case.scheme.substeps}; raise internal_rate_hz"
+            )
+
+    @cached_property
+    def tail(self) -> Tail | None:
+        """The lumped modes of those left out, where the scheme is exact-hold and wants them.
+
+        Unless asked for by name there are none with a bend, whose R follows the tension, and none where contacts are more
+        than a fourth of the modes, a wall of points: they would be as many as those.
+        """
+        scheme, run = self.case.scheme, self.case.run
+        if scheme.name != "exact-hold" or scheme.tail_kind != "lumped" or self.positions.size == 0 or self.case.bend:
+            return None
+        if scheme.tail is None and 4 * self.positions.size > run.modes:
+            return None
+        return lumped_tail(self.string, self.positions, run.modes, run.internal_rate_hz * scheme.substeps)
+
     @cached_property
     def residual(self) -> np.ndarray:
-        """R (C, C) [m/N] of the modes left out, zero where the case wants none."""
-        return self._residual(self.string)
+        """R (C, C) [m/N], static compliance of what neither modes nor lumped modes stand for; zero if not wanted."""
+        return self._residual(self.string) if self.tail is None else self.tail.residual
 
     @cached_property
     def model(self) -> driver.Model:
-        """Coefficients and contact matrix of a case whose scheme is a law of the block kernels."""
+        """Coefficients and contact matrix of a case whose scheme is a law of the block kernels; lumped modes come last."""
         return self._model(self.omega, self.sigma, 0.0)
 
     def bent_model(self, cents: float) -> driver.Model:
@@ -145,25 +167,42 @@ class Scene:
 
     def _residual(self, string: String) -> np.ndarray:
         contacts = self.positions.size
-        if self.case.scheme.residual_compliance and contacts > 0:
+        if self.case.scheme.tail_kind != "none" and contacts > 0:
             return residual_compliance(string, self.positions, self.case.run.modes)
         return np.zeros((contacts, contacts))
 
     def _model(self, omega: np.ndarray, sigma: np.ndarray, cents: float) -> driver.Model:
         law = law_of(self.case.scheme.name)
         contacts = self.positions.size
+        shapes, out_shapes = self.shapes, self.out_shapes
+        if self.tail is not None:
+            outputs = mode_shapes(self.string.length_m, np.array(self.case.run.outputs_m), self.tail.modes)
+            omega = np.append(omega, self.tail.omega)
+            sigma = np.append(sigma, self.tail.sigma)
+            shapes = np.hstack([shapes, self.tail.shapes])
+            out_shapes = np.hstack([out_shapes, self.tail.weights(outputs)])
         return driver.make_model(
             law,
             omega,
             sigma,
             self.string.linear_density_kg_m,
             self.dt,
-            self.shapes,
+            shapes,
             self.eta,
             self._bent_residual(cents) if law == EXACT_HOLD else np.zeros((contacts, contacts)),
-            self.out_shapes,
+            out_shapes,
             self.case.scheme.restitution,
+            self.case.scheme.substeps,
         )
+
+    def pluck_weights(self, finger: FingerTable) -> np.ndarray:
+        """(N,) weights of a finger's width on the coordinates of `model`."""
+        n = self.case.run.modes
+        where = (self.string.length_m, finger.position_m, finger.width_m)
+        if self.tail is None:
+            return pluck_weights(*where, n)
+        full = pluck_weights(*where, self.tail.modes)
+        return np.append(full[:n], self.tail.weights(full))
 
     def problem(self) -> Problem:
         """The arrays for any other scheme."""
@@ -200,7 +239,9 @@ class Scene:
 
     def _obstacle(self) -> Obstacle:
         table = self.case.obstacle
-        if table.frets is not None:
+        if table.wall is not None:
+            obstacle = self._wall(table.wall)
+        elif table.frets is not None:
             obstacle = frets(**table.frets.model_dump())
         elif table.positions_m is not None:
             heights = table.heights_m
@@ -211,6 +252,19 @@ class Scene:
             obstacle = Obstacle()
         obstacle.check(self.string.length_m)
         return obstacle
+
+    def _wall(self, table: WallTable) -> Obstacle:
+        x = wall_positions(
+            self.string.length_m, table.from_m, table.to_m, intervals=self.case.run.modes + 1, nodes=table.nodes,
+            spacing_m=table.spacing_m,
+        )  # fmt: skip
+        if table.neck is not None:
+            heights = bass_neck_height(x)
+        elif table.parabola is not None:
+            heights = parabola_height(x, **table.parabola.model_dump())
+        else:
+            heights = np.full(x.size, table.height_m)
+        return Obstacle(tuple(x.tolist()), tuple(heights.tolist()))
 
     def _refuse_the_absurd(self) -> None:
         run = self.case.run
@@ -231,8 +285,16 @@ class Scene:
             )
 
     def initial(self) -> tuple[np.ndarray, np.ndarray]:
-        """q, v (N,) as the case gives them, whatever the obstacle says to that."""
-        table, n, length = self.case.initial, self.case.run.modes, self.string.length_m
+        """q, v (N,) on the coordinates of `model`, as the case gives them, whatever the obstacle says to that."""
+        n = self.case.run.modes
+        if self.tail is None:
+            return self._initial(n)
+        q, v = self._initial(self.tail.modes)
+        return np.append(q[:n], self.tail.state(q)), np.append(v[:n], self.tail.state(v))
+
+    def _initial(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """q, v (n,) of the string's first n modes."""
+        table, length = self.case.initial, self.string.length_m
         q, v = np.zeros(n), np.zeros(n)
         if table.shape == "triangle":
             assert table.position_m is not None and table.displacement_m is not None

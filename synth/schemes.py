@@ -28,6 +28,7 @@ SCHEMES: dict[str, str] = {
     **LAWS,
     **EXACT,
     **COMPLIANT,
+    "wall": "impulses at every node of the modal grid from an elastic, or rigid, wall along the string",
 }
 
 #: From these rates on no Moreau–Jean run of the project's cases held more energy than it began with: with restitution 0,

@@ -22,6 +22,10 @@ keys are errors. * marks what must be there.
     [obstacle]                  left out: none. Either
     positions_m, heights_m      one height per point, or a single one for all
     frets = {scale_length_m, count, action_12th_m, relief_m = 0, nut_height_m = 0.0004}
+    wall = {from_m, to_m, …}    contact all along a stretch, its height one of: height_m; neck = "bass" (the paper's, without
+                                frets); parabola = {top_m, height_m = 0, radius_m}, a curved bridge. Points: nodes or
+                                spacing_m; neither: the modal grid, for scheme "wall" (then the default).
+                                stiffness_n_m2 = 1e8, of that scheme alone: [N/m per m], or "rigid"
     [[obstacle.motion.ramp]]    moves the whole obstacle, any number; what they and the sines give adds up
     duration_s*, displacement_m*, start_s    raised cosine from 0 to displacement_m, where it stays; start_s default 0
     [[obstacle.motion.sine]]
@@ -46,10 +50,15 @@ keys are errors. * marks what must be there.
 
     [scheme]
     name                        "exact-hold" (default), "moreau-jean", "moreau-jean-filtered"; with a compliant contact
-                                "compliant", "energy-quadratisation", "scalar-auxiliary-variable"; exact solutions where
-                                there is one: "waveguide", "cabannes", "flat-wall", "event-driven" (`synth.exact_methods`)
+                                "compliant", "energy-quadratisation", "scalar-auxiliary-variable"; along a wall "wall"; exact
+                                solutions where there is one: "waveguide", "cabannes", "flat-wall", "event-driven"
     restitution                 0 … 1, default 1; exact-hold has none and ignores it
-    residual_compliance         default true: exact-hold and event-driven add the static compliance of the modes left out
+    tail                        exact-hold, what stands for the modes left out: "lumped", one or two damped modes per contact
+                                (`physics.tail`), "static", their static compliance, or "none". Default: lumped; static
+                                with a bend or more contacts than a fourth of the modes
+    residual_compliance         default true; false: tail = "none". Event-driven takes static compliance or none
+    substeps                    exact-hold, default 1: the contact force changes K times a step while the modes advance
+                                once (`solver.substeps`); one contact is fastest with 2, 3 or 4; not over a moving obstacle
     start                       Moreau–Jean: "exact" (default) first step by the exact propagator, or "published", w⁰ = q̇⁰
     stiffness, exponent         compliant contacts, f = K [η − u]₊^α: K of a point in N/m^α, default 1e10, and α ≥ 1, default
                                 1.5. Issanchou et al.'s K = 1e13 is per metre, at the nodes of their grid of 1 mm: 1e10
@@ -79,7 +88,8 @@ What comes out, as attributes of `Result` and under the same names in the .npz; 
     contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
-    energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²
+    energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²; in a
+                            wall's springs
     energy_viscous, energy_contact    lost so far to damping, at contacts
     energy_injected         work on the string so far of the fingers (what their spring and dashpot keep left out), of the
                             moving obstacle (λ·Δη) and of whoever bends it
@@ -220,7 +230,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
     metadata = {
         "version": _version(),
         "scheme": law,
-        "restitution": case.scheme.restitution if law.startswith("moreau-jean") else None,
+        "restitution": case.scheme.restitution if law.startswith(("moreau-jean", "wall")) else None,
         "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
         "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
         "internal_rate_hz": run.internal_rate_hz,

@@ -16,7 +16,7 @@ FLOORS = (
     {"units", "kernel_cache", "schemes", "calibration"},
     {"physics", "solver", "dsp"},
     {"measures", "exact"},
-    {"plan", "compile", "preset", "case", "scene", "methods", "exact_methods", "compliant_methods", "simulation"},
+    {"plan", "compile", "preset", "case", "scene", "methods", "simulation"},
     {"engine"},
     {"host", "tune"},
     {"cli"},

@@ -211,8 +211,11 @@ def test_overdamped_and_critical_modes_are_what_they_say():
 
 
 def test_a_minute_without_any_loss():
-    """Only contact takes energy: between touches it stays what it is, but for an ulp in each of 331 000 steps at most."""
-    result = ran("hard/undamped-minute")
+    """Only contact takes energy: between touches it stays what it is, but for an ulp in each of 331 000 steps at most.
+
+    Lumped modes would take some: they are damped on any string.
+    """
+    result = simulate("hard/undamped-minute", tail="static")
     energy = result.energy_stored + result.energy_residual
     scale = energy[0]
     rounding = result.summary["steps"] * np.finfo(float).eps * scale
@@ -362,7 +365,7 @@ def test_the_driver_steps_as_the_twin_does(scheme, restitution):
     points = [0.3, 0.32, 0.5]
     case = with_tables("hard/moving-ramp", obstacle={"positions_m": points, "heights_m": 0.0})
     case["run"] |= {"modes": 15, "internal_rate_hz": 20e3, "output_rate_hz": 20e3}
-    start = scene_of(case)
+    start = scene_of(with_tables_of(case, scheme={"tail": "static"}))
     case["obstacle"]["heights_m"] = list(start.shapes @ start.initial()[0] - 5e-5)
     scene = scene_of(with_tables_of(case, scheme={"name": scheme, "restitution": restitution}))
     model, string, dt = scene.model, scene.string, scene.dt
@@ -380,7 +383,7 @@ def test_the_driver_steps_as_the_twin_does(scheme, restitution):
             moves = (risen / dt, (after - before) / dt)
             filtered = scheme == "moreau-jean-filtered"
             step = moreau_jean_step(*common, model.eta + before, restitution, filtered, q, v, obstacle=moves)
-        driver.run_moving(model, state, 1, no_finger(15, 3), np.array([before, after]))
+        driver.run_moving(model, state, 1, no_finger(q.size, 3), np.array([before, after]))
         np.testing.assert_allclose(state.q, step.q, rtol=0, atol=1e-11 * np.abs(q).max())
         np.testing.assert_allclose(state.v, step.v, rtol=0, atol=1e-11 * np.abs(v).max() + 1e-15)
         touched += np.count_nonzero(step.contact)

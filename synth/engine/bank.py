@@ -88,6 +88,7 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                 models.append(
                     (
                         n,
+                        position.own,
                         c,
                         off,
                         soff,

@@ -23,6 +23,7 @@ RING = 256
 MODEL = np.dtype(
     [
         ("n", "i8"),
+        ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
         ("off", "i8"),
         ("soff", "i8"),

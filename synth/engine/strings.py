@@ -80,7 +80,8 @@ def _set_coefficients(bank, state, settings, scratch, s: int) -> None:
         added = (bend_ratio * bend_ratio - 1.0) * bank.omega[m_off] * bank.omega[m_off]
         for j in range(n):
             w = bank.omega[m_off + j]
-            scratch.omega[j] = math.sqrt(max(w * w + added * (j + 1.0) * (j + 1.0), 1e-6 * w * w))
+            more = added * (j + 1.0) * (j + 1.0) if j < model.own else (bend_ratio * bend_ratio - 1.0) * w * w
+            scratch.omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
             scratch.sigma[j] = bank.sigma[m_off + j] + me.hand
             if scratch.omega[j] * dt > math.pi:  # bent above half the internal rate, where it would be heard mirrored
                 scratch.sigma[j] += LN_1000 / CUT_S
@@ -203,7 +204,7 @@ def _set_finger(bank, state, settings, s: int, distance: float, width: float, se
         k = (j + 1) * math.pi / model.length
         kappa = 0.25 * k * width
         taper = math.sin(kappa) / kappa if kappa > 1e-9 else 1.0
-        state.finger_weights[fixed.off + j] = scale * math.sin(k * x) * taper * taper
+        state.finger_weights[fixed.off + j] = scale * math.sin(k * x) * taper * taper if j < model.own else 0.0
     me.finger_k = part.finger_stiffness
     me.finger_r = part.finger_loss * fixed.impedance
     me.finger_step = 0
@@ -259,12 +260,12 @@ def change_model(bank, state, scratch, s: int, target: int) -> None:
     Both models end at the saddle. With ξ counted from there, φ_j = √(2/L)(−1)^(j+1) sin(jπξ/L), and the new coordinates
     are the projections of the displacement (in the new rest line's frame, absolute positions kept) and of the velocity.
     Projection is on sines that vanish at the new fret: by Bessel's inequality neither kinetic nor elastic energy grows,
-    but for the work of a hand that lets a stopped string go, which is the string's own.
+    but for the work of a hand that lets a stopped string go, which is the string's own. Lumped modes begin at rest.
     """
     me = state.sounding[s]
     fixed = bank.strings[s]
     old, new = bank.models[me.model], bank.models[target]
-    n_old, n_new = old.n, new.n
+    n_old, n_new = old.own, new.own
     l_old, l_new = old.length, new.length
     q, v = state.q[fixed.off : fixed.off + n_old], state.v[fixed.off : fixed.off + n_old]
     scale = 2.0 / math.sqrt(l_old * l_new)
@@ -317,7 +318,7 @@ def change_model(bank, state, scratch, s: int, target: int) -> None:
         state.q[fixed.off + j] = scratch.q[j] if j < n_new else 0.0
         state.v[fixed.off + j] = scratch.v[j] if j < n_new else 0.0
     me.model = target
-    me.n = n_new
+    me.n = new.n
     me.phase = NO_FINGER
     me.stale = 1
 

@@ -108,6 +108,41 @@ def frets(
     return Obstacle(tuple(x.tolist()), tuple(heights.tolist()))
 
 
+def wall_positions(
+    length_m: float, from_m: float, to_m: float, *, intervals: int | None = None, nodes: int | None = None,
+    spacing_m: float | None = None,
+) -> np.ndarray:  # fmt: skip
+    """Where a wall along from_m ≤ x ≤ to_m is looked at (C,) [m]; one of
+
+    intervals   the points i·L/intervals, 0 < i < intervals, inside the stretch: the modal grid of intervals − 1 modes
+    nodes       so many points, the first and the last at the ends of the stretch (one: at its end)
+    spacing_m   points so far apart, the last one at to_m
+
+    The ends of the string are never among them. Raises ValueError for a stretch that is empty or leaves the string.
+    """
+    if not 0.0 <= from_m < to_m <= length_m:
+        raise ValueError(f"a wall must have 0 <= from_m < to_m <= {length_m:g} m, got {from_m:g} and {to_m:g} m")
+    if nodes is not None:
+        x = np.linspace(from_m, to_m, nodes + (from_m == 0.0))[-nodes:] if nodes > 1 else np.array([to_m])
+    elif spacing_m is not None:
+        x = to_m - spacing_m * np.arange(math.floor((to_m - from_m) / spacing_m + 1e-9), -1.0, -1.0)
+    elif intervals is not None:
+        i = np.arange(1, intervals)
+        x = i * (length_m / intervals)
+        x = x[(x >= from_m - 1e-9 * length_m) & (x <= to_m + 1e-9 * length_m)]
+    else:
+        raise ValueError("give intervals, nodes or spacing_m")
+    x = x[(x > 1e-9 * length_m) & (x < length_m * (1.0 - 1e-9))]
+    if x.size == 0:
+        raise ValueError(f"no node lies on the wall from {from_m:g} to {to_m:g} m; take more nodes, or more modes")
+    return x
+
+
+def parabola_height(positions_m: np.ndarray, top_m: float, height_m: float, radius_m: float) -> np.ndarray:
+    """A curved bridge η(x) = height − (x − top)²/(2·radius) [m], radius of curvature > 0 at its top."""
+    return height_m - (np.asarray(positions_m, dtype=np.float64) - top_m) ** 2 / (2.0 * radius_m)
+
+
 def fretted(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float, Obstacle]:
     """The scene of a note at fret n = fret_index of a string of open length length_m; n = 0: the open string.
 

@@ -2,7 +2,8 @@
 
 A run is `start_run`, then `run` as often as the finger changes, `run_moving` where the obstacle moves, and
 `change_model` wherever the string's tension does. Between two outputs the block kernel `kernels.advance` does all the
-steps; with the ledger on, or over a moving obstacle, they are done one at a time.
+steps; with the ledger on, or over a moving obstacle, they are done one at a time. Steps may be divided where the
+string touches (`substeps`), but not over a moving obstacle.
 """
 
 from __future__ import annotations
@@ -16,14 +17,26 @@ from synth.solver.energy import filter_factor, impulse_work, spring, stored
 from synth.solver.kernels import Finger, Work, advance, amplitudes, dot, make_work, reach
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
+from synth.solver.substeps import (
+    Substeps,
+    advance_one_substepped,
+    advance_substepped,
+    arriving,
+    clear_step,
+    make_substeps,
+)
 
 # places in Run.sums
 STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5
 PENETRATION, RISE, LEAST_VISCOUS, LEAST_CONTACT = 6, 7, 8, 9
 _SUMS = 10
 # places in Run.counts
-STEPS, PHASE, ROW, LAST_CONTACT, BAD_STEPS, CONTACT_STEPS = 0, 1, 2, 3, 4, 5
-_COUNTS = 6
+STEPS, PHASE, ROW, LAST_CONTACT, BAD_STEPS, CONTACT_STEPS, DIVIDE = 0, 1, 2, 3, 4, 5, 6
+_COUNTS = 7
+#: where rows are few steps apart, contacts out of reach are looked for that often; they stay so until one is touched
+_CERTIFY_STEPS = 32
+#: steps of one call of the kernel for one contact in parts
+_BLOCK = 512
 #: columns of Run.energy
 ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
@@ -44,6 +57,7 @@ class Model(NamedTuple):
     g: np.ndarray  # (C, C)
     residual: np.ndarray  # (C, C); zero for Moreau–Jean
     out_shapes: np.ndarray  # (P, N)
+    sub: Substeps  # parts of a step; one of them: none
 
 
 class Run(NamedTuple):
@@ -62,14 +76,22 @@ class Run(NamedTuple):
     energy: np.ndarray  # (n, 5) out, or (0, 5)
     watch: np.ndarray  # (C,) uint8
     records: np.ndarray  # (M, C)
+    parts: np.ndarray  # (K, C) forces of a step's parts
     scratch: np.ndarray  # (3, N)
     work: Work
     eta: np.ndarray  # (C,) heights now
     risen: np.ndarray  # (1,) how far the obstacle rose in the last step [m]
 
 
-def make_model(law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float) -> Model:
-    """Coefficients and contact matrix for modes ω, σ (N,), contacts S (C, N) at η (C,) and outputs (P, N)."""
+def make_model(
+    law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float, substeps: int = 1
+) -> Model:  # fmt: skip
+    """Coefficients and contact matrix for modes ω, σ (N,), contacts S (C, N) at η (C,) and outputs (P, N).
+
+    `substeps` > 1 divides a step where the string touches (`solver.substeps`); exact-hold only, ValueError otherwise.
+    """
+    if substeps > 1 and law != EXACT_HOLD:
+        raise ValueError(f"substeps are exact-hold's, got {substeps} for a Moreau–Jean law; raise its rate instead")
     omega, sigma, shapes, eta, out_shapes = (
         np.ascontiguousarray(a, dtype=np.float64) for a in (omega, sigma, shapes, eta, out_shapes)
     )
@@ -79,7 +101,8 @@ def make_model(law: int, omega, sigma, mu: float, dt: float, shapes, eta, residu
     g = np.empty((contacts, contacts))
     contact_matrix(law, coef, shapes, residual, g)
     factor = filter_factor(law, omega, coef, dt)
-    return Model(law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes)
+    sub = make_substeps(substeps, omega, sigma, mu, dt, shapes, residual)
+    return Model(law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, sub)
 
 
 def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -123,6 +146,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         energy=np.zeros((outputs if ledger else 0, len(ENERGY_COLUMNS))),
         watch=np.ones(contacts, np.uint8),
         records=np.zeros((steps_per_output, contacts)),
+        parts=np.zeros((model.sub.parts, contacts)),
         scratch=np.zeros((3, n)),
         work=make_work(contacts),
         eta=model.eta.copy(),
@@ -208,11 +232,13 @@ def _certify(model: Model, run: Run) -> None:
             # the bound is a sum of N roundings too: leave it a margin
             if reach(model.shapes[c], amplitude) * (1.0 + 1e-9) < -model.eta[c]:
                 run.watch[c] = 0
+            elif model.sub.parts > 1:
+                run.u_contact[c] = dot(model.shapes[c], run.q)
 
 
 @njit(cache=True, nogil=True)
 def run(model: Model, run: Run, n_steps: int, finger: Finger) -> None:
-    """n steps; finger.path (n + 1,) where finger.on. Stops early when the rows of the results are full."""
+    """n steps; finger.path (nK + 1,) at every part of a step where finger.on. Stops early when the results are full."""
     run_moving(model, run, n_steps, finger, np.zeros(0))
 
 
@@ -221,6 +247,7 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
     """`run` while the obstacle moves up and down as a whole.
 
     path (n + 1,) its displacement [m] from the heights of the model, at the start and after each step; (0,): it stands.
+    Where it moves, steps are whole whatever the model says.
     """
     every = run.records.shape[0]
     ledger = run.energy.shape[0] > 0
@@ -228,6 +255,11 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
     none = np.zeros((0, model.omega.size))
     no_out = np.zeros((every, 0))
     no_record = np.zeros((0, 0))
+    count = 1 if moves else model.sub.parts
+    run.watch[:] = 1  # model and finger may be others than in the call before
+    if count > 1 and not ledger and finger.on == 0 and model.eta.size == 1 and model.sub.response.size > 0:
+        _run_one_divided(model, run, n_steps)
+        return
     done = 0
     while done < n_steps and run.counts[ROW] < run.u.shape[0]:
         phase = run.counts[PHASE]
@@ -238,22 +270,36 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
             finger.own,
             finger.stiffness,
             finger.resistance,
-            finger.path[done:] if finger.on else finger.path,
+            finger.path[done * count :] if finger.on else finger.path,
             finger.state,
         )
-        if ledger:
-            _weighed_step(model, run, here, path[done : done + 2], none, no_out)
-            m = 1
+        m = 1
+        if count > 1 and (ledger or finger.on != 0 or model.eta.size == 1):
+            _divided_step(model, run, here, path, ledger, none, no_out)
+        elif ledger:
+            run.watch[:] = 1
+            _weighed_step(model, run, here, path[done : done + 2], run.records[phase : phase + 1], none, no_out)
+        elif count > 1:
+            m = min(n_steps - done, every - phase)
+            if m > 8 or run.counts[STEPS] % _CERTIFY_STEPS == 0:
+                _certify(model, run)
+            status = advance_substepped(
+                m, model.dt, model.sub, model.coef, model.shapes, run.eta, run.q, run.v, run.u_contact, run.force,
+                here, run.watch, run.counts[DIVIDE : DIVIDE + 1], none, none, no_out, no_out,
+                run.records[phase : phase + m], run.scratch, run.v_contact, run.parts, none, run.work,
+            )  # fmt: skip
+            if status != SOLVED:
+                run.counts[BAD_STEPS] += 1
         else:
             m = min(n_steps - done, every - phase)
             restitution = model.restitution
             if moves:
                 m = 1
                 restitution = _rise(model, run, path[done], path[done + 1])
-            if m > 8:
-                _certify(model, run)
-            else:
+            if moves or finger.on != 0:
                 run.watch[:] = 1
+            elif m > 8 or run.counts[STEPS] % _CERTIFY_STEPS == 0:
+                _certify(model, run)
             status = advance(
                 model.law, m, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
                 run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
@@ -263,19 +309,102 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
                 _risen(model, run, path[done], path[done + 1])
             if status != SOLVED:
                 run.counts[BAD_STEPS] += 1
-            for t in range(m):
-                touched = False
-                for c in range(model.eta.size):
-                    if run.records[phase + t, c] > 0.0:
-                        touched = True
-                if touched:
-                    run.counts[LAST_CONTACT] = run.counts[STEPS] + t + 1
-                    run.counts[CONTACT_STEPS] += 1
+        for t in range(m):
+            touched = False
+            for c in range(model.eta.size):
+                if run.records[phase + t, c] > 0.0:
+                    touched = True
+            if touched:
+                run.counts[LAST_CONTACT] = run.counts[STEPS] + t + 1
+                run.counts[CONTACT_STEPS] += 1
         done += m
         run.counts[STEPS] += m
         run.counts[PHASE] += m
         if run.counts[PHASE] == every:
             _write_output(model, run)
+
+
+@njit(cache=True, nogil=True)
+def _run_one_divided(model: Model, run: Run, n_steps: int) -> None:
+    """`run` over one contact in blocks of many rows, every step in parts."""
+    every = run.records.shape[0]
+    u, force = np.zeros(_BLOCK), np.zeros(_BLOCK)
+    no_out = np.zeros(0)
+    parts = np.zeros(4)
+    shape, eta = model.shapes[0], run.eta[0]
+    points = model.out_shapes.shape[0]
+    done = 0
+    while done < n_steps and run.counts[ROW] < run.u.shape[0]:
+        # rows of one output point come out of the kernel's own sum; of more, from the modes at each row
+        m = min(n_steps - done, _BLOCK if every == 1 and points == 1 else every - run.counts[PHASE])
+        m = min(m, _BLOCK)
+        wanted = every == 1 and points == 1
+        if wanted:
+            m = min(m, run.u.shape[0] - run.counts[ROW])
+        row = run.counts[ROW]
+        advance_one_substepped(
+            m, model.sub, model.coef, shape, eta, run.q, run.v, model.out_shapes[0] if points else shape, shape,
+            1 if wanted else 0, 0, run.u[row : row + m, 0] if wanted else no_out, no_out, u, force, parts,
+        )  # fmt: skip
+        run.force[0] = parts[model.sub.parts - 1]
+        for t in range(m):
+            run.records[run.counts[PHASE] + (0 if wanted else t), 0] = force[t]
+            if force[t] > 0.0:
+                run.counts[LAST_CONTACT] = run.counts[STEPS] + t + 1
+                run.counts[CONTACT_STEPS] += 1
+            if wanted:
+                run.contact_u[row + t, 0] = u[t]
+                run.contact_force[row + t, 0] = force[t]
+                run.sums[PENETRATION] = max(run.sums[PENETRATION], eta - u[t])
+        done += m
+        run.counts[STEPS] += m
+        if wanted:
+            run.counts[ROW] += m
+        else:
+            run.counts[PHASE] += m
+            if run.counts[PHASE] == every:
+                _write_output(model, run)
+
+
+@njit(cache=True, nogil=True)
+def _divided_step(model: Model, run: Run, finger: Finger, path, ledger: bool, none, no_out) -> None:
+    """One step, in parts where `solver.substeps` says so or a finger is on; weighed if asked for. path (0,): no motion."""
+    phase, count, contacts = run.counts[PHASE], model.sub.parts, model.eta.size
+    run.watch[:] = 1
+    whole = finger.on == 0 and contacts > 1 and run.counts[DIVIDE] == 0
+    after = run.v_contact
+    if whole and clear_step(model.coef, model.shapes, run.eta, run.q, run.v, run.watch, run.u_contact, run.scratch, after):
+        _weighed_step(model, run, finger, path, run.records[phase : phase + 1], none, no_out)
+    else:
+        fine = Model(
+            model.law, model.dt / count, model.restitution, model.mu, model.omega, model.sigma, model.sub.coef,
+            model.factor, model.shapes, model.eta, model.sub.g, model.residual, model.out_shapes, model.sub,
+        )  # fmt: skip
+        for k in range(count):
+            here = Finger(
+                finger.on, finger.weights, finger.coupling, finger.own, finger.stiffness, finger.resistance,
+                finger.path[k:] if finger.on else finger.path, finger.state,
+            )  # fmt: skip
+            if ledger:
+                _weighed_step(fine, run, here, path, run.parts[k : k + 1], none, no_out)
+            else:
+                status = advance(
+                    fine.law, int(np.int64(1)), fine.dt, fine.restitution, fine.coef, fine.shapes, run.eta, fine.g,
+                    run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
+                    none, none, no_out[:1], no_out[:1], run.parts[k : k + 1], run.parts[0:0], run.work,
+                )  # fmt: skip
+                if status != SOLVED:
+                    run.counts[BAD_STEPS] += 1
+        for c in range(contacts):
+            run.records[phase, c] = 0.0
+            for k in range(count):
+                run.records[phase, c] += run.parts[k, c] / count
+            after[c] = dot(model.shapes[c], run.q)
+    touched = False
+    for c in range(contacts):
+        touched = touched or run.records[phase, c] > 0.0
+    run.counts[DIVIDE] = 1 if touched or arriving(run.eta, run.u_contact, after) else 0
+    run.u_contact[:] = after
 
 
 @njit(cache=True, nogil=True)
@@ -311,28 +440,25 @@ def _risen(model: Model, run: Run, before: float, after: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _weighed_step(model: Model, run: Run, finger: Finger, path, none, no_out) -> None:
-    """One step with its place in the energy ledger; path (2,) as in `run_moving`, or (0,)."""
+def _weighed_step(model: Model, run: Run, finger: Finger, path, record, none, no_out) -> None:
+    """One step with its place in the energy ledger; path (2,) as in `run_moving`, or (0,); forces go to record (1, C)."""
     n, contacts = model.omega.size, model.eta.size
     hold = model.law == EXACT_HOLD
     before_q, before_v, w_free = run.scratch[0], run.scratch[1], run.scratch[2]
     before_q[:] = run.q
     before_v[:] = run.v
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
-    phase = run.counts[PHASE]
     moves = path.size > 0
-    run.watch[:] = 1
     restitution = _rise(model, run, path[0], path[1]) if moves else model.restitution
     status = advance(
-        model.law, 1, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
+        model.law, int(np.int64(1)), model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
         run.q, run.v, run.u_contact, run.v_contact, run.force, finger, run.watch,
-        none, none, no_out, no_out, run.records[phase : phase + 1], none, run.work,
+        none, none, no_out[:1], no_out[:1], record, none, run.work,
     )  # fmt: skip
     if moves:
         _risen(model, run, path[0], path[1])
     if status != SOLVED:
         run.counts[BAD_STEPS] += 1
-    touched = False
     worked = 0.0
     injected = 0.0  # by the finger
     lifted = 0.0  # by the obstacle
@@ -348,7 +474,6 @@ def _weighed_step(model: Model, run: Run, finger: Finger, path, none, no_out) ->
         run.sums[PENETRATION] = max(run.sums[PENETRATION], depth)
         strength = run.force[c]
         if strength > 0.0:
-            touched = True
             if moves:
                 mean = strength if hold else strength / model.dt
                 lifted += mean * (run.eta[c] - (model.eta[c] + path[0]))
@@ -385,6 +510,3 @@ def _weighed_step(model: Model, run: Run, finger: Finger, path, none, no_out) ->
         sums[RISE] = max(sums[RISE], rise / scale)
         sums[LEAST_VISCOUS] = min(sums[LEAST_VISCOUS], viscous / scale)
         sums[LEAST_CONTACT] = min(sums[LEAST_CONTACT], contact / scale)
-    if touched:
-        run.counts[LAST_CONTACT] = run.counts[STEPS] + 1
-        run.counts[CONTACT_STEPS] += 1

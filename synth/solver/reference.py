@@ -97,6 +97,37 @@ def exact_hold_step(
     return Step(q_free + k[:, 0] * modal, v_free + k[:, 1] * modal, contact, pushed)
 
 
+def substepped_step(
+    omega: Array,
+    sigma: Array,
+    mu: float,
+    dt: float,
+    count: int,
+    shapes: Array,
+    eta: Array,
+    residual: Array,
+    q: Array,
+    v: Array,
+    divide: bool,
+) -> tuple[Step, bool, Array]:
+    """One step in `count` parts where `divide` or a whole one would touch: state, whether to divide the next, forces.
+
+    The forces (C,) are means over the step. See `solver.substeps`; one contact is always divided.
+    """
+    model = (shapes, eta, residual)
+    whole = exact_hold_step(omega, sigma, mu, dt, *model, q, v)
+    if eta.size > 1 and not divide and not np.any(whole.contact > 0.0):
+        step, means = whole, whole.contact
+    else:
+        step, means = Step(q, v, np.zeros(eta.size), 0.0), np.zeros(eta.size)
+        for _ in range(count):
+            step = exact_hold_step(omega, sigma, mu, dt / count, *model, step.q, step.v)
+            means = means + step.contact / count
+    before, after = shapes @ q, shapes @ step.q
+    arrives = after - eta < before - after
+    return step, bool(np.any(means > 0.0) or np.any(arrives)), means
+
+
 def _contact_forces(
     free: Array,
     k: Array,

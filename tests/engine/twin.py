@@ -83,7 +83,8 @@ class Twin:
         p, pluck = self.position, preset.pluck
         strength = velocity / 127.0
         x = pluck.position * string.open_length_m
-        weights = pluck_weights(p.length_m, p.length_m - x, 1e-3 * pluck.width_mm, p.omega.size)
+        weights = np.zeros(p.omega.size)
+        weights[: p.own] = pluck_weights(p.length_m, p.length_m - x, 1e-3 * pluck.width_mm, p.own)
         displacement = 1e-3 * pluck.displacement_mm * strength**pluck.velocity_exponent
         steps = round(string.draw_s * p.plan.rate_hz / string.factor) * string.factor  # whole output frames
         here = float(weights @ self.q)

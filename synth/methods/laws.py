@@ -1,21 +1,16 @@
-"""How each scheme of `synth.schemes` runs a scene."""
+"""How the laws of the block kernels run a scene."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from synth.case import CaseError, FingerTable
-from synth.compliant_methods import run_compliant
 from synth.dsp.denormals import enable_ftz, restore
-from synth.exact_methods import EXACT_RUNNERS
-from synth.physics.excitation import pluck_weights
 from synth.scene import Scene, finger_end
-from synth.schemes import COMPLIANT, LAWS, SCHEMES
 from synth.solver import driver
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.lcp import SOLVED
@@ -49,6 +44,10 @@ def run_law(scene: Scene) -> Outcome:
     seconds = time.perf_counter() - started
     sums, counts = state.sums, state.counts
     notes = {"started_from_static_contact": lifted > 0.0, "lifted_m": lifted}
+    if scene.tail is not None:
+        notes["lumped_modes"] = int(scene.tail.omega.size)
+    if case.scheme.substeps > 1:
+        notes["substeps"] = case.scheme.substeps
     if ledger:
         notes["initial_energy_j"] = float(sums[driver.INITIAL])
     return Outcome(
@@ -93,9 +92,9 @@ class _Hold:
     state: np.ndarray
 
     def row(self, model: driver.Model, start: int, stop: int) -> Finger:
-        coupling = np.zeros(model.eta.size)
-        own = finger_row(model.law, model.coef, model.shapes, self.weights, coupling)
-        path = self.path[start - self.begin : stop - self.begin + 1]
+        coupling, parts = np.zeros(model.eta.size), model.sub.parts
+        own = finger_row(model.law, model.sub.coef if parts > 1 else model.coef, model.shapes, self.weights, coupling)
+        path = self.path[(start - self.begin) * parts : (stop - self.begin) * parts + 1]
         return Finger(
             1, self.weights, coupling, own, self.finger.stiffness_n_m, self.finger.resistance_n_s_m, path, self.state
         )
@@ -107,9 +106,9 @@ def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finge
         return
     hold = None
     if finger is not None:
-        weights = pluck_weights(scene.string.length_m, finger.position_m, finger.width_m, scene.omega.size)
+        weights, parts = scene.pluck_weights(finger), scene.case.scheme.substeps
         here = float(weights @ state.q)
-        ramp = np.clip(np.arange(until - begin + 1) * scene.dt / finger.draw_s, 0.0, 1.0)
+        ramp = np.clip(np.arange((until - begin) * parts + 1) * scene.dt / parts / finger.draw_s, 0.0, 1.0)
         path = here + (finger.displacement_m - here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
         hold = _Hold(finger, begin, weights, path, np.array([here, 0.0]))
     moves = scene.case.obstacle.moves
@@ -123,19 +122,3 @@ def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finge
         else:
             driver.run(model, state, stop - step, row)
         step = stop
-
-
-RUNNERS: dict[str, Callable[[Scene], Outcome]] = {
-    **dict.fromkeys(LAWS, run_law),
-    **EXACT_RUNNERS,
-    **dict.fromkeys(COMPLIANT, run_compliant),
-}
-assert RUNNERS.keys() == SCHEMES.keys()
-
-
-def run(scene: Scene) -> Outcome:
-    """The scene from t = 0 to its end by the scheme that its case names; CaseError where it does not apply."""
-    name = scene.case.scheme.name
-    if name not in LAWS and (scene.case.bend or scene.case.obstacle.moves):
-        raise CaseError(f"scheme {name!r} knows no bend and no moving obstacle; use one of {', '.join(LAWS)}")
-    return RUNNERS[name](scene)
