@@ -62,6 +62,8 @@ class Run:
         if self.scheme.startswith("moreau-jean"):
             label = {"moreau-jean": "Moreau–Jean, printed", "moreau-jean-filtered": "Moreau–Jean, filtered"}[self.scheme]
             label += f", e = {options.get('restitution', 1.0):g}"
+        if "grid" in shown:
+            label += {"contacts": ", at the contacts", "full": ", full grid"}[shown.pop("grid")]
         return ", ".join([label, *(f"{key} {value}" for key, value in shown.items())])
 
     def scene(self, duration_s: float, output_factor: int, ledger: bool = False) -> Scene:

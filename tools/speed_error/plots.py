@@ -138,12 +138,12 @@ def pareto(session: Session, name: str, cases: list[str], front: Path | None) ->
         axis.set_xlabel("CPU seconds per second of sound (one core)")
         axis.set_ylabel("relative error e against the converged run")
         axis.axvline(1.0, color="#555555", linewidth=1.0, linestyle=":")
-        axis.annotate("real time", (1.0, 0.015), xycoords=("data", "axes fraction"), rotation=90, ha="right", va="bottom",
-                      fontsize=8, color="#555555")  # fmt: skip
+        axis.annotate("real time", (1.0, 0.985), xycoords=("data", "axes fraction"), rotation=90, ha="left", va="top",
+                      xytext=(2, 0), textcoords="offset points", fontsize=8, color="#555555")  # fmt: skip
         if case == "tanpura":
             axis.axhline(0.1, color="#555555", linewidth=1.0, linestyle=":")
-            axis.annotate("criterion of the literature: e < 0.1", (0.01, 0.1), xycoords=("axes fraction", "data"),
-                          ha="left", va="bottom", fontsize=8, color="#555555")  # fmt: skip
+            axis.annotate("criterion: e < 0.1", (0.99, 0.1), xycoords=("axes fraction", "data"), ha="right", va="top",
+                          xytext=(0, -2), textcoords="offset points", fontsize=8, color="#555555")  # fmt: skip
         best = nothing_better(_finite(session.default_rows(case), key), key)
         for row in best[:2] + best[-1:] * (len(best) > 2):
             axis.annotate(rate(row["run"].rate_hz), (row["cpu_per_s"], row[key]), xytext=(-6, -6), ha="right", va="top",
@@ -165,7 +165,7 @@ def _floor(axis: Axes, session: Session, case: str, key: str) -> None:
     low = axis.get_ylim()[0]
     if stands and stands > low / 10.0:
         axis.axhspan(min(low, stands / 2.0), stands, color="#eeeeee", zorder=0)
-        axis.annotate("two converged runs differ by this", (0.015, stands), xycoords=("axes fraction", "data"),
+        axis.annotate("two converged runs differ by this", (0.985, stands), xycoords=("axes fraction", "data"), ha="right",
                       va="top", fontsize=8, color="#555555", xytext=(0, -2), textcoords="offset points")  # fmt: skip
 
 
