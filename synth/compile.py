@@ -23,7 +23,7 @@ from synth.physics.modes import (
 from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
 from synth.physics.string import NutResonance, String
 from synth.physics.tail import lumped_tail
-from synth.plan import StringPlan, plan_string
+from synth.plan import StringPlan, plan_string, scene_kind
 from synth.preset import (
     BridgeObstacle,
     FretsObstacle,
@@ -225,7 +225,7 @@ def compile_position(
     fret: int,
     open_length_m: float,
     open_frequency_hz: float,
-    contacts_of_scene: int,
+    kind: str,
     rest_height_m: float,
     quality: str,
     rate_hz: float,
@@ -233,12 +233,13 @@ def compile_position(
     internal_rate_hz: float | None,
     gain: float = 1.0,
 ) -> Position:
-    """The model of one speaking string over its obstacle."""
+    """The model of one speaking string over its obstacle; `kind` is the open string's scene."""
     law = law_of(scheme)
     plan = plan_string(
         string,
         open_frequency_hz,
-        contacts_of_scene,
+        len(obstacle),
+        kind,
         quality=quality,
         rate_hz=rate_hz,
         scheme=scheme,
@@ -262,7 +263,6 @@ def compile_position(
     coef = coefficients(law, omega, sigma, mu, 1.0 / plan.rate_hz)
     matrix = np.zeros((eta.size, eta.size))
     contact_matrix(law, coef, shapes, residual, matrix)
-    plan = replace(plan, contacts=eta.size)
     return Position(
         note,
         fret,
@@ -329,7 +329,7 @@ def compile_string(
                     fret=fret,
                     open_length_m=length,
                     open_frequency_hz=frequency,
-                    contacts_of_scene=len(whole),
+                    kind=scene_kind(opened, whole.positions_m),
                     rest_height_m=height,
                     quality=quality,
                     rate_hz=rate_hz,

@@ -1,51 +1,46 @@
-"""From a scene and a quality to internal rate, modes and contacts.
+"""From a scene and a quality to internal rate and modes.
 
-The contact error of exact-hold with residual compliance depends, for one kind of scene, on the internal rate counted in
-periods of the string: a string an octave higher with the same number of modes is the same problem at twice the
-speed. So a quality is a number of internal steps per period of the open string, and the modes are those below half the
-internal rate. The numbers come from `tools/error-table` (README, "Speed against error").
+A quality is a promise, and what keeps it depends on what the string meets:
+
+free      nothing: the modes are exact at any rate.
+bridge    one point within 3 % of an end, and so near it that the string's stiffness rounds what rolls over it: the
+          bending length √(EI/T) is at least 0.07 of the point's distance from the end. The string rests on it for much
+          of each period and the error shrinks smoothly with the rate; promised is e over 3 s, the measure of Issanchou
+          et al. 2018.
+impacts   any other points: short blows, each of which magnifies what two runs differ by. After some of them the
+          motion is chaotic: runs at several times the highest rate offered here differ as signals too. Promised are e
+          over the first 100 ms and the log-spectral distance over the note where converged runs agree in them, and where
+          they do not, levels in third octaves over the note, in which they still agree.
+
+The rates come from `calibration`, which tools/calibrate-plan measures on random strings; tests/test_promise.py holds them
+against others. The modes are all below half the internal rate.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from synth.calibration import STEPS
 from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.physics.modes import count_modes_below
 from synth.physics.string import String
 
 QUALITIES = ("draft", "standard", "fine", "reference")
 MAX_MODES = 2000
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Internal steps per period of the open string, and the error measured there."""
-
-    steps_per_period: float
-    error: str
-
-
-#: one point of contact (two-point bridge): e over 3 s of the tanpura case, 196 Hz; measured 0.065 at 225 steps per
-#: period, 0.026 at 450, 0.014 at 675, 0.007 at 900; 0.17 with the modes of 130
-POINT = {
-    "draft": Calibration(150.0, "e < 0.3"),
-    "standard": Calibration(300.0, "e < 0.1"),
-    "fine": Calibration(900.0, "e < 0.02"),
-    "reference": Calibration(5400.0, "converged, e 0.005"),
-}
-#: several points (frets): the bass case, 98 Hz, over 0.4 s. Its contacts are chaotic: two converged runs differ by
-#: e 0.02 to 0.06, so the log-spectral distance is the promise. Measured 3.4 dB at 450 steps per period, 2.6 at 900, 2.9
-#: at 1800, 1.3 at 3600, 0.6 at 7200
-SEVERAL = {
-    "draft": Calibration(450.0, "log-spectral distance < 6 dB, e about 0.4"),
-    "standard": Calibration(1350.0, "log-spectral distance < 3 dB, e about 0.3"),
-    "fine": Calibration(5400.0, "log-spectral distance < 1.5 dB, e about 0.1"),
-    "reference": Calibration(10800.0, "as close as two converged runs, e about 0.05"),
-}
-#: nothing to touch: every rate is exact
-FREE = dict.fromkeys(QUALITIES, Calibration(0.0, "exact"))
+#: how far from an end a single point is still a bridge, over the string's length, and what part of that distance the
+#: bending length must be: of 48 random strings near an end, those below it were the ones whose converged runs differed
+BRIDGE_REACH, BRIDGE_STIFFNESS = 0.03, 0.07
+FREE, BRIDGE, IMPACTS = "free", "bridge", "impacts"
+#: largest e over 3 s
+BRIDGE_ERROR = {"draft": 0.3, "standard": 0.1, "fine": 0.02}
+#: largest log-spectral distance over the note [dB]
+IMPACT_DISTANCE_DB = {"draft": 6.0, "standard": 3.0, "fine": 1.5}
+#: largest e over the first 100 ms
+IMPACT_ONSET_ERROR = {"standard": 0.3, "fine": 0.1}
+#: largest distance in third octaves over the note [dB]
+IMPACT_BANDS_DB = {"draft": 4.0, "standard": 2.5, "fine": 1.5}
 
 
 @dataclass(frozen=True)
@@ -69,10 +64,45 @@ class StringPlan:
         )
 
 
+def scene_kind(string: String, positions_m: Sequence[float]) -> str:
+    """FREE, BRIDGE or IMPACTS for points of contact at these places of a string."""
+    if len(positions_m) == 0:
+        return FREE
+    distance = min(positions_m[0], string.length_m - positions_m[0])
+    bending_length = math.sqrt(string.bending_stiffness_n_m2 / string.tension_n)
+    near = distance <= BRIDGE_REACH * string.length_m and bending_length >= BRIDGE_STIFFNESS * distance
+    return BRIDGE if len(positions_m) == 1 and near else IMPACTS
+
+
+def promise(kind: str, quality: str) -> str:
+    """What the quality promises of such a scene, in words."""
+    if kind == FREE:
+        return "exact"
+    if quality == "reference":
+        return "as close as converged runs"
+    if kind == BRIDGE:
+        return f"e < {BRIDGE_ERROR[quality]:g} over 3 s"
+    return (
+        f"log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
+        f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB"
+    )
+
+
+def wanted_rate_hz(fundamental_hz: float, kind: str, quality: str) -> float:
+    """The internal rate that keeps the promise [Hz]; 0: any."""
+    if kind == FREE:
+        return 0.0
+    steps, exponent = STEPS[kind][quality]
+    return steps * 200.0 * (fundamental_hz / 200.0) ** exponent
+
+
 def choose_factor(
-    fundamental_hz: float, contacts: int, quality: str, rate_hz: float, internal_rate_hz: float | None = None
+    fundamental_hz: float, kind: str, quality: str, rate_hz: float, internal_rate_hz: float | None = None
 ) -> tuple[int, str]:
-    """(factor, measured error) for one string; `internal_rate_hz` overrides the choice. Raises ValueError."""
+    """(factor, promise) for one string in a scene of this `kind`.
+
+    `internal_rate_hz` overrides the choice. Raises ValueError.
+    """
     if quality not in QUALITIES:
         raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
     if internal_rate_hz is not None:
@@ -83,15 +113,13 @@ def choose_factor(
                 f"{internal_rate_hz:g} Hz; take {rate_hz * max(1, min(MAXIMUM_FACTOR, round(factor))):g} Hz"
             )
         return round(factor), "not calibrated at a rate of your own"
-    table = FREE if contacts == 0 else POINT if contacts == 1 else SEVERAL
-    calibration = table[quality]
-    factor = max(1, math.ceil(calibration.steps_per_period * fundamental_hz / rate_hz - 1e-9))
+    factor = max(1, math.ceil(wanted_rate_hz(fundamental_hz, kind, quality) / rate_hz - 1e-9))
     if factor <= MAXIMUM_FACTOR:
-        return factor, calibration.error
-    # as far as the decimator goes: what is promised is what that many steps are known to give
-    reached = MAXIMUM_FACTOR * rate_hz / fundamental_hz
-    kept = [c for c in table.values() if c.steps_per_period <= reached]
-    error = kept[-1].error if kept else "not calibrated"
+        return factor, promise(kind, quality)
+    # as far as the decimator goes: what is promised is what that rate is known to give
+    reached = MAXIMUM_FACTOR * rate_hz
+    kept = [q for q in QUALITIES if wanted_rate_hz(fundamental_hz, kind, q) <= reached]
+    error = promise(kind, kept[-1]) if kept else "not calibrated"
     return MAXIMUM_FACTOR, f"{error} (limited to {MAXIMUM_FACTOR} × output)"
 
 
@@ -99,6 +127,7 @@ def plan_string(
     string: String,
     fundamental_hz: float,
     contacts: int,
+    kind: str,
     *,
     quality: str,
     rate_hz: float,
@@ -107,9 +136,9 @@ def plan_string(
 ) -> StringPlan:
     """The plan of one speaking string of an instrument whose open string has `fundamental_hz`.
 
-    `contacts` decides the calibration: a stopped string has fewer frets left but plays on the same string.
+    `kind` decides the calibration: a stopped string has fewer frets left but plays on the same string.
     """
-    factor, error = choose_factor(fundamental_hz, contacts, quality, rate_hz, internal_rate_hz)
+    factor, error = choose_factor(fundamental_hz, kind, quality, rate_hz, internal_rate_hz)
     modes = max(1, min(MAX_MODES, count_modes_below(string, 0.5 * factor * rate_hz)))
     if scheme != "exact-hold":
         error = "not calibrated for this scheme"

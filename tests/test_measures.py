@@ -98,6 +98,28 @@ def test_log_spectral_distance_stops_at_the_floor_and_at_20_khz():
     assert ms.log_spectral_distance(ref + heard, ref, rate) == pytest.approx(expected, rel=1e-3)
 
 
+def test_third_octave_distance_hears_levels_and_not_phases():
+    rng = np.random.default_rng(3)
+    spectrum = rng.standard_normal(11026) + 1j * rng.standard_normal(11026)
+    x = np.fft.irfft(spectrum)
+    assert ms.third_octave_distance(x, x, 44100) == 0.0
+    assert ms.third_octave_distance(2 * x, x, 44100) == pytest.approx(20 * np.log10(2.0), rel=1e-9)
+    turned = np.fft.irfft(spectrum * np.exp(2j * np.pi * rng.random(11026)))
+    # but for the bins at DC and half the rate, which have no phase to turn and lie in no band that matters
+    assert ms.third_octave_distance(turned, x, 44100) < 0.01
+    assert ms.relative_error(turned, x) > 1.0
+
+
+def test_third_octave_distance_is_one_band_of_24_or_the_floor():
+    t = np.arange(22050) / 44100
+    low, high = np.sin(2 * np.pi * 100 * t), np.sin(2 * np.pi * 3000 * t)
+    # one band down by 10 dB; one gone, which counts as far as the floor
+    assert ms.third_octave_distance(low + high * 10**-0.5, low + high, 44100) == pytest.approx(10 / np.sqrt(24), rel=1e-6)
+    assert ms.third_octave_distance(low, low + high, 44100) == pytest.approx(70 / np.sqrt(24), rel=1e-6)
+    with pytest.raises(ValueError, match=r"u must last 0\.049 s at least, got 0\.01 s"):
+        ms.third_octave_distance(t[:441] + 1.0, t[:441] + 1.0, 44100)
+
+
 def test_log_spectral_distance_sees_the_last_samples():
     ref = np.random.default_rng(1).standard_normal(10001)
     u = ref.copy()

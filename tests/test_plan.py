@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import pytest
 
+from synth.calibration import STEPS
 from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.physics.modes import modal_frequencies
 from synth.physics.string import String
-from synth.plan import MAX_MODES, POINT, QUALITIES, SEVERAL, choose_factor, plan_string
+from synth.plan import (
+    BRIDGE,
+    FREE,
+    IMPACTS,
+    MAX_MODES,
+    QUALITIES,
+    choose_factor,
+    plan_string,
+    promise,
+    scene_kind,
+    wanted_rate_hz,
+)
 
 
-def string(length_m: float = 0.9, tension_n: float = 40.0) -> String:
+def string(length_m: float = 0.9, tension_n: float = 40.0, bending_n_m2: float = 2.5e-4) -> String:
     return String(
         length_m=length_m,
         tension_n=tension_n,
         linear_density_kg_m=1e-3,
-        bending_stiffness_n_m2=2.5e-4,
+        bending_stiffness_n_m2=bending_n_m2,
         diameter_m=4e-4,
         core_diameter_m=None,
         winding_diameter_m=None,
@@ -24,55 +36,65 @@ def string(length_m: float = 0.9, tension_n: float = 40.0) -> String:
     )
 
 
+def test_what_is_touched_decides_the_kind():
+    stiff, soft = string(), string(bending_n_m2=1e-7)  # bending lengths 2.5 mm and 0.05 mm
+    assert scene_kind(stiff, ()) == FREE
+    assert scene_kind(stiff, (0.006,)) == scene_kind(stiff, (0.88,)) == BRIDGE
+    assert scene_kind(stiff, (0.3,)) == scene_kind(stiff, (0.006, 0.5)) == IMPACTS
+    assert scene_kind(soft, (0.006,)) == IMPACTS
+
+
 def test_without_contact_the_output_rate_is_enough():
     for quality in QUALITIES:
-        factor, error = choose_factor(110.0, 0, quality, 44100.0)
+        factor, error = choose_factor(110.0, FREE, quality, 44100.0)
         assert factor == 1 and error == "exact"
 
 
-def test_steps_per_period_are_reached_and_not_overshot():
-    for table, contacts in ((POINT, 1), (SEVERAL, 2), (SEVERAL, 20)):
+def test_the_calibrated_rate_is_reached_and_not_overshot():
+    for kind in (BRIDGE, IMPACTS):
         for quality in QUALITIES:
-            for f0 in (41.2, 65.4, 130.8, 261.6):
-                wanted = table[quality].steps_per_period
-                factor, error = choose_factor(f0, contacts, quality, 48000.0)
-                if wanted * f0 <= 48000.0 * MAXIMUM_FACTOR:
-                    assert error == table[quality].error
-                else:  # no more is promised than the steps that are left are known to give
-                    reached = [c for c in table.values() if c.steps_per_period * f0 <= 48000.0 * MAXIMUM_FACTOR]
-                    assert error == f"{reached[-1].error} (limited to {MAXIMUM_FACTOR} × output)"
-                if factor < MAXIMUM_FACTOR:
-                    assert factor * 48000.0 / f0 >= wanted * (1 - 1e-9)
-                if factor > 1:
-                    assert (factor - 1) * 48000.0 / f0 < wanted
+            for f0 in (41.2, 65.4, 130.8, 261.6, 1046.5):
+                steps, exponent = STEPS[kind][quality]
+                wanted = steps * 200.0 * (f0 / 200.0) ** exponent
+                factor, error = choose_factor(f0, kind, quality, 48000.0)
+                if wanted <= 48000.0 * MAXIMUM_FACTOR:
+                    assert error == promise(kind, quality)
+                    assert factor * 48000.0 >= wanted * (1 - 1e-9)
+                    assert factor == 1 or (factor - 1) * 48000.0 < wanted
+                else:  # no more is promised than the rate that is left is known to give
+                    reached = [q for q in QUALITIES if wanted_rate_hz(f0, kind, q) <= 48000.0 * MAXIMUM_FACTOR]
+                    assert factor == MAXIMUM_FACTOR
+                    assert error == f"{promise(kind, reached[-1])} (limited to {MAXIMUM_FACTOR} × output)"
 
 
 def test_better_quality_never_computes_less():
-    factors = [choose_factor(65.4, 1, quality, 44100.0)[0] for quality in QUALITIES]
-    assert factors == sorted(factors) and factors[0] < factors[-1]
+    for kind in (BRIDGE, IMPACTS):
+        for f0 in (41.2, 200.0, 1046.5):
+            rates = [wanted_rate_hz(f0, kind, quality) for quality in QUALITIES]
+            assert rates == sorted(rates) and rates[0] < rates[-1]
 
 
 def test_internal_rate_does_not_depend_on_the_output_rate_by_more_than_its_grain():
+    wanted = wanted_rate_hz(98.0, BRIDGE, "fine")
     for rate in (44100.0, 48000.0, 88200.0, 96000.0):
-        factor, _ = choose_factor(98.0, 1, "standard", rate)
-        internal = factor * rate
-        assert POINT["standard"].steps_per_period * 98.0 <= internal < POINT["standard"].steps_per_period * 98.0 + rate
+        factor, _ = choose_factor(98.0, BRIDGE, "fine", rate)
+        assert wanted <= factor * rate < wanted + rate
 
 
 def test_own_rate_must_be_a_multiple():
-    assert choose_factor(98.0, 1, "standard", 44100.0, 176400.0)[0] == 4
+    assert choose_factor(98.0, BRIDGE, "standard", 44100.0, 176400.0)[0] == 4
     for rate in (100000.0, 44100.0 * (MAXIMUM_FACTOR + 1), 0.0, 22050.0):
         with pytest.raises(ValueError, match="internal rate must be 1 to 64 times"):
-            choose_factor(98.0, 1, "standard", 44100.0, rate)
+            choose_factor(98.0, BRIDGE, "standard", 44100.0, rate)
 
 
 def test_unknown_quality_is_named():
     with pytest.raises(ValueError, match="quality must be one of draft, standard, fine, reference, got 'best'"):
-        choose_factor(98.0, 1, "best", 44100.0)
+        choose_factor(98.0, BRIDGE, "best", 44100.0)
 
 
 def test_modes_are_those_below_half_the_internal_rate():
-    plan = plan_string(string(), 110.0, 1, quality="standard", rate_hz=44100.0)
+    plan = plan_string(string(), 110.0, 1, BRIDGE, quality="standard", rate_hz=44100.0)
     limit = 3.141592653589793 * plan.rate_hz
     omega = modal_frequencies(string(), plan.modes + 1)
     assert omega[plan.modes - 1] < limit <= omega[plan.modes]
@@ -81,12 +103,14 @@ def test_modes_are_those_below_half_the_internal_rate():
 
 
 def test_there_is_a_mode_at_least_and_an_end():
-    short = plan_string(string(0.02, 4000.0), 50000.0, 0, quality="draft", rate_hz=44100.0)
+    short = plan_string(string(0.02, 4000.0), 50000.0, 0, FREE, quality="draft", rate_hz=44100.0)
     assert short.modes == 1
-    long = plan_string(string(5.0, 10.0), 10.0, 1, quality="standard", rate_hz=44100.0, internal_rate_hz=64 * 44100.0)
+    long = plan_string(
+        string(5.0, 10.0), 10.0, 1, BRIDGE, quality="standard", rate_hz=44100.0, internal_rate_hz=64 * 44100.0
+    )
     assert long.modes <= MAX_MODES
 
 
 def test_other_schemes_say_that_they_are_not_calibrated():
-    plan = plan_string(string(), 110.0, 1, quality="standard", rate_hz=44100.0, scheme="moreau-jean")
+    plan = plan_string(string(), 110.0, 1, BRIDGE, quality="standard", rate_hz=44100.0, scheme="moreau-jean")
     assert plan.error == "not calibrated for this scheme"

@@ -1,0 +1,71 @@
+"""What tools/speed-error keeps and says, without its runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+
+from speed_error import grid, measure, tables
+from speed_error.store import Store
+
+
+def test_what_was_kept_is_found_by_what_it_depends_on(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    spec = {"case": "tanpura", "factor": 2}
+    assert store.load(spec) is None
+    store.save(spec, {"e": 0.5}, {"u": np.arange(3.0)})
+    values, arrays = store.load(spec)
+    assert values == {"e": 0.5} and np.array_equal(arrays["u"], np.arange(3.0))
+    assert store.load({**spec, "factor": 3}) is None
+    store.sources = "other"
+    assert store.load(spec) is None
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_arrays_without_their_record_are_no_result(tmp_path: Path) -> None:
+    """A run that was killed between the two files is made again."""
+    store = Store(tmp_path)
+    store.save({"a": 1}, {}, {"u": np.zeros(2)})
+    (tmp_path / f"{store.key({'a': 1})}.json").unlink()
+    assert store.load({"a": 1}) is None
+
+
+def row(scheme: str, factor: int, modes: int, e: float, cpu: float, **table: object) -> dict:
+    run = grid.Run("tanpura", scheme, factor, modes, tuple(sorted(table.items())))
+    return {"run": run, "e_3s": e, "cpu_per_s": cpu, "cpu_per_s_median": cpu, "mode_steps_per_s": run.rate_hz * modes}
+
+
+def test_ratios_are_taken_between_the_cheapest_that_reach_an_error() -> None:
+    ours = [row("exact-hold", 1, 100, 0.07, 0.002), row("exact-hold", 4, 300, 0.008, 0.02)]
+    rivals = [
+        row("moreau-jean", 48, 1001, 0.06, 1.8, restitution=0.0),
+        row("moreau-jean-filtered", 96, 1001, 0.02, 4.0, restitution=0.0),
+        row("moreau-jean-filtered", 192, 1001, 0.009, 8.0, restitution=0.0),
+        row("moreau-jean-filtered", 96, 1001, 0.001, 4.0, restitution=1.0),
+    ]
+    session = SimpleNamespace(rows=ours + rivals, default_rows=lambda case: ours)
+    first, second = tables.ratios(session)
+    assert "480 times fewer mode-steps, 900 times less CPU time" in first and first.endswith("kept")
+    assert "160 times fewer mode-steps, 400 times less CPU time" in second and "8.47 MHz" in second
+    session.rows = [*ours, {**rivals[0], "cpu_per_s": 0.4}]
+    first, second = tables.ratios(session)
+    assert first.endswith("MISSED") and "not reached" in second
+
+
+@pytest.mark.parametrize("factor", [1, 2, 24, 48, 192, 384])
+def test_signals_are_kept_at_a_divisor_of_the_rate(factor: int) -> None:
+    kept = measure.kept_factor(factor)
+    assert factor % kept == 0 and kept <= measure.MOST_KEPT and (kept == factor or kept > measure.MOST_KEPT // 2)
+
+
+def test_every_run_of_the_short_form_is_a_scene() -> None:
+    for case in grid.CASES:
+        for run in grid.runs(case, short=True) + [run for _, run in grid.reference(case, short=True)]:
+            scene = run.scene(0.001, measure.kept_factor(run.factor))
+            assert scene.case.run.modes == run.modes and scene.case.scheme.name == run.scheme

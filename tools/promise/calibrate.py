@@ -1,0 +1,122 @@
+"""From sweeps of random scenes to the internal rate that keeps each promise at the least cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from promise.runs import RATE_HZ
+from synth.plan import BRIDGE, BRIDGE_ERROR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR
+
+PROMISED = ("draft", "standard", "fine")
+#: what is promised of other scenes too
+HOLD, WORST = 0.95, 2.0
+#: two runs that differ by less than this part of a promise can judge it
+STANDS = 1.0 / 3.0
+EXPONENTS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+STEPS = tuple(float(f"{100.0 * 2.0 ** (k / 6.0):.2g}") for k in range(43))  # 100 to 13000
+
+
+def judged(kind: str, quality: str, stands: dict[str, float]) -> list[tuple[str, float]]:
+    """What is promised of a scene and can be judged, by how far its reference stands: (measure, limit), maybe none."""
+
+    def can(measure: str, limit: float) -> bool:
+        return stands[measure] < STANDS * limit
+
+    signal = ("lsd_db", IMPACT_DISTANCE_DB[quality])
+    found = []
+    if kind == BRIDGE:
+        choices = [("e", BRIDGE_ERROR[quality]), signal]
+    else:
+        choices = [signal, ("bands_db", IMPACT_BANDS_DB[quality])]
+        onset = ("e_onset", IMPACT_ONSET_ERROR.get(quality, 0.0))
+        found += [onset] if can(*onset) else []
+    return found + [choice for choice in choices if can(*choice)][:1]
+
+
+def row_at(scene: dict[str, Any], rate_hz: float) -> dict[str, Any]:
+    """What a plan for this rate would have run: the last one swept at or below the multiple of 44.1 kHz above it."""
+    factor = max(1, math.ceil(rate_hz / RATE_HZ - 1e-9))
+    return [row for row in scene["rows"] if row["factor"] <= factor][-1]
+
+
+def ratios(scenes: list[dict[str, Any]], quality: str, rate: Callable[[float], float]) -> np.ndarray:
+    """Of every scene that can be judged the worst error over promise."""
+    found = []
+    for scene in scenes:
+        row = row_at(scene, rate(scene["f0_hz"]))
+        promised = judged(scene["kind"], quality, scene["stands"])
+        if promised:
+            found.append(max(row[measure] / limit for measure, limit in promised))
+    return np.array(found)
+
+
+def law(steps: float, exponent: float) -> Callable[[float], float]:
+    """Internal rate by fundamental, as `synth.plan.wanted_rate_hz` has it."""
+    return lambda f0: steps * 200.0 * (f0 / 200.0) ** exponent
+
+
+def keeps(scenes: list[dict[str, Any]], quality: str, steps: float, exponent: float) -> bool:
+    """Whether the law and the two next higher ones keep the promise together: one lucky rate proves nothing."""
+    found = [ratios(scenes, quality, law(higher, exponent)) for higher in [s for s in STEPS if s >= steps][:3]]
+    every = np.concatenate(found)
+    if not found[0].size:
+        return False
+    return bool(min(np.mean(found[0] < 1.0), np.mean(every < 1.0)) >= HOLD and every.max() < WORST)
+
+
+def work(scenes: list[dict[str, Any]], steps: float, exponent: float) -> float:
+    """Mean of rate times modes below half of it, in units of 44.1 kHz."""
+    rows = [row_at(scene, law(steps, exponent)(scene["f0_hz"])) for scene in scenes]
+    return float(np.mean([row["factor"] * row["modes"] for row in rows]))
+
+
+def choose(scenes: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
+    """quality → (steps, exponent): one exponent for all, the one of the least work; each quality more than the one before.
+
+    Raises ValueError where no law keeps a promise.
+    """
+    best: dict[str, tuple[float, float]] = {}
+    least = math.inf
+    for exponent in EXPONENTS:
+        laws: dict[str, tuple[float, float]] = {}
+        lowest = 0.0
+        for quality in PROMISED:
+            kept = [steps for steps in STEPS if steps > lowest and keeps(scenes, quality, steps, exponent)]
+            if not kept:
+                break
+            laws[quality] = (kept[0], exponent)
+            lowest = 1.2 * kept[0]
+        if len(laws) == len(PROMISED):
+            cost = sum(math.log(work(scenes, *laws[quality])) for quality in PROMISED)
+            if cost < least:
+                best, least = laws, cost
+    if not best:
+        raise ValueError("no law keeps the promises in these scenes")
+    return best
+
+
+def distribution(scenes: list[dict[str, Any]], quality: str, steps: float, exponent: float) -> str:
+    """How many of the scenes can be judged, by what, and how the errors are spread."""
+    parts = []
+    for measure in ("e", "e_onset", "lsd_db", "bands_db"):
+        values, limit = [], math.nan
+        for scene in scenes:
+            for name, highest in judged(scene["kind"], quality, scene["stands"]):
+                if name == measure:
+                    limit = highest
+                    values.append(row_at(scene, law(steps, exponent)(scene["f0_hz"]))[measure])
+        if values:
+            middle, high, worst = np.quantile(values, [0.5, 0.95, 1.0])
+            kept = 100.0 * np.mean(np.array(values) < limit)
+            parts.append(
+                f"{measure} < {limit:g}: {len(values)} scenes, median {middle:.2g}, 95 % {high:.2g}, "
+                f"worst {worst:.2g}, kept {kept:.0f} %"
+            )
+    left = len(scenes) - ratios(scenes, quality, law(steps, exponent)).size
+    if left:
+        parts.append(f"{left} of {len(scenes)} chaotic beyond judgement")
+    return "; ".join(parts)

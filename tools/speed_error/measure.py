@@ -1,0 +1,190 @@
+"""One run's displacement and what it says against the reference; one run's cost."""
+
+from __future__ import annotations
+
+import math
+import platform
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from speed_error.grid import BASE_HZ, LONGEST_S, Run
+from speed_error.store import Store
+from synth import methods
+from synth.case import CaseError
+from synth.dsp.decimator import MAXIMUM_FACTOR, decimate, decimate_signal, design, new_history, workspace
+from synth.dsp.denormals import enable_ftz, restore
+from synth.measures import log_spectral_distance, relative_error
+from synth.schemes import LAWS
+from synth.solver.kernels import advance, advance_one, make_work, no_finger
+from synth.solver.laws import EXACT_HOLD
+
+#: displacements are kept at this multiple of 44.1 kHz at most before they are decimated: what lies above half of it,
+#: 350 kHz, is sampled plainly
+MOST_KEPT = 16
+#: an error is taken over the first of these [s]
+SPANS_S = (0.1, 0.4, 3.0)
+_BLOCK = 1024
+
+
+def machine() -> str:
+    """The processor's name, as the system gives it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                name = line.split(":", 1)[1].strip()
+            if line.startswith("cpu MHz"):
+                return f"{name}, {float(line.split(':', 1)[1]) / 1e3:.1f} GHz"
+    except OSError:
+        pass
+    if platform.system() == "Darwin":
+        done = subprocess.run(["sysctl", "-n", "machdep.cpu.brand_string"], capture_output=True, text=True)
+        if done.returncode == 0:
+            return done.stdout.strip()
+    return platform.processor() or platform.machine()
+
+
+def kept_factor(factor: int) -> int:
+    """Largest divisor of the factor that is no more than `MOST_KEPT`."""
+    return max(k for k in range(1, MOST_KEPT + 1) if factor % k == 0)
+
+
+def displacement(store: Store, run: Run, duration_s: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Values and the signals `raw` (plain samples) and `band` (decimated), both at 44.1 kHz; kept in the store.
+
+    A scheme that does not take the case gives values["refused"] and no signals.
+    """
+    spec = {"what": "displacement", "duration_s": duration_s, **run.spec}
+    found = store.load(spec)
+    if found is not None:
+        return found
+    kept = kept_factor(run.factor)
+    try:
+        scene = run.scene(duration_s, kept)
+        started = time.process_time()
+        outcome = methods.run(scene)
+        spent = time.process_time() - started
+    except CaseError as error:
+        store.save(spec, {"refused": str(error)})
+        return {"refused": str(error)}, {}
+    u = outcome.u[:, 0]
+    finite = bool(np.all(np.isfinite(u))) and float(np.abs(u).max()) < 1e3
+    values = {
+        "finite": finite,
+        "duration_s": duration_s,
+        "last_contact_s": outcome.last_contact_step * scene.dt if outcome.last_contact_step >= 0 else None,
+        "contact_part": outcome.contact_steps / max(1, scene.steps),
+        "penetration_m": max(0.0, float(outcome.largest_penetration_m)) if finite else math.inf,
+        "unsolved_steps": int(outcome.unsolved_steps),
+        "cpu_s": spent,
+    }
+    signals = {"raw": u[::kept].copy(), "band": decimate_signal(u, BASE_HZ, kept)} if finite else {}
+    store.save(spec, values, signals)
+    return values, signals
+
+
+def ledger(store: Store, run: Run, duration_s: float) -> dict[str, Any]:
+    """Largest energy rise of one step, relative, and largest stored energy over that at the start; NaN: no ledger."""
+    spec = {"what": "ledger", "duration_s": duration_s, **run.spec}
+    found = store.load(spec)
+    if found is None:
+        try:
+            outcome = methods.run(run.scene(duration_s, kept_factor(run.factor), ledger=True))
+        except CaseError as error:
+            values: dict[str, Any] = {"refused": str(error)}
+        else:
+            growth = math.nan
+            if outcome.energy is not None:
+                held = outcome.energy[:, 0] + outcome.energy[:, 1]
+                growth = float(np.max(held) / held[0]) if np.all(np.isfinite(held)) else math.inf
+            values = {
+                "energy_rise": float(outcome.largest_energy_rise),
+                "energy_growth": growth,
+                "penetration_m": max(0.0, float(outcome.largest_penetration_m)),
+            }
+        store.save(spec, values)
+        found = values, {}
+    return found[0]
+
+
+def errors(signals: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> dict[str, float]:
+    """e raw and in the audible band over each span both cover, and the log-spectral distance over the longest."""
+    found: dict[str, float] = {}
+    length = min(signals["raw"].size, reference["raw"].size)
+    for span in SPANS_S:
+        n = round(span * BASE_HZ) + 1
+        if n <= length + 1:
+            for kind, name in (("raw", "e"), ("band", "e_band")):
+                here = slice(0, min(n, length))
+                found[f"{name}_{span:g}s"] = relative_error(signals[kind][here], reference[kind][here])
+    found["spectral_distance_db"] = log_spectral_distance(signals["band"][:length], reference["band"][:length], BASE_HZ)
+    found["spectral_distance_over_s"] = (length - 1) / BASE_HZ
+    return found
+
+
+def _kernel_cpu_s(run: Run, sound_s: float) -> float:
+    """CPU seconds of the block kernel for `sound_s` of sound in blocks as long as an engine's."""
+    scene = run.scene(max(sound_s, 2 * _BLOCK / run.rate_hz), 1)
+    m = scene.model
+    blocks = max(1, round(sound_s / m.dt / _BLOCK))
+    n, contacts = m.omega.size, m.eta.size
+    one = m.law == EXACT_HOLD and contacts == 1
+    none, empty = np.zeros((0, n)), np.zeros((0, 0))
+    out, no_out, out_v = np.zeros((_BLOCK, 1)), np.zeros((_BLOCK, 0)), np.zeros(_BLOCK)
+    work, finger, watch = make_work(contacts), no_finger(n, contacts), np.ones(contacts, np.uint8)
+    q, v = getattr(scene, "start", scene.initial)()
+    u_contact, v_contact, force = m.shapes @ q, m.shapes @ v, np.zeros(contacts)
+    flush = enable_ftz()
+    try:
+        started = time.process_time()
+        for _ in range(blocks):
+            if one:
+                advance_one(
+                    _BLOCK, m.coef, m.shapes[0], m.eta[0], m.g[0, 0], q, v,
+                    m.out_shapes[0], m.out_shapes[0], 1, 0, out[:, 0], out_v,
+                )  # fmt: skip
+            else:
+                advance(
+                    m.law, _BLOCK, m.dt, m.restitution, m.coef, m.shapes, m.eta, m.g, q, v, u_contact, v_contact,
+                    force, finger, watch, m.out_shapes, none, out, no_out, empty, empty, work,
+                )  # fmt: skip
+        spent = time.process_time() - started
+    finally:
+        restore(flush)
+    return spent * sound_s / (blocks * _BLOCK * m.dt)
+
+
+def cpu_s(run: Run, sound_s: float) -> float:
+    """CPU seconds that `sound_s` of sound take, without setting up: the block kernel, or the scheme's own runner.
+
+    A runner's time is the lesser of its own clock and this process's CPU time, so that other programs do not count.
+    """
+    if run.scheme in LAWS and dict(run.table).get("substeps", 1) == 1:
+        return _kernel_cpu_s(run, sound_s)
+    scene = run.scene(sound_s, 1)
+    started = time.process_time()
+    outcome = methods.run(scene)
+    spent = time.process_time() - started
+    return min(spent, outcome.seconds) * sound_s / (scene.steps * scene.dt)
+
+
+def decimation_cpu_s(factor: int, sound_s: float = 0.5) -> float:
+    """CPU seconds for `sound_s` of sound through the decimator; NaN beyond the factors it has."""
+    if factor > MAXIMUM_FACTOR:
+        return math.nan
+    taps, history, work = design(BASE_HZ, factor), new_history(factor), workspace(factor)
+    frames = round(sound_s * BASE_HZ)
+    x, out = np.zeros(frames * factor), np.zeros(frames)
+    started = time.process_time()
+    decimate(taps, factor, history, x, work, out)
+    return time.process_time() - started
+
+
+def longest(run: Run, cpu_per_s: float, budget_s: float) -> float | None:
+    """The longest span of the case that the budget allows; None: not even the shortest."""
+    spans = [s for s in SPANS_S if s <= LONGEST_S[run.case]]
+    allowed = [s for s in spans if s * cpu_per_s <= budget_s]
+    return max(allowed) if allowed else None
