@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 #: Okabe and Ito's palette, which the colour-blind tell apart; the default scheme alone is vermilion
 _OURS = "#D55E00"
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#8C6D1F", "#6A51A3", "#999999")
+_SOME_SUBSTEPS = re.compile(r", \d+ sub-steps$")
 _MARKERS = ("s", "^", "D", "v", "P", "X", "<", ">", "h", "p")
 _TITLES = {
     "tanpura": "Two-point bridge (tanpura), error over 3 s",
@@ -63,7 +65,7 @@ def families(session: Session, case: str) -> dict[str, list[dict[str, Any]]]:
     taken = {id(row) for row in ours}
     for row in session.rows:
         run: Run = row["run"]
-        if run.case == case and id(row) not in taken:
+        if run.case == case and id(row) not in taken and "substeps" not in dict(run.table):
             kept = "all modes" if run.modes == session.references[case]["run"].modes else "modes below half the rate"
             found.setdefault(f"{run.label}; {kept}", []).append(row)
     return {name: sorted(rows, key=lambda row: row["run"].factor) for name, rows in found.items()}
@@ -75,7 +77,7 @@ def _styles(session: Session) -> dict[str, dict[str, Any]]:
     for case in session.cases:
         for name in families(session, case):
             scheme = name.split(";")[0]
-            if scheme not in schemes and not scheme.endswith("(default)"):
+            if scheme not in schemes and not scheme.endswith(("(default)", "sub-steps")):
                 schemes.append(scheme)
     styles = {}
     for number, scheme in enumerate(schemes):
@@ -86,6 +88,8 @@ def _styles(session: Session) -> dict[str, dict[str, Any]]:
 def _look(name: str, styles: dict[str, dict[str, Any]]) -> dict[str, Any]:
     if name.endswith("(default)"):
         return {"color": _OURS, "marker": "o", "linewidth": 2.4, "markersize": 8, "zorder": 5}
+    if name.endswith("sub-steps"):
+        return {"color": _OURS, "marker": "*", "linewidth": 1.6, "linestyle": "--", "markersize": 9, "zorder": 6}
     truncated = name.endswith("below half the rate")
     look = dict(styles[name.split(";")[0]], linewidth=1.0, markersize=6, linestyle="--" if truncated else "-")
     if truncated:
@@ -120,7 +124,7 @@ def pareto(session: Session, name: str, cases: list[str], front: Path | None) ->
         ours = {id(row) for row in session.default_rows(case)}
         schemes: dict[str, list[dict[str, Any]]] = {}
         for row in everything:
-            label = row["run"].label + (" (default)" if id(row) in ours else "")
+            label = _SOME_SUBSTEPS.sub(", sub-steps", row["run"].label) + (" (default)" if id(row) in ours else "")
             schemes.setdefault(label, []).append(row)
         for label, rows in sorted(schemes.items(), key=lambda item: not item[0].endswith("(default)")):
             best = nothing_better(rows, key)

@@ -139,6 +139,10 @@ class Session:
         runs = [(row["run"], row) for row in self.rows]
         return [row for run, row in runs if run.case == case and (run.scheme, run.table) == (DEFAULT, AS_DEFAULT)]
 
+    def substepped_rows(self, case: str) -> list[dict[str, Any]]:
+        """The rows of the default scheme whose contact takes sub-steps."""
+        return [row for row in self.rows if row["run"].case == case and "substeps" in dict(row["run"].table)]
+
     def write_tables(self) -> None:
         """results.csv and tables.md."""
         columns = tables.COLUMNS
