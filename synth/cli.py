@@ -462,9 +462,19 @@ def _add_simulate(commands: Any) -> None:
     )
     parser.add_argument("--stiffness", type=_number(float, 0, 1e30), metavar="K", help="of a compliant contact, N/m^α")
     parser.add_argument("--exponent", type=_number(float, 1, 100), metavar="A", help="α of a compliant contact")
+    parser.add_argument("--quality", choices=QUALITIES, help="rate and modes as `synth render` would choose them")
     parser.add_argument("--rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
     parser.add_argument("--output-rate", type=_number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
     parser.add_argument("--modes", type=_number(int, 1, 100_000), metavar="N", help="number of modes")
+    parser.add_argument(
+        "--substeps", type=_number(int, 1, 64), metavar="K", help="of exact-hold: the contact force changes K times a step"
+    )
+    parser.add_argument(
+        "--tail-modes",
+        choices=("lumped", "static", "none"),
+        dest="tail",
+        help="of exact-hold: what stands for modes left out",
+    )
     parser.add_argument("--duration", type=_number(float, 1e-9, 1e6, " s"), metavar="SEC", help="how long")
     parser.add_argument("--ledger", action="store_true", default=None, help="keep the energy ledger too")
     parser.add_argument("--json", action="store_true", help="summary as JSON")
@@ -475,7 +485,10 @@ def _add_simulate(commands: Any) -> None:
 def _simulate(options: argparse.Namespace) -> int:
     from synth.simulation import simulate_file
 
-    names = ("scheme", "restitution", "stiffness", "exponent", "rate", "output_rate", "modes", "duration", "ledger")
+    names = (
+        "scheme", "restitution", "stiffness", "exponent", "quality", "rate", "output_rate", "modes", "substeps", "tail",
+        "duration", "ledger",
+    )  # fmt: skip
     overrides = {name: value for name in names if (value := getattr(options, name)) is not None}
 
     def warn(text: str) -> None:

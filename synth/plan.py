@@ -14,6 +14,9 @@ impacts   any other points: short blows, each of which magnifies what two runs d
 
 The rates come from `calibration`, which tools/calibrate-plan measures on random strings; tests/test_promise.py holds them
 against others. The modes are all below half the internal rate.
+
+A wall under a stretch of the string is planned by what an elastic wall does to it (`plan_wall`): the grid has to resolve the
+length over which the string straightens on it, and the step the time of a contact (tools/wall-study).
 """
 
 from __future__ import annotations
@@ -143,3 +146,36 @@ def plan_string(
     if scheme != "exact-hold":
         error = "not calibrated for this scheme"
     return StringPlan(quality, scheme, factor, factor * rate_hz, modes, contacts, error)
+
+
+#: of a wall: Δx over `foundation_length`, ΩΔt with Ω = √(k/μ), and what that was measured to give
+WALL: dict[str, tuple[float, float, str]] = {
+    "draft": (4.5, 1.4, "log-spectral distance < 6 dB over 0.4 s"),
+    "standard": (2.25, 0.7, "e about 0.05 over 0.1 s, log-spectral distance < 3 dB over 0.4 s"),
+    "fine": (1.13, 0.18, "e about 0.01 over 0.1 s, log-spectral distance < 1.5 dB over 0.4 s"),
+    "reference": (0.57, 0.09, "as close as converged runs"),
+}
+
+
+def foundation_length(stiffness: float, string: String) -> float:
+    """What a string on springs k [N/m²] straightens over [m]: the larger of √(T/k) and (EI/k)^¼."""
+    return max(math.sqrt(string.tension_n / stiffness), (string.bending_stiffness_n_m2 / stiffness) ** 0.25)
+
+
+def plan_wall(string: String, stiffness: float, *, quality: str, rate_hz: float) -> StringPlan:
+    """Scheme `wall` for a string over an elastic wall of k = stiffness [N/m²]; modes + 1 is a power of two.
+
+    `contacts` of the plan is 0: the wall's nodes are the inner nodes of the modal grid under it. Raises ValueError for
+    other qualities and a stiffness that is not a positive number: a rigid wall has no loss of its own that a grid could
+    converge to.
+    """
+    if quality not in WALL:
+        raise ValueError(f"quality must be one of {', '.join(WALL)}, got {quality!r}")
+    if not (stiffness > 0.0 and math.isfinite(stiffness)):
+        raise ValueError(f"a wall can be planned for a stiffness > 0 N/m², got {stiffness}; a rigid one does not converge")
+    nodes, angle, error = WALL[quality]
+    intervals = string.length_m / (nodes * foundation_length(stiffness, string))
+    modes = 2 ** max(1, math.ceil(math.log2(intervals))) - 1
+    least_hz = math.sqrt(stiffness / string.linear_density_kg_m) / angle
+    factor = max(1, math.ceil(least_hz / rate_hz - 1e-9))
+    return StringPlan(quality, "wall", factor, factor * rate_hz, modes, 0, error)

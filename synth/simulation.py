@@ -117,10 +117,13 @@ import numpy as np
 
 from synth import methods
 from synth.case import OVERRIDES, Case, CaseError, case_folder, load_case, read_case
+from synth.plan import plan_string, plan_wall, scene_kind
 from synth.scene import Scene
 from synth.schemes import SCHEMES, energy_warning
 from synth.solver import driver
 from synth.solver.problem import Outcome
+
+DEFAULT_RATE_HZ = 44100.0
 
 
 @dataclass(frozen=True)
@@ -176,9 +179,12 @@ def simulate(
 
     warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`)
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
+        quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
+        of the engine (exact-hold) or to an elastic wall; the output rate is the case's, 44.1 kHz if it names none
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
     """
-    loaded, folder = read_case(case, overrides)
+    quality = overrides.pop("quality", None)
+    loaded, folder = read_case(case, overrides if quality is None else _planned(case, overrides, quality))
     scene = Scene(loaded, folder)
     if warn is not None:
         run, scheme, highest_hz = loaded.run, loaded.scheme, float(scene.omega.max()) / (2.0 * math.pi)
@@ -187,6 +193,31 @@ def simulate(
         if risk is not None:
             warn(risk)
     return _result(scene, methods.run(scene))
+
+
+def _planned(case: Any, overrides: Mapping[str, Any], quality: str) -> dict[str, Any]:
+    """The overrides with the rates and modes that `plan` chooses."""
+    for name in ("rate", "internal_rate", "internal_rate_hz", "modes"):
+        if overrides.get(name) is not None:
+            raise CaseError(f"quality chooses rate and modes; leave out {name}, or quality")
+    # at the lowest rate, so that nothing of the case's own can be in the way
+    output_hz = overrides.get("output_rate_hz") or overrides.get("output_rate") or load_case(case).run.output_rate_hz
+    found: dict[str, Any] = {**overrides, "output_rate_hz": output_hz or DEFAULT_RATE_HZ}
+    found.pop("output_rate", None)
+    lowest, folder = read_case(case, {**found, "internal_rate_hz": found["output_rate_hz"]})
+    scene, wall = Scene(lowest, folder), lowest.obstacle.wall
+    rate_hz = found["output_rate_hz"]
+    if lowest.scheme.name == "wall" and wall is not None:
+        stiffness = math.inf if wall.stiffness_n_m2 == "rigid" else wall.stiffness_n_m2
+        plan = plan_wall(scene.string, stiffness, quality=quality, rate_hz=rate_hz)
+    elif lowest.scheme.name == "exact-hold":
+        kind = scene_kind(scene.string, scene.obstacle.positions_m)
+        fundamental_hz = scene.string.fundamental_hz
+        contacts = len(scene.obstacle)
+        plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz)
+    else:
+        raise CaseError(f"quality is known for exact-hold and wall, got scheme {lowest.scheme.name!r}; give rate and modes")
+    return {**found, "internal_rate_hz": plan.rate_hz, "modes": plan.modes}
 
 
 def simulate_file(

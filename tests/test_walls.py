@@ -17,6 +17,7 @@ from synth.exact.triangle import free
 from synth.exact.triangle import wall as over_wall
 from synth.measures import relative_error
 from synth.physics.obstacle import parabola_height, wall_positions
+from synth.plan import BRIDGE, WALL, plan_string, plan_wall
 from synth.scene import Scene
 from synth.solver import wall
 from synth.solver.problem import Problem
@@ -210,12 +211,32 @@ def test_springs_converge_to_their_differential_equation() -> None:
     assert ratios == pytest.approx(4.0, rel=0.15)  # second order
 
 
-def test_advice_is_what_was_measured() -> None:
+def test_a_wall_is_planned_as_it_was_measured() -> None:
     string = Scene(load_case("fretless"), Path()).string
-    given = (string.length_m, string.tension_n, string.linear_density_kg_m, string.bending_stiffness_n_m2)
-    assert wall.advised("standard", 1e8, *given) == (255, pytest.approx(174.7e3, rel=1e-3))
-    assert wall.advised("fine", 1e8, *given) == (511, pytest.approx(679.2e3, rel=1e-3))
-    assert [wall.advised(quality, 1e9, *given)[0] for quality in wall.QUALITIES] == [255, 511, 1023, 2047]
+    plans = [plan_wall(string, 1e8, quality=quality, rate_hz=44100.0) for quality in WALL]
+    assert [(plan.modes, plan.factor, plan.scheme) for plan in plans] == [
+        (127, 2, "wall"), (255, 4, "wall"), (511, 16, "wall"), (1023, 31, "wall")
+    ]  # fmt: skip
+    assert [plan_wall(string, 1e9, quality=quality, rate_hz=44100.0).modes for quality in WALL] == [255, 511, 1023, 2047]
+    with pytest.raises(ValueError, match="rigid one does not converge"):
+        plan_wall(string, math.inf, quality="fine", rate_hz=44100.0)
+
+
+def test_simulate_at_a_quality() -> None:
+    result = synth.simulate("fretless", quality="standard", duration=0.01)
+    assert (result.metadata["modes"], result.metadata["internal_rate_hz"]) == (255, 176400.0)
+    bridge = synth.simulate("tanpura", quality="standard", duration=0.01)
+    string = Scene(load_case("tanpura"), Path()).string
+    plan = plan_string(string, string.fundamental_hz, 1, BRIDGE, quality="standard", rate_hz=44100.0)
+    assert (bridge.metadata["modes"], bridge.metadata["internal_rate_hz"]) == (plan.modes, plan.rate_hz)
+    assert synth.simulate("bass", quality="draft", duration=0.01, output_rate=48000).metadata["output_rate_hz"] == 48000.0
+    for changes, message in (
+        ({"modes": 12}, "leave out modes"),
+        ({"scheme": "compliant"}, "known for exact-hold and wall"),
+        ({"quality": "best"}, "quality must be one of"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            synth.simulate("tanpura", **{"quality": "standard", **changes})
 
 
 def test_fretless_converges_in_nodes_and_rate() -> None:

@@ -42,31 +42,6 @@ LAST, TOUCHED, LOOKED = 0, 1, 2
 _COUNTS = 3
 
 
-#: what a quality takes of the two lengths that matter: Δx over the foundation's (`foundation_length`), and ΩΔt. Measured on
-#: the fretless case, restitution 0.7, k = 1e7 … 1e9 N/m²: e over 0.1 s and log-spectral distance of standard 0.02 to 0.11
-#: and 0.5 to 2.2 dB, of fine 0.007 and 0.1 dB (k = 1e8), of draft 0.2 to 0.5 and 3 to 4 dB
-QUALITIES: dict[str, tuple[float, float]] = {
-    "draft": (4.5, 1.4),
-    "standard": (2.25, 0.7),
-    "fine": (1.13, 0.18),
-    "reference": (0.57, 0.09),
-}
-
-
-def foundation_length(stiffness: float, tension: float, bending_stiffness: float) -> float:
-    """What a string on springs k [N/m²] straightens over [m]: the larger of √(T/k) and (EI/k)^¼."""
-    return max(math.sqrt(tension / stiffness), (bending_stiffness / stiffness) ** 0.25)
-
-
-def advised(
-    quality: str, stiffness: float, length: float, tension: float, mu: float, bending_stiffness: float
-) -> tuple[int, float]:
-    """(modes, internal rate [Hz] at least) for a string over an elastic wall, modes + 1 a power of two; see `QUALITIES`."""
-    nodes, angle = QUALITIES[quality]
-    intervals = length / (nodes * foundation_length(stiffness, tension, bending_stiffness))
-    return 2 ** max(1, math.ceil(math.log2(intervals))) - 1, math.sqrt(stiffness / mu) / angle
-
-
 class Wall(NamedTuple):
     """What does not change: N modes, the wall's C nodes are numbers first … first + C − 1 of the grid's N, from 0."""
 

@@ -197,6 +197,7 @@ def convergence(session: Session) -> None:
                 (line,) = axis.plot(x, y, color="#777777", linestyle=style, linewidth=1.2)
                 handles.setdefault(f"order {order}", line)
         axis.set(xscale="log", yscale="log", title=_TITLES[case])
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_xlabel("internal rate [Hz]")
         axis.set_ylabel("relative error e against the converged run")
     figure.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, fontsize=8)
