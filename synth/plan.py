@@ -85,8 +85,9 @@ def promise(kind: str, quality: str) -> str:
         return "as close as converged runs"
     if kind == BRIDGE:
         return f"e < {BRIDGE_ERROR[quality]:g} over 3 s"
+    onset = f"e < {IMPACT_ONSET_ERROR[quality]:g} over 0.1 s, " if quality in IMPACT_ONSET_ERROR else ""
     return (
-        f"log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
+        f"{onset}log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
         f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB"
     )
 
