@@ -26,7 +26,7 @@ keys are errors. * marks what must be there.
                                 frets); parabola = {top_m, height_m = 0, radius_m}, a curved bridge. Points: nodes or
                                 spacing_m; neither: the modal grid, for scheme "wall" (then the default).
                                 stiffness_n_m2 = 1e8, of that scheme alone: [N/m per m], or "rigid"
-    [[obstacle.motion.ramp]]    moves the whole obstacle, any number; what they and the sines give adds up
+    [[obstacle.motion.ramp]]    moves all points or frets, any number; what they and the sines give adds up
     duration_s*, displacement_m*, start_s    raised cosine from 0 to displacement_m, where it stays; start_s default 0
     [[obstacle.motion.sine]]
     frequency_hz*, amplitude_m*, start_s     amplitude·sin(2πf(t − start_s)) from start_s (default 0) on

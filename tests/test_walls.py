@@ -312,6 +312,7 @@ def test_the_wall_scheme_is_the_default_of_a_wall_without_points() -> None:
         (lambda t: t["obstacle"]["wall"].update(stiffness_n_m2=-1.0), "greater than 0"),
         (lambda t: t["obstacle"].update(positions_m=[0.1], heights_m=0.0), "give either wall"),
         (lambda t: t["obstacle"].update(wall=None), "needs a wall"),
+        (lambda t: t["obstacle"].update(motion={"sine": [{"frequency_hz": 9.0, "amplitude_m": 1e-3}]}), "a wall stands"),
         (lambda t: t["initial"].update(displacement_m=-3e-3), "below it"),
         (lambda t: t.update(finger=[{"position_m": 0.5, "displacement_m": 1e-3, "draw_s": 0.1}]), "takes none"),
     ],
