@@ -180,7 +180,8 @@ def simulate(
     warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`)
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
         quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
-        of the engine (exact-hold) or to an elastic wall; the output rate is the case's, 44.1 kHz if it names none
+        of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
+        case's, 44.1 kHz if it names none. What is promised was measured with the default tail and without sub-steps
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
     """
     quality = overrides.pop("quality", None)
@@ -214,7 +215,7 @@ def _planned(case: Any, overrides: Mapping[str, Any], quality: str) -> dict[str,
         kind = scene_kind(scene.string, scene.obstacle.positions_m)
         fundamental_hz = scene.string.fundamental_hz
         contacts = len(scene.obstacle)
-        plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz)
+        plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz, decimated=False)
     else:
         raise CaseError(f"quality is known for exact-hold and wall, got scheme {lowest.scheme.name!r}; give rate and modes")
     return {**found, "internal_rate_hz": plan.rate_hz, "modes": plan.modes}
