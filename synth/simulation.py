@@ -181,7 +181,7 @@ def simulate(
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
         quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
         of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
-        case's, 44.1 kHz if it names none. What is promised was measured with the default tail and without sub-steps
+        case's, 44.1 kHz if it names none. Nothing is promised with another tail or with sub-steps
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
     """
     quality = overrides.pop("quality", None)
