@@ -131,6 +131,8 @@ class ObstacleTable(_Table):
                 raise ValueError("give either frets or positions_m and heights_m")
         elif (self.positions_m is None) != (self.heights_m is None):
             raise ValueError("positions_m and heights_m must be given together")
+        if self.moves and self.wall is not None:
+            raise ValueError("motion is for points and frets, a wall stands; give positions_m and heights_m instead of wall")
         if self.moves and self.frets is None and not self.positions_m:
             raise ValueError("motion needs something that moves; give positions_m and heights_m, or frets")
         return self
@@ -350,7 +352,9 @@ def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
             raise CaseError(f"no override {name!r}; there are {', '.join(OVERRIDES)}")
         if value is not None:
             table, key = OVERRIDES[name]
-            tables[table] = {**tables.get(table, {}), key: _plain(value)}
+            given = tables.get(table, {})
+            if isinstance(given, Mapping):  # what is no table is told of below
+                tables[table] = {**given, key: _plain(value)}
     try:
         return Case.model_validate(tables), folder
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""From a preset and a plan to the arrays that sound: the only file that knows physics and solver.
+"""From a preset and a plan to the arrays that sound: where an instrument's physics meets the solver.
 
 Every string of the preset gets one modal model per position it can be played at (open, and each fret), tuned so that
 the sounding fundamental has the note's pitch: the tension is that of the model's first mode at the note's frequency

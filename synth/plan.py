@@ -85,8 +85,9 @@ def promise(kind: str, quality: str) -> str:
         return "as close as converged runs"
     if kind == BRIDGE:
         return f"e < {BRIDGE_ERROR[quality]:g} over 3 s"
+    onset = f"e < {IMPACT_ONSET_ERROR[quality]:g} over 0.1 s, " if quality in IMPACT_ONSET_ERROR else ""
     return (
-        f"log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
+        f"{onset}log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
         f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB"
     )
 
@@ -100,11 +101,18 @@ def wanted_rate_hz(fundamental_hz: float, kind: str, quality: str) -> float:
 
 
 def choose_factor(
-    fundamental_hz: float, kind: str, quality: str, rate_hz: float, internal_rate_hz: float | None = None
+    fundamental_hz: float,
+    kind: str,
+    quality: str,
+    rate_hz: float,
+    internal_rate_hz: float | None = None,
+    *,
+    decimated: bool = True,
 ) -> tuple[int, str]:
     """(factor, promise) for one string in a scene of this `kind`.
 
-    `internal_rate_hz` overrides the choice. Raises ValueError.
+    `internal_rate_hz` overrides the choice; not `decimated`, the decimator's largest factor is no limit to it. Raises
+    ValueError.
     """
     if quality not in QUALITIES:
         raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
@@ -117,7 +125,7 @@ def choose_factor(
             )
         return round(factor), "not calibrated at a rate of your own"
     factor = max(1, math.ceil(wanted_rate_hz(fundamental_hz, kind, quality) / rate_hz - 1e-9))
-    if factor <= MAXIMUM_FACTOR:
+    if factor <= MAXIMUM_FACTOR or not decimated:
         return factor, promise(kind, quality)
     # as far as the decimator goes: what is promised is what that rate is known to give
     reached = MAXIMUM_FACTOR * rate_hz
@@ -136,12 +144,14 @@ def plan_string(
     rate_hz: float,
     scheme: str = "exact-hold",
     internal_rate_hz: float | None = None,
+    decimated: bool = True,
 ) -> StringPlan:
     """The plan of one speaking string of an instrument whose open string has `fundamental_hz`.
 
-    `kind` decides the calibration: a stopped string has fewer frets left but plays on the same string.
+    `kind` decides the calibration: a stopped string has fewer frets left but plays on the same string. `decimated` as for
+    `choose_factor`.
     """
-    factor, error = choose_factor(fundamental_hz, kind, quality, rate_hz, internal_rate_hz)
+    factor, error = choose_factor(fundamental_hz, kind, quality, rate_hz, internal_rate_hz, decimated=decimated)
     modes = max(1, min(MAX_MODES, count_modes_below(string, 0.5 * factor * rate_hz)))
     if scheme != "exact-hold":
         error = "not calibrated for this scheme"

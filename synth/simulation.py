@@ -26,7 +26,7 @@ keys are errors. * marks what must be there.
                                 frets); parabola = {top_m, height_m = 0, radius_m}, a curved bridge. Points: nodes or
                                 spacing_m; neither: the modal grid, for scheme "wall" (then the default).
                                 stiffness_n_m2 = 1e8, of that scheme alone: [N/m per m], or "rigid"
-    [[obstacle.motion.ramp]]    moves the whole obstacle, any number; what they and the sines give adds up
+    [[obstacle.motion.ramp]]    moves all points or frets, any number; what they and the sines give adds up
     duration_s*, displacement_m*, start_s    raised cosine from 0 to displacement_m, where it stays; start_s default 0
     [[obstacle.motion.sine]]
     frequency_hz*, amplitude_m*, start_s     amplitude·sin(2πf(t − start_s)) from start_s (default 0) on
@@ -180,7 +180,8 @@ def simulate(
     warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`)
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
         quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
-        of the engine (exact-hold) or to an elastic wall; the output rate is the case's, 44.1 kHz if it names none
+        of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
+        case's, 44.1 kHz if it names none. Nothing is promised with another tail or with sub-steps
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
     """
     quality = overrides.pop("quality", None)
@@ -214,7 +215,7 @@ def _planned(case: Any, overrides: Mapping[str, Any], quality: str) -> dict[str,
         kind = scene_kind(scene.string, scene.obstacle.positions_m)
         fundamental_hz = scene.string.fundamental_hz
         contacts = len(scene.obstacle)
-        plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz)
+        plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz, decimated=False)
     else:
         raise CaseError(f"quality is known for exact-hold and wall, got scheme {lowest.scheme.name!r}; give rate and modes")
     return {**found, "internal_rate_hz": plan.rate_hz, "modes": plan.modes}

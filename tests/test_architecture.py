@@ -1,5 +1,5 @@
-"""Imports go one way only: units → physics, solver, dsp → measures → plan, compile, preset, simulation
-→ engine → host → cli.
+"""Imports go one way only, by the floors below: units and names → physics, solver, dsp → measures, exact → plan, compile,
+preset and cases → engine → host → cli.
 """
 
 import ast

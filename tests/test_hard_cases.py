@@ -639,3 +639,9 @@ def test_faults_are_named(tables, message):
     case = with_tables("hard/moving-ramp", **tables)
     with pytest.raises(ValueError, match=message):
         simulate(case)
+
+
+def test_an_override_of_what_is_no_table_is_a_fault_of_the_table():
+    case = {**with_tables("hard/moving-ramp"), "scheme": "exact-hold"}
+    with pytest.raises(CaseError, match=r"scheme: .*valid dictionary.*got 'exact-hold'"):
+        simulate(case, tail="static")

@@ -17,7 +17,7 @@ from synth.exact.triangle import free
 from synth.exact.triangle import wall as over_wall
 from synth.measures import relative_error
 from synth.physics.obstacle import parabola_height, wall_positions
-from synth.plan import BRIDGE, WALL, plan_string, plan_wall
+from synth.plan import BRIDGE, WALL, plan_string, plan_wall, wanted_rate_hz
 from synth.scene import Scene
 from synth.solver import wall
 from synth.solver.problem import Problem
@@ -230,6 +230,9 @@ def test_simulate_at_a_quality() -> None:
     plan = plan_string(string, string.fundamental_hz, 1, BRIDGE, quality="standard", rate_hz=44100.0)
     assert (bridge.metadata["modes"], bridge.metadata["internal_rate_hz"]) == (plan.modes, plan.rate_hz)
     assert synth.simulate("bass", quality="draft", duration=0.01, output_rate=48000).metadata["output_rate_hz"] == 48000.0
+    # rows at a low rate are no reason to compute at a low one
+    rare = synth.simulate("tanpura", quality="standard", duration=0.01, output_rate=1000)
+    assert rare.metadata["internal_rate_hz"] >= wanted_rate_hz(string.fundamental_hz, BRIDGE, "standard") > 64_000
     for changes, message in (
         ({"modes": 12}, "leave out modes"),
         ({"scheme": "compliant"}, "known for exact-hold and wall"),
@@ -312,6 +315,7 @@ def test_the_wall_scheme_is_the_default_of_a_wall_without_points() -> None:
         (lambda t: t["obstacle"]["wall"].update(stiffness_n_m2=-1.0), "greater than 0"),
         (lambda t: t["obstacle"].update(positions_m=[0.1], heights_m=0.0), "give either wall"),
         (lambda t: t["obstacle"].update(wall=None), "needs a wall"),
+        (lambda t: t["obstacle"].update(motion={"sine": [{"frequency_hz": 9.0, "amplitude_m": 1e-3}]}), "a wall stands"),
         (lambda t: t["initial"].update(displacement_m=-3e-3), "below it"),
         (lambda t: t.update(finger=[{"position_m": 0.5, "displacement_m": 1e-3, "draw_s": 0.1}]), "takes none"),
     ],

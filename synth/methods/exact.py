@@ -5,9 +5,10 @@ waveguide      ideal string, no finger; internal_rate_hz makes the grid, Δx = c
 cabannes       the same string, a sharp triangle at mid-string over one point there, −1 < height/displacement < 1
 flat-wall      the same string, a sharp triangle over at least 20 points of one height ≤ 0 along the whole string, standing
                for a wall; restitution 1. At height 0 the triangle may have its corner anywhere, below it at mid-string
-event-driven   one point, no finger. residual_compliance as for exact-hold; without it restitution is 0
+event-driven   one point, no finger. The modes left out are static compliance, or with tail = "none" nothing: restitution is
+               then 0
 
-`modes` is of no account to the first three, the internal rate to the last three, but for the rows.
+`modes` is of no account to the first three but for a start in modes, the internal rate to the last three but for the rows.
 """
 
 from __future__ import annotations

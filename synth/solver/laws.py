@@ -24,6 +24,8 @@ import math
 import numpy as np
 from numba import njit
 
+from synth.solver.vectors import FAST
+
 EXACT_HOLD = 0
 MOREAU_JEAN = 1
 MOREAU_JEAN_FILTERED = 2
@@ -134,7 +136,7 @@ def step_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> Non
             coef[5, j] = gain
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+@njit(cache=True, nogil=True, fastmath=FAST)
 def contact_matrix(law: int, coef, shapes, residual, out) -> None:
     """Fill `out` (C, C): G = S diag(kq) Sᵀ + R (exact-hold) or the Delassus matrix S diag(kv) Sᵀ (Moreau–Jean)."""
     contacts, modes = shapes.shape

@@ -2,8 +2,7 @@
 
 The nodes x_i = iL/n and the n − 1 modes of a string are each other's transform. Two rows are transformed at once, by one
 complex FFT of length n where n is a power of two of 128 and more, and otherwise by a matrix, which up to there is faster
-(`tools/wall-study transform`). Compiled and free of allocation, so that a
-contact law can call it in every step.
+(`tools/wall-study transform`). Compiled and free of allocation, so that a contact law can call it in every step.
 """
 
 from __future__ import annotations
@@ -13,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-FAST = {"reassoc", "contract", "nsz"}
+from synth.solver.vectors import FAST
+
 _FFT_FROM = 128
 
 

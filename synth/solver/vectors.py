@@ -1,4 +1,4 @@
-"""The two vector operations that all kernels are made of."""
+"""Vector operations that the kernels share."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.physics.modes import base_frequencies, mode_shapes, residual_compliance, static_compliance
+from synth.physics.modes import base_frequencies, force_weights, mode_shapes, residual_compliance, static_compliance
 from synth.physics.string import String
 from synth.physics.tail import DAMPING_RATIO, RESOLVED, lumped_tail
 
@@ -119,6 +119,25 @@ def test_a_static_force_bends_the_string_as_all_modes_would(guitar, rate):
     # what is behind the modes summed is missing here: its compliance at the contact bounds it
     assert np.abs(kept + lumped - expected).max() <= 1.01 * tail.residual[0, 0] + 1e-12 * expected.max()
     assert np.abs(kept - expected).max() > 10 * tail.residual[0, 0]
+
+
+@pytest.mark.parametrize("rate", [44_100.0, FAST])
+@pytest.mark.parametrize("contact", [0.3, 0.996])
+def test_a_static_force_reaches_the_bridge_by_the_law_of_the_lever(guitar, contact, rate):
+    """Force on the end x = L per force at the contact: −x_c/L, which 30 modes miss by far where the contact is near.
+
+    Of the series −(2/π) Σ (−1)^(j+1) sin(jπx_c/L)/j what is behind the modes summed, T, is missing here: by Abel's
+    summation no more than (2/π)/((T + 1) |cos(πx_c/2L)|).
+    """
+    modes = 30
+    tail = lumped_tail(guitar, [contact], modes, rate)
+    mu, length = guitar.linear_density_kg_m, guitar.length_m
+    seen = force_weights(guitar, length, tail.modes)
+    kept = (seen[:modes] / (mu * base_frequencies(guitar, modes) ** 2)) @ mode_shapes(length, contact, modes)[0]
+    lumped = tail.weights(seen) @ (tail.shapes[0] / (mu * tail.omega**2))
+    behind = 2.0 / np.pi / ((tail.modes + 1) * abs(np.cos(0.5 * np.pi * contact / length)))
+    assert abs(kept + lumped + contact / length) <= behind
+    assert abs(kept + contact / length) > 5.0 * behind
 
 
 @pytest.mark.parametrize("rate", [44_100.0, FAST])

@@ -135,7 +135,7 @@ def _kernel_cpu_s(run: Run, sound_s: float) -> float:
     none, empty = np.zeros((0, n)), np.zeros((0, 0))
     out, no_out, out_v = np.zeros((_BLOCK, 1)), np.zeros((_BLOCK, 0)), np.zeros(_BLOCK)
     work, finger, watch = make_work(contacts), no_finger(n, contacts), np.ones(contacts, np.uint8)
-    q, v = getattr(scene, "start", scene.initial)()
+    q, v = scene.initial()
     u_contact, v_contact, force = m.shapes @ q, m.shapes @ v, np.zeros(contacts)
     flush = enable_ftz()
     try:

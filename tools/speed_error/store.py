@@ -12,7 +12,10 @@ from typing import Any
 import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-_SOURCES = ("solver/*.py", "physics/*.py", "scene.py", "methods/*.py", "case.py", "dsp/decimator.py", "dsp/denormals.py")
+_SOURCES = (
+    "solver/*.py", "physics/*.py", "exact/*.py", "scene.py", "methods/*.py", "case.py", "measures.py", "dsp/decimator.py",
+    "dsp/denormals.py",
+)  # fmt: skip
 
 
 def sources_hash() -> str:
