@@ -483,6 +483,8 @@ def _add_simulate(commands: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    import numpy as np
+
     from synth.simulation import simulate_file
 
     names = (
@@ -495,9 +497,10 @@ def _simulate(options: argparse.Namespace) -> int:
         if not options.quiet:
             print(f"synth: {text}", file=sys.stderr)
 
-    summary = simulate_file(options.case, options.output, overrides, warn)
+    with np.errstate(all="ignore"):  # what is not finite the summary says
+        summary = simulate_file(options.case, options.output, overrides, warn)
     if options.json:
-        print(json.dumps(summary, indent=2))
+        print(json.dumps(summary, indent=2, allow_nan=False))
     elif not options.quiet:
         print(f"{options.output}: " + ", ".join(f"{key} {_brief(value)}" for key, value in summary.items()))
     return 0

@@ -289,6 +289,20 @@ def test_a_preset_that_is_not_there(tmp_path, capsys) -> None:
     assert os.listdir(tmp_path) == []
 
 
+def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path) -> None:
+    """A loss of 1e300: still JSON, no word from NumPy, a warning."""
+    from synth.simulation import case_folder
+
+    text = (case_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace("viscoelastic_loss = 4.5e-3", "viscoelastic_loss = 1e300"))
+    run = ["simulate", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out.npz"), "--json"]
+    assert main([*run, "--rate", "44100", "--modes", "5", "--duration", "0.001"]) == 0
+    out, err = capsys.readouterr()
+    summary = json.loads(out, parse_constant=pytest.fail)
+    assert summary["finite"] is False and summary["largest_displacement_m"] is None
+    assert err == "synth: the results are not finite; check the units of the case, or raise the internal rate\n"
+
+
 def test_a_plan_in_words_and_as_json(capsys) -> None:
     assert cli.main(["plan", "tanpura", "C3", "--quality", "draft"]) == 0
     assert "draft" in capsys.readouterr().out
