@@ -296,7 +296,7 @@ def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path) -> None:
     text = (case_folder() / "tanpura.toml").read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text.replace("viscoelastic_loss = 4.5e-3", "viscoelastic_loss = 1e300"))
     run = ["simulate", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out.npz"), "--json"]
-    assert main([*run, "--rate", "44100", "--modes", "5", "--duration", "0.001"]) == 0
+    assert cli.main([*run, "--rate", "44100", "--modes", "5", "--duration", "0.001"]) == 0
     out, err = capsys.readouterr()
     summary = json.loads(out, parse_constant=pytest.fail)
     assert summary["finite"] is False and summary["largest_displacement_m"] is None
