@@ -381,11 +381,11 @@ def _faults(error: ValidationError) -> list[str]:
     got: dict[tuple[str, ...], str] = {}
     for item in error.errors():
         parts = [str(part) for part in item["loc"]]
-        unknown = item["type"] == "extra_forbidden"
+        unknown, missing = item["type"] == "extra_forbidden", item["type"] == "missing"
         place = tuple(part for part in parts if unknown or not _ALTERNATIVE.fullmatch(part))
         message = item["msg"].removeprefix("Value error, ")
         message = re.sub("valid dictionary or instance of .*", "table", message).partition(", unable to parse")[0]
-        wanted.setdefault(place, []).append(message)
+        wanted.setdefault(place, []).append("no such key" if unknown else "missing" if missing else message)
         value = item.get("input")
         if isinstance(value, int | float | str | list) and ", got " not in message:
             shown = repr(value)

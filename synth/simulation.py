@@ -271,8 +271,7 @@ def simulate_file(
     warn: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """`simulate` to an .npz file; returns the summary."""
-    if not is_special(out):
-        check_target(out)
+    check_target(out)
     result = simulate(case, warn=warn, **dict(overrides or {}))
     result.save(out)
     return result.summary

@@ -17,7 +17,9 @@ def is_special(path: str | os.PathLike[str]) -> bool:
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
-    """OSError, which says why, where no file can be made at `path`."""
+    """OSError, which says why, where nothing can be written at `path`."""
+    if is_special(path):
+        return
     target = Path(path)
     if target.is_dir():
         raise IsADirectoryError(f"{target}: is a directory; give a file name")

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -287,6 +288,19 @@ def test_a_preset_that_is_not_there(tmp_path, capsys) -> None:
     assert cli.main(["render", DRONE, "-p", "sitar", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
     assert "preset 'sitar'" in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
+
+
+def test_signals_are_heard_while_a_kernel_runs() -> None:
+    """The work is out of every signal's reach, as compiled code is."""
+    over, ran = threading.Event(), []
+    threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        cli._hearing_signals(lambda: ran.append(threading.current_thread()) or over.wait(30.0))
+    over.set()
+    assert ran != [threading.main_thread()]
+    assert cli._hearing_signals(lambda: 3) == 3
+    with pytest.raises(ValueError, match="no"):
+        cli._hearing_signals(lambda: int("no"))
 
 
 def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path) -> None:

@@ -537,7 +537,7 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
     ("change", "message"),
     [
         ({"string": {"length_m": -1.0}}, r"string\.length_m: .*greater than 0, got -1"),
-        ({"string": {"lenght_m": 1.0}}, r"string\.lenght_m: .*not permitted"),
+        ({"string": {"lenght_m": 1.0}}, r"string\.lenght_m: no such key"),
         ({"string": {"inharmonicity": 1e-5, "bending_stiffness_n_m2": 1e-5}}, "give one of them"),
         ({"run": {"output_rate_hz": 7000.0}}, "whole multiple of output_rate_hz, got 64000 and 7000 Hz"),
         ({"run": {"modes": 2.5}}, r"run\.modes"),
@@ -553,7 +553,7 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
         ({"run": {"outputs_m": [2.0]}}, "positions must lie between 0 and 1 m"),
         ({"run": {"duration_s": 1e7}}, "GiB"),
         ({"run": {"duration_s": 1e8, "output_rate_hz": 0.5}}, "mode-steps"),
-        ({"finger": [{"position_m": 0.3, "displacement_m": 1e-3}]}, r"finger\.0\.draw_s: Field required"),
+        ({"finger": [{"position_m": 0.3, "displacement_m": 1e-3}]}, r"finger\.0\.draw_s: missing"),
         ({"finger": [{"position_m": 3.0, "displacement_m": 1e-3, "draw_s": 0.1}]}, "finger: pluck position"),
         ({"string": {"length_m": True}}, r"string\.length_m: .*valid number, got True"),
         ({"run": {"modes": "40"}}, r"run\.modes: .*valid integer, got '40'"),
@@ -583,7 +583,7 @@ def test_faults_in_files_and_names(tmp_path):
     broken.write_text("[string]\nlength_m = 1.0\n")
     with pytest.raises(CaseError) as fault:
         simulate(broken)
-    assert "string.tension_n" in str(fault.value) and "run: Field required" in str(fault.value)
+    assert "string.tension_n" in str(fault.value) and "run: missing" in str(fault.value)
     with pytest.raises(CaseError, match="no override 'speed'"):
         small(speed=3)
     with pytest.raises(FileNotFoundError):
