@@ -358,11 +358,14 @@ def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
             tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         except (ValueError, RecursionError) as error:
             raise CaseError(f"{origin}: not valid TOML: {error}") from None
+    given: dict[tuple[str, str], str] = {}
     for name, value in overrides.items():
         if name not in OVERRIDES:
             raise CaseError(f"no override {name!r}; there are {', '.join(OVERRIDES)}")
         if value is not None:
             table, key = OVERRIDES[name]
+            if given.setdefault((table, key), name) != name:
+                raise CaseError(f"overrides {given[table, key]} and {name} are the same; give one of them")
             if isinstance(before := tables.get(table, {}), Mapping):  # what else it is, validation says
                 tables[table] = {**before, key: _plain(value)}
     try:

@@ -586,6 +586,8 @@ def test_faults_in_files_and_names(tmp_path):
     assert "string.tension_n" in str(fault.value) and "run: missing" in str(fault.value)
     with pytest.raises(CaseError, match="no override 'speed'"):
         small(speed=3)
+    with pytest.raises(CaseError, match="internal_rate_hz and rate are the same"):
+        small(rate=88_200)
     with pytest.raises(FileNotFoundError):
         simulate(tmp_path / "gone.toml")
 
