@@ -5,14 +5,17 @@ What the tables and keys mean is written in `synth.simulation`.
 
 from __future__ import annotations
 
+import difflib
 import os
+import re
 import tomllib
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from synth.schemes import COMPLIANT, SCHEMES
 
@@ -25,8 +28,17 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+def _whole(value: Any) -> Any:
+    """50.0 as 50; everything else is left to be judged."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+# strict: neither true nor "1.0" is a number
+Number = Annotated[float, Field(strict=True)]
+Positive = Annotated[float, Field(strict=True, gt=0)]
+NonNegative = Annotated[float, Field(strict=True, ge=0)]
+Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+Flag = Annotated[bool, Field(strict=True)]
 
 
 class NutTable(_Table):
@@ -67,7 +79,7 @@ class StringTable(_Table):
 
 class FretsTable(_Table):
     scale_length_m: Positive
-    count: int
+    count: Annotated[Whole, Field(le=500)]
     action_12th_m: Positive
     relief_m: NonNegative = 0.0
     nut_height_m: Positive = 0.0004
@@ -76,13 +88,13 @@ class FretsTable(_Table):
 class RampTable(_Table):
     start_s: NonNegative = 0.0
     duration_s: Positive
-    displacement_m: float
+    displacement_m: Number
 
 
 class SineTable(_Table):
     start_s: NonNegative = 0.0
     frequency_hz: Positive
-    amplitude_m: float
+    amplitude_m: Number
 
 
 class MotionTable(_Table):
@@ -91,17 +103,17 @@ class MotionTable(_Table):
 
 
 class ParabolaTable(_Table):
-    top_m: float
-    height_m: float = 0.0
+    top_m: Number
+    height_m: Number = 0.0
     radius_m: Positive
 
 
 class WallTable(_Table):
     from_m: NonNegative
     to_m: Positive
-    nodes: Annotated[int, Field(ge=1)] | None = None
+    nodes: Annotated[Whole, Field(ge=1)] | None = None
     spacing_m: Positive | None = None
-    height_m: float | None = None
+    height_m: Number | None = None
     neck: Literal["bass"] | None = None
     parabola: ParabolaTable | None = None
     stiffness_n_m2: Positive | Literal["rigid"] = 1e8
@@ -116,8 +128,8 @@ class WallTable(_Table):
 
 
 class ObstacleTable(_Table):
-    positions_m: list[float] | None = None
-    heights_m: list[float] | float | None = None
+    positions_m: list[Number] | None = None
+    heights_m: list[Number] | Number | None = None
     frets: FretsTable | None = None
     motion: MotionTable = MotionTable()
     wall: WallTable | None = None
@@ -134,7 +146,7 @@ class ObstacleTable(_Table):
         if self.moves and self.wall is not None:
             raise ValueError("motion is for points and frets, a wall stands; give positions_m and heights_m instead of wall")
         if self.moves and self.frets is None and not self.positions_m:
-            raise ValueError("motion needs something that moves; give positions_m and heights_m, or frets")
+            raise ValueError("motion needs something that moves (a wall does not); give positions_m and heights_m, or frets")
         return self
 
     @property
@@ -145,12 +157,12 @@ class ObstacleTable(_Table):
 class InitialTable(_Table):
     shape: Literal["triangle", "modes", "rest"]
     position_m: Positive | None = None
-    displacement_m: float | None = None
+    displacement_m: Number | None = None
     rounding_half_width_m: NonNegative | None = None
     width_m: NonNegative | None = None
     file: str | None = None
-    q: str | list[float] | None = None
-    v: str | list[float] | None = None
+    q: str | list[Number] | None = None
+    v: str | list[Number] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> InitialTable:
@@ -169,12 +181,14 @@ class InitialTable(_Table):
             raise ValueError("give either rounding_half_width_m or width_m")
         if self.file is None and any(isinstance(key, str) for key in (self.q, self.v)):
             raise ValueError("q and v are keys of file; name the .npz file")
+        if self.file is not None and not any(isinstance(key, str) for key in (self.q, self.v)):
+            raise ValueError("file is given, but neither q nor v is a key of it; leave file out, or give a key")
         return self
 
 
 class FingerTable(_Table):
     position_m: Positive
-    displacement_m: float
+    displacement_m: Number
     width_m: NonNegative = 0.01
     start_s: NonNegative = 0.0
     draw_s: Positive
@@ -186,7 +200,7 @@ class FingerTable(_Table):
 class BendTable(_Table):
     start_s: NonNegative = 0.0
     duration_s: Positive
-    cents: float
+    cents: Number
 
 
 #: keys of [scheme] that only some schemes take
@@ -203,18 +217,18 @@ _TAKEN_BY = {
 
 class SchemeTable(_Table):
     name: str = "exact-hold"
-    restitution: Annotated[float, Field(ge=0, le=1)] = 1.0
-    residual_compliance: bool = True
+    restitution: Annotated[Number, Field(ge=0, le=1)] = 1.0
+    residual_compliance: Flag = True
     tail: Literal["lumped", "static", "none"] | None = None
-    substeps: Annotated[int, Field(ge=1, le=64)] = 1
+    substeps: Annotated[Whole, Field(ge=1, le=64)] = 1
     start: Literal["exact", "published"] = "exact"
     stiffness: Positive | None = None
-    exponent: Annotated[float, Field(ge=1)] | None = None
+    exponent: Annotated[Number, Field(ge=1)] | None = None
     loss: NonNegative | None = None
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
-    iterations: Annotated[int, Field(ge=1)] | None = None
+    tolerance: Annotated[Number, Field(gt=0, lt=1)] | None = None
+    iterations: Annotated[Whole, Field(ge=1)] | None = None
     grid: Literal["contacts", "full"] | None = None
-    drift_correction: Annotated[float, Field(ge=0, le=1)] | None = None
+    drift_correction: Annotated[Number, Field(ge=0, le=1)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> SchemeTable:
@@ -238,10 +252,10 @@ class SchemeTable(_Table):
 class RunTable(_Table):
     internal_rate_hz: Positive
     output_rate_hz: Positive | None = None
-    modes: Annotated[int, Field(ge=1)]
+    modes: Annotated[Whole, Field(ge=1)]
     duration_s: Positive
-    outputs_m: Annotated[list[float], Field(min_length=1)]
-    ledger: bool = False
+    outputs_m: Annotated[list[Number], Field(min_length=1)]
+    ledger: Flag = False
 
     @model_validator(mode="after")
     def _divides(self) -> RunTable:
@@ -274,8 +288,8 @@ class Case(_Table):
     @classmethod
     def _scheme_of_a_wall(cls, tables: Any) -> Any:
         """A wall that is not cut into points of its own is the wall scheme's, where none is named."""
-        wall = tables.get("obstacle", {}).get("wall") if isinstance(tables, dict) else None
-        scheme = tables.get("scheme", {}) if isinstance(tables, dict) else {}
+        obstacle, scheme = (tables.get(name, {}) if isinstance(tables, dict) else {} for name in ("obstacle", "scheme"))
+        wall = obstacle.get("wall") if isinstance(obstacle, dict) else None
         if isinstance(wall, dict) and isinstance(scheme, dict) and "name" not in scheme:
             if wall.get("nodes") is None and wall.get("spacing_m") is None:
                 return {**tables, "scheme": {**scheme, "name": "wall"}}
@@ -332,40 +346,75 @@ def case_names() -> list[str]:
 def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
     folder, origin = Path(), "case"
     if isinstance(case, Case):
-        tables = case.model_dump()
+        tables = case.model_dump(exclude_unset=True)
     elif isinstance(case, Mapping):
         tables = _plain(case)
     else:
         path = Path(case)
-        if path.suffix != ".toml" and not path.exists():
+        if path.suffix != ".toml" and not path.is_file():
+            if str(case) not in case_names():
+                raise CaseError(_not_a_case(str(case)))
             path = case_folder() / f"{case}.toml"
-            if not path.exists():
-                known = ", ".join(case_names())
-                raise CaseError(f"case {str(case)!r} is not one of {known}; a file of your own ends in .toml")
         folder, origin = path.parent, str(path)
         try:
-            tables = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        except (ValueError, RecursionError) as error:
             raise CaseError(f"{origin}: not valid TOML: {error}") from None
+    given: dict[tuple[str, str], str] = {}
     for name, value in overrides.items():
         if name not in OVERRIDES:
             raise CaseError(f"no override {name!r}; there are {', '.join(OVERRIDES)}")
         if value is not None:
             table, key = OVERRIDES[name]
-            given = tables.get(table, {})
-            if isinstance(given, Mapping):  # what is no table is told of below
-                tables[table] = {**given, key: _plain(value)}
+            if given.setdefault((table, key), name) != name:
+                raise CaseError(f"overrides {given[table, key]} and {name} are the same; give one of them")
+            if isinstance(before := tables.get(table, {}), Mapping):  # what else it is, validation says
+                tables[table] = {**before, key: _plain(value)}
     try:
         return Case.model_validate(tables), folder
     except ValidationError as error:
-        lines = []
-        for item in error.errors():
-            place = ".".join(str(part) for part in item["loc"]) or "file"
-            got = item.get("input")
-            shown = f", got {got!r}" if isinstance(got, int | float | str) else ""
-            message = item["msg"].removeprefix("Value error, ")
-            lines.append(f"{origin}: {place}: {message}{'' if 'got' in message else shown}")
-        raise CaseError("\n".join(lines)) from None
+        raise CaseError("\n".join(f"{origin}: {line}" for line in _faults(error))) from None
+
+
+#: what pydantic adds to a place to say which of several types it tried
+_ALTERNATIVE = re.compile(r"(list|literal|constrained|function)[-\[].*|str|float|int")
+
+
+def _faults(error: ValidationError) -> list[str]:
+    """A line per place: place, what is wanted of it ("… or …" where several types are taken), value got."""
+    wanted: dict[tuple[str, ...], list[str]] = {}
+    got: dict[tuple[str, ...], str] = {}
+    for item in error.errors():
+        parts = [str(part) for part in item["loc"]]
+        unknown, missing = item["type"] == "extra_forbidden", item["type"] == "missing"
+        place = tuple(part for part in parts if unknown or not _ALTERNATIVE.fullmatch(part))
+        message = item["msg"].removeprefix("Value error, ")
+        message = re.sub("valid dictionary or instance of .*", "table", message).partition(", unable to parse")[0]
+        wanted.setdefault(place, []).append("no such key" if unknown else "missing" if missing else message)
+        value = item.get("input")
+        if isinstance(value, int | float | str | list) and ", got " not in message:
+            shown = repr(value)
+            got[place] = f", got {shown if len(shown) <= 60 else shown[:57] + '…'}"
+    # a list that is wrong in one number is not wrong for being none
+    deepest = [place for place in wanted if not any(other != place and other[: len(place)] == place for other in wanted)]
+    lines = []
+    for place in deepest:
+        first, *others = dict.fromkeys(wanted[place])
+        message = " or ".join([first, *(other.removeprefix("Input should be ") for other in others)])
+        lines.append(f"{'.'.join(place) or 'file'}: {message}{got.get(place, '')}")
+    return lines
+
+
+def _not_a_case(name: str) -> str:
+    if Path(name).is_dir():
+        return f"case {name!r} is a folder; give a .toml file in it"
+    names = case_names()
+    near = [known for known in names if known.rpartition("/")[2] == name] or difflib.get_close_matches(name, names, 1)
+    return (
+        f"case {name!r} is not one of {', '.join(names)}; "
+        + (f"perhaps {near[0]}? " if near else "")
+        + "a file of your own ends in .toml"
+    )
 
 
 def _plain(value: Any) -> Any:
@@ -386,15 +435,22 @@ def arrays_of(folder: Path, file: str, keys: dict[str, str]) -> dict[str, np.nda
         raise CaseError(f"file {path} does not exist; paths count from the case's folder")
     found = {}
     try:
-        with np.load(path) as data:
+        with open(path, "rb") as file_:
+            data = np.load(file_)
+            if not isinstance(data, np.lib.npyio.NpzFile):
+                raise CaseError(f"{path} holds one array without a name; write it with numpy.savez")
             for what, key in keys.items():
                 if key not in data.files:
                     raise CaseError(f"{path} has no array {key!r}; it has {', '.join(data.files)}")
-                found[what] = np.asarray(data[key], dtype=np.float64)
-                if found[what].ndim != 1 or not np.all(np.isfinite(found[what])):
-                    raise CaseError(f"{path}: {key!r} must be one row of finite numbers, got {found[what].shape}")
+                values = data[key]
+                if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.all(np.isfinite(values)):
+                    few = np.array2string(values, threshold=4).replace("\n", "")
+                    raise CaseError(
+                        f"{path}: {key!r} must be one row of finite real numbers, got shape {values.shape}: {few}"
+                    )
+                found[what] = values.astype(np.float64)
     except CaseError:
         raise
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise CaseError(f"{path} cannot be read as .npz: {error}") from None
     return found

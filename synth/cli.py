@@ -13,6 +13,7 @@ import math
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
@@ -483,7 +484,8 @@ def _add_simulate(commands: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from synth.simulation import simulate_file
+    from synth.simulation import simulate
+    from synth.targets import check_target
 
     names = (
         "scheme", "restitution", "stiffness", "exponent", "quality", "rate", "output_rate", "modes", "substeps", "tail",
@@ -495,12 +497,42 @@ def _simulate(options: argparse.Namespace) -> int:
         if not options.quiet:
             print(f"synth: {text}", file=sys.stderr)
 
-    summary = simulate_file(options.case, options.output, overrides, warn)
+    def work() -> Any:
+        import numpy as np
+
+        with np.errstate(all="ignore"):  # what is not finite the summary says
+            return simulate(options.case, warn=warn, **overrides)
+
+    check_target(options.output)
+    result = _hearing_signals(work)
+    result.save(options.output)
+    summary = result.summary
     if options.json:
-        print(json.dumps(summary, indent=2))
+        print(json.dumps(summary, indent=2, allow_nan=False))
     elif not options.quiet:
         print(f"{options.output}: " + ", ".join(f"{key} {_brief(value)}" for key, value in summary.items()))
     return 0
+
+
+def _hearing_signals(work: Callable[[], Any]) -> Any:
+    """What `work` returns or raises. Meanwhile the main thread hears signals, which no compiled kernel does; one that ends
+    the program leaves the work behind.
+    """
+    returned: list[Any] = []
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            returned.append(work())
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join()
+    if raised:
+        raise raised[0]
+    return returned[0]
 
 
 def _brief(value: Any) -> str:

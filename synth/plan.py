@@ -96,8 +96,7 @@ def wanted_rate_hz(fundamental_hz: float, kind: str, quality: str) -> float:
     """The internal rate that keeps the promise [Hz]; 0: any."""
     if kind == FREE:
         return 0.0
-    steps, exponent = STEPS[kind][quality]
-    return steps * 200.0 * (fundamental_hz / 200.0) ** exponent
+    return STEPS[kind][quality] * fundamental_hz
 
 
 def choose_factor(
@@ -182,7 +181,10 @@ def plan_wall(string: String, stiffness: float, *, quality: str, rate_hz: float)
     if quality not in WALL:
         raise ValueError(f"quality must be one of {', '.join(WALL)}, got {quality!r}")
     if not (stiffness > 0.0 and math.isfinite(stiffness)):
-        raise ValueError(f"a wall can be planned for a stiffness > 0 N/m², got {stiffness}; a rigid one does not converge")
+        raise ValueError(
+            f"a wall can be planned for a stiffness > 0 N/m², got {stiffness}: a rigid one does not converge; "
+            "give rate and modes"
+        )
     nodes, angle, error = WALL[quality]
     intervals = string.length_m / (nodes * foundation_length(stiffness, string))
     modes = 2 ** max(1, math.ceil(math.log2(intervals))) - 1

@@ -311,7 +311,7 @@ class Preset(Table):
         data = self.model_dump(exclude_unset=True)
         try:
             new = tomllib.loads(f"v = {value}")["v"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             new = value
         place: Any = data
         parts = key.split(".")
@@ -339,7 +339,7 @@ def parse_preset(text: str, origin: str) -> Preset:
     """A preset from TOML text; `origin` names it in messages. Raises PresetError."""
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise PresetError(f"{origin}: not valid TOML: {error}") from None
     return _validated(migrate(data, origin), origin)
 
@@ -411,7 +411,7 @@ def load_preset(name_or_path: str) -> Preset:
     elif not path.is_file():
         raise PresetError(f"preset file {name_or_path} does not exist")
     try:
-        return parse_preset(path.read_text(encoding="utf-8"), str(name_or_path))
+        return parse_preset(path.read_text(encoding="utf-8-sig"), str(name_or_path))
     except UnicodeDecodeError:
         raise PresetError(f"{name_or_path}: not a text file in UTF-8") from None
 

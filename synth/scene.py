@@ -30,6 +30,7 @@ from synth.solver.problem import Problem
 
 _MOST_BYTES = 4 * 2**30
 _MOST_MODE_STEPS = 1e14  # a day of one core
+_MOST_POINTS = 1e6  # of a wall, before anything is made of them
 #: a bend renews the tension this often
 _BEND_INTERVAL_S = 1e-3
 #: residual compliance is worked out at bends this far apart
@@ -52,16 +53,24 @@ class Scene:
         length, n = self.string.length_m, case.run.modes
         self.fingers = sorted(case.finger, key=lambda f: f.start_s)
         for number, finger in enumerate(self.fingers):
-            pluck_weights(length, finger.position_m, finger.width_m, 1)
+            try:
+                pluck_weights(length, finger.position_m, finger.width_m, 1)
+            except ValueError as error:
+                raise CaseError(f"finger: {error}") from None
             if number and finger.start_s < finger_end(self.fingers[number - 1]):
                 raise CaseError("finger: one must let go before the next takes hold")
         self.positions = np.array(self.obstacle.positions_m)
         self.eta = np.array(self.obstacle.heights_m)
         self.omega = modal_frequencies(self.string, n)
         self.sigma = decay_rates(self.string, n)
+        if not np.all(np.isfinite(self.omega) & np.isfinite(self.sigma)):
+            raise CaseError("string: frequencies or decay rates of its modes are beyond all numbers; check the units")
         self.shapes = mode_shapes(length, self.positions, n)
         self._bent_residuals: dict[int, np.ndarray] = {}
-        self.out_shapes = mode_shapes(length, np.array(case.run.outputs_m), n)
+        try:
+            self.out_shapes = mode_shapes(length, np.array(case.run.outputs_m), n)
+        except ValueError as error:
+            raise CaseError(f"run.outputs_m: {error}") from None
         for end in sorted(bend.start_s + bend.duration_s for bend in case.bend):
             cents = float(self._cents(np.array([end]))[0])
             if not self._tension_at(cents - _RESIDUAL_GRID_CENTS) > 0.0:
@@ -254,6 +263,16 @@ class Scene:
         return obstacle
 
     def _wall(self, table: WallTable) -> Obstacle:
+        stretch = abs(table.to_m - table.from_m)
+        points = stretch / self.string.length_m * self.case.run.modes
+        if table.nodes is not None:
+            points = table.nodes
+        elif table.spacing_m is not None:
+            points = stretch / table.spacing_m
+        if points > _MOST_POINTS:
+            raise CaseError(
+                f"obstacle.wall: {points:.3g} points are too many, the limit is {_MOST_POINTS:g}; take fewer nodes or modes"
+            )
         x = wall_positions(
             self.string.length_m, table.from_m, table.to_m, intervals=self.case.run.modes + 1, nodes=table.nodes,
             spacing_m=table.spacing_m,
@@ -271,11 +290,12 @@ class Scene:
         contacts, points = len(self.obstacle), len(run.outputs_m)
         rows = run.modes if self.case.scheme.grid == "full" else contacts  # of S
         columns = 1 + points + 2 * contacts + (5 if run.ledger else 0)
-        n_bytes = 8.0 * (self.outputs * columns + run.modes * (rows + points + 12) + run.steps_per_output * contacts)
+        pairs = 0 if self.case.scheme.name == "wall" else 8 * contacts**2  # compliances, factors
+        n_bytes = 8.0 * (self.outputs * columns + run.modes * (rows + points + 12) + run.steps_per_output * contacts + pairs)
         if n_bytes > _MOST_BYTES:
             raise CaseError(
-                f"run: the results would take {n_bytes / 2**30:.1f} GiB, the limit is {_MOST_BYTES / 2**30:.0f}; "
-                "lower output_rate_hz, duration_s or the number of points"
+                f"run: the results would take {n_bytes / 2**30:.4g} GiB, the limit is {_MOST_BYTES / 2**30:.0f}; "
+                "lower output_rate_hz, duration_s, modes or the number of points"
             )
         work = float(self.steps) * run.modes * (1 + rows)
         if work > _MOST_MODE_STEPS:

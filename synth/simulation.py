@@ -122,6 +122,7 @@ from synth.scene import Scene
 from synth.schemes import SCHEMES, energy_warning
 from synth.solver import driver
 from synth.solver.problem import Outcome
+from synth.targets import check_target, is_special
 
 DEFAULT_RATE_HZ = 44100.0
 
@@ -154,7 +155,10 @@ class Result:
         return self.metadata["summary"]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the .npz, first beside `path` under another name, then renamed: never half a file."""
+        """Writes the .npz, first beside `path` under another name, then renamed: never half a file.
+
+        A device or a pipe is written to as it is.
+        """
         path = Path(path)
         arrays: dict[str, Any] = {}
         for field in fields(self):
@@ -163,6 +167,10 @@ class Result:
                 value = json.dumps(value)
             if value is not None:
                 arrays[field.name] = value
+        if is_special(path):
+            with open(path, "wb") as file:
+                np.savez(file, **arrays)
+            return
         beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
         try:
             with open(beside, "wb") as file:
@@ -177,7 +185,8 @@ def simulate(
 ) -> Result:
     """Runs a case: a file (or the name of one of the program's own), tables as a dict, or a `Case`.
 
-    warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`)
+    warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`) or takes no account
+        of something that is given; after it, of steps that were not solved and of results that are not finite
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
         quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
         of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
@@ -185,18 +194,51 @@ def simulate(
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
     """
     quality = overrides.pop("quality", None)
-    loaded, folder = read_case(case, overrides if quality is None else _planned(case, overrides, quality))
-    scene = Scene(loaded, folder)
-    if warn is not None:
-        run, scheme, highest_hz = loaded.run, loaded.scheme, float(scene.omega.max()) / (2.0 * math.pi)
-        multiple = run.output_rate_hz or 1.0
-        risk = energy_warning(scheme.name, scheme.restitution, run.internal_rate_hz, "--rate", multiple, highest_hz)
-        if risk is not None:
-            warn(risk)
-    return _result(scene, methods.run(scene))
+    warn = warn or (lambda text: None)
+    try:
+        loaded, folder = read_case(case, overrides if quality is None else _planned(case, overrides, quality, warn))
+        scene = Scene(loaded, folder)
+        for text in _warnings(scene, overrides):
+            warn(text)
+        result = _result(scene, methods.run(scene))
+    except (ArithmeticError, MemoryError) as error:
+        reason = error.args[-1] if error.args else type(error).__name__
+        raise CaseError(
+            f"case: its numbers are too large or too small to compute with ({reason}); check the units"
+        ) from None
+    summary = result.summary
+    if summary["unsolved_steps"]:
+        warn(
+            f"{summary['unsolved_steps']} of {summary['steps']} steps were not solved to tolerance; raise the internal rate"
+        )
+    if not summary["finite"]:
+        warn("the results are not finite; check the units of the case, or raise the internal rate")
+    return result
 
 
-def _planned(case: Any, overrides: Mapping[str, Any], quality: str) -> dict[str, Any]:
+def _warnings(scene: Scene, overrides: Mapping[str, Any]) -> list[str]:
+    """Before a run: a scheme that may gain energy, and what is given and of no account to it."""
+    case = scene.case
+    run, scheme, wall = case.run, case.scheme, case.obstacle.wall
+    told = []
+    highest_hz, multiple = float(scene.omega.max()) / (2.0 * math.pi), run.output_rate_hz or 1.0
+    risk = energy_warning(scheme.name, scheme.restitution, run.internal_rate_hz, "--rate", multiple, highest_hz)
+    if risk is not None:
+        told.append(risk)
+    idle = []
+    if overrides.get("restitution") is not None and not scheme.name.startswith(("moreau-jean", "wall", "flat-wall")):
+        idle.append("restitution")
+    if scheme.tail in {"exact-hold": (), "event-driven": ("lumped",)}.get(scheme.name, ("lumped", "static")):
+        idle.append(f'tail = "{scheme.tail}"')
+    if scheme.start == "published" and not scheme.name.startswith("moreau-jean"):
+        idle.append('start = "published"')
+    if wall is not None and "stiffness_n_m2" in wall.model_fields_set and scheme.name != "wall":
+        idle.append("the wall's stiffness_n_m2")
+    told += [f"{what} is of no account to scheme {scheme.name}" for what in idle]
+    return told
+
+
+def _planned(case: Any, overrides: Mapping[str, Any], quality: str, warn: Callable[[str], None]) -> dict[str, Any]:
     """The overrides with the rates and modes that `plan` chooses."""
     for name in ("rate", "internal_rate", "internal_rate_hz", "modes"):
         if overrides.get(name) is not None:
@@ -218,6 +260,8 @@ def _planned(case: Any, overrides: Mapping[str, Any], quality: str) -> dict[str,
         plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz, decimated=False)
     else:
         raise CaseError(f"quality is known for exact-hold and wall, got scheme {lowest.scheme.name!r}; give rate and modes")
+    if "limited" in plan.error:
+        warn(f"{plan.reason}; raise the output rate")
     return {**found, "internal_rate_hz": plan.rate_hz, "modes": plan.modes}
 
 
@@ -228,9 +272,7 @@ def simulate_file(
     warn: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """`simulate` to an .npz file; returns the summary."""
-    folder = Path(out).resolve().parent
-    if not folder.is_dir():
-        raise FileNotFoundError(f"folder {folder} for the result does not exist")
+    check_target(out)
     result = simulate(case, warn=warn, **dict(overrides or {}))
     result.save(out)
     return result.summary
@@ -247,7 +289,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "contacts": len(scene.obstacle),
         "steps": scene.steps,
         "rows": scene.outputs,
-        "finite": bool(np.all(np.isfinite(outcome.u))),
+        "finite": all(np.all(np.isfinite(a)) for a in (outcome.u, outcome.contact_u, outcome.contact_force)),
         "largest_displacement_m": float(np.abs(outcome.u).max()),
         "largest_penetration_m": outcome.largest_penetration_m,
         "last_contact_s": last,
@@ -258,6 +300,10 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
     }
     if outcome.energy is not None:
         summary["largest_energy_rise"] = outcome.largest_energy_rise
+    # JSON knows no NaN and no infinity
+    summary = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in summary.items()
+    }
     law = case.scheme.name
     metadata = {
         "version": _version(),

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -287,6 +288,33 @@ def test_a_preset_that_is_not_there(tmp_path, capsys) -> None:
     assert cli.main(["render", DRONE, "-p", "sitar", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
     assert "preset 'sitar'" in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
+
+
+def test_signals_are_heard_while_a_kernel_runs() -> None:
+    """The work is out of every signal's reach, as compiled code is."""
+    over, ran = threading.Event(), []
+    threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        cli._hearing_signals(lambda: ran.append(threading.current_thread()) or over.wait(30.0))
+    over.set()
+    assert ran != [threading.main_thread()]
+    assert cli._hearing_signals(lambda: 3) == 3
+    with pytest.raises(ValueError, match="no"):
+        cli._hearing_signals(lambda: int("no"))
+
+
+def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path) -> None:
+    """A loss of 1e300: still JSON, no word from NumPy, a warning."""
+    from synth.simulation import case_folder
+
+    text = (case_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace("viscoelastic_loss = 4.5e-3", "viscoelastic_loss = 1e300"))
+    run = ["simulate", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out.npz"), "--json"]
+    assert cli.main([*run, "--rate", "44100", "--modes", "5", "--duration", "0.001"]) == 0
+    out, err = capsys.readouterr()
+    summary = json.loads(out, parse_constant=pytest.fail)
+    assert summary["finite"] is False and summary["largest_displacement_m"] is None
+    assert err == "synth: the results are not finite; check the units of the case, or raise the internal rate\n"
 
 
 def test_a_plan_in_words_and_as_json(capsys) -> None:

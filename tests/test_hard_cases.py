@@ -630,7 +630,7 @@ def test_simulate_warns_on_standard_error(tmp_path, capsys):
     [
         ({"bend": [{"duration_s": 0.0, "cents": 100}]}, r"bend\.0\.duration_s: .*greater than 0, got 0"),
         ({"bend": [{"duration_s": 0.1, "cents": -30_000}]}, r"-30000 cents at 0\.1 s leave no tension"),
-        ({"obstacle": {"motion": {"ramp": [{"duration_s": 0.1}]}}}, r"motion\.ramp\.0\.displacement_m: Field required"),
+        ({"obstacle": {"motion": {"ramp": [{"duration_s": 0.1}]}}}, r"motion\.ramp\.0\.displacement_m: missing"),
         ({"obstacle": {"motion": {"sine": [{"frequency_hz": -1.0, "amplitude_m": 1e-3}]}}}, "frequency_hz"),
         ({"obstacle": {"positions_m": [], "heights_m": []}}, "motion needs something that moves"),
     ],

@@ -316,6 +316,8 @@ def test_the_shortest_preset() -> None:
         ("[pluck]", "[tuning]\na4_hz = 40\n[pluck]", r"tuning\.a4_hz: .*got 40"),
         ("[pluck]", "[tuning]\ncontact_cents = 3\n[pluck]", r"tuning\.contact_cents: "),
         ("[pluck]", "[pluck", r"not valid TOML"),
+        ("[pluck]", "x = " + 5000 * "[", r"not valid TOML"),
+        ("[pluck]", "x = " + 5000 * "9", r"not valid TOML"),
     ],
 )
 def test_wrong_presets_name_table_and_key(old: str, new: str, message: str) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -479,7 +481,7 @@ def test_result_file_holds_what_the_call_gives(tmp_path):
 def test_a_run_that_fails_leaves_no_file(tmp_path):
     with pytest.raises(ValueError):
         simulate_file(case_folder() / "tanpura.toml", tmp_path / "out.npz", {"modes": 0})
-    with pytest.raises(FileNotFoundError, match="folder"):
+    with pytest.raises(FileNotFoundError, match="no directory"):
         simulate_file(case_folder() / "tanpura.toml", tmp_path / "nowhere" / "out.npz", {"modes": 5})
     assert os.listdir(tmp_path) == []
 
@@ -535,7 +537,7 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
     ("change", "message"),
     [
         ({"string": {"length_m": -1.0}}, r"string\.length_m: .*greater than 0, got -1"),
-        ({"string": {"lenght_m": 1.0}}, r"string\.lenght_m: .*not permitted"),
+        ({"string": {"lenght_m": 1.0}}, r"string\.lenght_m: no such key"),
         ({"string": {"inharmonicity": 1e-5, "bending_stiffness_n_m2": 1e-5}}, "give one of them"),
         ({"run": {"output_rate_hz": 7000.0}}, "whole multiple of output_rate_hz, got 64000 and 7000 Hz"),
         ({"run": {"modes": 2.5}}, r"run\.modes"),
@@ -551,7 +553,19 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
         ({"run": {"outputs_m": [2.0]}}, "positions must lie between 0 and 1 m"),
         ({"run": {"duration_s": 1e7}}, "GiB"),
         ({"run": {"duration_s": 1e8, "output_rate_hz": 0.5}}, "mode-steps"),
-        ({"finger": [{"position_m": 0.3, "displacement_m": 1e-3}]}, r"finger\.0\.draw_s: Field required"),
+        ({"finger": [{"position_m": 0.3, "displacement_m": 1e-3}]}, r"finger\.0\.draw_s: missing"),
+        ({"finger": [{"position_m": 3.0, "displacement_m": 1e-3, "draw_s": 0.1}]}, "finger: pluck position"),
+        ({"string": {"length_m": True}}, r"string\.length_m: .*valid number, got True"),
+        ({"run": {"modes": "40"}}, r"run\.modes: .*valid integer, got '40'"),
+        ({"run": 3}, "run: Input should be a table, got 3"),
+        ({"obstacle": 3}, "obstacle: Input should be a table, got 3"),
+        ({"obstacle": {"positions_m": [0.3], "heights_m": "low"}}, "heights_m: Input .* list or a valid number, got 'low'"),
+        ({"obstacle": {"positions_m": [0.3], "heights_m": [np.nan]}}, r"^case: obstacle\.heights_m\.0: .*finite[^\n]*$"),
+        ({"obstacle": {"wall": {"from_m": 0.0, "to_m": 1.0, "height_m": 0.0, "nodes": 10**9}}}, "points are too many"),
+        ({"obstacle": {"wall": {"from_m": 0.0, "to_m": 1.0, "height_m": 0.0, "nodes": 10**5}}}, "GiB"),
+        ({"string": {"length_m": 1e300, "inharmonicity": 1e-5}}, "check the units"),
+        ({"bend": [{"duration_s": 1e-3, "cents": 1e300}]}, "check the units"),
+        ({"initial": {"shape": "modes", "file": "x.npz", "q": [1.0]}}, "neither q nor v is a key of it"),
     ],
 )
 def test_faults_are_named(change, message):
@@ -569,11 +583,105 @@ def test_faults_in_files_and_names(tmp_path):
     broken.write_text("[string]\nlength_m = 1.0\n")
     with pytest.raises(CaseError) as fault:
         simulate(broken)
-    assert "string.tension_n" in str(fault.value) and "run: Field required" in str(fault.value)
+    assert "string.tension_n" in str(fault.value) and "run: missing" in str(fault.value)
     with pytest.raises(CaseError, match="no override 'speed'"):
         small(speed=3)
+    with pytest.raises(CaseError, match="internal_rate_hz and rate are the same"):
+        small(rate=88_200)
     with pytest.raises(FileNotFoundError):
         simulate(tmp_path / "gone.toml")
+
+
+def test_names_of_cases(tmp_path, monkeypatch):
+    """A folder of a case's name is no case; what lies beside the program's cases is none either."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tanpura").mkdir()
+    assert load_case("tanpura").string.length_m == 1.002
+    with pytest.raises(CaseError, match="is a folder"):
+        load_case(tmp_path)
+    with pytest.raises(CaseError, match="is not one of"):
+        load_case("../tanpura")
+    with pytest.raises(CaseError, match="perhaps hard/two-close"):
+        load_case("two-close")
+    text = (case_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    (tmp_path / "marked.toml").write_text(text, encoding="utf-8-sig")
+    assert load_case("marked.toml") == load_case("tanpura")
+    (tmp_path / "deep.toml").write_text("x = " + 5000 * "[")
+    with pytest.raises(CaseError, match=r"deep\.toml: not valid TOML"):
+        load_case("deep.toml")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive", "row", "complex"])
+def test_files_that_hold_no_modes(tmp_path, content):
+    """One line that names the file, whatever it is."""
+    path = tmp_path / "modes.npz"
+    if content == "row":
+        with open(path, "wb") as file:
+            np.save(file, np.ones(3))
+    elif content == "complex":
+        np.savez(path, f=[100.0 + 1.0j], sig=[1.0])
+    else:
+        path.write_bytes(content)
+    with pytest.raises(CaseError, match=r"modes\.npz"):
+        simulate(ideal(string={"measured": {"file": str(path)}}))
+
+
+def test_a_finger_after_the_end_does_nothing():
+    case = ideal(initial={"shape": "triangle", "position_m": 0.3, "displacement_m": 1e-3})
+    plain = simulate(case).u
+    for start in (5.0, 1e300):
+        finger = {"position_m": 0.3, "displacement_m": 1e-3, "draw_s": 0.1, "start_s": start}
+        np.testing.assert_array_equal(simulate({**case, "finger": [finger]}).u, plain)
+
+
+@pytest.mark.parametrize(
+    ("change", "overrides", "idle"),
+    [
+        ({}, {"restitution": 0.5}, "restitution is of no account to scheme exact-hold"),
+        ({}, {"tail": "static", "scheme": "compliant"}, 'tail = "static" is of no account to scheme compliant'),
+        ({}, {"tail": "lumped", "scheme": "event-driven"}, 'tail = "lumped" is of no account to scheme event-driven'),
+        ({"scheme": {"start": "published"}}, {}, 'start = "published" is of no account'),
+        ({"stiffness_n_m2": 1e6}, {"scheme": "exact-hold"}, "the wall's stiffness_n_m2 is of no account"),
+        ({"stiffness_n_m2": 1e6}, {"restitution": 0.5}, None),
+        ({}, {"tail": "lumped"}, None),
+    ],
+)
+def test_what_is_given_and_not_used_is_said(change, overrides, idle):
+    case = ideal(obstacle={"positions_m": [0.4], "heights_m": [-1e-3]})
+    if "stiffness_n_m2" in change:
+        case["obstacle"] = {"wall": {"from_m": 0.0, "to_m": 0.5, "height_m": -1e-3, **change}}
+    else:
+        case |= change
+    told = []
+    simulate(case, warn=told.append, **overrides)
+    assert len(told) == (idle is not None) and all(idle in text for text in told)
+
+
+def test_steps_that_were_not_solved_are_said():
+    case = ideal(
+        obstacle={"positions_m": [0.3], "heights_m": [0.0]},
+        initial={"shape": "triangle", "position_m": 0.3, "displacement_m": 1e-3},
+        scheme={"name": "compliant", "iterations": 1},
+    )
+    told = []
+    summary = simulate(case, warn=told.append).summary
+    assert summary["unsolved_steps"] > 0
+    assert told == [f"{summary['unsolved_steps']} of 640 steps were not solved to tolerance; raise the internal rate"]
+
+
+def test_a_pipe_is_written_to_and_stays(tmp_path):
+    """What is no file, such as a device, is not replaced by one."""
+    pipe, got = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()))
+    reader.start()
+    simulate_file("tanpura", pipe, {"rate": 44_100, "modes": 5, "duration": 1e-3})
+    reader.join()
+    with np.load(io.BytesIO(got[0])) as saved:
+        assert saved["u"].shape == (45, 1)
+    assert pipe.is_fifo() and os.listdir(tmp_path) == ["pipe"]
+    with pytest.raises(IsADirectoryError):
+        simulate_file("tanpura", tmp_path, {"modes": 0})  # said before anything is computed
 
 
 def test_an_obstacle_that_no_shape_clears_is_said():

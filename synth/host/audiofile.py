@@ -7,7 +7,6 @@ nothing is left behind. Long files are streamed; what could outgrow a WAV header
 from __future__ import annotations
 
 import os
-import stat
 import struct
 import sys
 import tempfile
@@ -15,6 +14,8 @@ from pathlib import Path
 from typing import BinaryIO, Protocol, Self
 
 import numpy as np
+
+from synth.targets import check_target, is_special
 
 CONTAINERS = ("wav", "flac", "raw")
 BIT_DEPTHS = ("16", "24", "float")
@@ -116,7 +117,7 @@ class AudioWriter:
         if container == "flac" and self._is_stream():
             raise ValueError("FLAC cannot be written to a stream; give --format wav or a file name")
         if not self._is_stream():
-            _check_target(self.path)
+            check_target(self.path)
         most_bytes = (most_frames or 0) * channels * _BYTES_PER_SAMPLE[bit_depth]
         self._big = container == "wav" and most_bytes > _LARGEST_WAV_BYTES
         self._bytes_left: float = _LARGEST_WAV_BYTES if container == "wav" and not self._big else np.inf
@@ -238,25 +239,6 @@ class Spool:
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
-
-
-def is_special(path: str) -> bool:
-    """Whether the path is there and is a device or a pipe, which cannot be replaced by a file."""
-    try:
-        mode = os.stat(path).st_mode
-    except OSError:
-        return False
-    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
-
-
-def _check_target(path: str) -> None:
-    target = Path(path)
-    if target.is_dir():
-        raise IsADirectoryError(f"{path}: is a directory; give a file name")
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no directory {target.parent}; make it first")
-    if not os.access(target.parent, os.W_OK):
-        raise PermissionError(f"{path}: the directory {target.parent} cannot be written to; choose another")
 
 
 def _little_endian(samples: np.ndarray, bit_depth: str) -> bytes:

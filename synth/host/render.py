@@ -16,6 +16,7 @@ from synth.engine.events import NOTE_OFF, NOTE_ON
 from synth.host import audiofile, offline, parts, scala
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
 from synth.schemes import energy_warning
+from synth.targets import is_special
 from synth.units import db_to_gain, gain_to_db, midi_to_hz, midi_to_note
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
@@ -405,7 +406,7 @@ class _Outputs:
         output = self._settings.output
         if output is None or output == "-" or not Path(output).absolute().parent.is_dir():
             return None
-        return Path(output).absolute().parent if not audiofile.is_special(output) else None
+        return Path(output).absolute().parent if not is_special(output) else None
 
     def finish(self, peak: float) -> float:
         """Sets the level where that was asked for; `peak` is the mix's. Returns the gain (linear)."""

@@ -34,9 +34,9 @@ def run_law(scene: Scene) -> Outcome:
     flush = enable_ftz()
     try:
         for finger in scene.fingers:
-            begin = max(round(finger.start_s / scene.dt), int(state.counts[driver.STEPS]))
+            begin = max(_step(scene, finger.start_s), int(state.counts[driver.STEPS]))
             _advance(scene, state, tuning, begin, None)
-            end = max(begin + 1, round(finger_end(finger) / scene.dt))
+            end = max(begin + 1, _step(scene, finger_end(finger)))
             _advance(scene, state, tuning, min(end, scene.steps), finger)
         _advance(scene, state, tuning, scene.steps, None)
     finally:
@@ -63,6 +63,11 @@ def run_law(scene: Scene) -> Outcome:
         seconds=seconds,
         notes=notes,
     )
+
+
+def _step(scene: Scene, t: float) -> int:
+    """The step that a time [s] falls on, at most the last one."""
+    return round(min(t / scene.dt, scene.steps))
 
 
 class _Tuning:

@@ -19,7 +19,7 @@ HOLD = {BRIDGE: dict.fromkeys(PROMISED, 0.98), IMPACTS: {"draft": 0.95, "standar
 WORST = 1.8
 #: two runs that differ by less than this part of a promise can judge it
 STANDS = 1.0 / 3.0
-EXPONENTS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+#: internal steps per period: a string an octave higher with as many modes is the same problem at twice the speed
 STEPS = tuple(float(f"{100.0 * 2.0 ** (k / 6.0):.2g}") for k in range(43))  # 100 to 13000
 
 
@@ -57,52 +57,39 @@ def ratios(scenes: list[dict[str, Any]], quality: str, rate: Callable[[float], f
     return np.array(found)
 
 
-def law(steps: float, exponent: float) -> Callable[[float], float]:
+def law(steps: float) -> Callable[[float], float]:
     """Internal rate by fundamental, as `synth.plan.wanted_rate_hz` has it."""
-    return lambda f0: steps * 200.0 * (f0 / 200.0) ** exponent
+    return lambda f0: steps * f0
 
 
-def keeps(scenes: list[dict[str, Any]], quality: str, steps: float, exponent: float) -> bool:
+def keeps(scenes: list[dict[str, Any]], quality: str, steps: float) -> bool:
     """Whether the law and the two next higher ones keep the promise together: one lucky rate proves nothing."""
-    found = [ratios(scenes, quality, law(higher, exponent)) for higher in [s for s in STEPS if s >= steps][:3]]
+    found = [ratios(scenes, quality, law(higher)) for higher in [s for s in STEPS if s >= steps][:3]]
     every = np.concatenate(found)
     if not found[0].size:
         return False
-    return bool(min(np.mean(found[0] < 1.0), np.mean(every < 1.0)) >= HOLD[scenes[0]["kind"]][quality] and every.max() < WORST)
+    return bool(
+        min(np.mean(found[0] < 1.0), np.mean(every < 1.0)) >= HOLD[scenes[0]["kind"]][quality] and every.max() < WORST
+    )
 
 
-def work(scenes: list[dict[str, Any]], steps: float, exponent: float) -> float:
-    """Mean of rate times modes below half of it, in units of 44.1 kHz."""
-    rows = [row_at(scene, law(steps, exponent)(scene["f0_hz"])) for scene in scenes]
-    return float(np.mean([row["factor"] * row["modes"] for row in rows]))
+def choose(scenes: list[dict[str, Any]]) -> dict[str, float]:
+    """quality → steps per period, the least that keeps the promise; each quality more than the one before.
 
-
-def choose(scenes: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
-    """quality → (steps, exponent): one exponent for all, the one of the least work; each quality more than the one before.
-
-    Raises ValueError where no law keeps a promise.
+    Raises ValueError where none does.
     """
-    best: dict[str, tuple[float, float]] = {}
-    least = math.inf
-    for exponent in EXPONENTS:
-        laws: dict[str, tuple[float, float]] = {}
-        lowest = 0.0
-        for quality in PROMISED:
-            kept = [steps for steps in STEPS if steps > lowest and keeps(scenes, quality, steps, exponent)]
-            if not kept:
-                break
-            laws[quality] = (kept[0], exponent)
-            lowest = 1.2 * kept[0]
-        if len(laws) == len(PROMISED):
-            cost = sum(math.log(work(scenes, *laws[quality])) for quality in PROMISED)
-            if cost < least:
-                best, least = laws, cost
-    if not best:
-        raise ValueError("no law keeps the promises in these scenes")
-    return best
+    found: dict[str, float] = {}
+    lowest = 0.0
+    for quality in PROMISED:
+        kept = [steps for steps in STEPS if steps > lowest and keeps(scenes, quality, steps)]
+        if not kept:
+            raise ValueError(f"no number of steps keeps the promise of {quality} in these scenes")
+        found[quality] = kept[0]
+        lowest = 1.2 * kept[0]
+    return found
 
 
-def distribution(scenes: list[dict[str, Any]], quality: str, steps: float, exponent: float) -> str:
+def distribution(scenes: list[dict[str, Any]], quality: str, steps: float) -> str:
     """How many of the scenes can be judged, by what, and how the errors are spread."""
     parts = []
     for measure in ("e", "e_onset", "lsd_db", "bands_db"):
@@ -111,7 +98,7 @@ def distribution(scenes: list[dict[str, Any]], quality: str, steps: float, expon
             for name, highest in judged(scene["kind"], quality, scene["stands"]):
                 if name == measure:
                     limit = highest
-                    values.append(row_at(scene, law(steps, exponent)(scene["f0_hz"]))[measure])
+                    values.append(row_at(scene, law(steps)(scene["f0_hz"]))[measure])
         if values:
             middle, high, worst = np.quantile(values, [0.5, 0.95, 1.0])
             kept = 100.0 * np.mean(np.array(values) < limit)
@@ -119,7 +106,7 @@ def distribution(scenes: list[dict[str, Any]], quality: str, steps: float, expon
                 f"{measure} < {limit:g}: {len(values)} scenes, median {middle:.2g}, 95 % {high:.2g}, "
                 f"worst {worst:.2g}, kept {kept:.0f} %"
             )
-    left = len(scenes) - ratios(scenes, quality, law(steps, exponent)).size
+    left = len(scenes) - ratios(scenes, quality, law(steps)).size
     if left:
         parts.append(f"{left} of {len(scenes)} chaotic beyond judgement")
     return "; ".join(parts)
