@@ -11,7 +11,7 @@ STEPS = {
     "impacts": {
         "draft": 250.0,
         "standard": 2500.0,
-        "fine": 4000.0,
+        "fine": 3600.0,
         "reference": 10800.0,
     },
 }
