@@ -33,7 +33,7 @@ from synth.physics.string import String
 QUALITIES = ("draft", "standard", "fine", "reference")
 MAX_MODES = 2000
 #: how far from an end a single point is still a bridge, over the string's length, and what part of that distance the
-#: bending length must be: of 48 random strings near an end, those below it were the ones whose converged runs differed
+#: bending length must be: among random strings near an end, converged runs differed where it was less
 BRIDGE_REACH, BRIDGE_STIFFNESS = 0.03, 0.07
 FREE, BRIDGE, IMPACTS = "free", "bridge", "impacts"
 #: largest e over 3 s

@@ -99,8 +99,8 @@ What comes out, as attributes of `Result` and under the same names in the .npz; 
     largest_penetration_m   over every step with the ledger, over the rows without; negative: never touched
     largest_energy_rise     of one step, over initial + injected energy; NaN without the ledger
     last_contact_s          end of the last step with a contact force; NaN: none
-    metadata                JSON text: version, scheme, restitution, residual_compliance, start, internal_rate_hz,
-                            output_rate_hz, modes, duration_s, case (all tables), summary
+    metadata                JSON text: version, scheme, restitution, residual_compliance, tail, substeps, start,
+                            internal_rate_hz, output_rate_hz, modes, duration_s, case (all tables), summary
 """
 
 from __future__ import annotations
@@ -310,6 +310,8 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "scheme": law,
         "restitution": case.scheme.restitution if law.startswith(("moreau-jean", "wall")) else None,
         "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
+        "tail": _tail(scene),
+        "substeps": case.scheme.substeps,
         "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
         "internal_rate_hz": run.internal_rate_hz,
         "output_rate_hz": run.internal_rate_hz / run.steps_per_output,
@@ -340,6 +342,13 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         last_contact_s=math.nan if last is None else last,
         metadata=metadata,
     )
+
+
+def _tail(scene: Scene) -> str:
+    """What stood for the modes left out."""
+    if scene.tail is not None:
+        return "lumped"
+    return "static" if scene.case.scheme.name in ("exact-hold", "event-driven") and np.any(scene.residual) else "none"
 
 
 def _version() -> str:

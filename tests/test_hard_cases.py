@@ -643,5 +643,5 @@ def test_faults_are_named(tables, message):
 
 def test_an_override_of_what_is_no_table_is_a_fault_of_the_table():
     case = {**with_tables("hard/moving-ramp"), "scheme": "exact-hold"}
-    with pytest.raises(CaseError, match=r"scheme: .*valid dictionary.*got 'exact-hold'"):
+    with pytest.raises(CaseError, match=r"scheme: Input should be a table, got 'exact-hold'"):
         simulate(case, tail="static")

@@ -7,7 +7,7 @@ far, off: where u_f = a + b + off < η it pushes by d = η − u_f more, off ←
 and b + off to the left; its force is 2√(Tμ) d/Δt. Every grid value is exact where every kink, instants of touch
 included, falls on the grid; otherwise the error is of first order in Δx. There is no restitution to choose: a point on an
 ideal string reflects by a first-order law, u = w + max(0, sup_{s≤t}(η − w(s))), w the sum of the incoming waves
-[Amerio and Prouse 1975; Schatzman 1980; Cabannes 1984]. `reflection` solves that law as it stands, as a check that shares
+[Amerio and Prouse 1975; Cabannes 1984]. `reflection` solves that law as it stands, as a check that shares
 nothing with the grid of waves.
 """
 

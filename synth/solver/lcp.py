@@ -15,7 +15,7 @@ from numba import njit
 
 from synth.solver.vectors import add, dot
 
-#: w may fall this much below zero, relative to the largest |b|: rounding of one Cholesky solve of ≤ 40 unknowns.
+#: w may fall this much below zero, relative to the largest |b|: rounding of one Cholesky solve.
 FEASIBILITY = 1e-13
 #: and this much, relative to the terms of its own sum: forces on nearly dependent contacts are large.
 _ROUNDING = 4e-15

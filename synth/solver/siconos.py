@@ -1,13 +1,14 @@
 """The linear complementarity solvers of Siconos (Acary, Brémond, Huber, 2018) through their C interface, where installed.
 
 On Debian and its like: apt-get install libsiconos-numerics-dev, and cffi for Python. Nothing here needs them to be
-there; they are another hand's solvers, to compare with.
+there; they are an independent implementation, to compare with.
 """
 
 from __future__ import annotations
 
 import ctypes.util
 import time
+import weakref
 from functools import cache
 from typing import Any
 
@@ -90,6 +91,7 @@ class Siconos:
         self._b, self._z, self._w = np.zeros(n), np.zeros(n), np.zeros(n)
         self._lib.numerics_set_verbose(0)
         self._options = self._lib.solver_options_create(SOLVERS[solver][0])
+        weakref.finalize(self, self._lib.solver_options_delete, self._options)
         if self._options.solver != SOLVERS[solver][0] or min(self._options.integers, self._options.reals) < 4:
             raise RuntimeError("this version of Siconos lays out its solver options in an unknown way")
         self._options.iparam[_ITERATIONS] = iterations

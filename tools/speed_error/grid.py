@@ -55,7 +55,8 @@ class Run:
         label = self.scheme
         shown = {key: value for key, value in options.items() if key not in ("restitution", "residual_compliance", "tail")}
         if self.scheme == "exact-hold":
-            tail = options.get("tail", DEFAULT_TAIL if options.get("residual_compliance", True) else "none")
+            default = DEFAULT_TAIL if 4 * self.nodes <= self.modes else "static"  # as `Scene.tail` has it
+            tail = options.get("tail", default if options.get("residual_compliance", True) else "none")
             label += {"static": " + R", "lumped": " + lumped tail", "none": ", no R"}[tail]
             if shown.pop("substeps", 1) > 1:
                 label += f", {options['substeps']} sub-steps"

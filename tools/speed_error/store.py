@@ -25,7 +25,8 @@ def sources_hash() -> str:
         for path in sorted((REPOSITORY / "synth").glob(pattern)):
             digest.update(path.name.encode())
             digest.update(path.read_bytes())
-    for path in sorted((REPOSITORY / "presets" / "cases").glob("*.toml")):
+    promise = [REPOSITORY / "tools" / "promise" / name for name in ("runs.py", "scenes.py")]
+    for path in [*sorted((REPOSITORY / "presets" / "cases").glob("*.toml")), *promise]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
