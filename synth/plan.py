@@ -164,6 +164,8 @@ WALL: dict[str, tuple[float, float, str]] = {
     "fine": (1.13, 0.18, "e about 0.01 over 0.1 s, log-spectral distance < 1.5 dB over 0.4 s"),
     "reference": (0.57, 0.09, "as close as converged runs"),
 }
+#: up to which restitution: where a wall gives all of a blow back, late, faint contacts are chaotic
+WALL_RESTITUTION = 0.7
 
 
 def foundation_length(stiffness: float, string: String) -> float:
@@ -174,9 +176,9 @@ def foundation_length(stiffness: float, string: String) -> float:
 def plan_wall(string: String, stiffness: float, *, quality: str, rate_hz: float) -> StringPlan:
     """Scheme `wall` for a string over an elastic wall of k = stiffness [N/m²]; modes + 1 is a power of two.
 
-    `contacts` of the plan is 0: the wall's nodes are the inner nodes of the modal grid under it. Raises ValueError for
-    other qualities and a stiffness that is not a positive number: a rigid wall has no loss of its own that a grid could
-    converge to.
+    The promises hold up to restitution `WALL_RESTITUTION`. `contacts` of the plan is 0: the wall's nodes are the inner nodes
+    of the modal grid under it. Raises ValueError for other qualities and a stiffness that is not a positive number: a
+    rigid wall has no loss of its own that a grid could converge to.
     """
     if quality not in WALL:
         raise ValueError(f"quality must be one of {', '.join(WALL)}, got {quality!r}")

@@ -117,7 +117,7 @@ import numpy as np
 
 from synth import methods
 from synth.case import OVERRIDES, Case, CaseError, case_folder, load_case, read_case
-from synth.plan import plan_string, plan_wall, scene_kind
+from synth.plan import WALL_RESTITUTION, plan_string, plan_wall, scene_kind
 from synth.scene import Scene
 from synth.schemes import SCHEMES, energy_warning
 from synth.solver import driver
@@ -260,8 +260,11 @@ def _planned(case: Any, overrides: Mapping[str, Any], quality: str, warn: Callab
         plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz, decimated=False)
     else:
         raise CaseError(f"quality is known for exact-hold and wall, got scheme {lowest.scheme.name!r}; give rate and modes")
-    if "limited" in plan.error:
-        warn(f"{plan.reason}; raise the output rate")
+    if plan.scheme == "wall" and lowest.scheme.restitution > WALL_RESTITUTION:
+        warn(
+            f"what {quality} promises of a wall holds up to restitution {WALL_RESTITUTION:g}, got "
+            f"{lowest.scheme.restitution:g}: late contacts are chaotic there"
+        )
     return {**found, "internal_rate_hz": plan.rate_hz, "modes": plan.modes}
 
 

@@ -225,6 +225,9 @@ def test_a_wall_is_planned_as_it_was_measured() -> None:
 def test_simulate_at_a_quality() -> None:
     result = synth.simulate("fretless", quality="standard", duration=0.01)
     assert (result.metadata["modes"], result.metadata["internal_rate_hz"]) == (255, 176400.0)
+    said: list[str] = []
+    synth.simulate("fretless", quality="draft", duration=0.01, restitution=1.0, warn=said.append)
+    assert len(said) == 1 and "up to restitution 0.7, got 1" in said[0]
     bridge = synth.simulate("tanpura", quality="standard", duration=0.01)
     string = Scene(load_case("tanpura"), Path()).string
     plan = plan_string(string, string.fundamental_hz, 1, BRIDGE, quality="standard", rate_hz=44100.0)
