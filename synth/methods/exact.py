@@ -72,6 +72,11 @@ def _times(scene: Scene) -> np.ndarray:
     return np.arange(scene.outputs) * (scene.case.run.steps_per_output * scene.dt)
 
 
+def _largest_rise(energy: np.ndarray) -> float:
+    """Largest rise from row to row over the energy at the start; NaN where there was none."""
+    return max(0.0, float(np.diff(energy).max(initial=0.0) / energy[0])) if energy[0] > 0.0 else math.nan
+
+
 def _outcome(scene: Scene, u: np.ndarray, contact_u: np.ndarray, force: np.ndarray, stored: np.ndarray) -> Outcome:
     """What the three ideal strings share; nothing is lost but at contacts."""
     energy = None
@@ -86,9 +91,7 @@ def _outcome(scene: Scene, u: np.ndarray, contact_u: np.ndarray, force: np.ndarr
         contact_force=force,
         energy=energy,
         largest_penetration_m=float((scene.eta - contact_u).max()) if scene.eta.size else 0.0,
-        largest_energy_rise=max(0.0, float(np.diff(stored).max(initial=0.0) / stored[0]))
-        if energy is not None and stored[0] > 0.0
-        else math.nan,
+        largest_energy_rise=_largest_rise(stored) if energy is not None else math.nan,
         last_contact_step=int(touched[-1]) * every if touched.size else -1,
         contact_steps=touched.size * every,
     )
@@ -250,9 +253,7 @@ def run_event_driven(scene: Scene) -> Outcome:
         contact_force=events.contact_force[:, None],
         energy=energy,
         largest_penetration_m=float((scene.eta[0] - events.contact_u).max()),
-        largest_energy_rise=max(0.0, float(np.diff(held).max(initial=0.0) / held[0]))
-        if energy is not None and held[0] > 0.0
-        else math.nan,
+        largest_energy_rise=_largest_rise(held) if energy is not None else math.nan,
         last_contact_step=-1 if events.last_contact_s < 0.0 else math.ceil(events.last_contact_s / scene.dt - 1e-9),
         contact_steps=round(events.contact_time[-1] / scene.dt),
         unsolved_steps=events.unsolved,

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.energy import filter_factor, impulse_work, spring, stored
-from synth.solver.kernels import Finger, Work, advance, amplitudes, dot, make_work, reach
+from synth.solver.kernels import Finger, Work, advance, amplitudes, make_work, reach
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
 from synth.solver.substeps import (
@@ -25,6 +25,7 @@ from synth.solver.substeps import (
     clear_step,
     make_substeps,
 )
+from synth.solver.vectors import dot
 
 # places in Run.sums
 STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5

@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.solver.kernels import FAST, Finger, Work, advance, dot
+from synth.solver.kernels import Finger, Work, advance
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.lcp import SOLVED
+from synth.solver.vectors import FAST, dot
 
 #: parts of a step that the kernel for one contact can take
 FUSED = (2, 3, 4)

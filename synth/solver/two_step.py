@@ -26,11 +26,12 @@ from numba import njit
 from synth.solver import quadratisation, sav
 from synth.solver.compliant import newton, newton_one
 from synth.solver.energy import filter_factor, stored
-from synth.solver.kernels import FAST, dot
+from synth.solver.kernels import fly, push_modes
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients
 from synth.solver.penalty import force as law_force
 from synth.solver.penalty import potential
 from synth.solver.problem import Outcome, Problem
+from synth.solver.vectors import FAST, dot
 
 NEWTON = 0
 QUADRATISED = 1
@@ -104,26 +105,6 @@ class State(NamedTuple):
     work: np.ndarray  # (8, C)
     matrix: np.ndarray  # (C, C)
     spread: np.ndarray  # (2, M) displacement and force at the nodes
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _push(coef, shape, impulse: float, q, w) -> None:
-    n = q.size
-    kq, kw = coef[4, :n], coef[5, :n]
-    for j in range(n):
-        f = shape[j] * impulse
-        q[j] += kq[j] * f
-        w[j] += kw[j] * f
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _fly(coef, q, w) -> None:
-    n = q.size
-    p11, p12, p21, p22 = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n]
-    for j in range(n):
-        a = p11[j] * q[j] + p12[j] * w[j]
-        w[j] = p21[j] * q[j] + p22[j] * w[j]
-        q[j] = a
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -256,13 +237,13 @@ def _advance_one(model: Model, state: State, n_steps: int, every: int) -> None:
             counts[_TOUCHED] += 1
         if phase == every:
             if pending != 0.0:
-                _push(coef, shape, pending, q, w)
+                push_modes(q, w, kq, kw, shape, pending)
                 pending = 0.0
             state.now[0], state.totals[0], counts[_PHASE] = now, total, phase
             _write_row(model, state)
             phase, total = 0, 0.0
     if pending != 0.0:
-        _push(coef, shape, pending, q, w)
+        push_modes(q, w, kq, kw, shape, pending)
     state.before[0], state.now[0], f[0], state.totals[0] = before, now, strength, total
     sums[_DEPTH], sums[_LEAST_FORCE], counts[_STEPS], counts[_PHASE] = deepest, weakest, steps, phase
 
@@ -276,11 +257,12 @@ def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
     b, drag, r, gradient = work[5], work[6], work[7], work[0]
     method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
     tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
+    kq, kw = coef[4, : q.size], coef[5, : q.size]
     ledger = state.energy.shape[0] > 0
     for _ in range(n_steps):
         if ledger:
             state.old_w[:] = w
-        _fly(coef, q, w)
+        fly(coef, q, w)
         for i in range(nodes):
             state.spread[0, i] = dot(model.grid[i], q)
         for c in range(contacts):
@@ -331,7 +313,7 @@ def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
                     touched = True
                     sums[_LEAST_FORCE] = min(sums[_LEAST_FORCE], strength)
                     if nodes == 0:
-                        _push(coef, shapes[c], dt * strength, q, w)
+                        push_modes(q, w, kq, kw, shapes[c], dt * strength)
                 worked += 0.5 * drag[c] * r[c] * r[c]
             if nodes and touched:
                 state.spread[1, :] = 0.0

@@ -25,10 +25,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.solver.kernels import FAST, dot
+from synth.solver.energy import stored
+from synth.solver.kernels import fly
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.problem import Problem
 from synth.solver.sine import Sine, make_sine, transform
+from synth.solver.vectors import FAST, dot
 
 #: ΩΔt beyond which the springs are softened: two steps of contact are the least that is still a spring
 LARGEST_ANGLE = 2.0
@@ -173,16 +175,6 @@ def after_contact(gap: float, w: float, touching: int, account: float, kappa: fl
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _fly(coef, q, v) -> None:
-    p11, p12, p21, p22 = coef[0], coef[1], coef[2], coef[3]
-    for j in range(q.size):
-        a = p11[j] * q[j] + p12[j] * v[j]
-        b = p21[j] * q[j] + p22[j] * v[j]
-        q[j] = a
-        v[j] = b
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
 def _extents(omega, q, v, out) -> None:
     """√(q² + v²/ω²) of every mode, which free motion does not enlarge."""
     for j in range(q.size):
@@ -197,14 +189,6 @@ def _moves_by(omega, extent, horizon: float) -> float:
     for j in range(extent.size):
         total += extent[j] * min(2.0, omega[j] * horizon)
     return total
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _stored(wall: Wall, q, v) -> float:
-    total = 0.0
-    for j in range(q.size):
-        total += v[j] * v[j] + (wall.omega[j] * q[j]) ** 2
-    return 0.5 * wall.mu * total
 
 
 @njit(cache=True, nogil=True)
@@ -272,14 +256,14 @@ def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
     ledger = run.energy.shape[0] > 0
     run.nodes[:] = 0.0
     transform(wall.tables, run.q, run.v, run.nodes[0], run.nodes[1])
-    before = sums[STORED] = sums[START] = _stored(wall, run.q, run.v)
+    before = sums[STORED] = sums[START] = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
     _write(wall, run, 0, every)
     skip = 0
     for t in range(1, steps + 1):
-        _fly(wall.coef, run.q, run.v)
+        fly(wall.coef, run.q, run.v)
         whole = before + sums[HELD]
         if ledger:
-            flown = _stored(wall, run.q, run.v)
+            flown = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
             sums[VISCOUS] += before - flown
             before = flown
         if skip > 0 and t % every != 0:
@@ -287,7 +271,7 @@ def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
         else:  # rows are looked at in any case: they need the nodes' positions
             skip = touch(wall, run, t)
             if ledger:
-                before = _stored(wall, run.q, run.v)
+                before = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
         if ledger:
             sums[STORED] = before
             if sums[START] > 0.0:
