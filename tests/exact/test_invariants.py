@@ -87,8 +87,9 @@ def advanced(what, q, v, steps):
 
 
 def test_exact_hold_goes_on_from_any_step():
-    """(q, q̇) is all of the state: 1000 steps at once or in five parts, each from the last one's end; to rounding, since blocks of
-    steps then begin elsewhere."""
+    """(q, q̇) is all of the state: 1000 steps at once or in five parts, each from the last one's end.
+
+    To rounding: blocks of steps then begin elsewhere."""
     what = model(1.0 / 64e3, 12)
     j = np.arange(1, 13)
     q, v = 1e-3 * np.sin(0.4 * np.pi * j) / j**2, np.zeros(12)
