@@ -255,13 +255,95 @@ def test_fretless_converges_in_nodes_and_rate() -> None:
     assert errors[1] < 0.01
 
 
-def test_steps_passed_over_change_nothing() -> None:
-    """Every row is looked at: with a row for every step none is passed over."""
-    every = synth.simulate("fretless", modes=127, internal_rate_hz=352800, output_rate_hz=352800, duration_s=0.02)
-    some = synth.simulate("fretless", modes=127, internal_rate_hz=352800, output_rate_hz=11025, duration_s=0.02)
-    assert some.summary["steps_looked_at"] < 0.5 * every.summary["steps_looked_at"] == 0.5 * every.summary["steps"]
-    assert some.summary["contact_steps"] == every.summary["contact_steps"] > 10
-    assert np.array_equal(some.u, every.u[::32])
+def looked_at_everywhere(run: wall.Run) -> wall.Run:
+    """The same run with bounds so large that no instant is passed over and no certificate given."""
+    return run._replace(clearance=run.clearance._replace(margin=1e300))
+
+
+def fretless(modes: int, factor: int, seconds: float) -> tuple[Problem, wall.Wall]:
+    """The case with other modes and rate, as the scheme is given it."""
+    run = {"modes": modes, "internal_rate_hz": 44100.0 * factor, "duration_s": seconds}
+    loaded = load_case(case("fretless", run=run))
+    problem, table = (found := Scene(loaded, Path())).problem(), loaded.obstacle.wall
+    model = wall.make_wall(
+        problem.omega, problem.sigma, problem.mu, problem.dt, found.string.length_m, found.positions, problem.eta,
+        problem.out_shapes, table.stiffness_n_m2, loaded.scheme.restitution,
+    )  # fmt: skip
+    return problem, model
+
+
+def test_how_often_there_are_rows_changes_nothing() -> None:
+    problem, model = fretless(127, 8, 0.02)
+    runs = []
+    for every in (1, 7, 32, problem.steps):
+        runs.append(wall.start_run(problem._replace(every=every), model, ledger=False))
+        wall.advance(model, runs[-1], problem.steps, every)
+    first = runs[0]
+    assert first.counts[wall.TOUCHED] > 10 and first.counts[wall.LOOKED] < 0.2 * problem.steps
+    for run, every in zip(runs, (1, 7, 32, problem.steps), strict=True):
+        assert np.array_equal(run.q, first.q) and np.array_equal(run.v, first.v)
+        assert run.counts[wall.LOOKED] == first.counts[wall.LOOKED]
+        # rows are flown by other propagators: rounding
+        assert run.u == pytest.approx(first.u[::every], abs=1e-12 * np.abs(first.u).max())
+        assert run.contact_u == pytest.approx(first.contact_u[::every], abs=1e-12 * np.abs(first.contact_u).max())
+        impulses = first.contact_force[1 : (problem.steps // every) * every + 1]
+        mean = impulses.reshape(-1, every, impulses.shape[1]).mean(axis=1)
+        assert run.contact_force[1:] == pytest.approx(mean, abs=1e-12 * impulses.max())
+
+
+def test_a_whole_note_is_the_same_with_every_instant_looked_at() -> None:
+    problem, model = fretless(127, 2, 3.0)
+    run = wall.start_run(problem, model, ledger=False, contact_rows=False)
+    wall.advance(model, run, problem.steps, problem.every)
+    every = looked_at_everywhere(wall.start_run(problem, model, ledger=False, contact_rows=False))
+    wall.advance(model, every, problem.steps, problem.every)
+    assert every.counts[wall.LOOKED] == problem.steps > 20 * run.counts[wall.LOOKED]
+    assert run.counts[wall.LAST] == every.counts[wall.LAST] and run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED]
+    # the impacts enlarge what rounding differs by
+    assert run.u == pytest.approx(every.u, abs=1e-10 * np.abs(every.u).max())
+
+
+@pytest.mark.parametrize("stiffness", [1.2, math.inf])
+def test_a_string_that_is_free_for_ever_never_touches_again(stiffness: float) -> None:
+    exits = 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 13])
+        problem, model, *_ = scene(rng, int(rng.choice([20, 63])), 30_000, stiffness, 0.5)
+        # a wall that the losses leave behind
+        eta = np.minimum(problem.eta, -rng.uniform(0.02, 0.5) * np.abs(problem.shapes @ problem.q).max())
+        problem, model = problem._replace(eta=eta), model._replace(eta=eta)
+        run = wall.start_run(problem, model, ledger=False)
+        wall.advance(model, run, problem.steps, problem.every)
+        every = looked_at_everywhere(wall.start_run(problem, model, ledger=False))
+        wall.advance(model, every, problem.steps, problem.every)
+        assert run.counts[wall.LAST] == every.counts[wall.LAST]
+        if run.counts[wall.EXIT] >= 0 and run.counts[wall.LAST] > 0:
+            exits += 1
+            assert every.counts[wall.LAST] <= run.counts[wall.EXIT] < 0.9 * problem.steps
+    assert exits >= 5, exits
+
+
+@pytest.mark.parametrize("stiffness", [0.3, 1.2, 5.0, math.inf])
+def test_instants_passed_over_change_nothing(stiffness: float) -> None:
+    """Random strings and walls against the same with every instant looked at."""
+    looked, passed, touched = 0, 0, 0
+    for seed in range(24):
+        rng = np.random.default_rng([seed, 11])
+        problem, model, *_ = scene(rng, int(rng.choice([20, 63, 127])), 600, stiffness, rng.choice([0.0, 0.7, 1.0]), every=5)
+        run = wall.start_run(problem, model, ledger=False)
+        wall.advance(model, run, problem.steps, problem.every)
+        every = looked_at_everywhere(wall.start_run(problem, model, ledger=False))
+        wall.advance(model, every, problem.steps, problem.every)
+        assert every.counts[wall.LOOKED] == problem.steps
+        assert run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED] and run.counts[wall.LAST] == every.counts[wall.LAST]
+        # 600 steps of rounding, in a problem whose impacts enlarge differences
+        for name in ("u", "contact_u"):
+            whole = getattr(every, name)
+            assert getattr(run, name) == pytest.approx(whole, abs=1e-9 * np.abs(whole).max())
+        looked += int(run.counts[wall.LOOKED])
+        passed += problem.steps - int(run.counts[wall.LOOKED])
+        touched += int(run.counts[wall.TOUCHED])
+    assert touched > 100 and passed > 1000, (looked, passed, touched)
 
 
 def test_fretless_keeps_its_energy_but_for_losses() -> None:
