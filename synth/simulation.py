@@ -127,14 +127,32 @@ from synth.targets import check_target, is_special
 DEFAULT_RATE_HZ = 44100.0
 
 
-@dataclass(frozen=True)
+class Made:
+    """A field of a dataclass: an array, or what makes it when it is first read."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: Any, owner: type | None = None) -> np.ndarray:
+        if instance is None:
+            raise AttributeError(self.name)  # so that the field has no default
+        value = instance.__dict__[self.name]
+        if callable(value):
+            value = instance.__dict__[self.name] = value()
+        return value
+
+    def __set__(self, instance: Any, value: np.ndarray | Callable[[], np.ndarray]) -> None:
+        instance.__dict__[self.name] = value
+
+
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """What a run gave; fields as in the module's description, `summary` and `metadata` as dicts."""
 
     t: np.ndarray
     u: np.ndarray
-    u_contact: np.ndarray
-    contact_force: np.ndarray
+    u_contact: Made = Made()
+    contact_force: Made = Made()
     energy_stored: np.ndarray | None
     energy_residual: np.ndarray | None
     energy_viscous: np.ndarray | None
@@ -292,7 +310,11 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "contacts": len(scene.obstacle),
         "steps": scene.steps,
         "rows": scene.outputs,
-        "finite": all(np.all(np.isfinite(a)) for a in (outcome.u, outcome.contact_u, outcome.contact_force)),
+        "finite": all(
+            np.all(np.isfinite(a))
+            for a in (outcome.u, outcome.contact_u, outcome.contact_force)
+            if isinstance(a, np.ndarray)  # what is yet to be made is made of the same modes as u
+        ),
         "largest_displacement_m": float(np.abs(outcome.u).max()),
         "largest_penetration_m": outcome.largest_penetration_m,
         "last_contact_s": last,

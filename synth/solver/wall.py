@@ -77,8 +77,8 @@ class Run(NamedTuple):
     account: np.ndarray  # (C,) [m²/s²] energy taken from the string, over μΔx
     impulse: np.ndarray  # (C,) [N s] since the row before
     u: np.ndarray  # (n, P)
-    contact_u: np.ndarray  # (n, C)
-    contact_force: np.ndarray  # (n, C)
+    contact_u: np.ndarray  # (n, C), or (0, C)
+    contact_force: np.ndarray  # (n, C), or (0, C)
     energy: np.ndarray  # (n, 5), or (0, 5)
     sums: np.ndarray  # float64
     counts: np.ndarray  # int64
@@ -242,7 +242,7 @@ def _write(wall: Wall, run: Run, row: int, rows: int, every: int, q, v) -> None:
         _fly_contact_rows(wall, run.row_coef, q, v, u, run.contact_u[row : row + rows], run.ahead)
     else:
         _fly_rows(run.row_coef, wall.out_shapes, q, v, u)
-    if run.counts[PUSHED]:
+    if run.counts[PUSHED] and run.contact_force.shape[0] > 0:
         run.counts[PUSHED] = 0
         for c in range(wall.eta.size):
             run.contact_force[row, c] = run.impulse[c] / (every * wall.dt)
@@ -410,7 +410,7 @@ def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
 
 
 def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = True) -> Run:
-    """A run at t = 0 from the problem's q, v; `contact_u` has no rows unless they are wanted.
+    """A run at t = 0 from the problem's q, v; contact rows cost more than all the rest, and may be left out.
 
     Raises ValueError for a start that is pressed into the wall.
     """
@@ -426,7 +426,7 @@ def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = T
         impulse=np.zeros(contacts),
         u=np.zeros((rows, problem.out_shapes.shape[0])),
         contact_u=np.zeros((rows if contact_rows else 0, contacts)),
-        contact_force=np.zeros((rows, contacts)),
+        contact_force=np.zeros((rows if contact_rows else 0, contacts)),
         energy=np.zeros((rows if ledger else 0, 5)),
         sums=np.zeros(_SUMS),
         counts=np.zeros(_COUNTS, np.int64),
