@@ -80,12 +80,16 @@ contacts begin as given. They take no fingers, ignore residual_compliance, and s
 iterations they needed, or how far the auxiliary variable drifted from √(2V), in √J (`auxiliary_drift`) and relative to
 √(2 · initial energy), and `largest_adhesion_n`, the strongest pull of a contact.
 
+Scheme "wall" says in the summary how many instants were looked at (`steps_looked_at`) and from when on the string is
+certain to fly free for ever (`free_from_s`; null: not within the run).
+
 What comes out, as attributes of `Result` and under the same names in the .npz; n rows, row 0 is t = 0:
 
     t (n,)                  [s]
     u (n, P)                displacement at outputs_m [m]
     u_contact (n, C)        displacement at the obstacle's points [m], with what residual compliance adds: S q + R λ
     contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
+                            scheme "wall": both are made when first read, by the same run once more
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
     energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²; in a

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ from synth.physics.obstacle import parabola_height, wall_positions
 from synth.plan import BRIDGE, WALL, plan_string, plan_wall, wanted_rate_hz
 from synth.scene import Scene
 from synth.solver import wall
+from synth.solver.clearance import attend, clear_for
+from synth.solver.kernels import fly
 from synth.solver.problem import Problem
 from synth.solver.sine import make_sine, transform
 from synth.solver.wall_reference import wall_steps
@@ -301,6 +304,48 @@ def test_a_whole_note_is_the_same_with_every_instant_looked_at() -> None:
     assert run.counts[wall.LAST] == every.counts[wall.LAST] and run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED]
     # the impacts enlarge what rounding differs by
     assert run.u == pytest.approx(every.u, abs=1e-10 * np.abs(every.u).max())
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_clear_steps_are_clear(rigid: bool) -> None:
+    """Forwards, and backwards to when the bounds were taken, for the whole string and node by node."""
+    found = {False: 0, True: 0}
+    for seed in range(30):
+        rng = np.random.default_rng([seed, 17])
+        problem, model, *_ = scene(rng, int(rng.choice([20, 63])), 400, math.inf if rigid else 1.0, 1.0)
+        q, v = problem.q.copy(), problem.v.copy()
+        states = [(q.copy(), v.copy())]
+        for _ in range(400):
+            fly(model.flights.coef[0], q, v)
+            states.append((q.copy(), v.copy()))
+        u, w = (np.array([problem.shapes @ state[i] for state in states]) for i in (0, 1))
+        eta = np.full(problem.eta.size, -rng.uniform(0.3, 1.5) * np.abs(u).max())
+        clearance = wall.start_run(problem, model._replace(eta=np.minimum(eta, problem.eta)), ledger=False).clearance
+        gaps = u - clearance.eta
+        reached = (gaps + (0.5 * problem.dt * np.minimum(w, 0.0) if rigid else 0.0)).min(axis=1) <= 0.0
+        for nodewise in (False, True):
+            for _ in range(problem.omega.size if nodewise else 1):
+                attend(clearance, *states[0])
+                clear_for(clearance, gaps[0], gaps[0].min())
+            for t in range(0, 401, 5):
+                steps = min(400, clear_for(clearance, gaps[t], gaps[t].min()))
+                if steps >= 0:
+                    assert not reached[max(0, t - steps) : t + steps + 1].any()
+                    found[nodewise] += steps
+    assert found[True] > found[False] > 100
+
+
+def test_rows_of_the_nodes_are_made_when_read() -> None:
+    result = synth.simulate("fretless", modes=127, internal_rate_hz=88200, duration_s=0.02)
+    again = pickle.loads(pickle.dumps(result))
+    assert callable(result.__dict__["u_contact"]) and callable(again.__dict__["contact_force"])
+    problem, model = fretless(127, 2, 0.02)
+    run = wall.start_run(problem, model, ledger=False)
+    wall.advance(model, run, problem.steps, problem.every)
+    for one in (result, again):
+        assert np.array_equal(one.u, run.u)
+        assert np.array_equal(one.u_contact, run.contact_u) and np.array_equal(one.contact_force, run.contact_force)
+        assert one.u_contact is one.u_contact
 
 
 @pytest.mark.parametrize("stiffness", [1.2, math.inf])
