@@ -80,12 +80,16 @@ contacts begin as given. They take no fingers, ignore residual_compliance, and s
 iterations they needed, or how far the auxiliary variable drifted from √(2V), in √J (`auxiliary_drift`) and relative to
 √(2 · initial energy), and `largest_adhesion_n`, the strongest pull of a contact.
 
+Scheme "wall" says in the summary how many instants were looked at (`steps_looked_at`) and from when on the string is
+certain to fly free for ever (`free_from_s`; null: not within the run).
+
 What comes out, as attributes of `Result` and under the same names in the .npz; n rows, row 0 is t = 0:
 
     t (n,)                  [s]
     u (n, P)                displacement at outputs_m [m]
     u_contact (n, C)        displacement at the obstacle's points [m], with what residual compliance adds: S q + R λ
     contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
+                            scheme "wall": both are made when first read, by the same run once more
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
     energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²; in a
@@ -127,14 +131,32 @@ from synth.targets import check_target, is_special
 DEFAULT_RATE_HZ = 44100.0
 
 
-@dataclass(frozen=True)
+class Made:
+    """A field of a dataclass: an array, or what makes it when it is first read."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: Any, owner: type | None = None) -> np.ndarray:
+        if instance is None:
+            raise AttributeError(self.name)  # so that the field has no default
+        value = instance.__dict__[self.name]
+        if callable(value):
+            value = instance.__dict__[self.name] = value()
+        return value
+
+    def __set__(self, instance: Any, value: np.ndarray | Callable[[], np.ndarray]) -> None:
+        instance.__dict__[self.name] = value
+
+
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """What a run gave; fields as in the module's description, `summary` and `metadata` as dicts."""
 
     t: np.ndarray
     u: np.ndarray
-    u_contact: np.ndarray
-    contact_force: np.ndarray
+    u_contact: Made = Made()
+    contact_force: Made = Made()
     energy_stored: np.ndarray | None
     energy_residual: np.ndarray | None
     energy_viscous: np.ndarray | None
@@ -292,7 +314,11 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "contacts": len(scene.obstacle),
         "steps": scene.steps,
         "rows": scene.outputs,
-        "finite": all(np.all(np.isfinite(a)) for a in (outcome.u, outcome.contact_u, outcome.contact_force)),
+        "finite": all(
+            np.all(np.isfinite(a))
+            for a in (outcome.u, outcome.contact_u, outcome.contact_force)
+            if isinstance(a, np.ndarray)  # what is yet to be made is made of the same modes as u
+        ),
         "largest_displacement_m": float(np.abs(outcome.u).max()),
         "largest_penetration_m": outcome.largest_penetration_m,
         "last_contact_s": last,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ from synth.physics.obstacle import parabola_height, wall_positions
 from synth.plan import BRIDGE, WALL, plan_string, plan_wall, wanted_rate_hz
 from synth.scene import Scene
 from synth.solver import wall
+from synth.solver.clearance import attend, clear_for
+from synth.solver.kernels import fly
 from synth.solver.problem import Problem
 from synth.solver.sine import make_sine, transform
 from synth.solver.wall_reference import wall_steps
@@ -54,7 +57,7 @@ def scene(rng, modes: int, steps: int, stiffness: float, e: float, lossy: bool =
     return problem, model, numbers, length, stiffness
 
 
-@pytest.mark.parametrize("n", [2, 4, 12, 64, 90, 512])
+@pytest.mark.parametrize("n", [2, 4, 8, 12, 32, 64, 90, 128, 256, 512, 1024, 2048])
 def test_sine_transform_is_scipys(n: int) -> None:
     rng = np.random.default_rng(n)
     a, b = rng.normal(size=(2, n - 1))
@@ -66,7 +69,7 @@ def test_sine_transform_is_scipys(n: int) -> None:
     dense = np.empty((2, n - 1))
     transform(make_sine(n, dense=True), a, b, dense[0], dense[1])
     assert np.abs(dense - expected).max() < 1e-15 * n * math.sqrt(n)
-    assert make_sine(n).matrix.size == (0 if n == 512 else (n - 1) ** 2)
+    assert make_sine(n).matrix.size == (0 if n in (64, 128, 256, 512, 1024, 2048) else (n - 1) ** 2)
 
 
 @pytest.mark.parametrize("stiffness", [0.3, 1.2, 5.0, math.inf])
@@ -255,13 +258,137 @@ def test_fretless_converges_in_nodes_and_rate() -> None:
     assert errors[1] < 0.01
 
 
-def test_steps_passed_over_change_nothing() -> None:
-    """Every row is looked at: with a row for every step none is passed over."""
-    every = synth.simulate("fretless", modes=127, internal_rate_hz=352800, output_rate_hz=352800, duration_s=0.02)
-    some = synth.simulate("fretless", modes=127, internal_rate_hz=352800, output_rate_hz=11025, duration_s=0.02)
-    assert some.summary["steps_looked_at"] < 0.5 * every.summary["steps_looked_at"] == 0.5 * every.summary["steps"]
-    assert some.summary["contact_steps"] == every.summary["contact_steps"] > 10
-    assert np.array_equal(some.u, every.u[::32])
+def looked_at_everywhere(run: wall.Run) -> wall.Run:
+    """The same run with bounds so large that no instant is passed over and no certificate given."""
+    return run._replace(clearance=run.clearance._replace(margin=1e300))
+
+
+def fretless(modes: int, factor: int, seconds: float) -> tuple[Problem, wall.Wall]:
+    """The case with other modes and rate, as the scheme is given it."""
+    run = {"modes": modes, "internal_rate_hz": 44100.0 * factor, "duration_s": seconds}
+    loaded = load_case(case("fretless", run=run))
+    problem, table = (found := Scene(loaded, Path())).problem(), loaded.obstacle.wall
+    model = wall.make_wall(
+        problem.omega, problem.sigma, problem.mu, problem.dt, found.string.length_m, found.positions, problem.eta,
+        problem.out_shapes, table.stiffness_n_m2, loaded.scheme.restitution,
+    )  # fmt: skip
+    return problem, model
+
+
+def test_how_often_there_are_rows_changes_nothing() -> None:
+    problem, model = fretless(127, 8, 0.02)
+    runs = []
+    for every in (1, 7, 32, problem.steps):
+        runs.append(wall.start_run(problem._replace(every=every), model, ledger=False))
+        wall.advance(model, runs[-1], problem.steps, every)
+    first = runs[0]
+    assert first.counts[wall.TOUCHED] > 10 and first.counts[wall.LOOKED] < 0.2 * problem.steps
+    for run, every in zip(runs, (1, 7, 32, problem.steps), strict=True):
+        assert np.array_equal(run.q, first.q) and np.array_equal(run.v, first.v)
+        assert run.counts[wall.LOOKED] == first.counts[wall.LOOKED]
+        # rows are flown by other propagators: rounding
+        assert run.u == pytest.approx(first.u[::every], abs=1e-12 * np.abs(first.u).max())
+        assert run.contact_u == pytest.approx(first.contact_u[::every], abs=1e-12 * np.abs(first.contact_u).max())
+        impulses = first.contact_force[1 : (problem.steps // every) * every + 1]
+        mean = impulses.reshape(-1, every, impulses.shape[1]).mean(axis=1)
+        assert run.contact_force[1:] == pytest.approx(mean, abs=1e-12 * impulses.max())
+
+
+def test_a_whole_note_is_the_same_with_every_instant_looked_at() -> None:
+    problem, model = fretless(127, 2, 3.0)
+    run = wall.start_run(problem, model, ledger=False, contact_rows=False)
+    wall.advance(model, run, problem.steps, problem.every)
+    every = looked_at_everywhere(wall.start_run(problem, model, ledger=False, contact_rows=False))
+    wall.advance(model, every, problem.steps, problem.every)
+    assert every.counts[wall.LOOKED] == problem.steps > 20 * run.counts[wall.LOOKED]
+    assert run.counts[wall.LAST] == every.counts[wall.LAST] and run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED]
+    # the impacts enlarge what rounding differs by
+    assert run.u == pytest.approx(every.u, abs=1e-10 * np.abs(every.u).max())
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_clear_steps_are_clear(rigid: bool) -> None:
+    """Forwards, and backwards to when the bounds were taken, for the whole string and node by node."""
+    found = {False: 0, True: 0}
+    for seed in range(30):
+        rng = np.random.default_rng([seed, 17])
+        problem, model, *_ = scene(rng, int(rng.choice([20, 63])), 400, math.inf if rigid else 1.0, 1.0)
+        q, v = problem.q.copy(), problem.v.copy()
+        states = [(q.copy(), v.copy())]
+        for _ in range(400):
+            fly(model.flights.coef[0], q, v)
+            states.append((q.copy(), v.copy()))
+        u, w = (np.array([problem.shapes @ state[i] for state in states]) for i in (0, 1))
+        eta = np.full(problem.eta.size, -rng.uniform(0.3, 1.5) * np.abs(u).max())
+        clearance = wall.start_run(problem, model._replace(eta=np.minimum(eta, problem.eta)), ledger=False).clearance
+        gaps = u - clearance.eta
+        reached = (gaps + (0.5 * problem.dt * np.minimum(w, 0.0) if rigid else 0.0)).min(axis=1) <= 0.0
+        for nodewise in (False, True):
+            for _ in range(problem.omega.size if nodewise else 1):
+                attend(clearance, *states[0])
+                clear_for(clearance, gaps[0], gaps[0].min())
+            for t in range(0, 401, 5):
+                steps = min(400, clear_for(clearance, gaps[t], gaps[t].min()))
+                if steps >= 0:
+                    assert not reached[max(0, t - steps) : t + steps + 1].any()
+                    found[nodewise] += steps
+    assert found[True] > found[False] > 100
+
+
+def test_rows_of_the_nodes_are_made_when_read() -> None:
+    result = synth.simulate("fretless", modes=127, internal_rate_hz=88200, duration_s=0.02)
+    again = pickle.loads(pickle.dumps(result))
+    assert callable(result.__dict__["u_contact"]) and callable(again.__dict__["contact_force"])
+    problem, model = fretless(127, 2, 0.02)
+    run = wall.start_run(problem, model, ledger=False)
+    wall.advance(model, run, problem.steps, problem.every)
+    for one in (result, again):
+        assert np.array_equal(one.u, run.u)
+        assert np.array_equal(one.u_contact, run.contact_u) and np.array_equal(one.contact_force, run.contact_force)
+        assert one.u_contact is one.u_contact
+
+
+@pytest.mark.parametrize("stiffness", [1.2, math.inf])
+def test_a_string_that_is_free_for_ever_never_touches_again(stiffness: float) -> None:
+    exits = 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 13])
+        problem, model, *_ = scene(rng, int(rng.choice([20, 63])), 30_000, stiffness, 0.5)
+        # a wall that the losses leave behind
+        eta = np.minimum(problem.eta, -rng.uniform(0.02, 0.5) * np.abs(problem.shapes @ problem.q).max())
+        problem, model = problem._replace(eta=eta), model._replace(eta=eta)
+        run = wall.start_run(problem, model, ledger=False)
+        wall.advance(model, run, problem.steps, problem.every)
+        every = looked_at_everywhere(wall.start_run(problem, model, ledger=False))
+        wall.advance(model, every, problem.steps, problem.every)
+        assert run.counts[wall.LAST] == every.counts[wall.LAST]
+        if run.counts[wall.EXIT] >= 0 and run.counts[wall.LAST] > 0:
+            exits += 1
+            assert every.counts[wall.LAST] <= run.counts[wall.EXIT] < 0.9 * problem.steps
+    assert exits >= 5, exits
+
+
+@pytest.mark.parametrize("stiffness", [0.3, 1.2, 5.0, math.inf])
+def test_instants_passed_over_change_nothing(stiffness: float) -> None:
+    """Random strings and walls against the same with every instant looked at."""
+    looked, passed, touched = 0, 0, 0
+    for seed in range(24):
+        rng = np.random.default_rng([seed, 11])
+        problem, model, *_ = scene(rng, int(rng.choice([20, 63, 127])), 600, stiffness, rng.choice([0.0, 0.7, 1.0]), every=5)
+        run = wall.start_run(problem, model, ledger=False)
+        wall.advance(model, run, problem.steps, problem.every)
+        every = looked_at_everywhere(wall.start_run(problem, model, ledger=False))
+        wall.advance(model, every, problem.steps, problem.every)
+        assert every.counts[wall.LOOKED] == problem.steps
+        assert run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED] and run.counts[wall.LAST] == every.counts[wall.LAST]
+        # 600 steps of rounding, in a problem whose impacts enlarge differences
+        for name in ("u", "contact_u"):
+            whole = getattr(every, name)
+            assert getattr(run, name) == pytest.approx(whole, abs=1e-9 * np.abs(whole).max())
+        looked += int(run.counts[wall.LOOKED])
+        passed += problem.steps - int(run.counts[wall.LOOKED])
+        touched += int(run.counts[wall.TOUCHED])
+    assert touched > 100 and passed > 1000, (looked, passed, touched)
 
 
 def test_fretless_keeps_its_energy_but_for_losses() -> None:

@@ -4,12 +4,41 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
 
 from synth.case import CaseError
 from synth.dsp.denormals import enable_ftz, restore
 from synth.scene import Scene
 from synth.solver import wall
-from synth.solver.problem import Outcome
+from synth.solver.problem import Outcome, Problem
+
+
+@dataclass
+class ContactRows:
+    """Rows of a wall's nodes, made when they are first asked for: the same run once more, bit for bit."""
+
+    problem: Problem
+    model: wall.Wall
+    rows: tuple[np.ndarray, np.ndarray] | None = None
+
+    def of(self, which: int) -> np.ndarray:
+        """0: displacements (n, C) [m]; 1: forces (n, C) [N]."""
+        if self.rows is None:
+            state = _advanced(self.problem, self.model, wall.start_run(self.problem, self.model, False))
+            self.rows = state.contact_u, state.contact_force
+        return self.rows[which]
+
+
+def _advanced(problem: Problem, model: wall.Wall, state: wall.Run) -> wall.Run:
+    flush = enable_ftz()
+    try:
+        wall.advance(model, state, problem.steps, problem.every)
+    finally:
+        restore(flush)
+    return state
 
 
 def run_wall(scene: Scene) -> Outcome:
@@ -26,26 +55,27 @@ def run_wall(scene: Scene) -> Outcome:
             problem.omega, problem.sigma, problem.mu, problem.dt, scene.string.length_m, scene.positions, problem.eta,
             problem.out_shapes, stiffness, case.scheme.restitution,
         )  # fmt: skip
-        state = wall.start_run(problem, model, case.run.ledger)
+        state = wall.start_run(problem, model, case.run.ledger, contact_rows=False)
     except ValueError as error:
         raise CaseError(f"obstacle.wall: {error}") from None
-    flush = enable_ftz()
     started = time.perf_counter()
-    try:
-        wall.advance(model, state, problem.steps, problem.every)
-    finally:
-        restore(flush)
+    _advanced(problem, model, state)
     seconds = time.perf_counter() - started
-    sums, counts = state.sums, state.counts
+    sums, counts, rows = state.sums, state.counts, ContactRows(problem, model)
+    exit_step = int(counts[wall.EXIT])
     return Outcome(
         u=state.u,
-        contact_u=state.contact_u,
-        contact_force=state.contact_force,
+        contact_u=partial(rows.of, 0),
+        contact_force=partial(rows.of, 1),
         energy=state.energy if case.run.ledger else None,
         largest_penetration_m=float(sums[wall.PENETRATION]),
         largest_energy_rise=float(sums[wall.RISE]) if case.run.ledger else float("nan"),
         last_contact_step=int(counts[wall.LAST]),
         contact_steps=int(counts[wall.TOUCHED]),
         seconds=seconds,
-        notes={"steps_looked_at": int(counts[wall.LOOKED]), "spring_radians_per_step": wall.spring_angle(model)},
+        notes={
+            "steps_looked_at": int(counts[wall.LOOKED]),
+            "free_from_s": exit_step * problem.dt if exit_step >= 0 else None,
+            "spring_radians_per_step": wall.spring_angle(model),
+        },
     )

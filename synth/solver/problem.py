@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -26,11 +27,11 @@ class Problem(NamedTuple):
 
 @dataclass
 class Outcome:
-    """What a run gave; n = steps // every + 1 rows, row 0 is t = 0."""
+    """What a run gave; n = steps // every + 1 rows, row 0 is t = 0. What costs much may be given as what makes it."""
 
     u: np.ndarray  # (n, P) [m]
-    contact_u: np.ndarray  # (n, C) [m]
-    contact_force: np.ndarray  # (n, C) mean since the row before [N]
+    contact_u: np.ndarray | Callable[[], np.ndarray]  # (n, C) [m]
+    contact_force: np.ndarray | Callable[[], np.ndarray]  # (n, C) mean since the row before [N]
     #: (n, 5) [J] stored, residual, viscous, contact, injected; None: no ledger was kept
     energy: np.ndarray | None = None
     #: max over steps (or rows) of η − u [m]; negative: never touched; 0 without contacts

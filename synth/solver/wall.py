@@ -15,6 +15,10 @@ The energy of the string plus the accounts never grows, at any step, any number 
 and no damping it is kept but for what a node still owes when it is lifted off while moving down. Equispaced impulses
 between exact flights are the impulse method (Wisdom, Holman, Astronomical J. 102, 1991; García-Archilla, Sanz-Serna,
 Skeel, SIAM J. Sci. Comput. 20, 1998). A rigid wall's elastic bounce is Schatzman's (J. Math. Anal. Appl. 73, 1980).
+
+Instants at which no node can be reached are passed over in one flight, however many they are: a look at the string clears
+them before and after it (`clearance`), two looks what lies between. Rows are flown apart, from the last impulse on, so that
+how often there are rows changes nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +29,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from synth.solver.clearance import FREE, Clearance, attend, clear_for, forget, make_clearance
 from synth.solver.energy import stored
+from synth.solver.flights import Flights, flown, hop, largest, make_flights
 from synth.solver.kernels import fly
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.problem import Problem
@@ -34,14 +40,14 @@ from synth.solver.vectors import FAST, dot
 
 #: ΩΔt beyond which the springs are softened: two steps of contact are the least that is still a spring
 LARGEST_ANGLE = 2.0
-#: steps that a string out of reach may be left alone
-_LONGEST_SKIP = 64
+#: steps that must be clear before instants further off are looked at
+_FAR = 2
 # places in Run.sums
 STORED, HELD, VISCOUS, LOST, PENETRATION, RISE, START = 0, 1, 2, 3, 4, 5, 6
 _SUMS = 7
 # places in Run.counts
-LAST, TOUCHED, LOOKED = 0, 1, 2
-_COUNTS = 3
+LAST, TOUCHED, LOOKED, HOLDING, PUSHED, AT, SHORTER, EXIT = 0, 1, 2, 3, 4, 5, 6, 7
+_COUNTS = 8
 
 
 class Wall(NamedTuple):
@@ -54,10 +60,11 @@ class Wall(NamedTuple):
     kappa: float  # [1/s²]; negative: rigid
     restitution: float
     first: int
-    coef: np.ndarray  # (6, N)
     omega: np.ndarray  # (N,)
+    sigma: np.ndarray  # (N,)
     eta: np.ndarray  # (C,)
     out_shapes: np.ndarray  # (P, N)
+    flights: Flights
     tables: Sine
 
 
@@ -70,12 +77,17 @@ class Run(NamedTuple):
     account: np.ndarray  # (C,) [m²/s²] energy taken from the string, over μΔx
     impulse: np.ndarray  # (C,) [N s] since the row before
     u: np.ndarray  # (n, P)
-    contact_u: np.ndarray  # (n, C)
-    contact_force: np.ndarray  # (n, C)
+    contact_u: np.ndarray  # (n, C), or (0, C)
+    contact_force: np.ndarray  # (n, C), or (0, C)
     energy: np.ndarray  # (n, 5), or (0, 5)
     sums: np.ndarray  # float64
     counts: np.ndarray  # int64
     nodes: np.ndarray  # (5, N) sine transforms of q and v when last looked at, and work space
+    gaps: np.ndarray  # (2, C)
+    ahead: np.ndarray  # (4, N) q, v of two instants further off
+    row: np.ndarray  # (2, N) q, v of the last row or impulse
+    row_coef: np.ndarray  # (6, N) from row to row
+    clearance: Clearance
 
 
 def grid_numbers(positions: np.ndarray, length: float, modes: int) -> np.ndarray:
@@ -128,10 +140,11 @@ def make_wall(
         kappa,
         restitution,
         int(numbers[0]),
-        coefficients(EXACT_HOLD, omega, sigma, mu, dt),
         np.ascontiguousarray(omega, dtype=np.float64),
+        np.ascontiguousarray(sigma, dtype=np.float64),
         np.ascontiguousarray(eta, dtype=np.float64),
         np.ascontiguousarray(out_shapes, dtype=np.float64),
+        make_flights(omega, sigma, mu, dt),
         make_sine(n + 1),
     )
 
@@ -174,114 +187,233 @@ def after_contact(gap: float, w: float, touching: int, account: float, kappa: fl
     return after, 1 if account > given else 0, account - given, given * (1.0 - e * e)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _extents(omega, q, v, out) -> None:
-    """√(q² + v²/ω²) of every mode, which free motion does not enlarge."""
-    for j in range(q.size):
-        speed = v[j] / omega[j]
-        out[j] = math.sqrt(q[j] * q[j] + speed * speed)
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _moves_by(omega, extent, horizon: float) -> float:
-    """No point of the freely moving string moves further than √(2/L) times this in `horizon` [s]; see `kernels.cull`."""
-    total = 0.0
-    for j in range(extent.size):
-        total += extent[j] * min(2.0, omega[j] * horizon)
-    return total
+@njit(cache=True, nogil=True)
+def _gaps(wall: Wall, displacement, gap) -> float:
+    """Fill gap (C,) from a sine transform of q; returns the smallest."""
+    least = np.inf
+    displacement = displacement[wall.first : wall.first + gap.size]
+    for c in range(gap.size):
+        gap[c] = wall.scale * displacement[c] - wall.eta[c]
+        least = min(least, gap[c])
+    return least
 
 
 @njit(cache=True, nogil=True)
-def touch(wall: Wall, run: Run, step: int) -> int:
-    """Impulses of one instant; returns for how many steps from here nothing can be touched."""
-    contacts, n = wall.eta.size, run.q.size
-    u, w, change, spare, kick = run.nodes[0], run.nodes[1], run.nodes[2], run.nodes[3], run.nodes[4]
-    transform(wall.tables, run.q, run.v, u, w)
-    run.counts[LOOKED] += 1
-    hit, held, least = False, 0, np.inf
-    for c in range(contacts):
-        i = wall.first + c
-        gap, speed = wall.scale * u[i] - wall.eta[c], wall.scale * w[i]
-        least = min(least, gap)
-        after, touching, account, lost = after_contact(
-            gap, speed, run.touching[c], run.account[c], wall.kappa, wall.restitution, wall.dt
-        )
-        run.sums[LOST] += wall.mu * wall.spacing * lost
-        run.sums[HELD] += wall.mu * wall.spacing * (account - run.account[c])
-        run.touching[c] = touching
-        run.account[c] = account
-        held += touching
-        if after != speed:
-            hit = True
-            change[i] = after - speed
-            run.impulse[c] += wall.mu * wall.spacing * (after - speed)
-    run.sums[PENETRATION] = max(run.sums[PENETRATION], -least)
-    if hit:
-        run.counts[LAST] = step
-        run.counts[TOUCHED] += 1
-        w[:] = 0.0
-        transform(wall.tables, change, w, kick, spare)
-        gain = wall.spacing * wall.scale
-        for j in range(n):
-            run.v[j] += gain * kick[j]
-        for c in range(contacts):
-            change[wall.first + c] = 0.0
-        return 0
-    if held > 0:
-        return 0
-    _extents(wall.omega, run.q, run.v, spare)
-    steps = _LONGEST_SKIP
-    while steps > 1 and least <= 1.001 * wall.scale * _moves_by(wall.omega, spare, (steps + 1) * wall.dt):
-        steps //= 2
-    return steps - 1
+def _weigh(wall: Wall, run: Run, q, v) -> None:
+    """What has been lost to damping since energy was last weighed."""
+    flown_to = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, q, v)
+    run.sums[VISCOUS] += run.sums[STORED] - flown_to
+    run.sums[STORED] = flown_to
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _fly_rows(coef, shapes, q, v, u) -> None:
+    """Outputs u (n, P) of the state and of n − 1 flights from it."""
+    for t in range(u.shape[0]):
+        if t > 0:
+            fly(coef, q, v)
+        for p in range(shapes.shape[0]):
+            u[t, p] = dot(shapes[p], q)
 
 
 @njit(cache=True, nogil=True)
-def _write(wall: Wall, run: Run, row: int, every: int) -> None:
-    for p in range(wall.out_shapes.shape[0]):
-        run.u[row, p] = dot(wall.out_shapes[p], run.q)
-    for c in range(wall.eta.size):
-        run.contact_u[row, c] = wall.scale * run.nodes[0, wall.first + c]
-        run.contact_force[row, c] = run.impulse[c] / (every * wall.dt)
-        run.impulse[c] = 0.0
+def _fly_contact_rows(wall: Wall, coef, q, v, u, contact_u, work) -> None:
+    """`_fly_rows` with the nodes' displacements contact_u (n, C), two rows to a transform; work (4, N)."""
+    rows, before, even, odd = u.shape[0], work[0], work[1], work[2]
+    for t in range(rows):
+        if t > 0:
+            fly(coef, q, v)
+        _fly_rows(coef, wall.out_shapes, q, v, u[t : t + 1])
+        if t % 2 == 0:
+            before[:] = q
+        if t % 2 == 1 or t == rows - 1:
+            transform(wall.tables, before, q, even, odd)
+            last = wall.first + wall.eta.size
+            contact_u[t] = wall.scale * (odd if t % 2 else even)[wall.first : last]
+            if t % 2:
+                contact_u[t - 1] = wall.scale * even[wall.first : last]
+
+
+@njit(cache=True, nogil=True)
+def _write(wall: Wall, run: Run, row: int, rows: int, every: int, q, v) -> None:
+    """So many rows, the first of the state q, v, the rest of free flight from it; impulses enter the first."""
+    u = run.u[row : row + rows]
+    if run.contact_u.shape[0] > 0:
+        _fly_contact_rows(wall, run.row_coef, q, v, u, run.contact_u[row : row + rows], run.ahead)
+    else:
+        _fly_rows(run.row_coef, wall.out_shapes, q, v, u)
+    if run.counts[PUSHED] and run.contact_force.shape[0] > 0:
+        run.counts[PUSHED] = 0
+        for c in range(wall.eta.size):
+            run.contact_force[row, c] = run.impulse[c] / (every * wall.dt)
+            run.impulse[c] = 0.0
     if run.energy.shape[0] > 0:
         for k in range(4):
             run.energy[row, k] = run.sums[k]
 
 
 @njit(cache=True, nogil=True)
-def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
-    """All steps from t = 0 on, rows included; the energies of every step are weighed where rows of them are wanted."""
-    sums = run.sums
-    ledger = run.energy.shape[0] > 0
-    run.nodes[:] = 0.0
-    transform(wall.tables, run.q, run.v, run.nodes[0], run.nodes[1])
-    before = sums[STORED] = sums[START] = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
-    _write(wall, run, 0, every)
-    skip = 0
-    for t in range(1, steps + 1):
-        fly(wall.coef, run.q, run.v)
-        whole = before + sums[HELD]
+def _rows(wall: Wall, run: Run, every: int, until: int) -> None:
+    """The rows that are due up to step `until`, between which and the last impulse the string flew free."""
+    at, q, v = run.counts[AT], run.row[0], run.row[1]
+    following = (at // every + 1) * every
+    if following > until:
+        return
+    hop(wall.flights, following - at, q, v)
+    first, rows = following // every, (until - following) // every + 1
+    if run.energy.shape[0] > 0:
+        for row in range(first, first + rows):
+            if row > first:
+                fly(run.row_coef, q, v)
+            _weigh(wall, run, q, v)
+            _write(wall, run, row, 1, every, q, v)
+    else:
+        _write(wall, run, first, rows, every, q, v)
+    run.counts[AT] = (first + rows - 1) * every
+
+
+@njit(cache=True, nogil=True)
+def _strike(wall: Wall, run: Run) -> bool:
+    """Impulses of one instant, gaps (C,) and node velocities at hand; False: there were none."""
+    change, spare, kick, w = run.nodes[2], run.nodes[3], run.nodes[4], run.nodes[1]
+    hit, holding, mass = False, 0, wall.mu * wall.spacing
+    for c in range(wall.eta.size):
+        i = wall.first + c
+        speed = wall.scale * w[i]
+        after, touching, account, lost = after_contact(
+            run.gaps[0, c], speed, run.touching[c], run.account[c], wall.kappa, wall.restitution, wall.dt
+        )
+        run.sums[LOST] += mass * lost
+        run.sums[HELD] += mass * (account - run.account[c])
+        run.touching[c] = touching
+        run.account[c] = account
+        holding += touching
+        if after != speed:
+            hit = True
+            change[i] = after - speed
+            run.impulse[c] += mass * (after - speed)
+    run.counts[HOLDING] = holding
+    if hit:
+        w[:] = 0.0
+        transform(wall.tables, change, w, kick, spare)
+        gain = wall.spacing * wall.scale
+        for j in range(run.v.size):
+            run.v[j] += gain * kick[j]
+        change[wall.first : wall.first + wall.eta.size] = 0.0
+    return hit
+
+
+@njit(cache=True, nogil=True)
+def touch(wall: Wall, run: Run, step: int, every: int) -> int:
+    """Impulses of one instant; returns for how many steps from here nothing can be touched."""
+    u, w, gap, sums = run.nodes[0], run.nodes[1], run.gaps[0], run.sums
+    transform(wall.tables, run.q, run.v, u, w)
+    run.counts[LOOKED] += 1
+    least = _gaps(wall, u, gap)
+    sums[PENETRATION] = max(sums[PENETRATION], -least)
+    engaged = run.counts[HOLDING] > 0
+    if wall.kappa >= 0.0:
+        engaged = engaged or least < 0.0
+    else:
+        for c in range(gap.size):
+            speed = wall.scale * w[wall.first + c]
+            engaged = engaged or (speed < 0.0 and gap[c] + 0.5 * wall.dt * speed <= 0.0)
+    if engaged:
+        ledger = run.energy.shape[0] > 0
+        _rows(wall, run, every, step - 1)
+        whole = sums[STORED] + sums[HELD]
         if ledger:
-            flown = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
-            sums[VISCOUS] += before - flown
-            before = flown
-        if skip > 0 and t % every != 0:
-            skip -= 1
-        else:  # rows are looked at in any case: they need the nodes' positions
-            skip = touch(wall, run, t)
-            if ledger:
-                before = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
+            _weigh(wall, run, run.q, run.v)
+        hit = _strike(wall, run)
+        if hit:
+            run.counts[LAST] = step
+            run.counts[TOUCHED] += 1
+            run.counts[PUSHED] = 1
+            run.row[0] = run.q
+            run.row[1] = run.v
+            run.counts[AT] = step
+            forget(run.clearance)
         if ledger:
-            sums[STORED] = before
+            sums[STORED] = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
             if sums[START] > 0.0:
-                sums[RISE] = max(sums[RISE], (before + sums[HELD] - whole) / sums[START])
-        if t % every == 0:
-            _write(wall, run, t // every, every)
+                sums[RISE] = max(sums[RISE], (sums[STORED] + sums[HELD] - whole) / sums[START])
+        if hit and step % every == 0:
+            _write(wall, run, step // every, 1, every, run.q, run.v)
+        if hit or run.counts[HOLDING] > 0:
+            return 0
+    attend(run.clearance, run.q, run.v)
+    return max(0, clear_for(run.clearance, gap, least))
 
 
-def start_run(problem: Problem, wall: Wall, ledger: bool) -> Run:
-    """A run at t = 0 from the problem's q, v. Raises ValueError for a start that is pressed into the wall."""
+@njit(cache=True, nogil=True)
+def _look_ahead(wall: Wall, run: Run, clear: int, k: int):
+    """Looks one and two strides k further off; flies to the furthest that is clear all the way; (steps, clear there)."""
+    stride = wall.flights.strides[k]
+    q1, v1, q2, v2 = run.ahead[0], run.ahead[1], run.ahead[2], run.ahead[3]
+    flown(wall.flights.coef[k], run.q, run.v, q1, v1)
+    flown(wall.flights.coef[k], q1, v1, q2, v2)
+    transform(wall.tables, q1, q2, run.nodes[0], run.nodes[1])
+    run.counts[LOOKED] += 2
+    least1, least2 = _gaps(wall, run.nodes[0], run.gaps[0]), _gaps(wall, run.nodes[1], run.gaps[1])
+    clear1 = clear_for(run.clearance, run.gaps[0], least1)
+    if clear1 < 0 or clear + clear1 < stride - 1:
+        return 0, clear
+    run.sums[PENETRATION] = max(run.sums[PENETRATION], -least1)
+    clear2 = clear_for(run.clearance, run.gaps[1], least2)
+    if clear2 < 0 or clear1 + clear2 < stride - 1:
+        run.q[:] = q1
+        run.v[:] = v1
+        attend(run.clearance, q1, v1)
+        return stride, clear1
+    run.sums[PENETRATION] = max(run.sums[PENETRATION], -least2)
+    run.q[:] = q2
+    run.v[:] = v2
+    attend(run.clearance, q2, v2)
+    return 2 * stride, clear2
+
+
+@njit(cache=True, nogil=True)
+def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
+    """All steps from t = 0 on, rows included; the energies of every flight are weighed where rows of them are wanted."""
+    sums, flights = run.sums, wall.flights
+    run.nodes[:] = 0.0
+    run.row[0] = run.q
+    run.row[1] = run.v
+    sums[STORED] = sums[START] = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
+    _write(wall, run, 0, 1, every, run.q, run.v)
+    step, clear = 0, 0
+    while step < steps:
+        left = steps - step
+        if clear >= left:
+            break
+        if clear >= _FAR and clear < left // 2:
+            k = largest(flights, min(2 * clear + 1, left // 2)) - run.counts[SHORTER]
+            if k > 0 and flights.strides[k] > clear + 1:
+                by, clear = _look_ahead(wall, run, clear, k)
+                step += by
+                if by < 2 * flights.strides[k]:
+                    run.counts[SHORTER] += 1
+                elif run.counts[SHORTER] > 0:
+                    run.counts[SHORTER] -= 1
+                continue
+            run.counts[SHORTER] = 0
+        k = largest(flights, min(clear + 1, left))
+        fly(flights.coef[k], run.q, run.v)
+        step += flights.strides[k]
+        clear = touch(wall, run, step, every)
+    if run.clearance.counts[FREE]:
+        run.counts[EXIT] = step
+    _rows(wall, run, every, steps)
+    hop(flights, steps - step, run.q, run.v)
+    if run.energy.shape[0] > 0:
+        _weigh(wall, run, run.q, run.v)
+
+
+def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = True) -> Run:
+    """A run at t = 0 from the problem's q, v; contact rows cost more than all the rest, and may be left out.
+
+    Raises ValueError for a start that is pressed into the wall.
+    """
     depth = float((problem.eta - problem.shapes @ problem.q).max())
     if depth > 1e-9 * max(float(np.abs(problem.q).max()), 1e-6):
         raise ValueError(f"the start must lie over the wall, got {depth:g} m below it; lower the wall or raise the string")
@@ -293,13 +425,21 @@ def start_run(problem: Problem, wall: Wall, ledger: bool) -> Run:
         account=np.zeros(contacts),
         impulse=np.zeros(contacts),
         u=np.zeros((rows, problem.out_shapes.shape[0])),
-        contact_u=np.zeros((rows, contacts)),
-        contact_force=np.zeros((rows, contacts)),
+        contact_u=np.zeros((rows if contact_rows else 0, contacts)),
+        contact_force=np.zeros((rows if contact_rows else 0, contacts)),
         energy=np.zeros((rows if ledger else 0, 5)),
         sums=np.zeros(_SUMS),
         counts=np.zeros(_COUNTS, np.int64),
         nodes=np.zeros((5, n)),
-    )
+        gaps=np.zeros((2, contacts)),
+        ahead=np.zeros((4, n)),
+        row=np.zeros((2, n)),
+        row_coef=coefficients(EXACT_HOLD, wall.omega, wall.sigma, wall.mu, problem.every * wall.dt),
+        clearance=make_clearance(
+            wall.omega, wall.sigma, wall.tables.half, wall.eta, wall.flights.strides, wall.dt, wall.scale,
+            wall.first, wall.kappa < 0.0,
+        ),
+    )  # fmt: skip
     run.sums[PENETRATION] = -np.inf
-    run.counts[LAST] = -1
+    run.counts[LAST] = run.counts[EXIT] = -1
     return run
