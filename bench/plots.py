@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 from speed_error.plots import _STYLE, _save
 
 from bench.kernels import HOLD
@@ -13,6 +14,7 @@ from bench.report import of
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _GREYS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#7a7a7a", "#CC79A7", "#E69F00")
+_IN_PROPORTION = "in proportion"
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -27,7 +29,7 @@ def growth(found: list[dict[str, Any]], path: Path) -> bool:
     if not strings and not any(one_step.values()):
         return False
     with plt.rc_context(_STYLE):
-        figure, axes = plt.subplots(1, 3, figsize=(13.0, 4.4))
+        figure, axes = plt.subplots(1, 3, figsize=(13.0, 4.8))
         if strings:
             axes[0].loglog(*zip(*strings, strict=True), color=_GREYS[0], marker=_MARKERS[0], label="engine, standard")
             _proportional(axes[0], strings)
@@ -43,7 +45,7 @@ def growth(found: list[dict[str, Any]], path: Path) -> bool:
                 _proportional(axis, max(lines.values(), key=len))
         _panel(axes[1], "Modes, one string", "modes", "CPU time of one step [ns]")
         _panel(axes[2], "Contacts, one string of 137 modes", "contacts", "CPU time of one step [ns]")
-        figure.tight_layout()
+        figure.tight_layout(w_pad=2.0)
         _save(figure, path)
     return True
 
@@ -72,7 +74,7 @@ def _line(axis: Any, points: list[tuple[float, float]], number: int, label: str)
 def _proportional(axis: Any, points: list[tuple[float, float]]) -> None:
     """A thin line of slope one through the last point."""
     (first, _), (x, y) = points[0], points[-1]
-    axis.loglog([first, x], [y * first / x, y], color="#999999", linewidth=0.8, zorder=0, label="in proportion")
+    axis.loglog([first, x], [y * first / x, y], color="#999999", linewidth=0.8, zorder=0, label=_IN_PROPORTION)
 
 
 def _panel(axis: Any, title: str, x: str, y: str) -> None:
@@ -80,5 +82,15 @@ def _panel(axis: Any, title: str, x: str, y: str) -> None:
     axis.set_xlabel(x)
     axis.set_ylabel(y)
     axis.grid(which="minor", visible=False)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(fontsize=7.5)
+    measured = [line for line in axis.get_lines() if line.get_label() != _IN_PROPORTION]
+    if not measured:
+        return
+    for scale, values in ((axis.xaxis, [v for line in measured for v in line.get_xdata()]), (axis.yaxis, None)):
+        scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        scale.set_minor_formatter(NullFormatter())
+        if values is not None:
+            scale.set_major_locator(FixedLocator(sorted(set(values))))
+            scale.set_minor_locator(NullLocator())
+    heights = [v for line in measured for v in line.get_ydata()]
+    axis.set_ylim(min(heights) / 1.5, max(heights) * 1.5)
+    axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)

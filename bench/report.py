@@ -156,8 +156,8 @@ def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool 
         "peak": ("The machine's peak", "Independent chains of fused multiply-adds, one core.", _peak),
         "kernels": (
             "Kernels",
-            "A mode's free step counts as two multiply-adds, each projection, on a contact or the output, as one; in contact "
-            "the forces' work is not counted. The peak is measured in the same rounds.",
+            "A mode's free step counts as two multiply-adds, each projection, on a contact or the output, as one; what "
+            "forces add is not counted. The peak is measured in the same rounds.",
             None,
         ),
         "strings": ("Strings at once", "Tanpura strings at `standard`, all plucked, through the engine.", _strings),

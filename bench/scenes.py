@@ -102,24 +102,18 @@ def many_strings(count: int = MANY) -> Preset:
     """
     text = (REPOSITORY / "presets" / "tanpura.toml").read_text(encoding="utf-8")
     before, *tables = text.split("[[string]]\n")
-    last, _, behind = tables[-1].partition("\n\n")
+    behind = tables[-1].partition("\n\n")[2]
     if len(tables) != 4 or 'name = "Sa 1"' not in tables[1]:
         raise ValueError("presets/tanpura.toml has other strings than the scene is made of")
+    same = [line for line in tables[1].splitlines() if line and not line.startswith(("name", "notes"))]
     strings = []
     for i in range(count):
         pitch = LOWEST + (HIGHEST - LOWEST) * i / max(1, count - 1)
         whole = round(pitch)
-        kept = [line for line in tables[1].splitlines() if line and not line.startswith(("name", "notes"))]
-        strings.append("\n".join(
-            ["[[string]]", f'name = "{i}"', f'notes = "{midi_to_note(whole)}"', f"cents = {100.0 * (pitch - whole):.2f}", *kept, ""]
-        ))  # fmt: skip
+        own = [f'notes = "{midi_to_note(whole)}"', f"cents = {100.0 * (pitch - whole):.2f}"]
+        strings.append("\n".join(["[[string]]", *own, *same, ""]))
     behind = behind.replace("polyphony = 4", f"polyphony = {max(4, count)}")
     return parse_preset("\n".join([before, *strings, behind]), f"{count} tanpura strings")
-
-
-def first_full(count: int = MANY) -> float:
-    """When the last string of `crowd` has been let go [s]."""
-    return count * APART_S + 0.1
 
 
 def crowd(count: int = MANY, seconds: float = 4.0, quality: str = "standard", threads: int = 1) -> Player:
