@@ -43,7 +43,8 @@ def rate(work: float, seconds: Sequence[float]) -> tuple[float, float]:
 def percentile(values: Sequence[float] | np.ndarray, percent: float) -> float:
     """The smallest value that `percent` of all do not exceed (nearest rank: always one that was measured)."""
     ordered = np.sort(np.asarray(values))
-    return float(ordered[max(0, math.ceil(percent / 100.0 * ordered.size) - 1)])
+    rank = round(percent * ordered.size / 100.0, 6)  # 99.9 % of 1000 are 999, not a rounding more
+    return float(ordered[max(0, math.ceil(rank) - 1)])
 
 
 def block_times(rounds: Sequence[Sequence[float]], block_s: float) -> dict[str, float]:

@@ -32,10 +32,15 @@ class Setting(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """Some steps of one string: `reset` puts its state back to the pluck, `call` takes all the steps."""
+    """Some steps of one string: `reset` puts its state back to the pluck, `call` takes all the steps.
+
+    q, v (≥N,) is the state itself; what lies behind the N-th mode is the kernel's own.
+    """
 
     call: Callable[[], object]
     reset: Callable[[], None]
+    q: np.ndarray
+    v: np.ndarray
 
 
 @cache
@@ -67,7 +72,7 @@ def _with_state(setting: Setting, take: Callable[[Model, np.ndarray, np.ndarray]
     def reset() -> None:
         q[:], v[:] = q0, v0
 
-    return Stretch(lambda: take(model, q, v), reset)
+    return Stretch(lambda: take(model, q, v), reset, q, v)
 
 
 def _free(setting: Setting, steps: int) -> Stretch:

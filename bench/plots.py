@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 from speed_error.plots import _STYLE, _save
 
 from bench.kernels import HOLD
@@ -85,12 +85,13 @@ def _panel(axis: Any, title: str, x: str, y: str) -> None:
     measured = [line for line in axis.get_lines() if line.get_label() != _IN_PROPORTION]
     if not measured:
         return
-    for scale, values in ((axis.xaxis, [v for line in measured for v in line.get_xdata()]), (axis.yaxis, None)):
+    taken = sorted({x for line in measured for x in line.get_xdata()})
+    axis.xaxis.set_major_locator(FixedLocator(taken))
+    axis.xaxis.set_minor_locator(NullLocator())
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for scale in (axis.xaxis, axis.yaxis):
         scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         scale.set_minor_formatter(NullFormatter())
-        if values is not None:
-            scale.set_major_locator(FixedLocator(sorted(set(values))))
-            scale.set_minor_locator(NullLocator())
     heights = [v for line in measured for v in line.get_ydata()]
     axis.set_ylim(min(heights) / 1.5, max(heights) * 1.5)
     axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)

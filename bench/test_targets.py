@@ -10,18 +10,14 @@ import pytest
 from speed_error.grid import AS_DEFAULT, E0, WITHOUT_R, Run
 from speed_error.measure import cpu_s
 
-from bench import kernels, scenes
+from bench import kernels, report, scenes
 from bench.conftest import Race, enough_steps
 from bench.count import block_times, times_less
 from bench.kernels import HOLD, Kernel, Setting
 from synth import methods
-from synth.case import load_case
 from synth.scene import Scene
-from synth.simulation import _planned
+from synth.simulation import simulate
 from synth.units import midi_to_note
-
-#: what a kernel of several steps must be worth against the plain loop
-_BLOCK_TARGET = 3.0
 
 
 def row(
@@ -45,8 +41,8 @@ def test_block_kernel(race: Race, kernel: Kernel, modes: int, short: bool) -> No
     mine, other = kernel.make(setting, steps), plain.make(setting, steps)
     race(mine.call, reset=mine.reset, against={"plain": (other.call, other.reset)})
     median, best = times_less(race.seconds, race.others["plain"])
-    race.note("targets", rows=[row(f"{kernel.name} against {plain.name}, one contact, {modes} modes", "times less", median,
-                                   best, _BLOCK_TARGET)])  # fmt: skip
+    what = f"{kernel.name} against {plain.name}, one contact, {modes} modes"
+    race.note("targets", rows=[row(what, "times less", median, best, 3.0, key=report.SEVERAL_STEPS)])
 
 
 class Runner:
@@ -79,15 +75,15 @@ def test_tanpura_kernel(race: Race) -> None:
     spent: list[float] = []
     race(lambda: spent.append(cpu_s(run, 1.0)))
     reached = real_time(1.0, spent[-race.rounds :])
-    race.note("targets", rows=[row("tanpura string, 44.1 kHz, 103 modes (e < 0.1 over 3 s), kernel with output",
-                                   "× real time", *reached, 400.0)])  # fmt: skip
+    what = "tanpura string, 44.1 kHz, 103 modes (e < 0.1 over 3 s), kernel with output"
+    race.note("targets", rows=[row(what, "× real time", *reached, 400.0)])
 
 
 def test_tanpura_simulated(race: Race, short: bool) -> None:
     runner = Runner(Run("tanpura", HOLD, 1, 103, AS_DEFAULT).scene(1.0 if short else 3.0, 1))
     reached = runner.race(race, 5)
-    race.note("targets", rows=[row("the same through simulate, every row with its contact force", "× real time", *reached,
-                                   None)])  # fmt: skip
+    what = "the same through simulate, every row with its contact force"
+    race.note("targets", rows=[row(what, "× real time", *reached, None)])
 
 
 def test_paper_bass(race: Race, short: bool) -> None:
@@ -108,11 +104,12 @@ def test_bass_note(race: Race, midi: int, velocity: int, short: bool) -> None:
 
 
 def test_fretless_note(race: Race, short: bool) -> None:
-    tables = load_case("fretless")
-    chosen = _planned(tables, {}, "standard", print)
-    runner = Runner(Scene(load_case("fretless", duration_s=3.0, **chosen), scenes.REPOSITORY))
-    reached = runner.race(race, 1 if short else 3)
-    what = f"fretless case at standard ({chosen['internal_rate_hz'] / 1e3:.1f} kHz, {chosen['modes']} modes), whole 3 s"
+    found: list[dict[str, Any]] = []
+    rounds = 1 if short else 3
+    race(lambda: found.append(simulate("fretless", quality="standard", duration_s=3.0).summary), rounds=rounds)
+    reached = real_time(3.0, [summary["compute_s"] for summary in found[-rounds:]])
+    chosen = f"{found[0]['internal_rate_hz'] / 1e3:.1f} kHz, {found[0]['modes']} modes"
+    what = f"fretless case at standard ({chosen}), whole 3 s"
     race.note("targets", rows=[row(what, "× real time", *reached, 20.0)])
 
 
@@ -121,6 +118,8 @@ def test_many_strings(benchmark: Any, threads: int, short: bool, all_cores: Any)
     """Wall-clock time, blocks of 128 frames: speed while all sound, the worst block from the first pluck on."""
     block = 128
     seconds = scenes.first_full() + (1.0 if short else 3.0)
+    if threads > 1:  # before there is any other thread, which would stay where this one is
+        all_cores()
     player = scenes.crowd(scenes.MANY, seconds, threads=threads)
     own = block / scenes.RATE_HZ
     rounds: list[list[float]] = []
@@ -130,18 +129,16 @@ def test_many_strings(benchmark: Any, threads: int, short: bool, all_cores: Any)
         rounds.append(list(player.blocks(block)))
 
     play()
-    if threads > 1:
-        all_cores()
     rounds.clear()
     benchmark.pedantic(play, rounds=3, iterations=1)
     began = round(scenes.first_full() / own)
     reached = real_time((len(rounds[0]) - began) * own, [sum(times[began:]) for times in rounds])
     found = block_times(rounds, own)
     cores = f"{threads} thread" + "s" * (threads > 1)
-    target = (4.0, 0.5) if threads == 2 else (None, None)
+    speed, part, key = (4.0, 0.5, report.MANY_STRINGS) if threads == 2 else (None, None, "")
     rows = [
-        row(f"64 tanpura strings at standard, all touching, {cores}", "× real time", *reached, target[0]),
-        row(f"their worst block at 128 frames, {cores}", "of its time", found["worst"], None, target[1], True),
+        row(f"64 tanpura strings at standard, all touching, {cores}", "× real time", *reached, speed, key=key),
+        row(f"their worst block at 128 frames, {cores}", "of its time", found["worst"], None, part, True),
     ]
     benchmark.extra_info.update(section="targets", rows=rows, touched=_touched(player), **found)
 
