@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from bench import peak
+from bench.scenes import Player
 from synth.dsp.denormals import enable_ftz, restore
 
 #: CPU seconds of one round of the peak loop
@@ -91,6 +92,20 @@ class Race:
 @pytest.fixture
 def race(benchmark: Any, short: bool) -> Race:
     return Race(benchmark, 5 if short else 15)
+
+
+def block_rounds(benchmark: Any, player: Player, block: int) -> list[list[float]]:
+    """Wall-clock seconds of every block, played three times after once unmeasured."""
+    rounds: list[list[float]] = []
+
+    def play() -> None:
+        player.engine.reset()
+        rounds.append(list(player.blocks(block)))
+
+    play()
+    rounds.clear()
+    benchmark.pedantic(play, rounds=3, iterations=1)
+    return rounds
 
 
 @pytest.fixture

@@ -60,13 +60,12 @@ def target_rows(found: list[dict[str, Any]], whole: bool) -> list[dict[str, Any]
 def _targets(found: list[dict[str, Any]], whole: bool) -> str:
     lines = []
     for row in target_rows(found, whole):
-        target = (
-            "–" if row["target"] is None else f"{'≤' if row['at_most'] else '≥'} {row['target']:g} {row['unit']}".strip()
-        )
-        lines.append([
-            row["what"], target, "–" if row["reached"] is None else f"{number(row['reached'])} {row['unit']}".strip(), number(row["best"]),
-            verdict(row["reached"], row["target"], row["at_most"]),
-        ])  # fmt: skip
+        unit = row["unit"]
+        sign = "≤" if row["at_most"] else "≥"
+        target = "–" if row["target"] is None else f"{sign} {row['target']:g} {unit}".strip()
+        reached = "–" if row["reached"] is None else f"{number(row['reached'])} {unit}".strip()
+        said = verdict(row["reached"], row["target"], row["at_most"])
+        lines.append([row["what"], target, reached, number(row["best"]), said])
     return table(["what", "target", "reached (median)", "best", ""], lines)
 
 

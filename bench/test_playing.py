@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench import scenes
-from bench.conftest import Race
+from bench.conftest import Race, block_rounds
 from bench.count import block_times
 from synth.preset import list_presets
 from synth.units import midi_to_note
@@ -50,15 +50,7 @@ def test_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
         player.seconds = min(player.seconds, 8.0 if short else 60.0)
     else:
         player = scenes.crowd(scenes.MANY, scenes.first_full() + (0.5 if short else 2.0))
-    rounds: list[list[float]] = []
-
-    def play() -> None:
-        player.engine.reset()
-        rounds.append(list(player.blocks(block)))
-
-    play()
-    rounds.clear()
-    benchmark.pedantic(play, rounds=3, iterations=1)
+    rounds = block_rounds(benchmark, player, block)
     own = block / scenes.RATE_HZ
     found = block_times(rounds, own)
     empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own

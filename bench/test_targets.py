@@ -11,7 +11,7 @@ from speed_error.grid import AS_DEFAULT, E0, WITHOUT_R, Run
 from speed_error.measure import cpu_s
 
 from bench import kernels, report, scenes
-from bench.conftest import Race, enough_steps
+from bench.conftest import Race, block_rounds, enough_steps
 from bench.count import block_times, times_less
 from bench.kernels import HOLD, Kernel, Setting
 from synth import methods
@@ -122,15 +122,7 @@ def test_many_strings(benchmark: Any, threads: int, short: bool, all_cores: Any)
         all_cores()
     player = scenes.crowd(scenes.MANY, seconds, threads=threads)
     own = block / scenes.RATE_HZ
-    rounds: list[list[float]] = []
-
-    def play() -> None:
-        player.engine.reset()
-        rounds.append(list(player.blocks(block)))
-
-    play()
-    rounds.clear()
-    benchmark.pedantic(play, rounds=3, iterations=1)
+    rounds = block_rounds(benchmark, player, block)
     began = round(scenes.first_full() / own)
     reached = real_time((len(rounds[0]) - began) * own, [sum(times[began:]) for times in rounds])
     found = block_times(rounds, own)
