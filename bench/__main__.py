@@ -25,7 +25,8 @@ import pytest
 from speed_error.measure import machine
 from speed_error.store import write_beside
 
-from bench import REPOSITORY, peak, plots, report
+from bench import REPOSITORY, plots, report
+from synth.solver.lanes import LANES
 
 
 def pin() -> None:
@@ -61,7 +62,7 @@ def main() -> int:
         return failed or 1
     found = report.figures(json.loads(recorded.read_text(encoding="utf-8")))
     recorded.unlink()
-    here, lanes = machine(), peak.machine_lanes()
+    here, lanes = machine(), LANES
     results = {"machine": here, "lanes": lanes, "short": options.short, "only": options.only, "figures": found}
     write_beside(out / "results.json", lambda file: json.dump(results, file, indent=1), "w")
     text = report.markdown(found, here, lanes, whole=options.only is None)

@@ -12,6 +12,7 @@ import pytest
 from bench import peak
 from bench.scenes import Player
 from synth.dsp.denormals import enable_ftz, restore
+from synth.solver.lanes import LANES
 
 #: CPU seconds of one round of the peak loop
 _PEAK_S = 1e-3
@@ -126,7 +127,7 @@ def all_cores() -> Any:
 def peak_turns() -> dict[int, int]:
     """Vector width → turns of its peak loop that take about a millisecond."""
     turns = {}
-    for lanes in sorted({peak.machine_lanes(), min(4, peak.machine_lanes())}):
+    for lanes in sorted({LANES, min(4, LANES)}):
         loop, count = peak.peak_loop(lanes), 1000
         for _ in range(30):
             started = time.process_time()

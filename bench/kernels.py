@@ -14,6 +14,17 @@ from speed_error.grid import BASE_HZ, E0, WITHOUT_R, Run
 
 from bench.count import fma_per_mode_step
 from synth.physics.modes import modal_frequencies
+from synth.solver.blocks import (
+    BLOCK,
+    Blocks,
+    advance_blocks,
+    aligned,
+    fly_blocks,
+    forget,
+    make_block_work,
+    make_blocks,
+    press_blocks,
+)
 from synth.solver.driver import Model, make_model
 from synth.solver.kernels import advance, advance_free, advance_one, make_work, no_finger
 
@@ -43,9 +54,17 @@ class Stretch(NamedTuple):
     v: np.ndarray
 
 
+class Plucked(NamedTuple):
+    """A string with one output, and its state when it is let go."""
+
+    model: Model
+    q: np.ndarray
+    v: np.ndarray
+
+
 @cache
-def string(setting: Setting) -> tuple[Model, np.ndarray, np.ndarray]:
-    """Model with one output and the plucked state (q, v): the tanpura over one point, the bass over more of its frets.
+def string(setting: Setting) -> Plucked:
+    """The tanpura over one point, the bass over more of its frets.
 
     The internal rate is the least multiple of 44.1 kHz at which all modes lie below half of it.
     """
@@ -62,29 +81,32 @@ def string(setting: Setting) -> tuple[Model, np.ndarray, np.ndarray]:
     model = make_model(
         m.law, m.omega, m.sigma, m.mu, m.dt, m.shapes[some], m.eta[some], none, m.out_shapes, m.restitution
     )  # fmt: skip
-    return model, *scene.initial()
+    return Plucked(model, *scene.initial())
 
 
-def _with_state(setting: Setting, take: Callable[[Model, np.ndarray, np.ndarray], object]) -> Stretch:
-    model, q0, v0 = string(setting)
-    q, v = q0.copy(), v0.copy()
+def _with_state(plucked: Plucked, take: Callable[[Model, np.ndarray, np.ndarray], object], modes: int = 0) -> Stretch:
+    """The state's arrays are as long as `modes`, aligned, where that is more than there are."""
+    model, q0, v0 = plucked
+    n = q0.size
+    q, v = aligned(max(n, modes)), aligned(max(n, modes))
 
     def reset() -> None:
-        q[:], v[:] = q0, v0
+        q[:n], v[:n] = q0, v0
 
+    reset()
     return Stretch(lambda: take(model, q, v), reset, q, v)
 
 
-def _free(setting: Setting, steps: int) -> Stretch:
+def _free(plucked: Plucked, steps: int) -> Stretch:
     out, none = np.zeros(steps), np.zeros(0)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
         advance_free(steps, m.coef, q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none)
 
-    return _with_state(setting, take)
+    return _with_state(plucked, take)
 
 
-def _one(setting: Setting, steps: int) -> Stretch:
+def _one(plucked: Plucked, steps: int) -> Stretch:
     out, none = np.zeros(steps), np.zeros(0)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
@@ -92,11 +114,11 @@ def _one(setting: Setting, steps: int) -> Stretch:
             steps, m.coef, m.shapes[0], m.eta[0], m.g[0, 0], q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none
         )  # fmt: skip
 
-    return _with_state(setting, take)
+    return _with_state(plucked, take)
 
 
-def _any(setting: Setting, steps: int) -> Stretch:
-    c, n = setting.contacts, setting.modes
+def _any(plucked: Plucked, steps: int) -> Stretch:
+    c, n = plucked.model.eta.size, plucked.q.size
     out, no_out, none, empty = np.zeros((steps, 1)), np.zeros((steps, 0)), np.zeros((0, n)), np.zeros((0, 0))
     work, finger, watch = make_work(c), no_finger(n, c), np.ones(c, np.uint8)
     u, speed, force = np.zeros(c), np.zeros(c), np.zeros(c)
@@ -109,7 +131,7 @@ def _any(setting: Setting, steps: int) -> Stretch:
             m.out_shapes, none, out, no_out, empty, empty, work,
         )  # fmt: skip
 
-    return _with_state(setting, take)
+    return _with_state(plucked, take)
 
 
 @njit(nogil=True)
@@ -135,31 +157,85 @@ def _naive_loop(steps, coef, shape, eta, g, touches, q, v, weights, out):
         out[t] = y
 
 
-def _naive(setting: Setting, steps: int) -> Stretch:
+def _naive(plucked: Plucked, steps: int) -> Stretch:
     out = np.zeros(steps)
-    touches = setting.contacts == 1
+    touches = plucked.model.eta.size == 1
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
         shape, eta, g = (m.shapes[0], m.eta[0], m.g[0, 0]) if touches else (m.out_shapes[0], 0.0, 1.0)
         _naive_loop(steps, m.coef, shape, eta, g, touches, q, v, m.out_shapes[0], out)
 
-    return _with_state(setting, take)
+    return _with_state(plucked, take)
+
+
+def _fly_blocks(plucked: Plucked, steps: int) -> Stretch:
+    block = _blocks_of(plucked.model)
+    n, out = block.rows.shape[1], aligned(1, steps)
+
+    def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
+        fly_blocks(steps // BLOCK, n, block.rows, q, v, block.weights, 1, out)
+
+    return _with_state(plucked, take, n)
+
+
+def _press_blocks(plucked: Plucked, steps: int) -> Stretch:
+    block = _blocks_of(plucked.model)
+    n, out, u, forces = block.rows.shape[1], aligned(1, steps), aligned(BLOCK), aligned(BLOCK)
+
+    def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
+        press_blocks(
+            steps // BLOCK, n, block.rows, block.shapes[0], m.eta[0], block.lags[0, 0], q, v, block.weights, 1,
+            block.out_lags, out, u, forces,
+        )  # fmt: skip
+
+    return _with_state(plucked, take, n)
+
+
+def _advance_blocks(certified: bool) -> Callable[[Plucked, int], Stretch]:
+    def make(plucked: Plucked, steps: int) -> Stretch:
+        block, c = _blocks_of(plucked.model), plucked.model.eta.size
+        n, out, forces = block.rows.shape[1], aligned(1, steps), np.zeros((steps, c))
+        work, empty = make_block_work(c, n), np.zeros((0, c))
+        u, speed = np.zeros(c), np.zeros(c)
+
+        def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
+            u[:], speed[:] = block.shapes @ q, block.shapes @ v
+            forget(work)
+            advance_blocks(
+                steps // BLOCK, m.law, n, m.dt, m.restitution, block.rows, m.omega, block.shapes, m.eta, block.lags,
+                int(certified), q, v, u, speed, block.weights, 1, block.out_lags, out, forces, empty, work,
+            )  # fmt: skip
+
+        return _with_state(plucked, take, n)
+
+    return make
+
+
+def _blocks_of(m: Model) -> Blocks:
+    return make_blocks(m.law, m.dt, m.coef, m.shapes, m.g, m.out_shapes)
 
 
 @dataclass(frozen=True)
 class Kernel:
     """A kernel of the table.
 
-    make       (setting, steps) → Stretch
+    on         (string, steps, a multiple of 64) → Stretch
     takes      whether it can do a setting
     plain      name of the one-step loop that it is compared with; empty for those that are one
-    Projections are the contacts, all of them looked at in every step, and one output.
+    looks_at_all    False: passes contacts over that a certificate says are out of reach, so that its work is not counted
+    Projections are the contacts, all of them looked at in every step, and one output. A new kernel is one line of `KERNELS`;
+    `tests/test_bench.py` holds that those of a setting do the same.
     """
 
     name: str
-    make: Callable[[Setting, int], Stretch]
+    on: Callable[[Plucked, int], Stretch]
     takes: Callable[[Setting], bool]
     plain: str = ""
+    looks_at_all: bool = True
+
+    def make(self, setting: Setting, steps: int) -> Stretch:
+        """`on` the string of a setting."""
+        return self.on(string(setting), steps)
 
     def fma(self, setting: Setting) -> int:
         """Multiply-adds of one mode-step."""
@@ -170,11 +246,19 @@ def _hold_over(*contacts: int) -> Callable[[Setting], bool]:
     return lambda setting: setting.scheme == HOLD and setting.contacts in contacts
 
 
+def _any_contacts(setting: Setting) -> bool:
+    return setting.contacts > 0 or setting.scheme == HOLD
+
+
 KERNELS = (
     Kernel("naive loop", _naive, _hold_over(0, 1)),
     Kernel("advance_free", _free, _hold_over(0)),
     Kernel("advance_one", _one, _hold_over(1)),
-    Kernel("advance", _any, lambda setting: setting.contacts > 0 or setting.scheme == HOLD),
+    Kernel("advance", _any, _any_contacts),
+    Kernel("fly_blocks", _fly_blocks, _hold_over(0), "advance_free"),
+    Kernel("press_blocks", _press_blocks, _hold_over(1), "advance_one"),
+    Kernel("advance_blocks", _advance_blocks(False), _any_contacts, "advance"),
+    Kernel("advance_blocks, certified", _advance_blocks(True), _hold_over(20), "advance", looks_at_all=False),
 )
 BY_NAME = {kernel.name: kernel for kernel in KERNELS}
 #: kernels that take several steps at once

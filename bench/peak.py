@@ -17,15 +17,6 @@ _UNROLLED = 4
 _DOUBLE, _INT = ir.DoubleType(), ir.IntType(64)
 
 
-@cache
-def machine_lanes() -> int:
-    """Doubles in a vector register of this machine."""
-    features = llvmlite.binding.get_host_cpu_features()
-    if features.get("avx512f"):
-        return 8
-    return 4 if features.get("avx2") else 2
-
-
 def chains() -> int:
     """Independent sums: more than latency × units of any machine, and no more than stay in its registers."""
     features = llvmlite.binding.get_host_cpu_features()

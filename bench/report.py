@@ -78,15 +78,13 @@ def _peak(found: list[dict[str, Any]]) -> str:
 
 
 def _kernels(found: list[dict[str, Any]], sweep: str) -> str:
-    lines = [
-        [
-            info["kernel"], info["scheme"], str(info["contacts"]), str(info["modes"]), str(info["voices"]),
-            number(info["mode_steps_per_s"] / 1e9), number(info["best_mode_steps_per_s"] / 1e9), str(info["fma"]),
-            number(info["part"]), number(info["best_part"]), number(info["part_of_narrow"]),
-        ]
-        for info in of(found, "kernels")
-        if info["sweep"] == sweep
-    ]  # fmt: skip
+    lines = []
+    for info in of(found, "kernels"):
+        if info["sweep"] == sweep:
+            lines.append([info["kernel"], info["scheme"], *(str(info[what]) for what in ("contacts", "modes", "voices"))])
+            lines[-1] += [number(info[what] / 1e9) for what in ("mode_steps_per_s", "best_mode_steps_per_s")]
+            counted = [str(info["fma"]), *(number(info[what]) for what in ("part", "best_part", "part_of_narrow"))]
+            lines[-1] += counted if info["looks_at_all"] else ["–"] * len(counted)
     head = ["kernel", "scheme", "contacts", "modes", "strings", "10⁹ mode-steps a second", "best", "multiply-adds each"]
     return table([*head, "part of peak", "best", "of the peak of 4"], lines) if lines else ""
 

@@ -16,6 +16,7 @@ from synth.engine.engine import Engine
 from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host.midi import read_song
 from synth.preset import Preset, load_preset, parse_preset, playable_range
+from synth.solver.lanes import LANES
 from synth.units import midi_to_note
 
 RATE_HZ = 44_100
@@ -162,9 +163,9 @@ def stalls(seconds: float, many: int) -> np.ndarray:
 
 
 def _spin_s(turns: int) -> float:
-    from bench.peak import machine_lanes, peak_loop
+    from bench.peak import peak_loop
 
-    loop = peak_loop(machine_lanes())
+    loop = peak_loop(LANES)
     started = time.perf_counter()
     loop(turns)
     return time.perf_counter() - started

@@ -8,6 +8,7 @@ from bench import kernels, peak
 from bench.conftest import Race, enough_steps
 from bench.count import part_of_peak, rate
 from bench.kernels import GRID, HOLD, Kernel, Setting, Stretch
+from synth.solver.lanes import LANES
 
 #: steps of a string before the next one's, where there are several
 _CHUNK = 1024
@@ -27,7 +28,7 @@ def _grid() -> list:
     ]
 
 
-@pytest.mark.parametrize("lanes", sorted({2, min(4, peak.machine_lanes()), peak.machine_lanes()}))
+@pytest.mark.parametrize("lanes", sorted({2, min(4, LANES), LANES}))
 def test_peak(race: Race, lanes: int) -> None:
     loop, turns = peak.peak_loop(lanes), 50_000
     race(lambda: loop(turns), rounds=4 * race.rounds)
@@ -61,7 +62,7 @@ def _against_peak(
     }
     race.note(
         "kernels", sweep=sweep, kernel=kernel.name, **setting._asdict(), voices=len(strings), steps=steps,
-        fma=kernel.fma(setting), mode_steps_per_s=median, best_mode_steps_per_s=best,
+        fma=kernel.fma(setting), looks_at_all=kernel.looks_at_all, mode_steps_per_s=median, best_mode_steps_per_s=best,
         part=parts[max(parts)][0], best_part=parts[max(parts)][1], part_of_narrow=parts[min(parts)][0],
     )  # fmt: skip
 
