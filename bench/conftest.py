@@ -138,19 +138,3 @@ def peak_turns() -> dict[int, int]:
             count *= 2
         turns[lanes] = count
     return turns
-
-
-def enough_steps(make: Callable[[int], Any], seconds: float) -> int:
-    """Steps, a multiple of 64, that take a stretch about `seconds`."""
-    steps = 64
-    while True:
-        stretch = make(steps)
-        stretch.reset()
-        stretch.call()
-        stretch.reset()
-        started = time.process_time()
-        stretch.call()
-        spent = time.process_time() - started
-        if spent >= seconds or steps >= 1 << 22:
-            return steps
-        steps *= 2 if spent > 0.25 * seconds else 4

@@ -84,6 +84,14 @@ def string(setting: Setting) -> Plucked:
     return Plucked(model, *scene.initial())
 
 
+def steps_of(setting: Setting, short: bool) -> int:
+    """Steps of one round, a multiple of 64: some milliseconds' worth, and over contacts two periods (short: one)."""
+    plucked = string(setting)
+    work = (8e6 if short else 24e6) / (setting.modes * fma_per_mode_step(setting.contacts + 1))
+    periods = (1 if short else 2) * 2.0 * math.pi / plucked.model.omega[0] / plucked.model.dt
+    return 64 * math.ceil(max(work, periods if setting.contacts else 0.0) / 64.0)
+
+
 def _with_state(plucked: Plucked, take: Callable[[Model, np.ndarray, np.ndarray], object], modes: int = 0) -> Stretch:
     """The state's arrays are as long as `modes`, aligned, where that is more than there are."""
     model, q0, v0 = plucked

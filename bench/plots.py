@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 from speed_error.plots import _STYLE, _save
 
-from bench.kernels import HOLD
+from bench.kernels import BY_NAME, HOLD, Setting
 from bench.report import of
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
@@ -22,7 +22,8 @@ def growth(found: list[dict[str, Any]], path: Path) -> bool:
     """Cost against voices, modes and contacts, log-log; False where there is nothing to draw."""
     kernels = [info for info in of(found, "kernels") if info["scheme"] == HOLD]
     one_step = {
-        "modes": [info for info in kernels if info["sweep"] == "grid"],
+        # the general kernels only where there is none for so few contacts
+        "modes": [info for info in kernels if info["sweep"] == "grid" and not (_general(info) and info["contacts"] <= 1)],
         "contacts": [info for info in kernels if info["sweep"] == "contacts"],
     }
     strings = sorted((info["strings"], 1e3 * info["cpu_per_s"]) for info in of(found, "strings"))
@@ -48,6 +49,10 @@ def growth(found: list[dict[str, Any]], path: Path) -> bool:
         figure.tight_layout(w_pad=2.0)
         _save(figure, path)
     return True
+
+
+def _general(info: dict[str, Any]) -> bool:
+    return info["kernel"].startswith("advance") and BY_NAME[info["kernel"]].takes(Setting(HOLD, info["modes"], 20))
 
 
 def _lines(rows: list[dict[str, Any]], against: str, scale: float) -> dict[str, list[tuple[float, float]]]:

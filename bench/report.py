@@ -63,9 +63,9 @@ def _targets(found: list[dict[str, Any]], whole: bool) -> str:
         unit = row["unit"]
         sign = "≤" if row["at_most"] else "≥"
         target = "–" if row["target"] is None else f"{sign} {row['target']:g} {unit}".strip()
-        reached = "–" if row["reached"] is None else f"{number(row['reached'])} {unit}".strip()
+        reached = "–" if row["reached"] is None else f"{number(row['reached'], 3)} {unit}".strip()
         said = verdict(row["reached"], row["target"], row["at_most"])
-        lines.append([row["what"], target, reached, number(row["best"]), said])
+        lines.append([row["what"], target, reached, number(row["best"], 3), said])
     return table(["what", "target", "reached (median)", "best", ""], lines)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench import kernels, peak
-from bench.conftest import Race, enough_steps
+from bench.conftest import Race
 from bench.count import part_of_peak, rate
 from bench.kernels import GRID, HOLD, Kernel, Setting, Stretch
 from synth.solver.lanes import LANES
@@ -68,7 +68,7 @@ def _against_peak(
 
 
 def _one_string(race: Race, turns: dict[int, int], kernel: Kernel, setting: Setting, short: bool, sweep: str) -> None:
-    steps = enough_steps(lambda n: kernel.make(setting, n), 1.5e-3 if short else 4e-3)
+    steps = kernels.steps_of(setting, short)
     _against_peak(race, turns, kernel, setting, [kernel.make(setting, steps)], steps, sweep)
 
 
@@ -84,7 +84,7 @@ def test_contacts(race: Race, peak_turns: dict[int, int], kernel: Kernel, contac
     _one_string(race, peak_turns, kernel, Setting(HOLD, 137, contacts), short, "contacts")
 
 
-@pytest.mark.parametrize("voices", [1, 4, 16, 64])
+@pytest.mark.parametrize("voices", [1, *(pytest.param(n, marks=pytest.mark.full) for n in (4, 16)), 64])
 @pytest.mark.parametrize("modes", [137, 1001])
 @pytest.mark.parametrize(
     "kernel", [k for k in kernels.KERNELS if k.takes(Setting(HOLD, 137, 1)) and k.name != "naive loop"], ids=_label
