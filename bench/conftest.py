@@ -95,8 +95,8 @@ def race(benchmark: Any, short: bool) -> Race:
     return Race(benchmark, 5 if short else 15)
 
 
-def block_rounds(benchmark: Any, player: Player, block: int) -> list[list[float]]:
-    """Wall-clock seconds of every block, played three times after once unmeasured."""
+def block_rounds(benchmark: Any, player: Player, block: int, short: bool) -> list[list[float]]:
+    """Wall-clock seconds of every block, played five times (short: three) after once unmeasured."""
     rounds: list[list[float]] = []
 
     def play() -> None:
@@ -105,7 +105,7 @@ def block_rounds(benchmark: Any, player: Player, block: int) -> list[list[float]
 
     play()
     rounds.clear()
-    benchmark.pedantic(play, rounds=3, iterations=1)
+    benchmark.pedantic(play, rounds=3 if short else 5, iterations=1)
     return rounds
 
 

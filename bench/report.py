@@ -160,7 +160,7 @@ def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool 
         "notes": ("Notes", "× real time of one string through the engine, from the pluck on, 1.5 s.", _notes),
         "blocks": (
             "Blocks",
-            "Wall-clock time of a block, as part of what it lasts. Median to worst: each block's least of three runs, "
+            "Wall-clock time of a block, as part of what it lasts. Median to worst: each block's least of several runs, "
             "which is what repeats. The empty loop takes as long as a median block and does nothing.",
             _blocks,
         ),

@@ -44,13 +44,13 @@ def test_note(race: Race, preset: str, midi: int, quality: str) -> None:
 @pytest.mark.parametrize("block", BLOCKS)
 @pytest.mark.parametrize("scene", [*scenes.SONGS, "64 strings"])
 def test_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
-    """Wall-clock time of every block, thrice; then as many turns of a loop that does nothing, as long as a median block."""
+    """Wall-clock time of every block; then as many turns of a loop that does nothing, as long as a median block."""
     if scene in scenes.SONGS:
         player = scenes.song(scene)
         player.seconds = min(player.seconds, 8.0 if short else 60.0)
     else:
         player = scenes.crowd(scenes.MANY, scenes.first_full() + (0.5 if short else 2.0))
-    rounds = block_rounds(benchmark, player, block)
+    rounds = block_rounds(benchmark, player, block, short)
     own = block / scenes.RATE_HZ
     found = block_times(rounds, own)
     empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own

@@ -136,7 +136,7 @@ def test_many_strings(benchmark: Any, threads: int, short: bool, all_cores: Any)
         all_cores()
     player = scenes.crowd(scenes.MANY, seconds, threads=threads)
     own = block / scenes.RATE_HZ
-    rounds = block_rounds(benchmark, player, block)
+    rounds = block_rounds(benchmark, player, block, short)
     began = round(scenes.first_full() / own)
     reached = real_time((len(rounds[0]) - began) * own, [sum(times[began:]) for times in rounds])
     found = block_times(rounds, own)
