@@ -1,4 +1,4 @@
-# Sourced by demo and test: makes .venv in the repository with the package installed in place. Works in the
+# Sourced by demo, test and bench: makes .venv in the repository with the package installed in place. Works in the
 # bash 3.2 of macOS. After it, PYTHON is the interpreter of the environment and the directory is the repository.
 
 fail() {
@@ -49,13 +49,13 @@ find_python() {
     return 1
 }
 
-# prepare demo|test [install]: "test" adds the tools that the tests need, "install" allows system packages.
+# prepare demo|test|bench [install]: "test" and "bench" add the tools that these need, "install" allows system packages.
 prepare() {
     local system_python extra stamp wanted allow=${2:-}
     cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
     PYTHON=$PWD/.venv/bin/python
     extra=""
-    [ "$1" = test ] && extra="[test]"
+    [ "$1" = demo ] || extra="[$1]"
 
     # An environment that does not run (its Python went, or the directory moved) is made anew.
     if [ -e .venv ] && ! "$PYTHON" -m pip --version >/dev/null 2>&1; then
@@ -74,7 +74,9 @@ prepare() {
 
     # The stamp changes with what is to be installed and where the repository lies.
     wanted="$PWD $(cksum <pyproject.toml)"
-    for stamp in .venv/installed-test ".venv/installed-$1"; do
+    for stamp in .venv/installed-*; do
+        # any will do for the demo, which needs nothing besides
+        [ "$1" = demo ] || [ "$stamp" = ".venv/installed-$1" ] || continue
         [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return 0
     done
     echo "Installing into $PWD/.venv ..." >&2

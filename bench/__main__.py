@@ -1,0 +1,79 @@
+"""What the program costs on this machine: tables, JSON, a picture.
+
+    tools/bench --short             # less than two minutes with kernels compiled before
+    tools/bench                     # everything, less than ten
+    tools/bench --only peak         # what has the word in its name
+
+One core, pinned where the system can; everything that is compared is measured in one run, round by round in turn. Kernels
+against the machine's own peak of multiply-adds, the targets, notes of every preset, blocks, start-up, memory. Into
+out/bench (out/bench-short, out/bench-WORD): results.json, tables.md, growth.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import pytest
+from speed_error.measure import machine
+from speed_error.store import write_beside
+
+from bench import REPOSITORY, plots, report
+from synth.solver.lanes import LANES
+
+
+def pin() -> None:
+    """This process on one core, the last it may use; where the system cannot, it stays as it is."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="tools/bench", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--short", action="store_true", help="fewer rounds, settings and notes")
+    parser.add_argument("--only", metavar="WORD", help="benchmarks with the word in their name (as pytest's -k)")
+    parser.add_argument("--publish", action="store_true", help="also write the picture to docs/growth.png")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default out/bench")
+    options = parser.parse_args()
+    if options.publish and (options.short or options.only):
+        parser.error("--publish is for a whole run: leave out --short and --only")
+    suffix = "-short" * options.short + (f"-{'-'.join(options.only.split())}" if options.only else "")
+    out = options.out or REPOSITORY / "out" / f"bench{suffix}"
+    out.mkdir(parents=True, exist_ok=True)
+    recorded = out / "pytest-benchmark.json"
+    recorded.unlink(missing_ok=True)
+    pin()
+    arguments = [str(REPOSITORY / "bench"), "-q", "--no-header", "--benchmark-quiet", "--benchmark-disable-gc"]
+    arguments += ["--benchmark-timer=time.process_time", f"--benchmark-json={recorded}"]
+    arguments += ["--short"] * options.short + (["-k", options.only] if options.only else [])
+    failed = int(pytest.main(arguments))
+    if not recorded.exists() or not recorded.stat().st_size:
+        print("tools/bench: nothing was measured", file=sys.stderr)
+        return failed or 1
+    found = report.figures(json.loads(recorded.read_text(encoding="utf-8")))
+    recorded.unlink()
+    here, lanes = machine(), LANES
+    results = {"machine": here, "lanes": lanes, "short": options.short, "only": options.only, "figures": found}
+    write_beside(out / "results.json", lambda file: json.dump(results, file, indent=1), "w")
+    text = report.markdown(found, here, lanes, whole=options.only is None)
+    write_beside(out / "tables.md", lambda file: file.write(text), "w")
+    print(text)
+    drawn = plots.growth(found, out / "growth.png")
+    if options.publish and drawn and not failed:
+        shutil.copyfile(out / "growth.png", REPOSITORY / "docs" / "growth.png")
+    print(f"{out}: results.json, tables.md" + (", growth.png" if drawn else ""))
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,140 @@
+"""How a benchmark takes its rounds: each beside one of everything that it is compared with."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+
+from bench import peak
+from bench.scenes import Player
+from synth.dsp.denormals import enable_ftz, restore
+from synth.solver.lanes import LANES
+
+#: CPU seconds of one round of the peak loop
+_PEAK_S = 1e-3
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--short", action="store_true", help="fewer rounds, settings and notes")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "full: left out by --short")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--short"):
+        left = [item for item in items if item.get_closest_marker("full")]
+        items[:] = [item for item in items if item not in left]
+        config.hook.pytest_deselected(items=left)
+
+
+@pytest.fixture
+def short(request: pytest.FixtureRequest) -> bool:
+    return bool(request.config.getoption("--short"))
+
+
+def nothing() -> None:
+    """No state to put back."""
+
+
+class Race:
+    """Rounds of one callable by pytest-benchmark, those of its opponents interleaved, all in CPU seconds.
+
+    After a call `seconds` holds its rounds, `others` those of the opponents, in the same order.
+    """
+
+    def __init__(self, benchmark: Any, rounds: int) -> None:
+        self.benchmark, self.rounds = benchmark, rounds
+        self.seconds: list[float] = []
+        self.others: dict[str, list[float]] = {}
+
+    def __call__(
+        self,
+        call: Callable[[], object],
+        *,
+        reset: Callable[[], None] = nothing,
+        against: Mapping[str, tuple[Callable[[], object], Callable[[], None]]] | None = None,
+        rounds: int | None = None,
+    ) -> Race:
+        """Runs everything once unmeasured, then the rounds. `against`: name → (callable, reset)."""
+        opponents = dict(against or {})
+        self.others = {name: [] for name in opponents}
+        flush = enable_ftz()
+        try:
+            for once, back in [(call, reset), *opponents.values()]:
+                back()
+                once()
+
+            def before_a_round() -> None:
+                for name, (other, back) in opponents.items():
+                    back()
+                    started = time.process_time()
+                    other()
+                    self.others[name].append(time.process_time() - started)
+                reset()
+
+            self.benchmark.pedantic(call, setup=before_a_round, rounds=rounds or self.rounds, iterations=1)
+        finally:
+            restore(flush)
+        self.seconds = list(self.benchmark.stats.stats.data)
+        return self
+
+    def note(self, section: str, **values: Any) -> None:
+        """What the report gets to know: a section and its figures."""
+        info = self.benchmark.extra_info
+        info.update(section=section, seconds=self.seconds, others=self.others, **values)
+
+
+@pytest.fixture
+def race(benchmark: Any, short: bool) -> Race:
+    return Race(benchmark, 5 if short else 15)
+
+
+def block_rounds(benchmark: Any, player: Player, block: int, short: bool) -> list[list[float]]:
+    """Wall-clock seconds of every block, played five times (short: three) after once unmeasured."""
+    rounds: list[list[float]] = []
+
+    def play() -> None:
+        player.engine.reset()
+        rounds.append(list(player.blocks(block)))
+
+    play()
+    rounds.clear()
+    benchmark.pedantic(play, rounds=3 if short else 5, iterations=1)
+    return rounds
+
+
+@pytest.fixture
+def all_cores() -> Any:
+    """A function that lets this process run on every core it may; afterwards it is where it was."""
+    before = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
+
+    def open_up() -> None:
+        if before is not None:
+            os.sched_setaffinity(0, range(os.cpu_count() or 1))
+
+    yield open_up
+    if before is not None:
+        os.sched_setaffinity(0, before)
+
+
+@pytest.fixture(scope="session")
+def peak_turns() -> dict[int, int]:
+    """Vector width → turns of its peak loop that take about a millisecond."""
+    turns = {}
+    for lanes in sorted({LANES, min(4, LANES)}):
+        loop, count = peak.peak_loop(lanes), 1000
+        for _ in range(30):
+            started = time.process_time()
+            loop(count)
+            spent = time.process_time() - started
+            if spent > _PEAK_S:
+                break
+            count *= 2
+        turns[lanes] = count
+    return turns

@@ -1,0 +1,183 @@
+"""Tables of a run: what pytest-benchmark's JSON says, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from speed_error.tables import number, table
+
+from bench.count import verdict
+
+#: in the order of the report
+SECTIONS = ("targets", "peak", "kernels", "strings", "notes", "blocks", "start", "memory")
+#: of the machine's multiply-adds, in free flight
+_PART_TARGET, _PART_MODES = 0.5, (137, 1001)
+SEVERAL_STEPS, MANY_STRINGS = "several-steps", "many-strings"
+#: aimed at, and named as not measured where a whole run has no row of this key: what, unit, target, at most
+WANTED = {
+    SEVERAL_STEPS: ("a kernel of several steps against the plain loop, one contact", "times less", 3.0, False),
+    MANY_STRINGS: ("64 tanpura strings at standard, all touching, 2 threads", "× real time", 4.0, False),
+}
+
+
+def figures(recorded: dict[str, Any]) -> list[dict[str, Any]]:
+    """The figures of every benchmark in a JSON document of pytest-benchmark."""
+    return [bench["extra_info"] for bench in recorded["benchmarks"] if "section" in bench["extra_info"]]
+
+
+def of(found: Iterable[dict[str, Any]], section: str) -> list[dict[str, Any]]:
+    """Those of one section."""
+    return [info for info in found if info["section"] == section]
+
+
+def target_rows(found: list[dict[str, Any]], whole: bool) -> list[dict[str, Any]]:
+    """Rows of the table of targets; `whole`: what a whole run should have and has not is a row too."""
+    rows = []
+    for modes in _PART_MODES:
+        free = [
+            info
+            for info in of(found, "kernels")
+            if (info["sweep"], info["modes"], info["contacts"]) == ("grid", modes, 0) and info["kernel"] != "naive loop"
+        ]
+        if free:
+            best = max(free, key=lambda info: info["part"])
+            rows.append({
+                "what": f"{best['kernel']} in free flight with output, {modes} modes: part of the peak of multiply-adds",
+                "unit": "", "reached": best["part"], "best": best["best_part"], "target": _PART_TARGET, "at_most": False,
+            })  # fmt: skip
+    given = [row for info in of(found, "targets") for row in info["rows"]]
+    if whole:
+        keys = {row["key"] for row in given}
+        for key, (what, unit, target, at_most) in WANTED.items():
+            if key not in keys:
+                rows.append(
+                    {"what": what, "unit": unit, "reached": None, "best": None, "target": target, "at_most": at_most}
+                )
+    return rows + given
+
+
+def _targets(found: list[dict[str, Any]], whole: bool) -> str:
+    lines = []
+    for row in target_rows(found, whole):
+        unit = row["unit"]
+        sign = "≤" if row["at_most"] else "≥"
+        target = "–" if row["target"] is None else f"{sign} {row['target']:g} {unit}".strip()
+        reached = "–" if row["reached"] is None else f"{number(row['reached'], 3)} {unit}".strip()
+        said = verdict(row["reached"], row["target"], row["at_most"])
+        lines.append([row["what"], target, reached, number(row["best"], 3), said])
+    return table(["what", "target", "reached (median)", "best", ""], lines)
+
+
+def _peak(found: list[dict[str, Any]]) -> str:
+    lines = [
+        [f"{info['lanes']} doubles", number(info["fma_per_s"] / 1e9, 3), number(info["best_fma_per_s"] / 1e9, 3)]
+        for info in sorted(of(found, "peak"), key=lambda info: -info["lanes"])
+    ]
+    return table(["vectors of", "10⁹ multiply-adds a second", "best"], lines)
+
+
+def _kernels(found: list[dict[str, Any]], sweep: str) -> str:
+    lines = []
+    for info in of(found, "kernels"):
+        if info["sweep"] == sweep:
+            lines.append([info["kernel"], info["scheme"], *(str(info[what]) for what in ("contacts", "modes", "voices"))])
+            lines[-1] += [number(info[what] / 1e9) for what in ("mode_steps_per_s", "best_mode_steps_per_s")]
+            counted = [str(info["fma"]), *(number(info[what]) for what in ("part", "best_part", "part_of_narrow"))]
+            lines[-1] += counted if info["looks_at_all"] else ["–"] * len(counted)
+    head = ["kernel", "scheme", "contacts", "modes", "strings", "10⁹ mode-steps a second", "best", "multiply-adds each"]
+    return table([*head, "part of peak", "best", "of the peak of 4"], lines) if lines else ""
+
+
+def _notes(found: list[dict[str, Any]]) -> str:
+    qualities = list(dict.fromkeys(info["quality"] for info in of(found, "notes")))
+    cells: dict[tuple[str, str], dict[str, str]] = {}
+    for info in of(found, "notes"):
+        here = cells.setdefault((info["preset"], info["note"]), {})
+        here[info["quality"]] = f"{number(info['times_real_time'])} ({info['rate_hz'] / 1e3:.1f} kHz, {info['modes']} modes)"
+    lines = [[preset, note, *(row.get(q, "–") for q in qualities)] for (preset, note), row in cells.items()]
+    return table(["preset", "note", *qualities], lines)
+
+
+def _strings(found: list[dict[str, Any]]) -> str:
+    lines = [
+        [str(info["strings"]), str(info["sounding"]), number(1e3 * info["cpu_per_s"]), number(1.0 / info["cpu_per_s"]),
+         number(1.0 / info["best_cpu_per_s"])]
+        for info in of(found, "strings")
+    ]  # fmt: skip
+    return table(["strings", "sounding", "CPU ms for a second", "× real time", "best"], lines)
+
+
+def _blocks(found: list[dict[str, Any]]) -> str:
+    lines = [
+        [info["scene"], str(info["block"]), str(info["blocks"]), number(info["median"]), number(info["percentile_999"]),
+         number(info["worst"]), number(info["worst_once"]), number(info["stall"])]
+        for info in of(found, "blocks")
+    ]  # fmt: skip
+    head = ["scene", "frames", "blocks", "median", "99.9 %", "worst", "worst with stalls", "worst stall of an empty loop"]
+    return table(head, lines)
+
+
+def _start(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for info in of(found, "start"):
+        lines.append([info["what"], f"{number(info['median'])} s", f"{number(info['best'])} s"])
+        if "cold" in info:
+            lines.append(["the same with no kernel compiled before", f"{number(info['cold'])} s", ""])
+            lines.append(["of which compiling", f"{number(info['compiling'])} s", ""])
+    return table(["what", "median", "best"], lines)
+
+
+def _memory(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for info in of(found, "memory"):
+        lines += [
+            ["engine and its libraries loaded", f"{info['import']:.0f} MiB"],
+            ["prepared and played 5 s (drone)", f"{info['prepared']:.0f} MiB"],
+            [f"growth over {info['seconds_played']} s more", f"{info['growth']:.2f} MiB"],
+            ["most at any time", f"{info['peak']:.0f} MiB"],
+        ]
+    return table(["resident memory", ""], lines)
+
+
+def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool = True) -> str:
+    """tables.md; sections without figures are left out."""
+    present = {info["section"] for info in found}
+    parts = [
+        f"# Speed\n\nOne core of: {machine}, vectors of {lanes} doubles. Everything compared was measured in one run, its "
+        "rounds interleaved; medians, and best beside them.\n"
+    ]
+    texts = {
+        "targets": ("What was aimed at", "", _targets),
+        "peak": ("The machine's peak", "Independent chains of fused multiply-adds, one core.", _peak),
+        "kernels": (
+            "Kernels",
+            "A mode's free step counts as two multiply-adds, each projection, on a contact or the output, as one; what "
+            "forces add is not counted. The peak is measured in the same rounds.",
+            None,
+        ),
+        "strings": ("Strings at once", "Tanpura strings at `standard`, all plucked, through the engine.", _strings),
+        "notes": ("Notes", "× real time of one string through the engine, from the pluck on, 1.5 s.", _notes),
+        "blocks": (
+            "Blocks",
+            "Wall-clock time of a block, as part of what it lasts. Median to worst: each block's least of several runs, "
+            "which is what repeats. The empty loop takes as long as a median block and does nothing.",
+            _blocks,
+        ),
+        "start": ("Start-up", "Whole processes, wall-clock time.", _start),
+        "memory": ("Memory", "", _memory),
+    }
+    for section in SECTIONS:
+        if section not in present and not (section == "targets" and "kernels" in present):
+            continue
+        title, words, write = texts[section]
+        parts.append(f"\n## {title}\n")
+        if words:
+            parts.append(words + "\n")
+        if section == "targets":
+            parts.append(_targets(found, whole))
+        elif write is None:
+            parts += [text for sweep in ("grid", "contacts", "voices") if (text := _kernels(found, sweep))]
+        else:
+            parts.append(write(found))
+    return "\n".join(parts)
