@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from synth.compile import CompiledPart
 from synth.dsp.body import body_coefficients
-from synth.dsp.decimator import MAXIMUM_FACTOR, design, workspace
+from synth.dsp.decimator import design
 from synth.dsp.limiter import limiter_state
 from synth.engine import layout
 from synth.engine.events import EVENT
-from synth.engine.layout import Bank, Scratch, State
+from synth.engine.layout import LANES, LINE, N_TASK, QUANTUM, SPAN, SPAN_STEPS, Bank, Scratch, Shared, State
 from synth.units import db_to_gain
 
 PENDING_EVENTS = 1 << 14
@@ -34,8 +35,9 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
     tap_places: dict[int, tuple[int, int]] = {}
     off = soff = coff = goff = 0
     s_off = s_coff = s_goff = 0
-    history = 0
+    line = row = 0
     body_off = 0
+    span = span_quanta(parts)
     for p, part in enumerate(parts):
         preset = part.preset
         first_position, first_bus = len(positions), len(buses)
@@ -48,10 +50,10 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                     taps.append(design(rate_hz, factor))
                 place, size = tap_places[factor]
                 bus_of[factor] = len(buses)
-                buses.append((p, factor, place, size, history))
-                history += size - 1
+                buses.append((p, factor, place, size, line))
+                line += _padded(size + span * QUANTUM * factor)
             index = len(strings)
-            cap = max(position.omega.size for position in string.positions)
+            cap = _padded(max(position.omega.size for position in string.positions))
             cmax = max(position.eta.size for position in string.positions)
             strings.append(
                 (
@@ -69,10 +71,12 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                     string.impedance_kg_s,
                     string.draw_s,
                     string.release_s,
+                    row,
                 )
             )
+            row += _padded(span * QUANTUM * factor)
             s_off += cap
-            s_coff += cmax
+            s_coff += _padded(cmax)
             s_goff += cmax * cmax
             for position in string.positions:
                 n, c = position.omega.size, position.eta.size
@@ -180,78 +184,113 @@ def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
     return out
 
 
-def new_state(bank: Bank, parameters: np.ndarray) -> State:
-    """A State in which nothing sounds and every controller has its power-up value."""
+def _padded(count: int) -> int:
+    """The next multiple of LANES."""
+    return -(-count // LANES) * LANES
+
+
+def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
+    """Zeros that begin on a cache line."""
+    kind = np.dtype(dtype)
+    count = int(np.prod(shape))
+    memory = np.zeros(count * kind.itemsize + LINE, np.uint8)
+    start = -memory.ctypes.data % LINE
+    return memory[start : start + count * kind.itemsize].view(kind).reshape(shape)
+
+
+def span_quanta(parts: Sequence[CompiledPart]) -> int:
+    """How many quanta are worked off in one go."""
+    factor = max((string.factor for part in parts for string in part.strings), default=1)
+    return max(1, min(SPAN, SPAN_STEPS // (QUANTUM * factor)))
+
+
+def _end(offsets: np.ndarray, sizes: np.ndarray) -> int:
+    """Length of what is laid out in pieces of these sizes."""
+    return int((offsets + sizes).max(initial=0))
+
+
+def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
+    """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta."""
     n_strings, n_parts = bank.strings.size, bank.parts.size
     modes = int(bank.strings["cap"].sum())
-    contacts = int(bank.strings["cmax"].sum())
+    contacts = _end(bank.strings["coff"], bank.strings["cmax"])
     squares = int((bank.strings["cmax"] ** 2).sum())
-    channels = np.zeros(16, layout.CHANNEL)
+    channels = aligned(16, layout.CHANNEL)
     channels["volume"] = channels["expression"] = 1.0
     channels["bend_range"] = 2.0
     channels["rpn"] = 0x3FFF
-    part_state = np.zeros(n_parts, layout.PART_STATE)
+    part_state = aligned(n_parts, layout.PART_STATE)
     part_state["left"] = part_state["right"] = 1.0
+    quiet = aligned(bank.buses.size, np.int64)
+    quiet[:] = bank.buses["n_taps"]
     limiter = limiter_state(2)
     return State(
-        np.zeros(n_strings, layout.SOUNDING),
+        aligned(n_strings, layout.SOUNDING),
         channels,
         part_state,
         parameters.copy(),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(6 * modes),
-        np.zeros(squares),
-        np.zeros(contacts),
-        np.zeros(contacts),
-        np.zeros(contacts),
-        np.zeros(contacts),
-        np.zeros(contacts, np.uint8),
-        np.zeros(modes),
-        np.zeros(contacts),
-        np.zeros((n_strings, 2)),
-        np.zeros(PENDING_EVENTS, EVENT),
-        np.zeros((n_parts + 1, 128), np.int64),
-        np.zeros(layout.N_COUNTERS, np.int64),
-        np.zeros(1),
-        np.zeros(int((bank.buses["n_taps"] - 1).sum())),
-        np.zeros(bank.buses.size),
-        np.zeros((3, max(1, bank.body.shape[1]))),
-        np.zeros((layout.RING, 2)),
-        np.zeros((n_parts, layout.RING, 2)),
+        aligned(modes),
+        aligned(modes),
+        aligned(6 * modes),
+        aligned(squares),
+        aligned(contacts),
+        aligned(contacts),
+        aligned(contacts),
+        aligned(contacts),
+        aligned(contacts, np.uint8),
+        aligned(modes),
+        aligned(contacts),
+        aligned((n_strings, 2)),
+        aligned(PENDING_EVENTS, EVENT),
+        aligned((n_parts + 1, 128), np.int64),
+        aligned(layout.N_COUNTERS, np.int64),
+        aligned(1),
+        aligned(_end(bank.buses["off"], bank.buses["n_taps"] + span * QUANTUM * bank.buses["factor"])),
+        quiet,
+        aligned((3, max(1, bank.body.shape[1]))),
+        aligned((layout.RING, 2)),
+        aligned((n_parts, layout.RING, 2)),
         *limiter,
+    )
+
+
+def new_shared(bank: Bank, span: int) -> Shared:
+    """Work arrays for spans of so many quanta."""
+    frames = span * QUANTUM
+    return Shared(
+        aligned(N_TASK, np.int64),
+        aligned(bank.strings.size, np.int64),
+        aligned(_end(bank.strings["row"], frames * bank.strings["factor"])),
+        aligned((span, 16)),
+        aligned((span, bank.parts.size)),
+        aligned(frames),
+        aligned(frames),
+        aligned((frames, 2)),
     )
 
 
 def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
-    steps = layout.QUANTUM * MAXIMUM_FACTOR
     widest = max(1, int(bank.models["contacts"].max(initial=0)))
     modes = max(1, int(bank.strings["cap"].max(initial=1)))
-    factor = int(bank.buses["factor"].max(initial=1))
-    q = layout.QUANTUM
+    steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
     return Scratch(
-        np.zeros((max(1, bank.buses.size), q * factor + 1)),
-        workspace(factor, q),
-        np.zeros(q),
-        np.zeros(q),
-        np.zeros((q, 2)),
-        np.zeros(steps + 1),
-        np.zeros((steps, 1)),
-        np.zeros((steps, 1)),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros((0, 0)),
-        np.zeros(widest),
-        np.zeros(widest),
-        np.zeros(widest),
-        np.zeros((widest, widest)),
-        np.zeros((widest, widest)),
-        np.zeros(widest, np.int64),
-        np.zeros(widest, np.uint8),
-        np.zeros(widest, np.uint8),
-        np.zeros(widest, np.uint8),
+        aligned(steps + 1),
+        aligned(steps),
+        aligned(steps),
+        aligned(modes),
+        aligned(modes),
+        aligned(modes),
+        aligned(modes),
+        aligned(modes),
+        aligned((0, 0)),
+        aligned(widest),
+        aligned(widest),
+        aligned(widest),
+        aligned((widest, widest)),
+        aligned((widest, widest)),
+        aligned(widest, np.int64),
+        aligned(widest, np.uint8),
+        aligned(widest, np.uint8),
+        aligned(widest, np.uint8),
     )
