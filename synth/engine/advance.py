@@ -7,11 +7,25 @@ added up elsewhere, in order.
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
-from numba import njit
+from numba import cfunc, njit
 
 from synth.engine.coefficients import refresh, rest_state
-from synth.engine.layout import CHECK_EVERY, CORE, FIRST_QUANTUM, FRAME, FRAMES, NO_FINGER, QUANTA, QUANTUM
+from synth.engine.layout import (
+    BEGIN,
+    CHECK_EVERY,
+    CORE,
+    FIRST_QUANTUM,
+    FRAME,
+    FRAMES,
+    NO_FINGER,
+    QUANTA,
+    QUANTUM,
+    STRETCH,
+    TASK,
+)
 from synth.engine.strings import finger_done, sleep
 from synth.engine.views import bank_of, scratch_of, settings_of, shared_of, state_of
 from synth.solver.kernels import Finger, Work, advance, advance_free, advance_one, amplitudes, cull, reach
@@ -29,22 +43,34 @@ CULL_FROM = 3
 BASE_S = 0.05
 
 
-@njit(**CORE)
-def work_on(core: int, desk: int, s: int) -> None:
-    """What Shared.task asks, for one awake string."""
+def _work_on(core: int, desk: int, s: int) -> None:
     task = shared_of(core).task
-    if task[QUANTA] == 0:
-        advance_string(core, desk, s, task[FRAME], task[FRAMES])
-        return
-    for k in range(task[QUANTA]):
-        if not begin_quantum(core, desk, s, k):
-            return
-        advance_string(core, desk, s, k * QUANTUM, QUANTUM)
+    kind = task[TASK]
+    if kind == BEGIN:
+        _begin_quantum(core, desk, s, 0)
+    elif kind == STRETCH:
+        _advance_string(core, desk, s, task[FRAME], task[FRAMES])
+    else:
+        for k in range(task[QUANTA]):
+            _begin_quantum(core, desk, s, k)
+            if not state_of(core).sounding[s].awake:
+                break
+            _advance_string(core, desk, s, k * QUANTUM, QUANTUM)
+
+
+@cache
+def work_on() -> Any:
+    """Compiled on first use: a C function of (core, desk, s) that does what Shared.task asks for one awake string.
+
+    Called by its address, so that neither `process` nor the loop of a worker contains the kernels: every function that
+    contains them takes seconds to compile.
+    """
+    return cfunc("void(int64, int64, int64)", cache=True)(_work_on)
 
 
 @njit(**CORE)
-def begin_quantum(core: int, desk: int, s: int, k: int) -> bool:
-    """What is decided about an awake string at the start of quantum k of the span. Whether it is still awake."""
+def _begin_quantum(core: int, desk: int, s: int, k: int) -> None:
+    """What is decided about an awake string at the start of quantum k of the span."""
     state, shared = state_of(core), shared_of(core)
     me = state.sounding[s]
     bend = shared.bends[k, me.channel]
@@ -53,7 +79,6 @@ def begin_quantum(core: int, desk: int, s: int, k: int) -> bool:
         _follow_controls(core, s, bend, height)
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
         _check(core, desk, s)
-    return me.awake != 0
 
 
 @njit(**CORE)
@@ -67,7 +92,7 @@ def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
 
 
 @njit(**CORE)
-def advance_string(core: int, desk: int, s: int, start: int, frames: int) -> None:
+def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> None:
     """`frames` output frames of one awake string from frame `start` of the span, into its row."""
     fixed = bank_of(core).strings[s]
     me = state_of(core).sounding[s]

@@ -14,7 +14,8 @@ from synth.dsp.decimator import design
 from synth.dsp.limiter import limiter_state
 from synth.engine import layout
 from synth.engine.events import EVENT
-from synth.engine.layout import LANES, LINE, N_TASK, QUANTUM, SPAN, SPAN_STEPS, Bank, Scratch, Shared, State
+from synth.engine.layout import LANES, LINE, N_TASK, QUANTUM, SPAN, SPAN_STEPS, WORK_ON, Bank, Scratch, Shared, State
+from synth.engine.team import N_WORDS
 from synth.units import db_to_gain
 
 PENDING_EVENTS = 1 << 14
@@ -254,12 +255,15 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
     )
 
 
-def new_shared(bank: Bank, span: int) -> Shared:
-    """Work arrays for spans of so many quanta."""
+def new_shared(bank: Bank, span: int, work_on: int) -> Shared:
+    """Work arrays for spans of so many quanta; `work_on`: address of the function that advances a string."""
+    task = aligned(N_TASK, np.int64)
+    task[WORK_ON] = work_on
     frames = span * QUANTUM
     return Shared(
-        aligned(N_TASK, np.int64),
+        task,
         aligned(bank.strings.size, np.int64),
+        aligned(N_WORDS, np.int64),
         aligned(_end(bank.strings["row"], frames * bank.strings["factor"])),
         aligned((span, 16)),
         aligned((span, bank.parts.size)),

@@ -24,10 +24,12 @@ from synth.compile import CompiledPart, compile_preset
 from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import LOOKAHEAD, LimiterState, largest_reduction_db, release_coefficient
 from synth.engine import layout
+from synth.engine.advance import work_on
 from synth.engine.bank import build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.events import EVENT
 from synth.engine.layout import Bank, Scratch, Settings, Shared, State
 from synth.engine.process import CONTROL_S, process
+from synth.engine.team import Team, cores
 from synth.engine.views import table
 from synth.preset import BridgeObstacle, Preset, playable_range
 from synth.solver.laws import law_of
@@ -87,6 +89,7 @@ class Engine:
     program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
                  on every channel
     note_hz      (128,) frequencies that replace the presets' equal temperament
+    threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     Raises ValueError (PresetError among them) for what cannot be played.
     """
 
@@ -105,6 +108,7 @@ class Engine:
         note_hz: np.ndarray | None = None,
         economy: bool | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
+        threads: int | str = 1,
     ) -> None:
         if not parts:
             raise ValueError("an engine needs at least one preset")
@@ -112,6 +116,8 @@ class Engine:
             raise ValueError(f"restitution must lie between 0 and 1, got {restitution:g}")
         if max_polyphony is not None and max_polyphony < 1:
             raise ValueError(f"polyphony must be at least 1, got {max_polyphony}")
+        if threads != "auto" and not (isinstance(threads, int) and threads >= 1):
+            raise ValueError(f"threads must be a whole number from 1 on or 'auto', got {threads!r}")
         self.parts = tuple(parts)
         if program_map is None:
             program_map = np.full((16, 128), 0 if len(parts) == 1 else -1)
@@ -139,12 +145,15 @@ class Engine:
         self.economy = quality in ("draft", "standard") if economy is None else economy
         self._only_notes = only_notes
         self.rate_hz = 0.0
+        self.threads = threads
         self._bank: Bank | None = None
+        self._team: Team | None = None
 
     def prepare(self, rate_hz: float, max_block: int = 4096) -> None:
         """Compile every playable note for an output rate [Hz], compile the kernels, reset. `max_block` [frames]."""
         if max_block < 1:
             raise ValueError(f"max_block must be at least 1 frame, got {max_block}")
+        self.close()
         self.rate_hz = float(rate_hz)
         self.max_block = int(max_block)
         cache: dict[tuple, CompiledPart] = {}
@@ -180,11 +189,12 @@ class Engine:
             int(self.economy),
             span_quanta(compiled),
         )
-        self._shared: Shared = new_shared(self._bank, self._settings.span)
+        self._shared: Shared = new_shared(self._bank, self._settings.span, work_on().address)
         self._scratch: Scratch = new_scratch(self._bank)
         self._desk = table(self._scratch)
         self._state: State = new_state(self._bank, self._settings.span, default_parameters(compiled))
-        self._lay_table()
+        self._core = table(self._bank, self._state, self._shared, self._settings)
+        self._make_team()
         self.reset()
         self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
         self.reset()
@@ -200,9 +210,21 @@ class Engine:
         # a channel begins with the lowest program that it has a part for
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
-    def _lay_table(self) -> None:
-        """The core's table, of arrays that stay where they are."""
-        self._core = table(self._prepared(), self._state, self._shared, self._settings)
+    def _make_team(self) -> None:
+        """Start the workers, as many as there are threads beside the caller's and strings for them."""
+        bank = self._prepared()
+        wanted = cores() if self.threads == "auto" else int(self.threads)
+        workers = min(wanted, bank.strings.size) - 1
+        if workers > 0:
+            scratch = [new_scratch(bank) for _ in range(workers)]
+            keep = (bank, self._state, self._shared, scratch)
+            self._team = Team(self, self._core, self._shared.team, [table(each) for each in scratch], keep)
+
+    def close(self) -> None:
+        """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself."""
+        if self._team is not None:
+            self._team.end()
+            self._team = None
 
     def _prepared(self) -> Bank:
         if self._bank is None:
@@ -300,7 +322,7 @@ class Engine:
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         self._state = self._state._replace(pending=pending)
-        self._lay_table()
+        self._core[:] = table(self._prepared(), self._state, self._shared, self._settings)
 
     @property
     def mode_steps(self) -> int:

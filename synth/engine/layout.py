@@ -276,17 +276,20 @@ class State(NamedTuple):
     limiter_levels: F8
 
 
-#: places in Shared.task: number of the span's first quantum; quanta to advance, or 0 for a stretch within the first one,
-#: with its first frame and its frames
-FIRST_QUANTUM, QUANTA, FRAME, FRAMES = range(4)
-N_TASK = 4
+#: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
+WHOLE, BEGIN, STRETCH = range(3)
+#: places in Shared.task: one of these; number of the span's first quantum; quanta; first frame and frames of a stretch;
+#: address of `advance.work_on`, which does it
+TASK, FIRST_QUANTUM, QUANTA, FRAME, FRAMES, WORK_ON = range(6)
+N_TASK = 6
 
 
 class Shared(NamedTuple):
-    """Work arrays of one span that all threads see; they carry nothing from span to span."""
+    """Work arrays of one span that all threads see; they carry no sound from span to span."""
 
     task: I8  # what is asked of the strings, see above
     queue: I8  # (strings,) those at work
+    team: I8  # control words of the workers, see `team`
     rows: F8  # outputs of every string, from STRING.row
     bends: F8x2  # (SPAN, channels) smoothed, per quantum
     heights: F8x2  # (SPAN, parts)

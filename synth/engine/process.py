@@ -15,9 +15,9 @@ from numba import njit
 
 from synth.dsp.denormals import enable_ftz, restore
 from synth.dsp.limiter import LOOKAHEAD
-from synth.engine.advance import begin_quantum, work_on
 from synth.engine.layout import (
     AWAKE,
+    BEGIN,
     CORE,
     FIRST_QUANTUM,
     FRAME,
@@ -30,9 +30,13 @@ from synth.engine.layout import (
     QUANTA,
     QUANTUM,
     RING,
+    STRETCH,
+    TASK,
+    WHOLE,
 )
 from synth.engine.mix import mix_span
 from synth.engine.notes import handle
+from synth.engine.team import share_out
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
 #: pitch bend and obstacle height follow their controls with this time constant [s]
@@ -118,8 +122,8 @@ def _produce(core: int, desk: int, end: int) -> None:
         quanta = free
         for k in range(quanta):
             _smooth_controls(core, k)
-        shared.task[QUANTA] = quanta
-        _run_strings(core, desk)
+        shared.task[TASK], shared.task[QUANTA] = WHOLE, quanta
+        _run_strings(core, desk, quanta * QUANTUM)
     else:
         quanta = 1
         _smooth_controls(core, 0)
@@ -129,30 +133,32 @@ def _produce(core: int, desk: int, end: int) -> None:
 
 
 @njit(**CORE)
-def _run_strings(core: int, desk: int) -> None:
-    """Let all awake strings do what Shared.task asks."""
-    state, shared = state_of(core), shared_of(core)
+def _run_strings(core: int, desk: int, frames: int) -> None:
+    """Let all awake strings do what Shared.task asks, over so many frames."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
     count = 0
+    mode_steps = 0
     for s in range(state.sounding.size):
         if state.sounding[s].awake:
             shared.queue[count] = s
             count += 1
-    for i in range(count):
-        work_on(core, desk, shared.queue[i])
+            mode_steps += state.sounding[s].n * bank.strings[s].factor * frames
+    share_out(core, desk, count, mode_steps)
 
 
 @njit(**CORE)
 def _quantum_with_events(core: int, desk: int, start: int) -> None:
     """One quantum, cut at the frames of its events."""
     state, shared = state_of(core), shared_of(core)
+    shared.task[TASK] = BEGIN
+    _run_strings(core, desk, 1)
     awake = 0
     for s in range(state.sounding.size):
-        if state.sounding[s].awake:
-            awake += begin_quantum(core, desk, s, 0)
+        awake += state.sounding[s].awake
     state.counters[AWAKE] = awake
     taken = 0
     frame = 0
-    shared.task[QUANTA] = 0
+    shared.task[TASK] = STRETCH
     while frame < QUANTUM:
         while taken < state.counters[PENDING] and state.pending[taken].frame <= start + frame:
             handle(core, desk, state.pending[taken])
@@ -162,7 +168,7 @@ def _quantum_with_events(core: int, desk: int, start: int) -> None:
             until = min(until, state.pending[taken].frame - start)
         shared.task[FRAME] = frame
         shared.task[FRAMES] = until - frame
-        _run_strings(core, desk)
+        _run_strings(core, desk, until - frame)
         frame = until
     left = state.counters[PENDING] - taken
     for i in range(left):
