@@ -36,7 +36,7 @@ from synth.engine.layout import (
 )
 from synth.engine.mix import mix_span
 from synth.engine.notes import handle
-from synth.engine.team import share_out
+from synth.engine.team import rouse, share_out
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
 #: pitch bend and obstacle height follow their controls with this time constant [s]
@@ -52,6 +52,8 @@ def process(core: int, desk: int, events, out, stems) -> None:
     now = state.counters[NOW]
     _queue_events(core, now, events)
     frames = out.shape[0]
+    count, mode_steps = _list_awake(core, frames)
+    rouse(core, count, mode_steps)
     done = 0
     while done < frames:
         until = min(frames, state.counters[PRODUCED] + QUANTUM - now)
@@ -133,8 +135,8 @@ def _produce(core: int, desk: int, end: int) -> None:
 
 
 @njit(**CORE)
-def _run_strings(core: int, desk: int, frames: int) -> None:
-    """Let all awake strings do what Shared.task asks, over so many frames."""
+def _list_awake(core: int, frames: int) -> tuple[int, int]:
+    """Put the awake strings into Shared.queue; how many, and their mode-steps over so many frames."""
     bank, state, shared = bank_of(core), state_of(core), shared_of(core)
     count = 0
     mode_steps = 0
@@ -143,6 +145,13 @@ def _run_strings(core: int, desk: int, frames: int) -> None:
             shared.queue[count] = s
             count += 1
             mode_steps += state.sounding[s].n * bank.strings[s].factor * frames
+    return count, mode_steps
+
+
+@njit(**CORE)
+def _run_strings(core: int, desk: int, frames: int) -> None:
+    """Let all awake strings do what Shared.task asks, over so many frames."""
+    count, mode_steps = _list_awake(core, frames)
     share_out(core, desk, count, mode_steps)
 
 

@@ -36,6 +36,21 @@ WORTH_SHARING = 10_000
 
 
 @njit(**CORE)
+def rouse(core: int, strings: int, mode_steps: int) -> None:
+    """Wake workers for about so many mode-steps of so many strings, where that pays; wait for none."""
+    words = shared_of(core).team
+    if strings < 2 or mode_steps < WORTH_WAKING or words[WORKERS] == 0:
+        return
+    wanted = min(words[WORKERS], strings - 1)
+    sleeping = load(words, SLEEPING)
+    while sleeping > 0 and wanted > 0:
+        if exchange_if(words, SLEEPING, sleeping, sleeping - 1):
+            send(words[WAKE])
+            wanted -= 1
+        sleeping = load(words, SLEEPING)
+
+
+@njit(**CORE)
 def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
     """Work off the first `count` strings of Shared.queue, about so many mode-steps, with whoever is there."""
     shared = shared_of(core)
@@ -46,14 +61,7 @@ def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
         return
     store(words, UNFINISHED, count)
     store(words, LEFT, count)
-    if mode_steps >= WORTH_WAKING:
-        wanted = min(words[WORKERS], count - 1)
-        sleeping = load(words, SLEEPING)
-        while sleeping > 0 and wanted > 0:
-            if exchange_if(words, SLEEPING, sleeping, sleeping - 1):
-                send(words[WAKE])
-                wanted -= 1
-            sleeping = load(words, SLEEPING)
+    rouse(core, count, mode_steps)
     while _take(core, desk):
         pass
     while load(words, UNFINISHED) > 0:
