@@ -349,13 +349,15 @@ def test_a_slow_lift_costs_the_elastic_energy(modes):
 
 
 def test_an_obstacle_that_does_not_move():
-    """A motion of zero is no motion, bit for bit."""
+    """A motion of zero is no motion: bit for bit where both are taken step by step, to rounding against blocks."""
     still = {"motion": {"sine": [{"frequency_hz": 100.0, "amplitude_m": 0.0}]}}
     for ledger in (False, True):
         moved = simulate(with_tables("hard/two-close", obstacle=still), duration_s=0.02, ledger=ledger)
         fixed = simulate("hard/two-close", duration_s=0.02, ledger=ledger)
-        np.testing.assert_array_equal(moved.u, fixed.u)
-        np.testing.assert_array_equal(moved.contact_force, fixed.contact_force)
+        for name in ("u", "contact_force"):
+            expected = getattr(fixed, name)
+            atol = 0.0 if ledger else 1e-10 * np.abs(expected).max()
+            np.testing.assert_allclose(getattr(moved, name), expected, rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("scheme", ["exact-hold", "moreau-jean", "moreau-jean-filtered"])

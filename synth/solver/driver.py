@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from synth.solver.blocks import Blocks, BlockWork, advance_blocks, forget, make_block_work, make_blocks, padded_rows
 from synth.solver.energy import filter_factor, impulse_work, spring, stored
 from synth.solver.kernels import Finger, Work, advance, amplitudes, make_work, reach
+from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
 from synth.solver.substeps import (
     Substeps,
-    advance_one_substepped,
     advance_substepped,
     arriving,
     clear_step,
@@ -36,8 +37,12 @@ STEPS, PHASE, ROW, LAST_CONTACT, BAD_STEPS, CONTACT_STEPS, DIVIDE = 0, 1, 2, 3, 
 _COUNTS = 7
 #: where rows are few steps apart, contacts out of reach are looked for that often; they stay so until one is touched
 _CERTIFY_STEPS = 32
-#: steps of one call of the kernel for one contact in parts
-_BLOCK = 512
+#: blocks of one call of the block kernel, at most
+_BLOCKS = 64
+#: more contacts have no table of their responses to each other (C² · 2K numbers), and one step at a time is taken
+_MOST_IN_BLOCKS = 256
+#: contacts from which on it pays to certify that some are out of reach
+_CERTIFY_FROM = 3
 #: columns of Run.energy
 ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
@@ -59,13 +64,16 @@ class Model(NamedTuple):
     residual: np.ndarray  # (C, C); zero for Moreau–Jean
     out_shapes: np.ndarray  # (P, N)
     sub: Substeps  # parts of a step; one of them: none
+    block: Blocks  # of a step, or of a part of it where there is one contact; no rows: too many contacts
 
 
 class Run(NamedTuple):
     """State, results and scratch of one run; n outputs, every M steps."""
 
-    q: np.ndarray  # (N,)
+    q: np.ndarray  # (N,), the first of whole_q
     v: np.ndarray  # (N,)
+    whole_q: np.ndarray  # (padded(N),)
+    whole_v: np.ndarray  # (padded(N),)
     u_contact: np.ndarray  # (C,)
     v_contact: np.ndarray  # (C,)
     force: np.ndarray  # (C,) contact unknown of the last step
@@ -80,6 +88,10 @@ class Run(NamedTuple):
     parts: np.ndarray  # (K, C) forces of a step's parts
     scratch: np.ndarray  # (3, N)
     work: Work
+    block_work: BlockWork
+    block_out: np.ndarray  # (P, steps) of one call of the block kernel
+    block_force: np.ndarray  # (steps, C)
+    block_u: np.ndarray  # (steps, C)
     eta: np.ndarray  # (C,) heights now
     risen: np.ndarray  # (1,) how far the obstacle rose in the last step [m]
 
@@ -103,7 +115,14 @@ def make_model(
     contact_matrix(law, coef, shapes, residual, g)
     factor = filter_factor(law, omega, coef, dt)
     sub = make_substeps(substeps, omega, sigma, mu, dt, shapes, residual)
-    return Model(law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, sub)
+    if contacts > _MOST_IN_BLOCKS:
+        none = np.zeros((0, 0))
+        block = Blocks(dt, none, none, none[:, :, None], none, none[:, :, None])
+    elif contacts == 1 and substeps > 1:
+        block = make_blocks(law, dt / substeps, sub.coef, shapes, sub.g, out_shapes)
+    else:
+        block = make_blocks(law, dt, coef, shapes, g, out_shapes)
+    return Model(law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, sub, block)
 
 
 def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -133,9 +152,12 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     w¹ = (q¹ − q⁰)/Δt; the published one sets w⁰ = q̇, which is q(−Δt) = q(0) for a string at rest.
     """
     n, contacts = model.omega.size, model.eta.size
+    whole_q, whole_v = padded_rows(np.asarray(q, dtype=np.float64), padded(n)), padded_rows(np.asarray(v), padded(n))
     run = Run(
-        q=np.array(q, dtype=np.float64),
-        v=np.array(v, dtype=np.float64),
+        q=whole_q[:n],
+        v=whole_v[:n],
+        whole_q=whole_q,
+        whole_v=whole_v,
         u_contact=model.shapes @ q,
         v_contact=model.shapes @ v,
         force=np.array(force, dtype=np.float64),
@@ -150,6 +172,10 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         parts=np.zeros((model.sub.parts, contacts)),
         scratch=np.zeros((3, n)),
         work=make_work(contacts),
+        block_work=make_block_work(contacts, n),
+        block_out=np.zeros((model.out_shapes.shape[0], _BLOCKS * BLOCK)),
+        block_force=np.zeros((_BLOCKS * BLOCK, contacts)),
+        block_u=np.zeros((_BLOCKS * BLOCK, contacts)),
         eta=model.eta.copy(),
         risen=np.zeros(1),
     )
@@ -198,17 +224,24 @@ def change_model(old: Model, new: Model, run: Run) -> None:
 def _write_output(model: Model, run: Run) -> None:
     """One row of every result, from the state as it is and the contact forces recorded since the row before."""
     row = run.counts[ROW]
-    contacts = model.eta.size
     for p in range(model.out_shapes.shape[0]):
         run.u[row, p] = dot(model.out_shapes[p], run.q)
-    scale = 1.0 if model.law == EXACT_HOLD else 1.0 / model.dt
-    for c in range(contacts):
+    for c in range(model.eta.size):
         u = dot(model.shapes[c], run.q)
-        for d in range(contacts):
+        for d in range(model.eta.size):
             u += model.residual[c, d] * run.force[d]
         run.contact_u[row, c] = u
-        run.sums[PENETRATION] = max(run.sums[PENETRATION], run.eta[c] - u)
-        steps = run.counts[PHASE]
+    _close_row(model, run)
+
+
+@njit(cache=True, nogil=True)
+def _close_row(model: Model, run: Run) -> None:
+    """What a row has besides displacements: forces, penetration, energies."""
+    row = run.counts[ROW]
+    scale = 1.0 if model.law == EXACT_HOLD else 1.0 / model.dt
+    steps = run.counts[PHASE]
+    for c in range(model.eta.size):
+        run.sums[PENETRATION] = max(run.sums[PENETRATION], run.eta[c] - run.contact_u[row, c])
         total = 0.0
         for t in range(steps):
             total += run.records[t, c]
@@ -258,11 +291,16 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
     no_record = np.zeros((0, 0))
     count = 1 if moves else model.sub.parts
     run.watch[:] = 1  # model and finger may be others than in the call before
-    if count > 1 and not ledger and finger.on == 0 and model.eta.size == 1 and model.sub.response.size > 0:
-        _run_one_divided(model, run, n_steps)
-        return
+    in_blocks = not (ledger or moves or finger.on != 0) and model.block.rows.size > 0 and (count == 1 or model.eta.size == 1)
+    forget(run.block_work)
     done = 0
     while done < n_steps and run.counts[ROW] < run.u.shape[0]:
+        if in_blocks:
+            m = _run_blocks(model, run, n_steps - done, count)
+            if m > 0:
+                done += m
+                continue
+            forget(run.block_work)
         phase = run.counts[PHASE]
         here = Finger(
             finger.on,
@@ -326,45 +364,60 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
 
 
 @njit(cache=True, nogil=True)
-def _run_one_divided(model: Model, run: Run, n_steps: int) -> None:
-    """`run` over one contact in blocks of many rows, every step in parts."""
-    every = run.records.shape[0]
-    u, force = np.zeros(_BLOCK), np.zeros(_BLOCK)
-    no_out = np.zeros(0)
-    parts = np.zeros(4)
-    shape, eta = model.shapes[0], run.eta[0]
-    points = model.out_shapes.shape[0]
-    done = 0
-    while done < n_steps and run.counts[ROW] < run.u.shape[0]:
-        # rows of one output point come out of the kernel's own sum; of more, from the modes at each row
-        m = min(n_steps - done, _BLOCK if every == 1 and points == 1 else every - run.counts[PHASE])
-        m = min(m, _BLOCK)
-        wanted = every == 1 and points == 1
-        if wanted:
-            m = min(m, run.u.shape[0] - run.counts[ROW])
-        row = run.counts[ROW]
-        advance_one_substepped(
-            m, model.sub, model.coef, shape, eta, run.q, run.v, model.out_shapes[0] if points else shape, shape,
-            1 if wanted else 0, 0, run.u[row : row + m, 0] if wanted else no_out, no_out, u, force, parts,
-        )  # fmt: skip
-        run.force[0] = parts[model.sub.parts - 1]
-        for t in range(m):
-            run.records[run.counts[PHASE] + (0 if wanted else t), 0] = force[t]
-            if force[t] > 0.0:
-                run.counts[LAST_CONTACT] = run.counts[STEPS] + t + 1
-                run.counts[CONTACT_STEPS] += 1
-            if wanted:
-                run.contact_u[row + t, 0] = u[t]
-                run.contact_force[row + t, 0] = force[t]
-                run.sums[PENETRATION] = max(run.sums[PENETRATION], eta - u[t])
-        done += m
-        run.counts[STEPS] += m
-        if wanted:
-            run.counts[ROW] += m
-        else:
-            run.counts[PHASE] += m
-            if run.counts[PHASE] == every:
+def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
+    """As many of the next n steps, each of `parts` parts, as one call of the block kernel can do; how many these are.
+
+    Where rows are whole blocks apart, each call ends at a row at the latest and row and block must begin together; where
+    they are not, the kernel gives what belongs into a row at every step.
+    """
+    every, contacts, points = run.records.shape[0], model.eta.size, model.out_shapes.shape[0]
+    phase = run.counts[PHASE]
+    apart = every * parts % BLOCK == 0
+    if apart and phase * parts % BLOCK != 0:
+        return 0
+    most = min(n_steps, (run.u.shape[0] - run.counts[ROW]) * every - phase)
+    if apart:
+        most = min(most, every - phase)
+    blocks = min(_BLOCKS, most * parts // BLOCK)
+    while blocks * BLOCK % parts != 0:
+        blocks -= 1
+    if blocks <= 0:
+        return 0
+    block, steps = model.block, blocks * BLOCK
+    force, u = run.block_force[:steps], run.block_u[:steps]
+    none = run.block_u[:0]
+    watched = 0 if apart else points
+    status = advance_blocks(
+        blocks, model.law, run.whole_q.size, block.dt, model.restitution, block.rows, model.omega, block.shapes, run.eta,
+        block.lags, 1 if apart and contacts >= _CERTIFY_FROM else 0, run.whole_q, run.whole_v, run.u_contact, run.v_contact,
+        block.weights[:watched], watched, block.out_lags[:watched], run.block_out, force, none if apart else u,
+        run.block_work,
+    )  # fmt: skip
+    if status != SOLVED:
+        run.counts[BAD_STEPS] += 1
+    run.force[:] = force[steps - 1]
+    for t in range(steps // parts):
+        last = (t + 1) * parts - 1
+        touched = False
+        for c in range(contacts):
+            total = 0.0
+            for k in range(t * parts, last + 1):
+                total += force[k, c]
+            run.records[run.counts[PHASE], c] = total / parts
+            touched = touched or total > 0.0
+        run.counts[STEPS] += 1
+        run.counts[PHASE] += 1
+        if touched:
+            run.counts[LAST_CONTACT] = run.counts[STEPS]
+            run.counts[CONTACT_STEPS] += 1
+        if run.counts[PHASE] == every:
+            if apart:
                 _write_output(model, run)
+            else:
+                run.u[run.counts[ROW]] = run.block_out[:, last]
+                run.contact_u[run.counts[ROW]] = u[last]
+                _close_row(model, run)
+    return steps // parts
 
 
 @njit(cache=True, nogil=True)
@@ -379,7 +432,7 @@ def _divided_step(model: Model, run: Run, finger: Finger, path, ledger: bool, no
     else:
         fine = Model(
             model.law, model.dt / count, model.restitution, model.mu, model.omega, model.sigma, model.sub.coef,
-            model.factor, model.shapes, model.eta, model.sub.g, model.residual, model.out_shapes, model.sub,
+            model.factor, model.shapes, model.eta, model.sub.g, model.residual, model.out_shapes, model.sub, model.block,
         )  # fmt: skip
         for k in range(count):
             here = Finger(

@@ -1,15 +1,10 @@
 """Exact-hold with a contact force that changes K times in a step of the modes.
 
-The force is held over each K-th part of the step and the Signorini condition imposed at the end of each part, while the
-modes advance once. Both kernels are the exact-hold scheme with steps of varying length, whose proof of passivity asks
-nothing of their lengths.
+The force is held over each K-th part of the step and the Signorini condition imposed at the end of each part: the
+exact-hold scheme with steps of varying length, whose proof of passivity asks nothing of their lengths.
 
-One contact (`advance_one_substepped`): always K parts, so that the motion is exact-hold's at K times the rate. A part's
-end needs one projection u_k = Σ φ_j (p11(kΔt/K) q_j + p12(kΔt/K) v_j), the forces follow from
-
-    λ_k = max(0, (η − u_k − Σ_{i<k} h_{k−i} λ_i)/G),    h_l = Σ φ_j² (K_q((l+1)Δt/K) − K_q(lΔt/K))/μ,
-
-and enter the modes together: 4 + 4K multiplications per mode and step instead of 8K.
+One contact: always K parts, so that the motion is exact-hold's at K times the rate, with the modes of the lower one and no
+output in between; `blocks` does that as it is, with steps Δt/K.
 
 Several (`advance_substepped`): whole steps as long as nothing is touched, K steps of Δt/K where the end of a whole one
 would lie inside the obstacle, and after one at whose end a contact was pressed or was coming down fast enough to
@@ -28,192 +23,23 @@ from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.lcp import SOLVED
 from synth.solver.vectors import FAST, dot
 
-#: parts of a step that the kernel for one contact can take
-FUSED = (2, 3, 4)
-
 
 class Substeps(NamedTuple):
-    """What the parts of a step need; N modes, C contacts, K parts. The last five are empty unless C = 1 and K in FUSED."""
+    """What the parts of a step need; N modes, C contacts."""
 
     parts: int  # K
     coef: np.ndarray  # (6, N) over Δt/K
     g: np.ndarray  # (C, C) S diag(kq) Sᵀ + R of these
-    look_q: np.ndarray  # (K − 1, N) φ p11 after each part but the last
-    look_v: np.ndarray  # (K − 1, N) φ p12
-    push_q: np.ndarray  # (K, N) what a unit force during part k has done to q at the end of the step
-    push_v: np.ndarray  # (K, N)
-    response: np.ndarray  # (K,) h_l + R δ_l0: contact displacement l parts after a unit force's own
 
 
 def make_substeps(count: int, omega, sigma, mu: float, dt: float, shapes, residual) -> Substeps:
     """For modes ω, σ (N,), contacts S (C, N), static compliance R (C, C) and a step Δt in `count` ≥ 1 parts."""
     if count != int(count) or count < 1:
         raise ValueError(f"substeps must be a whole number >= 1, got {count}; 1 leaves the step whole")
-    contacts, n = shapes.shape
-    ends = [coefficients(EXACT_HOLD, omega, sigma, mu, dt * (k + 1) / count) for k in range(count)]
-    g = np.empty((contacts, contacts))
-    contact_matrix(EXACT_HOLD, ends[0], shapes, residual, g)
-    if contacts != 1 or count not in FUSED:
-        none = np.zeros((0, n))
-        return Substeps(count, ends[0], g, none, none, none, none, np.zeros(0))
-    shape = shapes[0]
-    kq = np.diff([np.zeros(n)] + [end[4] * shape for end in ends], axis=0)
-    kv = np.diff([np.zeros(n)] + [end[5] * shape for end in ends], axis=0)
-    response = kq @ shape
-    response[0] = g[0, 0]
-    return Substeps(
-        count,
-        ends[0],
-        g,
-        np.array([shape * end[0] for end in ends[:-1]]),
-        np.array([shape * end[1] for end in ends[:-1]]),
-        np.ascontiguousarray(kq[::-1]),
-        np.ascontiguousarray(kv[::-1]),
-        response,
-    )
-
-
-@njit(inline="always")
-def _pass2(p11, p12, p21, p22, a1, b1, k1, l1, k2, l2, f1: float, f2: float, shape, wq, q, v):
-    """Forces of the step before, looks, free step: (u_1, u_2, wq·q)."""
-    u1, u2, y = 0.0, 0.0, 0.0
-    for j in range(q.size):
-        qj = q[j] + (k1[j] * f1 + k2[j] * f2)
-        vj = v[j] + (l1[j] * f1 + l2[j] * f2)
-        u1 += a1[j] * qj + b1[j] * vj
-        a = p11[j] * qj + p12[j] * vj
-        b = p21[j] * qj + p22[j] * vj
-        q[j] = a
-        v[j] = b
-        u2 += shape[j] * a
-        y += wq[j] * a
-    return u1, u2, y
-
-
-@njit(inline="always")
-def _pass3(
-    p11, p12, p21, p22, a1, b1, a2, b2, k1, l1, k2, l2, k3, l3, f1: float, f2: float, f3: float, shape, wq, q, v
-):  # fmt: skip
-    """`_pass2` for three parts."""
-    u1, u2, u3, y = 0.0, 0.0, 0.0, 0.0
-    for j in range(q.size):
-        qj = q[j] + (k1[j] * f1 + k2[j] * f2 + k3[j] * f3)
-        vj = v[j] + (l1[j] * f1 + l2[j] * f2 + l3[j] * f3)
-        u1 += a1[j] * qj + b1[j] * vj
-        u2 += a2[j] * qj + b2[j] * vj
-        a = p11[j] * qj + p12[j] * vj
-        b = p21[j] * qj + p22[j] * vj
-        q[j] = a
-        v[j] = b
-        u3 += shape[j] * a
-        y += wq[j] * a
-    return u1, u2, u3, y
-
-
-@njit(inline="always")
-def _pass4(
-    p11, p12, p21, p22, a1, b1, a2, b2, a3, b3, k1, l1, k2, l2, k3, l3, k4, l4,
-    f1: float, f2: float, f3: float, f4: float, shape, wq, q, v,
-):  # fmt: skip
-    """`_pass2` for four parts."""
-    u1, u2, u3, u4, y = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(q.size):
-        qj = q[j] + (k1[j] * f1 + k2[j] * f2 + (k3[j] * f3 + k4[j] * f4))
-        vj = v[j] + (l1[j] * f1 + l2[j] * f2 + (l3[j] * f3 + l4[j] * f4))
-        u1 += a1[j] * qj + b1[j] * vj
-        u2 += a2[j] * qj + b2[j] * vj
-        u3 += a3[j] * qj + b3[j] * vj
-        a = p11[j] * qj + p12[j] * vj
-        b = p21[j] * qj + p22[j] * vj
-        q[j] = a
-        v[j] = b
-        u4 += shape[j] * a
-        y += wq[j] * a
-    return u1, u2, u3, u4, y
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _enter(push_q, push_v, forces, q, v) -> None:
-    """The forces (K,) of a step's parts enter the modes."""
-    for k in range(push_q.shape[0]):
-        if forces[k] > 0.0:
-            for j in range(q.size):
-                q[j] += push_q[k, j] * forces[k]
-                v[j] += push_v[k, j] * forces[k]
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def advance_one_substepped(
-    n_steps: int, sub: Substeps, coef, shape, eta: float, q, v, wq, wv, use_q: int, use_v: int, out_q, out_v,
-    rec_u, rec_force, forces,
-) -> int:  # fmt: skip
-    """n steps over one contact, K in FUSED, no finger. Returns the number of steps in contact.
-
-    coef (6, ≥N) over the whole step; shape, wq, wv (≥N,); out_q, out_v (n,) as in `kernels.advance_one`; rec_u (n,)
-    S q + R λ at the end of each step and rec_force (n,) mean force over it, or empty; forces (4,) of the last one's parts.
-    """
-    n = q.size
-    count = sub.parts
-    last, third = count - 1, min(2, count - 1)
-    p11, p12, p21, p22 = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n]
-    shape, wq, wv = shape[:n], wq[:n], wv[:n]
-    k1, l1, k2, l2 = sub.push_q[0, :n], sub.push_v[0, :n], sub.push_q[1, :n], sub.push_v[1, :n]
-    k3, l3, k4, l4 = sub.push_q[third, :n], sub.push_v[third, :n], sub.push_q[last, :n], sub.push_v[last, :n]
-    h = sub.response
-    a1, b1 = sub.look_q[0, :n], sub.look_v[0, :n]
-    a2, b2 = sub.look_q[third - 1, :n], sub.look_v[third - 1, :n]
-    a3, b3 = sub.look_q[last - 1, :n], sub.look_v[last - 1, :n]
-    g, h1, h2, h3 = h[0], h[1], h[third], h[last]
-    stiffness = 1.0 / g
-    y1 = y2 = y3 = y4 = 0.0  # displacement at wq per force of each part
-    if use_q:
-        y1, y2, y3, y4 = dot(k1, wq), dot(k2, wq), dot(k3, wq), dot(k4, wq)
-    f1 = f2 = f3 = f4 = 0.0
-    touched = 0
-    for t in range(n_steps):
-        if count == 2:
-            u1, u, y = _pass2(p11, p12, p21, p22, a1, b1, k1, l1, k2, l2, f1, f2, shape, wq, q, v)
-            f1 = max(0.0, (eta - u1) * stiffness)
-            u += h1 * f1
-            f2 = max(0.0, (eta - u) * stiffness)
-            u += g * f2
-            y += y1 * f1 + y2 * f2
-        elif count == 3:
-            u1, u2, u, y = _pass3(
-                p11, p12, p21, p22, a1, b1, a2, b2, k1, l1, k2, l2, k3, l3, f1, f2, f3, shape, wq, q, v
-            )  # fmt: skip
-            f1 = max(0.0, (eta - u1) * stiffness)
-            f2 = max(0.0, (eta - u2 - h1 * f1) * stiffness)
-            u += h2 * f1 + h1 * f2
-            f3 = max(0.0, (eta - u) * stiffness)
-            u += g * f3
-            y += y1 * f1 + y2 * f2 + y3 * f3
-        else:
-            u1, u2, u3, u, y = _pass4(
-                p11, p12, p21, p22, a1, b1, a2, b2, a3, b3, k1, l1, k2, l2, k3, l3, k4, l4,
-                f1, f2, f3, f4, shape, wq, q, v,
-            )  # fmt: skip
-            f1 = max(0.0, (eta - u1) * stiffness)
-            f2 = max(0.0, (eta - u2 - h1 * f1) * stiffness)
-            f3 = max(0.0, (eta - u3 - h2 * f1 - h1 * f2) * stiffness)
-            u += h3 * f1 + h2 * f2 + h1 * f3
-            f4 = max(0.0, (eta - u) * stiffness)
-            u += g * f4
-            y += y1 * f1 + y2 * f2 + y3 * f3 + y4 * f4
-        total = f1 + f2 + f3 + f4
-        touched += total > 0.0
-        if use_q:
-            out_q[t] = y
-        if rec_u.size > 0:
-            rec_u[t] = u
-            rec_force[t] = total / count
-        if use_v or t + 1 == n_steps:
-            forces[0], forces[1], forces[2], forces[3] = f1, f2, f3, f4
-            _enter(sub.push_q, sub.push_v, forces, q, v)
-            f1 = f2 = f3 = f4 = 0.0
-            if use_v:
-                out_v[t] = dot(wv, v)
-    return touched
+    coef = coefficients(EXACT_HOLD, omega, sigma, mu, dt / count)
+    g = np.empty((shapes.shape[0], shapes.shape[0]))
+    contact_matrix(EXACT_HOLD, coef, shapes, residual, g)
+    return Substeps(count, coef, g)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

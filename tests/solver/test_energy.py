@@ -239,16 +239,18 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
 
 
 def test_ledger_and_culling_do_not_change_the_motion():
-    """Block kernels with certificates, or one weighed step at a time: bitwise the same run."""
+    """Block kernels with certificates, or one weighed step at a time: the same run to rounding, step for step in contact."""
     rng = np.random.default_rng(44)
     for _ in range(20):
         model, q, v = random_scene(rng, bool(rng.integers(2)))
         model = model._replace(out_shapes=rng.normal(size=(2, model.omega.size)))
         weighed = run(model, q, v, 480, ledger=True, every=24)
         plain = run(model, q, v, 480, ledger=False, every=24)
-        np.testing.assert_array_equal(weighed.u, plain.u)
-        np.testing.assert_array_equal(weighed.contact_u, plain.contact_u)
-        np.testing.assert_array_equal(weighed.contact_force, plain.contact_force)
+        for name in ("u", "contact_u", "contact_force"):
+            expected = getattr(weighed, name)
+            atol = 1e-10 * np.abs(expected).max()
+            np.testing.assert_allclose(getattr(plain, name), expected, rtol=0, atol=atol, err_msg=name)
+        assert weighed.counts[driver.CONTACT_STEPS] == plain.counts[driver.CONTACT_STEPS]
         assert weighed.counts[driver.LAST_CONTACT] == plain.counts[driver.LAST_CONTACT]
 
 

@@ -1,0 +1,348 @@
+"""Vector code that numba's own loops do not become: K steps of every mode in registers.
+
+Numba's vectoriser keeps a loop's reductions in registers only at the width that it prefers, and a loop over steps
+inside one over modes not at all. The intrinsics here write LLVM's vectors out: `LANES` modes at a time, K = `BLOCK`
+steps each, every sum in a register of its own, summed across lanes at the end by pairwise folding. They are called from
+compiled code like functions; arrays must be C-contiguous and hold a whole number of vectors, `padded(N)` modes, what
+lies behind the N-th being zero.
+
+A mode's free motion x_k obeys x_{k+1} = a x_k − e x_{k−1} with a = tr Φ, e = det Φ, both for displacement and for
+velocity. What forces f_k during the steps 0 … K − 1 add to the state at the end is, by Cayley–Hamilton,
+
+    Σ_k Φ^{K−1−k} κ f_k = κ b_{K−1} + (Φ − a)κ b_{K−2},    b_k = f_k + a b_{k−1} − e b_{k−2},
+
+κ the response of (q, v) to a unit force: two multiplications for a step, and no table.
+
+Rows of a block's coefficient array, as `blocks.fill_rows` makes them:
+0 … 5 p11, p12, p21, p22, kq, kv of one step (`laws`), 6 a, 7 −e, 8 … 11 Φ^K, 12, 13 (Φ − a)κ.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import llvmlite.binding
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic as _intrinsic
+
+#: steps that a block kernel takes at a time
+BLOCK = 8
+ROWS = 14
+P11, P12, P21, P22, KQ, KV, TRACE, MINUS_DET, ADV11, ADV12, ADV21, ADV22, KQ_LATE, KV_LATE = range(ROWS)
+
+
+def _lanes() -> int:
+    """Doubles in a vector register of this machine, or JAWARI_LANES (2, 4 or 8) of the environment."""
+    wanted = os.environ.get("JAWARI_LANES", "")
+    if wanted:
+        if wanted not in ("2", "4", "8"):
+            raise ValueError(f"JAWARI_LANES must be 2, 4 or 8, got {wanted!r}; unset it to have the processor's own")
+        return int(wanted)
+    features = llvmlite.binding.get_host_cpu_features()
+    if features.get("avx512f"):
+        return 8
+    return 4 if features.get("avx2") else 2
+
+
+#: as the typing of numba's own decorator does not see through it
+intrinsic: Any = _intrinsic
+LANES = _lanes()
+#: modes are padded to a multiple of this, on every machine
+PAD = 8
+
+_DOUBLE = ir.DoubleType()
+_INT = ir.IntType(64)
+_VECTOR = ir.VectorType(_DOUBLE, LANES)
+_LOOSE = ("reassoc", "contract", "nsz")
+
+
+def padded(modes: int) -> int:
+    """The smallest multiple of `PAD` that holds so many modes."""
+    return -(-modes // PAD) * PAD
+
+
+class _Code:
+    """What the emitters below share: addresses, vectors, and the loop over modes."""
+
+    def __init__(self, context, builder, signature, args) -> None:
+        self.b = builder
+        self.context = context
+        self.signature = signature
+        self.args = args
+        fma = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
+        self._fma = cgutils.get_or_insert_function(builder.module, fma, f"llvm.fma.v{LANES}f64")
+
+    def data(self, i: int):
+        """Address of argument i's first element."""
+        return self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i]).data
+
+    def row_length(self, i: int):
+        """Length of a row of argument i, an array of two axes."""
+        array = self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i])
+        return self.b.extract_value(array.shape, 1)
+
+    def load(self, base, at):
+        """LANES elements from base[at] on."""
+        return self.b.load(self.b.bitcast(self.b.gep(base, [at]), _VECTOR.as_pointer()), align=8)
+
+    def store(self, value, base, at) -> None:
+        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), _VECTOR.as_pointer()), align=8)
+
+    def scalar(self, base, at: int):
+        return self.b.load(self.b.gep(base, [ir.Constant(_INT, at)]))
+
+    def splat(self, value):
+        one = self.b.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+        return self.b.shuffle_vector(
+            one, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        )
+
+    def fma(self, x, y, z):
+        return self.b.call(self._fma, [x, y, z])
+
+    def times(self, x, y):
+        return self.b.fmul(x, y)
+
+    def rows(self, base, length, numbers):
+        """Addresses of rows `numbers` of an array."""
+        return [self.b.gep(base, [self.b.mul(length, ir.Constant(_INT, r))]) for r in numbers]
+
+    def fold(self, sums):
+        """LANES vectors → one vector of their sums, by shuffles of pairs."""
+        index = ir.VectorType(ir.IntType(32), LANES)
+        span = 1
+        while span < LANES:
+            halves = []
+            for x, y in zip(sums[::2], sums[1::2], strict=True):
+                low, high = [], []
+                for lane in range(LANES):
+                    source = lane // (2 * span) * 2 * span + lane % span
+                    if lane // span % 2:
+                        source += LANES
+                    low.append(source)
+                    high.append(source + span)
+                a = self.b.shuffle_vector(x, y, ir.Constant(index, low))
+                c = self.b.shuffle_vector(x, y, ir.Constant(index, high))
+                halves.append(self.b.fadd(a, c, flags=_LOOSE))
+            sums = halves
+            span *= 2
+        return sums[0]
+
+
+def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
+    """f_k = Σ_d φ_c λ_dk over d < count, c = which[d], as K vectors, in a loop over the contacts."""
+    b = code.b
+    at_shapes, length, at_f, at_which = code.data(shapes), code.row_length(shapes), code.data(forces), code.data(which)
+    before = b.block
+    contacts, summed = b.append_basic_block("contacts"), b.append_basic_block("forces")
+    b.branch(contacts)
+    b.position_at_end(contacts)
+    d = b.phi(_INT)
+    d.add_incoming(ir.Constant(_INT, 0), before)
+    sums = [b.phi(_VECTOR) for _ in range(BLOCK)]
+    contact = b.load(b.gep(at_which, [d]))
+    shape = code.load(b.gep(at_shapes, [b.mul(contact, length)]), j)
+    mine = b.gep(at_f, [b.mul(d, ir.Constant(_INT, BLOCK))])
+    force = []
+    for k in range(BLOCK):
+        sums[k].add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
+        force.append(code.fma(shape, code.splat(code.scalar(mine, k)), sums[k]))
+        sums[k].add_incoming(force[k], contacts)
+    following = b.add(d, ir.Constant(_INT, 1))
+    d.add_incoming(following, contacts)
+    b.cbranch(b.icmp_signed("<", following, code.args[count]), contacts, summed)
+    b.position_at_end(summed)
+    return force
+
+
+def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
+    """One pass over the modes: K steps forward ("coast", "drive", "drive listed" or ""), then a look at the K steps after.
+
+    Arguments, in order: n, rows (ROWS, ≥n), q, v (≥n,) in place; for "drive" shape (≥n,), forces (K,); for "drive listed"
+    count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); weights (≥n,) for each of `kinds`; an output (≥K,)
+    for each of them: weights · x_{k+1}, x the displacements ("q") or velocities ("v") after each of K free steps.
+    """
+    b = code.b
+    base, length = code.data(1), code.row_length(1)
+    at = code.rows(base, length, range(ROWS))
+    at_q, at_v = code.data(2), code.data(3)
+    place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4}[motion]
+    at_w = [code.data(place + p) for p in range(len(kinds))]
+    at_out = [code.data(place + len(kinds) + p) for p in range(len(kinds))]
+    before = b.block
+    loop = b.append_basic_block("modes")
+    b.branch(loop)
+    b.position_at_end(loop)
+    j = b.phi(_INT)
+    j.add_incoming(ir.Constant(_INT, 0), before)
+    sums = [[b.phi(_VECTOR) for _ in range(BLOCK)] for _ in kinds]
+    for row in sums:
+        for s in row:
+            s.add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
+    force = []
+    if motion == "drive listed":
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7)
+    elif motion == "drive":  # read in the loop: a broadcast from memory costs no register
+        force = [code.splat(code.scalar(code.data(5), k)) for k in range(BLOCK)]
+    x, y = code.load(at_q, j), code.load(at_v, j)
+    trace = minus_det = None
+    if kinds or force:
+        trace, minus_det = code.load(at[TRACE], j), code.load(at[MINUS_DET], j)
+    if motion:
+        ahead = [
+            code.fma(code.load(at[own], j), x, code.times(code.load(at[cross], j), y))
+            for own, cross in ((ADV11, ADV12), (ADV21, ADV22))
+        ]
+        if force:
+            older, newer = force[0], code.fma(trace, force[0], force[1])
+            for k in range(2, BLOCK):
+                older, newer = newer, code.fma(trace, newer, code.fma(minus_det, older, force[k]))
+            if motion == "drive":
+                shape = code.load(code.data(4), j)
+                older, newer = code.times(shape, older), code.times(shape, newer)
+            for i, (early, late) in enumerate(((KQ, KQ_LATE), (KV, KV_LATE))):
+                ahead[i] = code.fma(code.load(at[early], j), newer, code.fma(code.load(at[late], j), older, ahead[i]))
+        x, y = ahead
+        code.store(x, at_q, j)
+        code.store(y, at_v, j)
+    chains = {}
+    if "q" in kinds:
+        chains["q"] = [x, code.fma(code.load(at[P11], j), x, code.times(code.load(at[P12], j), y))]
+    if "v" in kinds:
+        chains["v"] = [y, code.fma(code.load(at[P21], j), x, code.times(code.load(at[P22], j), y))]
+    w = [code.load(a, j) for a in at_w]
+    new: list[list] = [[] for _ in kinds]
+    for k in range(BLOCK):
+        for p, kind in enumerate(kinds):
+            new[p].append(code.fma(w[p], chains[kind][1], sums[p][k]))
+        if k + 1 < BLOCK:
+            for kind, (older, newer) in chains.items():
+                chains[kind] = [newer, code.fma(trace, newer, code.times(minus_det, older))]
+    after = b.add(j, ir.Constant(_INT, LANES))
+    j.add_incoming(after, b.block)
+    for row, result in zip(sums, new, strict=True):
+        for s, r in zip(row, result, strict=True):
+            s.add_incoming(r, b.block)
+    done = b.append_basic_block("passed")
+    b.cbranch(b.icmp_signed("<", after, code.args[0]), loop, done)
+    b.position_at_end(done)
+    for out, result in zip(at_out, new, strict=True):
+        for first in range(0, BLOCK, LANES):
+            code.store(code.fold(result[first : first + LANES]), out, ir.Constant(_INT, first))
+
+
+def _pass(motion: str, kinds: str):
+    """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD`, at least that."""
+
+    @intrinsic
+    def one_pass(typingctx, n, *rest):
+        given: tuple = rest
+        if len(rest) == 1 and isinstance(rest[0], types.BaseTuple):
+            given = tuple(iter(rest[0]))  # type: ignore[call-overload]
+
+        def emit(context, builder, signature, args):
+            packed = cgutils.unpack_tuple(builder, args[1], len(given))
+            flat = types.void(signature.args[0], *signature.args[1])
+            _emit_pass(_Code(context, builder, flat, [args[0], *packed]), motion, kinds)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.StarArgTuple.from_types(given)), emit
+
+    return one_pass
+
+
+project_q = _pass("", "q")
+project_v = _pass("", "v")
+project_qq = _pass("", "qq")
+project_qv = _pass("", "qv")
+project_vv = _pass("", "vv")
+coast = _pass("coast", "")
+coast_q = _pass("coast", "q")
+coast_v = _pass("coast", "v")
+coast_qq = _pass("coast", "qq")
+coast_qv = _pass("coast", "qv")
+drive = _pass("drive", "")
+drive_listed = _pass("drive listed", "")
+
+
+@intrinsic
+def press_sequence(typingctx, u, eta, response, forces):
+    """Exact-hold over K steps at one contact: forces (K,) from free displacements u (K,), height and response (2K,).
+
+    The response holds K zeros before h.
+    λ_k = max(0, (η − u_k − Σ_{i<k} h_{k−i} λ_i)/h_0); written out so that only an FMA and a maximum lie between
+    one step and the next.
+    """
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        b = builder
+        at_u, at_h, at_f = code.data(0), code.data(2), code.data(3)
+        scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * 3), "llvm.fma.f64")
+        h = [code.scalar(at_h, BLOCK + k) for k in range(BLOCK)]
+        stiffness = b.fdiv(ir.Constant(_DOUBLE, 1.0), h[0])
+        ratio = [b.fneg(b.fmul(x, stiffness)) for x in h]
+        zero = ir.Constant(_DOUBLE, 0.0)
+        wanted = [b.fmul(b.fsub(args[1], code.scalar(at_u, k)), stiffness) for k in range(BLOCK)]
+        for k in range(BLOCK):
+            force = b.select(b.fcmp_ordered(">", wanted[k], zero), wanted[k], zero)
+            b.store(force, b.gep(at_f, [ir.Constant(_INT, k)]))
+            for i in range(k + 1, BLOCK):
+                wanted[i] = b.call(scalar_fma, [ratio[i - k], force, wanted[i]])
+        return context.get_dummy_value()
+
+    return types.void(u, types.float64, response, forces), emit
+
+
+@intrinsic
+def any_below(typingctx, u, level):
+    """Whether any of u (K,) is below `level`."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        limit = code.splat(args[1])
+        at = code.data(0)
+        found = ir.Constant(ir.IntType(LANES), 0)
+        for first in range(0, BLOCK, LANES):
+            below = builder.fcmp_ordered("<", code.load(at, ir.Constant(_INT, first)), limit)
+            found = builder.or_(found, builder.bitcast(below, ir.IntType(LANES)))
+        return builder.icmp_unsigned("!=", found, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(u, types.float64), emit
+
+
+@intrinsic
+def add_forced(typingctx, y, response, forces):
+    """y_k += Σ_{i ≤ k} h_{k−i} λ_i for y, forces (K,) and a response (2K,) that holds K zeros before h."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        at_y, at_h, at_f = code.data(0), code.data(1), code.data(2)
+        for first in range(0, BLOCK, LANES):
+            chains = [code.load(at_y, ir.Constant(_INT, first)), ir.Constant(_VECTOR, [0.0] * LANES)]
+            for i in range(min(BLOCK, first + LANES)):
+                column = code.load(at_h, ir.Constant(_INT, BLOCK + first - i))
+                chains[i % 2] = code.fma(column, code.splat(code.scalar(at_f, i)), chains[i % 2])
+            code.store(builder.fadd(chains[0], chains[1], flags=_LOOSE), at_y, ir.Constant(_INT, first))
+        return context.get_dummy_value()
+
+    return types.void(y, response, forces), emit
+
+
+@intrinsic
+def add_late(typingctx, y, response, late, force):
+    """y_k += h_{k−late} λ for k ≥ late, y (K,) and response (2K,) as for `add_forced`: one force, that of step `late`."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        at_y, factor = code.data(0), code.splat(args[3])
+        column = builder.gep(code.data(1), [builder.sub(ir.Constant(_INT, BLOCK), args[2])])
+        for first in range(0, BLOCK, LANES):
+            at = ir.Constant(_INT, first)
+            code.store(code.fma(code.load(column, at), factor, code.load(at_y, at)), at_y, at)
+        return context.get_dummy_value()
+
+    return types.void(y, response, types.int64, types.float64), emit

@@ -1,0 +1,297 @@
+"""Block kernels against the one-step kernels, from random scenes; certificates against what is touched."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from synth.case import read_case
+from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
+from synth.physics.string import String
+from synth.scene import Scene as CaseScene
+from synth.solver import driver
+from synth.solver.blocks import (
+    BLOCK,
+    advance_blocks,
+    aligned,
+    fly_blocks,
+    forget,
+    make_block_work,
+    make_blocks,
+    make_lags,
+    make_rows,
+    padded_rows,
+    press_blocks,
+)
+from synth.solver.kernels import advance, advance_free, advance_one, make_work, no_finger
+from synth.solver.lanes import padded
+from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
+
+LAWS = [EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED]
+
+
+class Scene:
+    """A random string a little above its contacts, or near enough to some of them to strike them now and then."""
+
+    def __init__(self, seed, law, contacts, modes, gap_m=1e-4, lossless=False):
+        rng = np.random.default_rng(seed)
+        string = String.from_inharmonicity(
+            1.0, rng.uniform(50, 200), 10 ** rng.uniform(-3, -2), 10 ** rng.uniform(-6, -4), 1e-3, viscoelastic_loss=0.005
+        )
+        self.law, self.mu = law, string.linear_density_kg_m
+        self.omega = modal_frequencies(string, modes)
+        self.sigma = 0.0 * self.omega if lossless else decay_rates(string, modes)
+        self.dt = rng.uniform(1.0, 3.0) / self.omega[-1]
+        positions = np.sort(rng.uniform(0.02, 0.98, contacts))
+        self.shapes = mode_shapes(1.0, positions, modes)
+        j = np.arange(1, modes + 1)
+        self.q = rng.normal(size=modes) * 1e-3 / j**1.7
+        self.v = rng.normal(size=modes) * self.omega * 5e-4 / j**2
+        self.eta = np.minimum(self.shapes @ self.q, 0.0) - np.abs(rng.normal(size=contacts)) * gap_m
+        self.coef = coefficients(law, self.omega, self.sigma, self.mu, self.dt)
+        self.set_contacts(self.shapes, residual_compliance(string, positions, modes))
+        self.weights = mode_shapes(1.0, np.array([0.83, 0.4]), modes)
+
+    def set_contacts(self, shapes, residual):
+        self.shapes, self.residual = shapes, residual if self.law == EXACT_HOLD else 0.0 * residual
+        self.g = np.zeros(residual.shape)
+        contact_matrix(self.law, self.coef, shapes, residual, self.g)
+
+    def plain(self, steps, restitution=1.0):
+        """(q, v, forces (n, C), contact_u) of the one-step kernel."""
+        c, n = self.eta.size, self.omega.size
+        q, v = self.q.copy(), self.v.copy()
+        u, w, forces = self.shapes @ q, self.shapes @ v, np.zeros((steps, c))
+        record = np.zeros((steps, c))
+        none, no_out = np.zeros((0, n)), np.zeros((steps, 0))
+        status = advance(
+            self.law, steps, self.dt, restitution, self.coef, self.shapes, self.eta, self.g, q, v, u, w, np.zeros(c),
+            no_finger(n, c), np.ones(c, np.uint8), none, none, no_out, no_out, forces, record, make_work(c),
+        )  # fmt: skip
+        assert status == 0
+        return q, v, forces, record + forces @ self.residual
+
+    def blocks(self, steps, restitution=1.0, certified=False, outputs=0):
+        """The same of the block kernel, and outputs: displacement at one point, velocity at another."""
+        c, n = self.eta.size, padded(self.omega.size)
+        block = make_blocks(self.law, self.dt, self.coef, self.shapes, self.g, self.weights[:outputs])
+        out_lags = block.out_lags
+        if outputs == 2:
+            out_lags = np.concatenate([out_lags[:1], make_lags(True, block.rows, block.shapes, block.weights[1:])])
+        q, v = padded_rows(self.q, n), padded_rows(self.v, n)
+        u, w, forces = self.shapes @ self.q, self.shapes @ self.v, np.zeros((steps, c))
+        record = np.zeros((0 if certified else steps, c))
+        out = np.zeros((outputs, steps))
+        work = make_block_work(c, n)
+        forget(work)
+        status = advance_blocks(
+            steps // BLOCK, self.law, n, self.dt, restitution, block.rows, self.omega, block.shapes, self.eta, block.lags,
+            int(certified), q, v, u, w, block.weights, min(outputs, 1), out_lags, out, forces, record, work,
+        )  # fmt: skip
+        assert status == 0
+        assert not q[self.omega.size :].any() and not v[self.omega.size :].any()
+        return q[: self.omega.size], v[: self.omega.size], forces, record, out
+
+
+def same(got, expected, tolerance, what):
+    np.testing.assert_allclose(got, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), 1e-300), err_msg=what)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("contacts", [0, 1, 2, 5, 20])
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_any_law_is_the_one_step_kernel(law, contacts, restitution):
+    """Short enough that a chaotic string does not magnify rounding: state, forces and contact positions of every step."""
+    touched = 0
+    for seed in range(6):
+        scene = Scene(seed, law, contacts, modes=[7, 8, 9, 40, 61, 130][seed])
+        steps = 240
+        q, v, forces, u = scene.plain(steps, restitution)
+        for certified in (False, True):
+            got = scene.blocks(steps, restitution, certified)
+            for name, a, b in zip(("q", "v", "forces"), got[:3], (q, v, forces), strict=True):
+                same(a, b, 1e-10, f"{name}, seed {seed}, certified {certified}") if b.size else None
+        if contacts:
+            same(scene.blocks(steps, restitution)[3], u, 1e-10, "contact positions")
+            touched += int((forces > 0).any(axis=1).sum())
+    assert contacts == 0 or touched > 30, touched
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("tanpura", {"rate": 44100}),
+        ("tanpura", {"rate": 88200, "modes": 137}),
+        ("tanpura", {"rate": 2116800, "modes": 1001, "scheme": "moreau-jean", "restitution": 0.0}),
+        ("tanpura", {"rate": 2116800, "modes": 1001, "scheme": "moreau-jean-filtered", "restitution": 0.0}),
+        ("bass", {"rate": 1058400, "modes": 863, "tail": "none"}),
+        ("sitar", {}),
+    ],
+)
+def test_ten_thousand_steps_of_a_case(name, overrides):
+    """From the case's start, touching all along: within 1e-10 of the largest value."""
+    case = CaseScene(*read_case(name, overrides))
+    q0, v0 = case.initial()
+    model = case.model
+    scene = Scene.__new__(Scene)
+    scene.law, scene.mu, scene.omega, scene.dt, scene.eta = model.law, model.mu, model.omega, model.dt, model.eta
+    scene.shapes, scene.residual, scene.coef, scene.g = model.shapes, model.residual, model.coef, model.g
+    scene.weights, scene.v = model.out_shapes, v0
+    scene.q, _, status = driver.static_contact(model, q0)
+    assert status == 0
+    q, v, forces, u = scene.plain(10_000, model.restitution)
+    for certified in (False, True):
+        got = scene.blocks(10_000, model.restitution, certified)
+        same(got[0], q, 1e-10, "q")
+        same(got[1], v, 1e-10, "v")
+        np.testing.assert_array_equal(got[2] > 0.0, forces > 0.0)
+        if not certified:
+            same(got[3], u, 1e-10, "contact positions")
+    assert (forces > 0).any(axis=1).sum() > 300
+
+
+@pytest.mark.parametrize("contacts", [0, 1, 3])
+def test_outputs_of_every_step(contacts):
+    """Displacement at one point and velocity at another, forces of the block included."""
+    for seed in range(4):
+        scene = Scene(seed, EXACT_HOLD, contacts, modes=50, gap_m=1e-4)
+        _, _, _, _, out = scene.blocks(240, outputs=2)
+        q, v = scene.q.copy(), scene.v.copy()
+        expected = np.zeros((2, 240))
+        for t in range(240):
+            scene.q, scene.v = q, v
+            q, v, _, _ = scene.plain(1)
+            expected[:, t] = scene.weights[0] @ q, scene.weights[1] @ v
+        same(out[0], expected[0], 1e-10, "displacement")
+        same(out[1], expected[1], 1e-10, "velocity")
+
+
+@pytest.mark.parametrize("use", ["q", "v", "qv", ""])
+@pytest.mark.parametrize("eta", [-1.0, 0.0])
+def test_kernels_of_the_engine(use, eta):
+    """`press_blocks` and `fly_blocks` with every kind of output against `advance_one` and `advance_free`."""
+    scene = Scene(3, EXACT_HOLD, 1, modes=75)
+    scene.set_contacts(mode_shapes(1.0, np.array([0.99]), 75), np.full((1, 1), 1e-8))
+    n, steps = padded(75), 400
+    rows, shapes = make_rows(scene.coef), padded_rows(scene.shapes, n)
+    lags = make_lags(False, rows, shapes, shapes, scene.g)
+    kinds = [w for kind, w in zip("qv", scene.weights, strict=True) if kind in use]
+    weights = padded_rows(np.array(kinds).reshape(-1, 75), n)
+    on_q = int("q" in use)
+    out_lags = np.concatenate(
+        [make_lags(False, rows, shapes, weights[:on_q]), make_lags(True, rows, shapes, weights[on_q:])]
+    )
+    for touching in (False, True):
+        q, v = padded_rows(scene.q, n), padded_rows(scene.v, n)
+        out, spare, forces = np.zeros((len(kinds), steps)), aligned(BLOCK), aligned(BLOCK)
+        a, b = scene.q.copy(), scene.v.copy()
+        expected = np.zeros((2, steps))
+        if touching:
+            touched = press_blocks(
+                steps // BLOCK, n, rows, shapes[0], eta, lags[0, 0], q, v, weights, on_q, out_lags, out, spare, forces
+            )
+            advance_one(steps, scene.coef, scene.shapes[0], eta, scene.g[0, 0], a, b, *scene.weights, 1, 1, *expected)
+            assert (touched > 5) == (eta == 0.0)
+        else:
+            fly_blocks(steps // BLOCK, n, rows, q, v, weights, on_q, out)
+            advance_free(steps, scene.coef, a, b, *scene.weights, 1, 1, *expected)
+        same(q[:75], a, 1e-11, "q")
+        same(v[:75], b, 1e-11, "v")
+        for got, want in zip(out, [expected["qv".index(kind)] for kind in use], strict=True):
+            same(got, want, 1e-11, "output")
+
+
+def test_no_block_and_no_step():
+    scene = Scene(1, EXACT_HOLD, 1, modes=9)
+    q, _, forces, _, _ = scene.blocks(0)
+    np.testing.assert_array_equal(q, scene.q)
+    assert forces.shape == (0, 1)
+
+
+def test_a_contact_passed_over_is_never_inside():
+    """Certificates are not guesses: over random scenes no contact is ever below its height, looked at or not."""
+    passed_over = 0
+    for seed in range(30):
+        scene = Scene(seed, EXACT_HOLD, 12, modes=60, gap_m=2e-3, lossless=seed % 2 == 0)
+        _, _, forces, u = scene.plain(480)
+        got = scene.blocks(480, certified=True)
+        same(got[2], forces, 1e-8, "forces") if forces.any() else None
+        np.testing.assert_array_equal(got[2] > 0.0, forces > 0.0)
+        # what the plain run touched the certified one touched too; where it did not, it was clear
+        assert (u >= scene.eta - 1e-12).all()
+        passed_over += int((forces == 0.0).all(axis=0).sum())
+    assert 30 < passed_over < 350, passed_over
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_rows_in_the_middle_of_blocks(law):
+    """The driver writes the same rows whatever their distance and wherever a run is cut."""
+    scene = Scene(5, law, 3, modes=40)
+    model = driver.make_model(
+        law, scene.omega, scene.sigma, scene.mu, scene.dt, scene.shapes, scene.eta, np.zeros((3, 3)), scene.weights, 0.3
+    )
+    fingerless = no_finger(40, 3)
+
+    def run(every, pieces, ledger=False):
+        steps = sum(pieces)
+        state = driver.start_run(model, scene.q, scene.v, np.zeros(3), every, steps // every + 1, ledger, False)
+        for n in pieces:
+            driver.run(model, state, n, fingerless)
+        return state
+
+    truth = run(1, [240], ledger=True)
+    for every in (1, 2, 3, 5, 8, 12, 16, 40):
+        for pieces in ([240], [7, 1, 90, 142]):
+            state = run(every, pieces)
+            rows = slice(0, 240 // every * every + 1, every)
+            for name in ("u", "contact_u"):
+                same(getattr(state, name), getattr(truth, name)[rows], 1e-10, f"{name}, every {every}")
+            mean = truth.contact_force[1 : 240 // every * every + 1].reshape(-1, every, 3).mean(axis=1)
+            if law == EXACT_HOLD:  # the first row of Moreau–Jean's exact start has no step of its own
+                same(state.contact_force[1:], mean, 1e-10, f"contact_force, every {every}")
+            assert state.counts[driver.CONTACT_STEPS] == truth.counts[driver.CONTACT_STEPS]
+            assert state.counts[driver.LAST_CONTACT] == truth.counts[driver.LAST_CONTACT]
+    assert truth.counts[driver.CONTACT_STEPS] > 5
+
+
+_LANES = """
+import json, sys
+import numpy as np
+sys.path.insert(0, {folder!r})
+from test_blocks import Scene
+from synth.solver.lanes import LANES
+out = []
+for law in range(3):
+    for contacts in (1, 4):
+        scene = Scene(2, law, contacts, 45)
+        q, v, forces, _, signal = scene.blocks(160, 0.5, certified=law == 0, outputs=2)
+        out.append([*q, *v / scene.omega, *forces.ravel() / max(forces.max(), 1e-300), *signal[0]])
+print(json.dumps([LANES, out]))
+"""
+
+
+def test_every_vector_width_gives_the_same():
+    """Two and four lanes, as other processors have them, against this one's."""
+    results = {}
+    for lanes in ("2", "4", "8"):
+        environment = {**os.environ, "JAWARI_LANES": lanes}
+        code = _LANES.format(folder=os.path.dirname(__file__))
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=600)
+        assert done.returncode == 0, done.stderr
+        width, out = json.loads(done.stdout)
+        assert width == int(lanes)
+        results[lanes] = out
+    for lanes in ("2", "4"):
+        for got, expected in zip(results[lanes], results["8"], strict=True):
+            same(np.array(got), np.array(expected), 1e-11, f"{lanes} lanes")
+
+
+def test_an_unknown_width_is_refused():
+    environment = {**os.environ, "JAWARI_LANES": "3"}
+    done = subprocess.run(
+        [sys.executable, "-c", "import synth.solver.lanes"], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode != 0 and "JAWARI_LANES must be 2, 4 or 8, got '3'" in done.stderr
