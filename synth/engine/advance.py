@@ -12,7 +12,16 @@ from typing import Any
 
 from numba import cfunc, njit
 
-from synth.engine.coefficients import refresh, rest_state
+from synth.engine.coefficients import (
+    lags_of,
+    matrix_of,
+    out_lags_of,
+    refresh,
+    rest_state,
+    rows_of,
+    shapes_of,
+    weights_of,
+)
 from synth.engine.layout import (
     BEGIN,
     CHECK_EVERY,
@@ -28,7 +37,9 @@ from synth.engine.layout import (
 )
 from synth.engine.strings import finger_done, sleep
 from synth.engine.views import bank_of, scratch_of, settings_of, shared_of, state_of
-from synth.solver.kernels import Finger, Work, advance, advance_free, advance_one, amplitudes, cull, reach
+from synth.solver.blocks import BlockWork, advance_blocks, fly_blocks, forget, press_blocks
+from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
+from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.vectors import FAST, dot
 
@@ -36,9 +47,8 @@ from synth.solver.vectors import FAST, dot
 PRUNE_BELOW = 1e-8
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
-#: internal steps for which contacts out of reach are not looked at, where a string has this many contacts or more
-CULL_STEPS = 32
-CULL_FROM = 3
+#: contacts from which on it pays to certify that some are out of reach for a while
+CERTIFY_FROM = 3
 #: how fast the output's rest line follows a change of fret [s]
 BASE_S = 0.05
 
@@ -117,43 +127,94 @@ def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> No
 
 @njit(**CORE)
 def _steps(core: int, desk: int, s: int, steps: int) -> None:
+    """Internal steps of one string; its outputs go to Scratch.out, a row of `steps` for each."""
+    state = state_of(core)
+    me = state.sounding[s]
+    me.mode_steps += me.n * steps
+    blocks = 0 if me.phase != NO_FINGER else steps // BLOCK
+    if blocks > 0:
+        _in_blocks(core, desk, s, blocks, steps)
+    if blocks * BLOCK < steps:
+        _one_by_one(core, desk, s, blocks * BLOCK, steps)
+        me.certain = 0
+
+
+@njit(**CORE)
+def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
+    """The first blocks of `steps` steps, no finger on the string."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
     me = state.sounding[s]
     fixed = bank.strings[s]
     part = bank.parts[fixed.part]
     model = bank.models[me.model]
-    n, c, cap, off, coff = me.n, model.contacts, fixed.cap, fixed.off, fixed.coff
-    coef = state.coef[6 * off : 6 * off + 6 * cap].reshape(6, cap)
+    c, off, coff, cap = model.contacts, fixed.off, fixed.coff, model.cap
+    n = padded(me.n)
+    hold = settings.law == EXACT_HOLD
+    q, v = state.q[off : off + cap], state.v[off : off + cap]
+    rows, shapes = rows_of(core, s), shapes_of(core, s)
+    first, points = 1 - part.use_q, part.use_q + part.use_v
+    weights = weights_of(core, s, first, points)
+    out = scratch.out[: points * steps].reshape(points, steps)
+    if c == 0 or me.free:
+        fly_blocks(blocks, n, rows, q, v, weights, part.use_q, out)
+        return
+    eta, lags, out_lags = state.eta[coff : coff + c], lags_of(core, s), out_lags_of(core, s, first, points)
+    forces = scratch.forces[: c * BLOCK].reshape(c, BLOCK)
+    if c == 1 and hold:
+        press_blocks(
+            blocks, n, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out, scratch.block,
+            forces[0],
+        )  # fmt: skip
+        state.force[coff] = forces[0, BLOCK - 1]
+        return
+    u, vc = state.u[coff : coff + c], state.vc[coff : coff + c]
+    if not hold:
+        for k in range(c):
+            u[k] = dot(shapes[k], q)
+            vc[k] = dot(shapes[k], v)
+    certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
+    work = BlockWork(
+        scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near, state.looked[coff : coff + c],
+        state.until[coff : coff + c], state.margin[coff : coff + c], state.clock[s : s + 1], scratch.block_matrix,
+        scratch.b, scratch.z, scratch.a, scratch.order, scratch.enabled, scratch.active,
+        scratch.moved[: 2 * cap].reshape(2, cap),
+    )  # fmt: skip
+    if not me.certain:
+        forget(work)
+        me.certain = 1
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
+    record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
+    bad = advance_blocks(
+        blocks, settings.law, n, dt, settings.restitution, rows, bank.omega[model.off : model.off + me.n], shapes, eta, lags,
+        certified, q, v, u, vc, weights, part.use_q, out_lags, out, record, record[:0], work,
+    )  # fmt: skip
+    state.force[coff : coff + c] = record[blocks * BLOCK - 1]
+    if bad != 0:
+        me.unsolved += 1
+
+
+@njit(**CORE)
+def _one_by_one(core: int, desk: int, s: int, begin: int, end: int) -> None:
+    """Steps number `begin` to `end`, one at a time: under a finger, or what is left over of a block."""
+    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    model = bank.models[me.model]
+    n, c, off, coff = me.n, model.contacts, fixed.off, fixed.coff
+    steps = end - begin
     q, v = state.q[off : off + n], state.v[off : off + n]
-    wq, wv = bank.wq[model.off : model.off + n], bank.wv[model.off : model.off + n]
+    shapes = shapes_of(core, s)
+    points = part.use_q + part.use_v
+    out = scratch.out[: points * end].reshape(points, end)
+    weights = weights_of(core, s, 0, 2)
     fingered = me.phase != NO_FINGER
-    me.mode_steps += n * steps
-    if not fingered and (c == 0 or me.free):
-        advance_free(steps, coef, q, v, wq, wv, part.use_q, part.use_v, scratch.out_q, scratch.out_v)
-        return
-    eta = state.eta[coff : coff + c]
-    if not fingered and c == 1 and settings.law == EXACT_HOLD:
-        advance_one(
-            steps,
-            coef,
-            bank.shapes[model.soff : model.soff + n],
-            eta[0],
-            state.matrix[fixed.goff],
-            q,
-            v,
-            wq,
-            wv,
-            part.use_q,
-            part.use_v,
-            scratch.out_q,
-            scratch.out_v,
-        )
-        return
-    shapes = bank.shapes[model.soff : model.soff + c * model.n].reshape(c, model.n)
     u, vc = state.u[coff : coff + c], state.vc[coff : coff + c]
     for k in range(c):
         u[k] = dot(shapes[k], q)
         vc[k] = dot(shapes[k], v)
+        scratch.watch[k] = 0 if me.free else 1
+        scratch.active[k] = 1 if state.force[coff + k] > 0.0 else 0
     if fingered:
         first = me.finger_step
         for t in range(steps + 1):
@@ -180,54 +241,31 @@ def _steps(core: int, desk: int, s: int, steps: int) -> None:
         scratch.enabled[:c],
         scratch.active[:c],
     )
-    for k in range(c):
-        scratch.active[k] = 1 if state.force[coff + k] > 0.0 else 0
-    dt = 1.0 / (settings.rate_hz * fixed.factor)
-    matrix = state.matrix[fixed.goff : fixed.goff + c * c].reshape(c, c)
-    watch = state.watch[coff : coff + c]
-    omega = bank.omega[model.off : model.off + n]
-    culling = settings.economy and not fingered and settings.law == EXACT_HOLD and c >= CULL_FROM and me.bend == 0.0
-    near = scratch.near[:c] if culling else watch
-    out_q, out_v = scratch.out_q.reshape(-1, 1), scratch.out_v.reshape(-1, 1)
-    status = 0
-    done = 0
-    while done < steps:
-        part_steps = steps - done
-        if culling:
-            part_steps = min(part_steps, CULL_STEPS)
-            cull(shapes, eta, omega, q, v, part_steps * dt, watch, scratch.amplitude, near)
-        bad = advance(
-            settings.law,
-            part_steps,
-            dt,
-            settings.restitution,
-            coef,
-            shapes,
-            eta,
-            matrix,
-            q,
-            v,
-            u,
-            vc,
-            state.force[coff : coff + c],
-            finger,
-            near,
-            wq.reshape(1, n)[: part.use_q],
-            wv.reshape(1, n)[: part.use_v],
-            out_q[done:],
-            out_v[done:],
-            scratch.record,
-            scratch.record,
-            work,
-        )
-        if bad != 0:
-            status = bad
-        if culling:
-            for k in range(c):  # a contact that was certain to be out of reach is so no longer once any is touched
-                if near[k] and not watch[k]:
-                    watch[k] = 1
-        done += part_steps
-    if status != 0:
+    bad = advance(
+        settings.law,
+        steps,
+        1.0 / (settings.rate_hz * fixed.factor),
+        settings.restitution,
+        rows_of(core, s),
+        shapes,
+        state.eta[coff : coff + c],
+        matrix_of(core, s),
+        q,
+        v,
+        u,
+        vc,
+        state.force[coff : coff + c],
+        finger,
+        scratch.watch[:c],
+        weights[: part.use_q],
+        weights[2 - part.use_v :],
+        out[0, begin:].reshape(steps, 1),
+        out[points - 1, begin:].reshape(steps, 1),
+        scratch.record[:0],
+        scratch.record[:0],
+        work,
+    )
+    if bad != 0:
         me.unsolved += 1
 
 
@@ -238,13 +276,14 @@ def _collect(core: int, desk: int, s: int, steps: int, row) -> None:
     me = state.sounding[s]
     fixed = bank.strings[s]
     part = bank.parts[fixed.part]
+    out = scratch.out
     if part.use_q and part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
         for t in range(steps):
-            near = max(0.2, 1.0 + scratch.out_q[t] / part.pickup_distance)
-            row[t] = scratch.out_v[t] / (near * near * near)
+            near = max(0.2, 1.0 + out[t] / part.pickup_distance)
+            row[t] = out[steps + t] / (near * near * near)
     elif part.use_v:
         for t in range(steps):
-            row[t] = scratch.out_v[t]
+            row[t] = out[t]
     else:
         model = bank.models[me.model]
         rest = me.rest
@@ -252,7 +291,7 @@ def _collect(core: int, desk: int, s: int, steps: int, row) -> None:
         base = me.base
         for t in range(steps):
             base += follow * (rest - base)
-            row[t] = scratch.out_q[t] + model.line_output - base
+            row[t] = out[t] + model.line_output - base
         me.base = base
 
 
@@ -285,33 +324,25 @@ def _check(core: int, desk: int, s: int) -> None:
     if me.level < SLEEP_BELOW:
         sleep(core, s)
         return
-    if not settings.economy or me.bend != 0.0 or me.hand != 0.0 or settings.law != EXACT_HOLD:
-        return  # the amplitudes below are those of the model's own ω and σ, and of v = q̇
+    if not settings.economy or me.bend != 0.0 or settings.law != EXACT_HOLD:
+        return  # the amplitudes below are those of the model's own ω, and of v = q̇
     amplitude = scratch.amplitude[:n]
-    reachable = 0
-    known = False
-    for k in range(model.contacts):
-        gap = -state.eta[fixed.coff + k]
-        if gap <= 0.0:
-            reachable += 1
-            continue
-        if not known:
-            amplitudes(omega, sigma, q, v, amplitude)
-            known = True
-        shape = bank.shapes[model.soff + k * model.n : model.soff + k * model.n + n]
-        near = reach(shape, amplitude) >= 0.999 * gap
-        state.watch[fixed.coff + k] = 1 if near else 0
-        reachable += near
-    me.free = 1 if reachable == 0 else 0
-    if me.free:
-        if not known:
-            amplitudes(omega, sigma, q, v, amplitude)
-        while n > 1:
-            j = n - 1
-            heard = (abs(bank.wq[m_off + j]) + abs(bank.wv[m_off + j]) * omega[j]) * amplitude[j]
-            if heard >= PRUNE_BELOW:
-                break
-            q[j] = 0.0
-            v[j] = 0.0
-            n -= 1
-        me.n = n
+    for j in range(n):
+        scratch.sigma[j] = sigma[j] + me.hand
+    amplitudes(omega, scratch.sigma[:n], q, v, amplitude)
+    if not me.free:
+        shapes = shapes_of(core, s)
+        me.free = 1
+        for k in range(model.contacts):
+            if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:
+                me.free = 0
+                return
+    while n > 1:
+        j = n - 1
+        heard = (abs(bank.weights[2 * m_off + j]) + abs(bank.weights[2 * m_off + model.cap + j]) * omega[j]) * amplitude[j]
+        if heard >= PRUNE_BELOW:
+            break
+        q[j] = 0.0
+        v[j] = 0.0
+        n -= 1
+    me.n = n

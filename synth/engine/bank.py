@@ -8,20 +8,38 @@ from typing import Any
 
 import numpy as np
 
-from synth.compile import CompiledPart
+from synth.compile import CompiledPart, Position
 from synth.dsp.body import body_coefficients
 from synth.dsp.decimator import design
 from synth.dsp.limiter import limiter_state
 from synth.engine import layout
 from synth.engine.events import EVENT
-from synth.engine.layout import LANES, LINE, N_TASK, QUANTUM, SPAN, SPAN_STEPS, WORK_ON, Bank, Scratch, Shared, State
+from synth.engine.layout import (
+    LINE,
+    LINE_F8,
+    N_TASK,
+    QUANTUM,
+    RESPONSE,
+    SPAN,
+    SPAN_STEPS,
+    WORK_ON,
+    Bank,
+    Scratch,
+    Shared,
+    State,
+)
 from synth.engine.team import N_WORDS
+from synth.solver.blocks import make_lags, make_rows, padded_rows
+from synth.solver.lanes import BLOCK, ROWS, padded
+from synth.solver.laws import EXACT_HOLD
 from synth.units import db_to_gain
 
 PENDING_EVENTS = 1 << 14
 
 
-def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float) -> Bank:
+def build_bank(
+    parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float, law: int
+) -> Bank:
     """The Bank of these parts, part p played by MIDI channel channels[p]."""
     models: list[tuple] = []
     strings: list[tuple] = []
@@ -29,7 +47,20 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
     part_rows: list[tuple] = []
     buses: list[tuple] = []
     flat: dict[str, list[np.ndarray]] = {
-        name: [] for name in ("omega", "sigma", "coef", "shapes", "eta", "residual", "matrix", "wq", "wv", "q_rest")
+        name: []
+        for name in (
+            "omega",
+            "sigma",
+            "rows",
+            "shapes",
+            "eta",
+            "residual",
+            "matrix",
+            "lags",
+            "out_lags",
+            "weights",
+            "q_rest",
+        )
     }
     bodies: list[np.ndarray] = []
     taps: list[np.ndarray] = []
@@ -54,7 +85,7 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                 buses.append((p, factor, place, size, line))
                 line += _padded(size + span * QUANTUM * factor)
             index = len(strings)
-            cap = _padded(max(position.omega.size for position in string.positions))
+            cap = padded(max(position.omega.size for position in string.positions))
             cmax = max(position.eta.size for position in string.positions)
             strings.append(
                 (
@@ -81,6 +112,7 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
             s_goff += cmax * cmax
             for position in string.positions:
                 n, c = position.omega.size, position.eta.size
+                n_cap = padded(n)
                 positions.append((p, index, position.note, position.fret, len(models)))
                 bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
                 if preset.output.kind in ("velocity", "pickup"):
@@ -95,6 +127,7 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                         n,
                         position.own,
                         c,
+                        n_cap,
                         off,
                         soff,
                         coff,
@@ -110,20 +143,9 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                         lift,
                     )
                 )
-                off, soff, coff, goff = off + n, soff + n * c, coff + c, goff + c * c
-                for name in (
-                    "omega",
-                    "sigma",
-                    "coef",
-                    "shapes",
-                    "eta",
-                    "residual",
-                    "matrix",
-                    "wq",
-                    "wv",
-                    "q_rest",
-                ):
-                    flat[name].append(getattr(position, name).ravel())
+                off, soff, coff, goff = off + n_cap, soff + n_cap * c, coff + c, goff + c * c
+                for name, array in _model_arrays(position, law).items():
+                    flat[name].append(array.ravel())
         pluck, output = preset.pluck, preset.output
         hard = pluck.position if pluck.position_hard is None else pluck.position_hard
         width_hard = pluck.width_mm if pluck.width_hard_mm is None else pluck.width_hard_mm
@@ -161,7 +183,9 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
         body_off += n_body
 
     def join(arrays: list[np.ndarray]) -> np.ndarray:
-        return np.ascontiguousarray(np.concatenate(arrays)) if arrays else np.zeros(0)
+        whole = aligned(sum(array.size for array in arrays))
+        np.concatenate([np.zeros(0), *arrays], out=whole)
+        return whole
 
     return Bank(
         np.array(models, layout.MODEL),
@@ -185,9 +209,34 @@ def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
     return out
 
 
+def _model_arrays(position: Position, law: int) -> dict[str, np.ndarray]:
+    """A model's arrays of the Bank."""
+    n = padded(position.omega.size)
+    rows = make_rows(position.coef)
+    shapes = padded_rows(position.shapes, n)
+    weights = padded_rows(np.array([position.wq, position.wv]), n)
+    omega = padded_rows(position.omega, n)
+    omega[position.omega.size :] = 1.0  # divided by
+    lags = make_lags(law != EXACT_HOLD, rows, shapes, shapes, position.matrix)
+    out_lags = np.concatenate([make_lags(k == 1, rows, shapes, weights[k : k + 1]) for k in range(2)])
+    return {
+        "omega": omega,
+        "sigma": padded_rows(position.sigma, n),
+        "rows": rows,
+        "shapes": shapes,
+        "eta": position.eta,
+        "residual": position.residual,
+        "matrix": position.matrix,
+        "lags": lags,
+        "out_lags": out_lags,
+        "weights": weights,
+        "q_rest": padded_rows(position.q_rest, n),
+    }
+
+
 def _padded(count: int) -> int:
-    """The next multiple of LANES."""
-    return -(-count // LANES) * LANES
+    """The next multiple of a cache line's numbers."""
+    return -(-count // LINE_F8) * LINE_F8
 
 
 def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
@@ -232,13 +281,18 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         parameters.copy(),
         aligned(modes),
         aligned(modes),
-        aligned(6 * modes),
+        aligned(ROWS * modes),
         aligned(squares),
+        aligned(RESPONSE * squares),
+        aligned(2 * RESPONSE * contacts),
         aligned(contacts),
         aligned(contacts),
         aligned(contacts),
         aligned(contacts),
         aligned(contacts, np.uint8),
+        aligned(contacts, np.int64),
+        aligned(contacts),
+        aligned(n_strings, np.int64),
         aligned(modes),
         aligned(contacts),
         aligned((n_strings, 2)),
@@ -280,14 +334,13 @@ def new_scratch(bank: Bank) -> Scratch:
     steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
     return Scratch(
         aligned(steps + 1),
-        aligned(steps),
-        aligned(steps),
+        aligned(2 * steps),
         aligned(modes),
         aligned(modes),
         aligned(modes),
         aligned(modes),
         aligned(modes),
-        aligned((0, 0)),
+        aligned((steps, widest)),
         aligned(widest),
         aligned(widest),
         aligned(widest),
@@ -297,4 +350,10 @@ def new_scratch(bank: Bank) -> Scratch:
         aligned(widest, np.uint8),
         aligned(widest, np.uint8),
         aligned(widest, np.uint8),
+        aligned(BLOCK),
+        aligned(widest * BLOCK),
+        aligned(widest * BLOCK),
+        aligned(widest * widest),
+        aligned(2 * modes),
+        aligned(widest, np.int64),
     )

@@ -6,9 +6,11 @@ import math
 
 from numba import njit
 
-from synth.engine.layout import CORE, NO_FINGER
+from synth.engine.layout import CORE, NO_FINGER, RESPONSE
 from synth.engine.views import bank_of, scratch_of, settings_of, state_of
+from synth.solver.blocks import fill_lags, fill_rows
 from synth.solver.kernels import finger_row
+from synth.solver.lanes import ROWS
 from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
 
 #: T60 of a stolen or silenced string, and of what a bend carries beyond half the internal rate [s]
@@ -16,51 +18,132 @@ CUT_S = 0.03
 LN_1000 = math.log(1000.0)
 
 
+@njit(inline="always")
+def rows_of(core: int, s: int):
+    """(ROWS, cap) coefficients of a string as it is now; see `lanes`."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    model = bank.models[me.model]
+    if me.altered:
+        own = ROWS * bank.strings[s].off
+        return state.rows[own : own + ROWS * model.cap].reshape(ROWS, model.cap)
+    return bank.rows[ROWS * model.off : ROWS * (model.off + model.cap)].reshape(ROWS, model.cap)
+
+
+@njit(inline="always")
+def shapes_of(core: int, s: int):
+    """(C, cap) mode shapes at the contacts."""
+    bank, state = bank_of(core), state_of(core)
+    model = bank.models[state.sounding[s].model]
+    return bank.shapes[model.soff : model.soff + model.contacts * model.cap].reshape(model.contacts, model.cap)
+
+
+@njit(inline="always")
+def matrix_of(core: int, s: int):
+    """(C, C) contact matrix of one step."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    model = bank.models[me.model]
+    c = model.contacts
+    if me.altered:
+        own = bank.strings[s].goff
+        return state.matrix[own : own + c * c].reshape(c, c)
+    return bank.matrix[model.goff : model.goff + c * c].reshape(c, c)
+
+
+@njit(inline="always")
+def lags_of(core: int, s: int):
+    """(C, C, 2K) responses of the contacts to each other over a block."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    model = bank.models[me.model]
+    c = model.contacts
+    if me.altered:
+        own = RESPONSE * bank.strings[s].goff
+        return state.lags[own : own + RESPONSE * c * c].reshape(c, c, RESPONSE)
+    return bank.lags[RESPONSE * model.goff : RESPONSE * (model.goff + c * c)].reshape(c, c, RESPONSE)
+
+
+@njit(inline="always")
+def out_lags_of(core: int, s: int, first: int, count: int):
+    """(count, C, 2K) responses to the contacts of the outputs from number `first` on: on q, on v."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    model = bank.models[me.model]
+    c = model.contacts
+    size = RESPONSE * c
+    if me.altered:
+        own = 2 * RESPONSE * bank.strings[s].coff + first * size
+        return state.out_lags[own : own + count * size].reshape(count, c, RESPONSE)
+    own = 2 * RESPONSE * model.coff + first * size
+    return bank.out_lags[own : own + count * size].reshape(count, c, RESPONSE)
+
+
+@njit(inline="always")
+def weights_of(core: int, s: int, first: int, count: int):
+    """(count, cap) weights of the outputs from number `first` on: on q, on v."""
+    bank, state = bank_of(core), state_of(core)
+    model = bank.models[state.sounding[s].model]
+    own = 2 * model.off + first * model.cap
+    return bank.weights[own : own + count * model.cap].reshape(count, model.cap)
+
+
 @njit(**CORE)
 def _set_coefficients(core: int, desk: int, s: int) -> None:
-    """Put the string's working coefficients, contact matrix and heights in line with model, hand, bend and height."""
+    """Put the string's working coefficients and heights in line with model, hand, bend and height."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    model = bank.models[me.model]
+    for k in range(model.contacts):
+        state.eta[fixed.coff + k] = bank.eta[model.coff + k] + me.height
+    me.free = 0
+    me.certain = 0
+    me.n = model.n
+    set_rest(core, me, model)
+    me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
+    if me.altered:
+        _alter(core, desk, s)
+
+
+@njit(**CORE)
+def _alter(core: int, desk: int, s: int) -> None:
+    """Coefficients of a string under a damping hand or a pitch bend."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
     me = state.sounding[s]
     fixed = bank.strings[s]
     model = bank.models[me.model]
-    n, c = model.n, model.contacts
-    cap, off, m_off = fixed.cap, fixed.off, model.off
-    for k in range(c):
-        state.eta[fixed.coff + k] = bank.eta[model.coff + k] + me.height
-        state.watch[fixed.coff + k] = 1
-    me.free = 0
-    set_rest(core, me, model)
-    bend_ratio = 1.0
-    if me.hand == 0.0 and me.bend == 0.0:
-        for row in range(6):
-            for j in range(n):
-                state.coef[6 * off + row * cap + j] = bank.coef[6 * m_off + row * n + j]
-        for k in range(c * c):
-            state.matrix[fixed.goff + k] = bank.matrix[model.goff + k]
-    else:
-        dt = 1.0 / (settings.rate_hz * fixed.factor)
-        # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
-        bend_ratio = 2.0 ** (me.bend / 12.0)
-        added = (bend_ratio * bend_ratio - 1.0) * bank.omega[m_off] * bank.omega[m_off]
-        for j in range(n):
-            w = bank.omega[m_off + j]
-            more = added * (j + 1.0) * (j + 1.0) if j < model.own else (bend_ratio * bend_ratio - 1.0) * w * w
-            scratch.omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
-            scratch.sigma[j] = bank.sigma[m_off + j] + me.hand
-            if scratch.omega[j] * dt > math.pi:  # bent above half the internal rate, where it would be heard mirrored
-                scratch.sigma[j] += LN_1000 / CUT_S
-        coef = state.coef[6 * off : 6 * off + 6 * cap].reshape(6, cap)
-        step_coefficients(settings.law, scratch.omega[:n], scratch.sigma[:n], model.mu, dt, coef)
-        if c > 0:
-            shapes = bank.shapes[model.soff : model.soff + c * n].reshape(c, n)
-            residual = bank.residual[model.goff : model.goff + c * c].reshape(c, c)
-            matrix = state.matrix[fixed.goff : fixed.goff + c * c].reshape(c, c)
-            contact_matrix(settings.law, coef, shapes, residual, matrix)
-            if settings.law == EXACT_HOLD:  # the residual compliance goes with 1/T
-                relief = 1.0 / (bend_ratio * bend_ratio) - 1.0
-                for a in range(c):
-                    for b in range(c):
-                        matrix[a, b] += relief * residual[a, b]
+    n, c, m_off = model.n, model.contacts, model.off
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
+    # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
+    bend_ratio = 2.0 ** (me.bend / 12.0)
+    added = (bend_ratio * bend_ratio - 1.0) * bank.omega[m_off] * bank.omega[m_off]
+    for j in range(n):
+        w = bank.omega[m_off + j]
+        more = added * (j + 1.0) * (j + 1.0) if j < model.own else (bend_ratio * bend_ratio - 1.0) * w * w
+        scratch.omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
+        scratch.sigma[j] = bank.sigma[m_off + j] + me.hand
+        if scratch.omega[j] * dt > math.pi:  # bent above half the internal rate, where it would be heard mirrored
+            scratch.sigma[j] += LN_1000 / CUT_S
+    rows = rows_of(core, s)
+    rows[:6, n:] = 0.0
+    step_coefficients(settings.law, scratch.omega[:n], scratch.sigma[:n], model.mu, dt, rows)
+    fill_rows(rows)
+    if c == 0:
+        return
+    shapes, matrix, lags = shapes_of(core, s), matrix_of(core, s), lags_of(core, s)
+    residual = bank.residual[model.goff : model.goff + c * c].reshape(c, c)
+    contact_matrix(settings.law, rows, shapes, residual, matrix)
+    if settings.law == EXACT_HOLD:  # the residual compliance goes with 1/T
+        relief = 1.0 / (bend_ratio * bend_ratio) - 1.0
+        for a in range(c):
+            for b in range(c):
+                matrix[a, b] += relief * residual[a, b]
+    q, v, spare = scratch.q[: model.cap], scratch.v[: model.cap], scratch.block
+    fill_lags(0 if settings.law == EXACT_HOLD else 1, rows, shapes, shapes, matrix, q, v, spare, lags)
+    none = matrix.reshape(-1)[:0].reshape(0, 0)
+    for k in range(2):
+        fill_lags(k, rows, shapes, weights_of(core, s, k, 1), none, q, v, spare, out_lags_of(core, s, k, 1))
 
 
 @njit(**CORE)
@@ -105,12 +188,10 @@ def _couple_finger(core: int, s: int) -> None:
     fixed = bank.strings[s]
     model = bank.models[me.model]
     n, c = model.n, model.contacts
-    coef = state.coef[6 * fixed.off : 6 * fixed.off + 6 * fixed.cap].reshape(6, fixed.cap)
-    shapes = bank.shapes[model.soff : model.soff + c * n].reshape(c, n)
     me.finger_own = finger_row(
         settings.law,
-        coef,
-        shapes,
+        rows_of(core, s),
+        shapes_of(core, s),
         state.finger_weights[fixed.off : fixed.off + n],
         state.finger_coupling[fixed.coff : fixed.coff + c],
     )

@@ -173,10 +173,11 @@ class Engine:
                 )
             compiled.append(cache[key])
         self.compiled = tuple(compiled)
-        self._bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz)
+        law = law_of(self.scheme)
+        self._bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz, law)
         polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
         self._settings = Settings(
-            law_of(self.scheme),
+            law,
             self.restitution,
             self.rate_hz,
             int(self.limiter),

@@ -1,7 +1,9 @@
 """Flat arrays that the native core works on: a Bank that never changes, a State that does.
 
-Offsets: modes of a model or string begin at `off`; its contact rows at `coff`, contact matrices at `goff`, mode shapes
-(C × N) at `soff`, coefficient rows (6 × N) at 6·off.
+Modes are padded with zeros to whole vectors (`lanes`): a model of n modes takes `cap`. Offsets: modes of a model or string
+begin at `off`, the two rows of output weights at 2·off, coefficient rows (`lanes.ROWS`) at ROWS·off; contact rows at `coff`,
+contact matrices at `goff`, responses over a block's steps at RESPONSE·goff (contacts) and 2·RESPONSE·coff (outputs); mode
+shapes (C × cap) at `soff`.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import numpy as np
 
 from synth.engine.events import EVENT
+from synth.solver.lanes import BLOCK
 
 #: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
 CORE: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -26,9 +29,11 @@ SPAN = 8
 SPAN_STEPS = 2048
 #: frames of output kept: a span, what is left of the quantum before it, the limiter's look-ahead
 RING = 512
-#: arrays are laid out on cache lines of so many bytes; rows of modes are whole lines [f8]
+#: arrays are laid out on cache lines of so many bytes, so many f8
 LINE = 64
-LANES = 8
+LINE_F8 = 8
+#: length of a response to a force during a block
+RESPONSE = 2 * BLOCK
 
 #: kinds of arrays: element type and number of dimensions
 F8 = Annotated[np.ndarray, np.dtype(np.float64), 1]
@@ -43,6 +48,7 @@ MODEL = np.dtype(
         ("n", "i8"),
         ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
+        ("cap", "i8"),
         ("off", "i8"),
         ("soff", "i8"),
         ("coff", "i8"),
@@ -127,13 +133,14 @@ class Bank(NamedTuple):
     program_map: I8x2  # (16, 128) part or −1
     omega: F8
     sigma: F8
-    coef: F8
+    rows: F8
     shapes: F8
     eta: F8
     residual: F8
     matrix: F8
-    wq: F8
-    wv: F8
+    lags: F8
+    out_lags: F8
+    weights: F8  # of the outputs on q and on v
     q_rest: F8
     taps: F8
     body: F8x2  # (3, resonances of all parts)
@@ -164,7 +171,9 @@ SOUNDING = np.dtype(
         ("awake", "i8"),
         ("model", "i8"),
         ("n", "i8"),
-        ("free", "i8"),
+        ("free", "i8"),  # nothing can be touched before new input
+        ("certain", "i8"),  # the certificates hold
+        ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
         ("channel", "i8"),
         ("held", "i8"),
@@ -250,13 +259,18 @@ class State(NamedTuple):
     parameters: F8x2  # (parts, N_PARAMETERS)
     q: F8
     v: F8
-    coef: F8
+    rows: F8
     matrix: F8
+    lags: F8
+    out_lags: F8
     eta: F8
     u: F8
     vc: F8
     force: F8
-    watch: U1
+    looked: U1  # certificates of the block kernel, see `blocks.BlockWork`
+    until: I8
+    margin: F8
+    clock: I8  # (strings,)
     finger_weights: F8
     finger_coupling: F8
     finger_state: F8x2  # (strings, 2)
@@ -302,14 +316,13 @@ class Scratch(NamedTuple):
     """Work arrays of one thread; they carry nothing from call to call."""
 
     path: F8
-    out_q: F8  # (steps of a quantum,)
-    out_v: F8
+    out: F8  # (2 · steps of a quantum,)
     omega: F8
     sigma: F8
     amplitude: F8
     q: F8
     v: F8
-    record: F8x2  # (0, 0)
+    record: F8x2  # (steps of a quantum, contacts)
     y: F8
     b: F8
     z: F8
@@ -318,7 +331,13 @@ class Scratch(NamedTuple):
     order: I8
     enabled: U1
     active: U1
-    near: U1
+    watch: U1
+    block: F8  # (K,)
+    forces: F8  # (contacts · K,)
+    block_u: F8
+    block_matrix: F8
+    moved: F8  # (2 · modes,)
+    near: I8
 
 
 def _fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:

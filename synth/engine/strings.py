@@ -79,8 +79,7 @@ def _set_finger(core: int, s: int, distance: float, width: float, seconds: float
     n = model.n
     me.n = n
     me.free = 0
-    for k in range(model.contacts):
-        state.watch[fixed.coff + k] = 1
+    me.certain = 0
     x = model.length - distance
     scale = math.sqrt(2.0 / model.length)
     for j in range(n):

@@ -21,13 +21,13 @@ from numba import njit
 
 from synth.dsp.denormals import enable_ftz
 from synth.engine.atomics import add, exchange_if, load, pause, receive, send, store
-from synth.engine.layout import CORE, LANES, WORK_ON
+from synth.engine.layout import CORE, LINE_F8, WORK_ON
 from synth.engine.views import call_back, shared_of
 
 #: places in Shared.team, a cache line apart: strings still to be taken; strings not done; workers that sleep; whether all
 #: are to end; and what does not change: workers, where to write to wake one
-LEFT, UNFINISHED, SLEEPING, ENDING, WORKERS, WAKE = range(0, 6 * LANES, LANES)
-N_WORDS = 6 * LANES
+LEFT, UNFINISHED, SLEEPING, ENDING, WORKERS, WAKE = range(0, 6 * LINE_F8, LINE_F8)
+N_WORDS = 6 * LINE_F8
 #: how often a worker looks before it sleeps: about 50 µs on x86
 LOOKS = 1000
 #: mode-steps (some 0.3 ns each) below which nobody is woken or asked

@@ -222,7 +222,7 @@ def line(made) -> tuple[np.ndarray, np.ndarray, float]:
     xi = np.linspace(0.005, 0.4, 40)
     k = np.arange(1, q.size + 1) * math.pi / model["length"]
     shape = math.sqrt(2.0 / model["length"]) * np.sin(np.outer(model["length"] - xi, k))
-    weights = made._bank.wq[model["off"] : model["off"] + q.size]
+    weights = made._bank.weights[2 * model["off"] : 2 * model["off"] + q.size]
     return shape @ q + model["rest_height"] * xi / model["length"], shape @ v, float(weights @ q + model["line_output"])
 
 
