@@ -43,8 +43,10 @@ from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.vectors import FAST, dot
 
-#: a mode leaves free flight for good when its largest possible output is below this (−160 dBFS)
+#: a mode is put to rest when its largest possible output is below this (−160 dBFS)
 PRUNE_BELOW = 1e-8
+#: …and, where it may be moved by a contact again, when it moves no point of the string further than this [m]
+PRUNE_WITHIN_M = 1e-9
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
 #: contacts from which on it pays to certify that some are out of reach for a while
@@ -130,13 +132,16 @@ def _steps(core: int, desk: int, s: int, steps: int) -> None:
     """Internal steps of one string; its outputs go to Scratch.out, a row of `steps` for each."""
     state = state_of(core)
     me = state.sounding[s]
-    me.mode_steps += me.n * steps
+    moved = me.n
     blocks = 0 if me.phase != NO_FINGER else steps // BLOCK
     if blocks > 0:
         _in_blocks(core, desk, s, blocks, steps)
     if blocks * BLOCK < steps:
+        if not me.free:
+            me.n = bank_of(core).models[me.model].n
         _one_by_one(core, desk, s, blocks * BLOCK, steps)
         me.certain = 0
+    me.mode_steps += max(moved, me.n) * steps
 
 
 @njit(**CORE)
@@ -148,7 +153,6 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     part = bank.parts[fixed.part]
     model = bank.models[me.model]
     c, off, coff, cap = model.contacts, fixed.off, fixed.coff, model.cap
-    n = padded(me.n)
     hold = settings.law == EXACT_HOLD
     q, v = state.q[off : off + cap], state.v[off : off + cap]
     rows, shapes = rows_of(core, s), shapes_of(core, s)
@@ -156,13 +160,13 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     weights = weights_of(core, s, first, points)
     out = scratch.out[: points * steps].reshape(points, steps)
     if c == 0 or me.free:
-        fly_blocks(blocks, n, rows, q, v, weights, part.use_q, out)
+        fly_blocks(blocks, padded(me.n), rows, q, v, weights, part.use_q, out)
         return
     eta, lags, out_lags = state.eta[coff : coff + c], lags_of(core, s), out_lags_of(core, s, first, points)
     forces = scratch.forces[: c * BLOCK].reshape(c, BLOCK)
     if c == 1 and hold:
         press_blocks(
-            blocks, n, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out, scratch.block,
+            blocks, cap, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out, scratch.block,
             forces[0],
         )  # fmt: skip
         state.force[coff] = forces[0, BLOCK - 1]
@@ -175,20 +179,22 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
     work = BlockWork(
         scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near, state.looked[coff : coff + c],
-        state.until[coff : coff + c], state.margin[coff : coff + c], state.clock[s : s + 1], scratch.block_matrix,
+        state.until[coff : coff + c], state.margin[coff : coff + c], state.clock[s : s + 1], state.moving[s : s + 1], scratch.block_matrix,
         scratch.b, scratch.z, scratch.a, scratch.order, scratch.enabled, scratch.active,
         scratch.moved[: 2 * cap].reshape(2, cap),
     )  # fmt: skip
+    state.moving[s] = padded(me.n)
     if not me.certain:
         forget(work)
         me.certain = 1
     dt = 1.0 / (settings.rate_hz * fixed.factor)
     record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
     bad = advance_blocks(
-        blocks, settings.law, n, dt, settings.restitution, rows, bank.omega[model.off : model.off + me.n], shapes, eta, lags,
+        blocks, settings.law, cap, dt, settings.restitution, rows, bank.omega[model.off : model.off + cap], shapes, eta, lags,
         certified, q, v, u, vc, weights, part.use_q, out_lags, out, record, record[:0], work,
     )  # fmt: skip
     state.force[coff : coff + c] = record[blocks * BLOCK - 1]
+    me.n = min(model.n, state.moving[s])
     if bad != 0:
         me.unsolved += 1
 
@@ -336,11 +342,13 @@ def _check(core: int, desk: int, s: int) -> None:
         for k in range(model.contacts):
             if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:
                 me.free = 0
-                return
+        if me.free == 0 and model.contacts == 1:
+            return  # touched again and again, and all modes with it
+    peak = math.sqrt(2.0 / model.length)  # of a mode shape
     while n > 1:
         j = n - 1
         heard = (abs(bank.weights[2 * m_off + j]) + abs(bank.weights[2 * m_off + model.cap + j]) * omega[j]) * amplitude[j]
-        if heard >= PRUNE_BELOW:
+        if heard >= PRUNE_BELOW or (me.free == 0 and peak * amplitude[j] >= PRUNE_WITHIN_M):
             break
         q[j] = 0.0
         v[j] = 0.0

@@ -293,6 +293,7 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         aligned(contacts, np.int64),
         aligned(contacts),
         aligned(n_strings, np.int64),
+        aligned(n_strings, np.int64),
         aligned(modes),
         aligned(contacts),
         aligned((n_strings, 2)),

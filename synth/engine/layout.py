@@ -271,6 +271,7 @@ class State(NamedTuple):
     until: I8
     margin: F8
     clock: I8  # (strings,)
+    moving: I8  # (strings,)
     finger_weights: F8
     finger_coupling: F8
     finger_state: F8x2  # (strings, 2)
