@@ -250,10 +250,14 @@ def _collect(core: int, desk: int, s: int, steps: int, row) -> None:
         rest = me.rest
         follow = 1.0 / (BASE_S * settings.rate_hz * fixed.factor)
         base = me.base
-        for t in range(steps):
-            base += follow * (rest - base)
-            row[t] = scratch.out_q[t] + model.line_output - base
-        me.base = base
+        if base + follow * (rest - base) == base:
+            for t in range(steps):
+                row[t] = scratch.out_q[t] + model.line_output - base
+        else:
+            for t in range(steps):
+                base += follow * (rest - base)
+                row[t] = scratch.out_q[t] + model.line_output - base
+            me.base = base
 
 
 @njit(fastmath=FAST, **CORE)
@@ -287,31 +291,46 @@ def _check(core: int, desk: int, s: int) -> None:
         return
     if not settings.economy or me.bend != 0.0 or me.hand != 0.0 or settings.law != EXACT_HOLD:
         return  # the amplitudes below are those of the model's own ω and σ, and of v = q̇
-    amplitude = scratch.amplitude[:n]
-    reachable = 0
-    known = False
-    for k in range(model.contacts):
-        gap = -state.eta[fixed.coff + k]
-        if gap <= 0.0:
-            reachable += 1
-            continue
-        if not known:
-            amplitudes(omega, sigma, q, v, amplitude)
-            known = True
-        shape = bank.shapes[model.soff + k * model.n : model.soff + k * model.n + n]
-        near = reach(shape, amplitude) >= 0.999 * gap
-        state.watch[fixed.coff + k] = 1 if near else 0
-        reachable += near
-    me.free = 1 if reachable == 0 else 0
+    if not me.free:  # what is certain to be out of reach stays so until something touches the string
+        me.free = 1 if _nothing_in_reach(core, desk, s) else 0
     if me.free:
-        if not known:
-            amplitudes(omega, sigma, q, v, amplitude)
         while n > 1:
             j = n - 1
-            heard = (abs(bank.wq[m_off + j]) + abs(bank.wv[m_off + j]) * omega[j]) * amplitude[j]
+            amplitudes(omega[j:n], sigma[j:n], q[j:n], v[j:n], scratch.amplitude)
+            heard = (abs(bank.wq[m_off + j]) + abs(bank.wv[m_off + j]) * omega[j]) * scratch.amplitude[0]
             if heard >= PRUNE_BELOW:
                 break
             q[j] = 0.0
             v[j] = 0.0
             n -= 1
         me.n = n
+
+
+@njit(**CORE)
+def _nothing_in_reach(core: int, desk: int, s: int) -> bool:
+    """Whether free flight touches no contact any more; marks those that it may touch."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    model = bank.models[me.model]
+    n, off, m_off = me.n, fixed.off, model.off
+    amplitude = scratch_of(desk).amplitude[:n]
+    if model.contacts:
+        amplitudes(
+            bank.omega[m_off : m_off + n],
+            bank.sigma[m_off : m_off + n],
+            state.q[off : off + n],
+            state.v[off : off + n],
+            amplitude,
+        )
+    reachable = 0
+    for k in range(model.contacts):
+        gap = -state.eta[fixed.coff + k]
+        if gap <= 0.0:
+            reachable += 1
+            continue
+        shape = bank.shapes[model.soff + k * model.n : model.soff + k * model.n + n]
+        near = reach(shape, amplitude) >= 0.999 * gap
+        state.watch[fixed.coff + k] = 1 if near else 0
+        reachable += near
+    return reachable == 0
