@@ -178,10 +178,10 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
             vc[k] = dot(shapes[k], v)
     certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
     work = BlockWork(
-        scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near, state.looked[coff : coff + c],
-        state.until[coff : coff + c], state.margin[coff : coff + c], state.clock[s : s + 1], state.moving[s : s + 1], scratch.block_matrix,
-        scratch.b, scratch.z, scratch.a, scratch.order, scratch.enabled, scratch.active,
-        scratch.moved[: 2 * cap].reshape(2, cap),
+        scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near,
+        state.looked[coff : coff + c], state.until[coff : coff + c], state.margin[coff : coff + c],
+        state.clock[s : s + 1], state.moving[s : s + 1], scratch.block_matrix, scratch.b, scratch.z, scratch.a,
+        scratch.order, scratch.enabled, scratch.active, scratch.moved[: 2 * cap].reshape(2, cap),
     )  # fmt: skip
     state.moving[s] = padded(me.n)
     if not me.certain:
@@ -190,8 +190,8 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     dt = 1.0 / (settings.rate_hz * fixed.factor)
     record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
     bad = advance_blocks(
-        blocks, settings.law, cap, dt, settings.restitution, rows, bank.omega[model.off : model.off + cap], shapes, eta, lags,
-        certified, q, v, u, vc, weights, part.use_q, out_lags, out, record, record[:0], work,
+        blocks, settings.law, cap, dt, settings.restitution, rows, bank.omega[model.off : model.off + cap], shapes, eta,
+        lags, certified, q, v, u, vc, weights, part.use_q, out_lags, out, record, record[:0], work,
     )  # fmt: skip
     state.force[coff : coff + c] = record[blocks * BLOCK - 1]
     me.n = min(model.n, state.moving[s])
@@ -295,10 +295,14 @@ def _collect(core: int, desk: int, s: int, steps: int, row) -> None:
         rest = me.rest
         follow = 1.0 / (BASE_S * settings.rate_hz * fixed.factor)
         base = me.base
-        for t in range(steps):
-            base += follow * (rest - base)
-            row[t] = out[t] + model.line_output - base
-        me.base = base
+        if base + follow * (rest - base) == base:
+            for t in range(steps):
+                row[t] = out[t] + model.line_output - base
+        else:
+            for t in range(steps):
+                base += follow * (rest - base)
+                row[t] = out[t] + model.line_output - base
+            me.base = base
 
 
 @njit(fastmath=FAST, **CORE)
@@ -332,25 +336,44 @@ def _check(core: int, desk: int, s: int) -> None:
         return
     if not settings.economy or me.bend != 0.0 or settings.law != EXACT_HOLD:
         return  # the amplitudes below are those of the model's own ω, and of v = q̇
-    amplitude = scratch.amplitude[:n]
     for j in range(n):
         scratch.sigma[j] = sigma[j] + me.hand
-    amplitudes(omega, scratch.sigma[:n], q, v, amplitude)
-    if not me.free:
-        shapes = shapes_of(core, s)
-        me.free = 1
-        for k in range(model.contacts):
-            if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:
-                me.free = 0
+    sigma = scratch.sigma[:n]
+    amplitude = scratch.amplitude
+    if not me.free:  # what is certain to be out of reach stays so until something touches the string
+        me.free = 1 if _nothing_in_reach(core, desk, s) else 0
         if me.free == 0 and model.contacts == 1:
             return  # touched again and again, and all modes with it
     peak = math.sqrt(2.0 / model.length)  # of a mode shape
     while n > 1:
         j = n - 1
-        heard = (abs(bank.weights[2 * m_off + j]) + abs(bank.weights[2 * m_off + model.cap + j]) * omega[j]) * amplitude[j]
-        if heard >= PRUNE_BELOW or (me.free == 0 and peak * amplitude[j] >= PRUNE_WITHIN_M):
+        amplitudes(omega[j:n], sigma[j:n], q[j:n], v[j:n], amplitude)
+        heard = abs(bank.weights[2 * m_off + j]) + abs(bank.weights[2 * m_off + model.cap + j]) * omega[j]
+        if heard * amplitude[0] >= PRUNE_BELOW or (me.free == 0 and peak * amplitude[0] >= PRUNE_WITHIN_M):
             break
         q[j] = 0.0
         v[j] = 0.0
         n -= 1
     me.n = n
+
+
+@njit(**CORE)
+def _nothing_in_reach(core: int, desk: int, s: int) -> bool:
+    """Whether free flight, with Scratch.sigma, touches no contact any more."""
+    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    model = bank.models[me.model]
+    n, off, m_off = me.n, fixed.off, model.off
+    for k in range(model.contacts):
+        if state.eta[fixed.coff + k] >= 0.0:
+            return False
+    amplitude = scratch.amplitude[:n]
+    if model.contacts:
+        q, v = state.q[off : off + n], state.v[off : off + n]
+        amplitudes(bank.omega[m_off : m_off + n], scratch.sigma[:n], q, v, amplitude)
+    shapes = shapes_of(core, s)
+    for k in range(model.contacts):
+        if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:
+            return False
+    return True

@@ -1,4 +1,4 @@
-"""Words that threads share: atomic operations on int64 arrays, a pause for waiting loops, and bytes through a pipe.
+"""Words that threads share: atomic operations on int64 arrays, what waiting loops do, and tokens to sleep for.
 
 All operations on words are sequentially consistent. `array` is a one-dimensional contiguous int64 array, `i` an index
 inside it (it is not checked).
@@ -6,6 +6,7 @@ inside it (it is not checked).
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from llvmlite import ir
@@ -72,17 +73,26 @@ def _pause(typingctx):
     return types.void(), generate
 
 
-def _through_pipe(name: str) -> Any:
-    """read or write of one byte of the C library; True if it went through."""
+def _yield(typingctx):
+    def generate(context, builder, signature, arguments):
+        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_I32, []), "sched_yield")
+        builder.call(function, [])
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+def _transfer(name: str) -> Any:
+    """read or write of eight bytes, the number 1, with the C library; True if they went through."""
 
     def transfer(typingctx, descriptor):
         def generate(context, builder, signature, arguments):
             kind = ir.FunctionType(_I64, [_I32, _I8.as_pointer(), _I64])
             function = cgutils.get_or_insert_function(builder.module, kind, name)
-            byte = cgutils.alloca_once(builder, _I8)
-            builder.store(_I8(0), byte)
-            moved = builder.call(function, [builder.trunc(arguments[0], _I32), byte, _I64(1)])
-            return builder.icmp_signed("==", moved, _I64(1))
+            token = cgutils.alloca_once_value(builder, _I64(1))
+            pointer = builder.bitcast(token, _I8.as_pointer())
+            moved = builder.call(function, [builder.trunc(arguments[0], _I32), pointer, _I64(8)])
+            return builder.icmp_signed("==", moved, _I64(8))
 
         return types.boolean(types.int64), generate
 
@@ -99,6 +109,17 @@ add: Any = intrinsic(_add)
 exchange_if: Any = intrinsic(_exchange_if)
 #: tell the processor that this is a waiting loop
 pause: Any = intrinsic(_pause)
-#: wait for one byte from a pipe / put one in; whether it went through
-receive = _through_pipe("read")
-send = _through_pipe("write")
+#: let another thread have this processor, if one waits for it
+give_way: Any = intrinsic(_yield)
+#: wait for a token from a descriptor of `tokens` / put one in; whether it went through
+receive = _transfer("read")
+send = _transfer("write")
+
+
+def tokens() -> tuple[int, int]:
+    """Descriptors to receive tokens from and to send them to; they may be the same. For the caller to close."""
+    if hasattr(os, "eventfd"):
+        # whoever writes to a pipe is taken to sleep next, and the reader put on its processor, where it waits
+        descriptor = os.eventfd(0, os.EFD_SEMAPHORE | os.EFD_CLOEXEC)
+        return descriptor, descriptor
+    return os.pipe()

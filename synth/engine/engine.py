@@ -217,9 +217,10 @@ class Engine:
         wanted = cores() if self.threads == "auto" else int(self.threads)
         workers = min(wanted, bank.strings.size) - 1
         if workers > 0:
-            scratch = [new_scratch(bank) for _ in range(workers)]
-            keep = (bank, self._state, self._shared, scratch)
-            self._team = Team(self, self._core, self._shared.team, [table(each) for each in scratch], keep)
+            self._worker_scratch = [new_scratch(bank) for _ in range(workers)]
+            desks = [table(scratch) for scratch in self._worker_scratch]
+            keep = (bank, self._state, self._shared, self._worker_scratch)
+            self._team = Team(self, self._core, self._shared.team, desks, keep)
 
     def close(self) -> None:
         """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself."""

@@ -24,6 +24,7 @@ from synth.engine.layout import (
     FRAMES,
     HEIGHT,
     N_DROPPED,
+    NO_FINGER,
     NOW,
     PENDING,
     PRODUCED,
@@ -41,6 +42,8 @@ from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
 #: pitch bend and obstacle height follow their controls with this time constant [s]
 CONTROL_S = 0.01
+#: a step under a finger takes about so many times as long as one in flight
+FINGER_COST = 4
 
 
 @njit(cache=True, nogil=True)
@@ -136,7 +139,7 @@ def _produce(core: int, desk: int, end: int) -> None:
 
 @njit(**CORE)
 def _list_awake(core: int, frames: int) -> tuple[int, int]:
-    """Put the awake strings into Shared.queue; how many, and their mode-steps over so many frames."""
+    """Put the awake strings into Shared.queue; how many, and about how many mode-steps over so many frames."""
     bank, state, shared = bank_of(core), state_of(core), shared_of(core)
     count = 0
     mode_steps = 0
@@ -144,7 +147,8 @@ def _list_awake(core: int, frames: int) -> tuple[int, int]:
         if state.sounding[s].awake:
             shared.queue[count] = s
             count += 1
-            mode_steps += state.sounding[s].n * bank.strings[s].factor * frames
+            cost = 1 if state.sounding[s].phase == NO_FINGER else FINGER_COST
+            mode_steps += cost * state.sounding[s].n * bank.strings[s].factor * frames
     return count, mode_steps
 
 

@@ -2,8 +2,8 @@
 
 Work is a list of strings of which every thread takes the next (a counter that runs down). The caller takes part; once
 nothing is left to take it waits only for strings that another thread has in hand. A worker that finds nothing to do looks
-again for some tens of µs and then sleeps in a read from a pipe. To wake it the caller writes a byte, and then does not
-wait for it either: who comes too late finds nothing left.
+again for some tens of µs and then sleeps until it gets a token. The caller sends one and does not wait for it either: who
+comes too late finds nothing left.
 
 Which thread computes a string changes no bit: each has a row of its own, and rows are added up in order.
 """
@@ -11,6 +11,7 @@ Which thread computes a string changes no bit: each has a row of its own, and ro
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import weakref
 from collections.abc import Sequence
@@ -20,12 +21,12 @@ import numpy as np
 from numba import njit
 
 from synth.dsp.denormals import enable_ftz
-from synth.engine.atomics import add, exchange_if, load, pause, receive, send, store
+from synth.engine.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
 from synth.engine.layout import CORE, LINE_F8, WORK_ON
 from synth.engine.views import call_back, shared_of
 
 #: places in Shared.team, a cache line apart: strings still to be taken; strings not done; workers that sleep; whether all
-#: are to end; and what does not change: workers, where to write to wake one
+#: are to end; and what does not change: workers, where to send tokens to
 LEFT, UNFINISHED, SLEEPING, ENDING, WORKERS, WAKE = range(0, 6 * LINE_F8, LINE_F8)
 N_WORDS = 6 * LINE_F8
 #: how often a worker looks before it sleeps: about 50 µs on x86
@@ -33,6 +34,7 @@ LOOKS = 1000
 #: mode-steps (some 0.3 ns each) below which nobody is woken or asked
 WORTH_WAKING = 100_000
 WORTH_SHARING = 10_000
+TOKEN = (1).to_bytes(8, sys.byteorder)
 
 
 @njit(**CORE)
@@ -64,8 +66,13 @@ def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
     rouse(core, count, mode_steps)
     while _take(core, desk):
         pass
+    looks = 0
     while load(words, UNFINISHED) > 0:
         pause()
+        looks += 1
+        if looks >= LOOKS:  # the thread that has it in hand may be waiting for this very processor
+            give_way()
+            looks = 0
 
 
 @njit(**CORE)
@@ -128,7 +135,7 @@ class Team:
 
     def __init__(self, owner: Any, core: np.ndarray, words: np.ndarray, desks: Sequence[np.ndarray], keep: Any) -> None:
         _attend.compile("void(int64, int64, int64)")
-        asleep, wake = os.pipe()
+        asleep, wake = tokens()
         words[:] = 0
         words[WAKE] = wake
         threads: list[threading.Thread] = []
@@ -149,12 +156,15 @@ class Team:
         self._end()
 
 
-def _end(process_id: int, threads: list[threading.Thread], words: np.ndarray, pipe: tuple[int, int], keep: Any) -> None:
-    if os.getpid() == process_id:  # threads do not survive a fork, and the pipe is the parent's
+def _end(
+    process_id: int, threads: list[threading.Thread], words: np.ndarray, descriptors: tuple[int, int], keep: Any
+) -> None:
+    if os.getpid() == process_id:  # threads do not survive a fork, and the tokens are the parent's
         words[WORKERS] = 0
         words[ENDING] = 1
-        os.write(pipe[1], bytes(len(threads)))
+        for _ in threads:
+            os.write(descriptors[1], TOKEN)
         for thread in threads:
             thread.join()
-    for descriptor in pipe:
+    for descriptor in set(descriptors):
         os.close(descriptor)

@@ -498,12 +498,12 @@ def advance_blocks(
 ) -> int:  # fmt: skip
     """Blocks of K steps of any law over any number of contacts C. Returns a status of `lcp`.
 
-    n = padded(N), of which work.moving move; rows (ROWS, n); omega (N,); shapes (C, n); eta (C,); lags (C, C, 2K) from `make_lags` (of velocities for
-    Moreau–Jean); certified: whether contacts out of reach may be passed over (exact-hold; `forget` after any change from
-    outside); q, v (n,) in place; u_contact, v_contact (C,) position and velocity of the contacts, in and out, Moreau–Jean
-    only; weights (P, n), on_q of them on displacements, and out_lags (P, C, 2K), out (P, ≥ blocks·K) the outputs after
-    every step; rec_force (blocks·K, C) contact unknowns; rec_u (blocks·K, C) displacements of the contacts after each
-    step, where certified is 0, or empty.
+    n = padded(N), of which work.moving move; rows (ROWS, n); omega (N,); shapes (C, n); eta (C,); lags (C, C, 2K) from
+    `make_lags` (of velocities for Moreau–Jean); certified: whether contacts out of reach may be passed over (exact-hold;
+    `forget` after any change from outside); q, v (n,) in place; u_contact, v_contact (C,) position and velocity of the
+    contacts, in and out, Moreau–Jean only; weights (P, n), on_q of them on displacements, and out_lags (P, C, 2K), out (P,
+    ≥ blocks·K) the outputs after every step; rec_force (blocks·K, C) contact unknowns; rec_u (blocks·K, C) displacements of
+    the contacts after each step, where certified is 0, or empty.
     """
     contacts = eta.size
     hold = law == EXACT_HOLD
