@@ -107,6 +107,10 @@ def _tail(text: str) -> float | str:
     return text if text == "auto" else _number(float, 0, 3600, " s (or auto)")(text)
 
 
+def _threads(text: str) -> int | str:
+    return text if text == "auto" else int(_number(int, 1, 256, " (or auto)")(text))
+
+
 def _setting(text: str) -> tuple[str | None, str, str]:
     key, equals, value = text.partition("=")
     only, colon, rest = key.rpartition(":")
@@ -229,6 +233,13 @@ def _add_render(commands: Any) -> None:
         help="frames per block (no effect on the sound)",
     )
     how.add_argument(
+        "--threads",
+        type=_threads,
+        default="auto",
+        metavar="N",
+        help="how many compute, or auto (default): one per processor (no effect on the sound)",
+    )
+    how.add_argument(
         "--seed",
         type=_number(int, 0, 2**32 - 1),
         default=0,
@@ -287,6 +298,7 @@ def _render(options: argparse.Namespace) -> int:
         settings=options.settings,
         rate_hz=options.rate,
         block=options.block,
+        threads=options.threads,
         quality=options.quality,
         scheme=options.scheme,
         restitution=0.0 if options.restitution is None else options.restitution,

@@ -90,6 +90,9 @@ WRONG = [
     (["render", DRONE, "-o", "x.wav", "-r", "22050"], "44100, 48000, 88200, 96000 Hz, got '22050'"),
     (["render", DRONE, "-o", "x.wav", "--block", "0"], "from 1 to 4096, got '0'"),
     (["render", DRONE, "-o", "x.wav", "--block", "64.5"], "whole number"),
+    (["render", DRONE, "-o", "x.wav", "--threads", "0"], "from 1 to 256 (or auto), got '0'"),
+    (["render", DRONE, "-o", "x.wav", "--threads", "many"], "whole number"),
+    (["render", DRONE, "-o", "x.wav", "--threads", "1.5"], "whole number"),
     (["render", DRONE, "-o", "x.wav", "--quality", "good"], "invalid choice: 'good'"),
     (["render", DRONE, "-o", "x.wav", "--scheme", "euler"], "invalid choice: 'euler'"),
     (["render", DRONE, "-o", "x.wav", "--restitution", "0.5"], "belongs to the Moreau–Jean schemes"),
@@ -205,9 +208,11 @@ def test_a_render_by_the_real_engine(rendered) -> None:
     assert 0.01 < np.abs(sound).max() < 1.0
 
 
-def test_the_block_size_does_not_show_in_the_file(rendered, tmp_path) -> None:
+def test_block_size_and_threads_do_not_show_in_the_file(rendered, tmp_path) -> None:
     song = str(rendered / "song.mid")
-    done = synth("render", song, "-o", "other.wav", "--tail", "0.25", "--block", "37", "--quiet", cwd=tmp_path)
+    done = synth(
+        "render", song, "-o", "other.wav", "--tail", "0.25", "--block", "37", "--threads", "3", "--quiet", cwd=tmp_path
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "other.wav").read_bytes() == (rendered / "song.wav").read_bytes()
 

@@ -100,6 +100,23 @@ def _dot(taps, segment):
 
 
 @njit(cache=True, nogil=True)
+def decimate_line(taps, factor, line, out):
+    """Outputs of a stream that lies in one piece: out[i] = Σ_k taps[k]·line[i·factor + k].
+
+    line : (at least (n − 1)·factor + len(taps),) inputs, the first len(taps) − 1 of them from before.
+    out : (n,) outputs, overwritten.
+    """
+    if factor == 1:  # the one tap that is not zero
+        middle = taps.size // 2
+        for i in range(out.size):
+            out[i] = taps[middle] * line[i + middle]
+        return
+    for i in range(out.size):
+        # Slicing first spares the inner loop numba's wrap-around test of every index.
+        out[i] = _dot(taps, line[i * factor : i * factor + taps.size])
+
+
+@njit(cache=True, nogil=True)
 def decimate(taps, factor, history, x, work, out):
     """Filter the next block of a stream and keep every ``factor``-th sample.
 
@@ -133,9 +150,7 @@ def decimate(taps, factor, history, x, work, out):
             work[i] = history[i]
         for i in range(fresh):
             work[past + i] = x[start + i]
-        for i in range(count):
-            # Slicing first spares the inner loop numba's wrap-around test of every index.
-            out[done + i] = _dot(taps, work[i * factor : i * factor + past + 1])
+        decimate_line(taps, factor, work[: fresh + past], out[done : done + count])
         for i in range(past):
             history[i] = work[fresh + i]
         done += count

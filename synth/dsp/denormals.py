@@ -32,7 +32,7 @@ _I32 = ir.IntType(32)
 _I64 = ir.IntType(64)
 
 
-def _machine() -> str:
+def machine() -> str:
     """'x86', 'aarch64' or '' for the processor that jitted code of this process runs on."""
     name = llvmlite.binding.get_process_triple().split("-", 1)[0].lower()
     if name in ("x86_64", "amd64", "i386", "i486", "i586", "i686"):
@@ -58,12 +58,12 @@ def _read_control(typingctx):
     """The floating-point control register of this thread, as int64."""
 
     def generate(context, builder, signature, arguments):
-        machine = _machine()
-        if machine == "x86":
+        kind = machine()
+        if kind == "x86":
             slot = builder.alloca(_I32)
             _mxcsr_access(builder, "llvm.x86.sse.stmxcsr", slot)
             return builder.zext(builder.load(slot), _I64)
-        if machine == "aarch64":
+        if kind == "aarch64":
             return builder.call(_declare(builder, "llvm.aarch64.get.fpcr", _I64, []), [])
         return _I64(0)
 
@@ -73,12 +73,12 @@ def _read_control(typingctx):
 @intrinsic
 def _write_control(typingctx, value):
     def generate(context, builder, signature, arguments):
-        machine = _machine()
-        if machine == "x86":
+        kind = machine()
+        if kind == "x86":
             slot = builder.alloca(_I32)
             builder.store(builder.trunc(arguments[0], _I32), slot)
             _mxcsr_access(builder, "llvm.x86.sse.ldmxcsr", slot)
-        elif machine == "aarch64":
+        elif kind == "aarch64":
             builder.call(_declare(builder, "llvm.aarch64.set.fpcr", ir.VoidType(), [_I64]), [arguments[0]])
         return context.get_dummy_value()
 
@@ -87,7 +87,7 @@ def _write_control(typingctx, value):
 
 # Without the JIT (NUMBA_DISABLE_JIT) the intrinsics cannot run either.
 _JIT_DISABLED = config.DISABLE_JIT  # type: ignore[attr-defined]
-_FLUSH_BITS = 0 if _JIT_DISABLED else {"x86": _MXCSR_FTZ_DAZ, "aarch64": _FPCR_FZ}.get(_machine(), 0)
+_FLUSH_BITS = 0 if _JIT_DISABLED else {"x86": _MXCSR_FTZ_DAZ, "aarch64": _FPCR_FZ}.get(machine(), 0)
 
 SUPPORTED = _FLUSH_BITS != 0
 """Whether :func:`enable_ftz` has an effect on this processor and in this process."""

@@ -4,22 +4,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from synth.compile import CompiledPart
+from synth.compile import CompiledPart, Position
 from synth.dsp.body import body_coefficients
-from synth.dsp.decimator import MAXIMUM_FACTOR, design, workspace
+from synth.dsp.decimator import design
 from synth.dsp.limiter import limiter_state
 from synth.engine import layout
 from synth.engine.events import EVENT
-from synth.engine.layout import Bank, Scratch, State
+from synth.engine.layout import (
+    LINE,
+    LINE_F8,
+    N_TASK,
+    QUANTUM,
+    RESPONSE,
+    SPAN,
+    SPAN_STEPS,
+    WORK_ON,
+    Bank,
+    Scratch,
+    Shared,
+    State,
+)
+from synth.engine.team import N_WORDS
+from synth.solver.blocks import make_lags, make_rows, padded_rows
+from synth.solver.lanes import BLOCK, ROWS, padded
+from synth.solver.laws import EXACT_HOLD
 from synth.units import db_to_gain
 
 PENDING_EVENTS = 1 << 14
 
 
-def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float) -> Bank:
+def build_bank(
+    parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float, law: int
+) -> Bank:
     """The Bank of these parts, part p played by MIDI channel channels[p]."""
     models: list[tuple] = []
     strings: list[tuple] = []
@@ -27,15 +47,29 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
     part_rows: list[tuple] = []
     buses: list[tuple] = []
     flat: dict[str, list[np.ndarray]] = {
-        name: [] for name in ("omega", "sigma", "coef", "shapes", "eta", "residual", "matrix", "wq", "wv", "q_rest")
+        name: []
+        for name in (
+            "omega",
+            "sigma",
+            "rows",
+            "shapes",
+            "eta",
+            "residual",
+            "matrix",
+            "lags",
+            "out_lags",
+            "weights",
+            "q_rest",
+        )
     }
     bodies: list[np.ndarray] = []
     taps: list[np.ndarray] = []
     tap_places: dict[int, tuple[int, int]] = {}
     off = soff = coff = goff = 0
     s_off = s_coff = s_goff = 0
-    history = 0
+    line = row = 0
     body_off = 0
+    span = span_quanta(parts)
     for p, part in enumerate(parts):
         preset = part.preset
         first_position, first_bus = len(positions), len(buses)
@@ -48,10 +82,10 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                     taps.append(design(rate_hz, factor))
                 place, size = tap_places[factor]
                 bus_of[factor] = len(buses)
-                buses.append((p, factor, place, size, history))
-                history += size - 1
+                buses.append((p, factor, place, size, line))
+                line += _padded(size + span * QUANTUM * factor)
             index = len(strings)
-            cap = max(position.omega.size for position in string.positions)
+            cap = padded(max(position.omega.size for position in string.positions))
             cmax = max(position.eta.size for position in string.positions)
             strings.append(
                 (
@@ -69,13 +103,16 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                     string.impedance_kg_s,
                     string.draw_s,
                     string.release_s,
+                    row,
                 )
             )
+            row += _padded(span * QUANTUM * factor)
             s_off += cap
-            s_coff += cmax
+            s_coff += _padded(cmax)
             s_goff += cmax * cmax
             for position in string.positions:
                 n, c = position.omega.size, position.eta.size
+                n_cap = padded(n)
                 positions.append((p, index, position.note, position.fret, len(models)))
                 bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
                 if preset.output.kind in ("velocity", "pickup"):
@@ -90,6 +127,7 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                         n,
                         position.own,
                         c,
+                        n_cap,
                         off,
                         soff,
                         coff,
@@ -105,20 +143,9 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
                         lift,
                     )
                 )
-                off, soff, coff, goff = off + n, soff + n * c, coff + c, goff + c * c
-                for name in (
-                    "omega",
-                    "sigma",
-                    "coef",
-                    "shapes",
-                    "eta",
-                    "residual",
-                    "matrix",
-                    "wq",
-                    "wv",
-                    "q_rest",
-                ):
-                    flat[name].append(getattr(position, name).ravel())
+                off, soff, coff, goff = off + n_cap, soff + n_cap * c, coff + c, goff + c * c
+                for name, array in _model_arrays(position, law).items():
+                    flat[name].append(array.ravel())
         pluck, output = preset.pluck, preset.output
         hard = pluck.position if pluck.position_hard is None else pluck.position_hard
         width_hard = pluck.width_mm if pluck.width_hard_mm is None else pluck.width_hard_mm
@@ -156,7 +183,9 @@ def build_bank(parts: Sequence[CompiledPart], channels: Sequence[int], program_m
         body_off += n_body
 
     def join(arrays: list[np.ndarray]) -> np.ndarray:
-        return np.ascontiguousarray(np.concatenate(arrays)) if arrays else np.zeros(0)
+        whole = aligned(sum(array.size for array in arrays))
+        np.concatenate([np.zeros(0), *arrays], out=whole)
+        return whole
 
     return Bank(
         np.array(models, layout.MODEL),
@@ -180,78 +209,152 @@ def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
     return out
 
 
-def new_state(bank: Bank, parameters: np.ndarray) -> State:
-    """A State in which nothing sounds and every controller has its power-up value."""
+def _model_arrays(position: Position, law: int) -> dict[str, np.ndarray]:
+    """A model's arrays of the Bank."""
+    n = padded(position.omega.size)
+    rows = make_rows(position.coef)
+    shapes = padded_rows(position.shapes, n)
+    weights = padded_rows(np.array([position.wq, position.wv]), n)
+    omega = padded_rows(position.omega, n)
+    omega[position.omega.size :] = 1.0  # divided by
+    lags = make_lags(law != EXACT_HOLD, rows, shapes, shapes, position.matrix)
+    out_lags = np.concatenate([make_lags(k == 1, rows, shapes, weights[k : k + 1]) for k in range(2)])
+    return {
+        "omega": omega,
+        "sigma": padded_rows(position.sigma, n),
+        "rows": rows,
+        "shapes": shapes,
+        "eta": position.eta,
+        "residual": position.residual,
+        "matrix": position.matrix,
+        "lags": lags,
+        "out_lags": out_lags,
+        "weights": weights,
+        "q_rest": padded_rows(position.q_rest, n),
+    }
+
+
+def _padded(count: int) -> int:
+    """The next multiple of a cache line's numbers."""
+    return -(-count // LINE_F8) * LINE_F8
+
+
+def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
+    """Zeros that begin on a cache line."""
+    kind = np.dtype(dtype)
+    count = int(np.prod(shape))
+    memory = np.zeros(count * kind.itemsize + LINE, np.uint8)
+    start = -memory.ctypes.data % LINE
+    return memory[start : start + count * kind.itemsize].view(kind).reshape(shape)
+
+
+def span_quanta(parts: Sequence[CompiledPart]) -> int:
+    """How many quanta are worked off in one go."""
+    factor = max((string.factor for part in parts for string in part.strings), default=1)
+    return max(1, min(SPAN, SPAN_STEPS // (QUANTUM * factor)))
+
+
+def _end(offsets: np.ndarray, sizes: np.ndarray) -> int:
+    """Length of what is laid out in pieces of these sizes."""
+    return int((offsets + sizes).max(initial=0))
+
+
+def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
+    """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta."""
     n_strings, n_parts = bank.strings.size, bank.parts.size
     modes = int(bank.strings["cap"].sum())
-    contacts = int(bank.strings["cmax"].sum())
+    contacts = _end(bank.strings["coff"], bank.strings["cmax"])
     squares = int((bank.strings["cmax"] ** 2).sum())
-    channels = np.zeros(16, layout.CHANNEL)
+    channels = aligned(16, layout.CHANNEL)
     channels["volume"] = channels["expression"] = 1.0
     channels["bend_range"] = 2.0
     channels["rpn"] = 0x3FFF
-    part_state = np.zeros(n_parts, layout.PART_STATE)
+    part_state = aligned(n_parts, layout.PART_STATE)
     part_state["left"] = part_state["right"] = 1.0
+    quiet = aligned(bank.buses.size, np.int64)
+    quiet[:] = bank.buses["n_taps"]
     limiter = limiter_state(2)
     return State(
-        np.zeros(n_strings, layout.SOUNDING),
+        aligned(n_strings, layout.SOUNDING),
         channels,
         part_state,
         parameters.copy(),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(6 * modes),
-        np.zeros(squares),
-        np.zeros(contacts),
-        np.zeros(contacts),
-        np.zeros(contacts),
-        np.zeros(contacts),
-        np.zeros(contacts, np.uint8),
-        np.zeros(modes),
-        np.zeros(contacts),
-        np.zeros((n_strings, 2)),
-        np.zeros(PENDING_EVENTS, EVENT),
-        np.zeros((n_parts + 1, 128), np.int64),
-        np.zeros(layout.N_COUNTERS, np.int64),
-        np.zeros(1),
-        np.zeros(int((bank.buses["n_taps"] - 1).sum())),
-        np.zeros(bank.buses.size),
-        np.zeros((3, max(1, bank.body.shape[1]))),
-        np.zeros((layout.RING, 2)),
-        np.zeros((n_parts, layout.RING, 2)),
+        aligned(modes),
+        aligned(modes),
+        aligned(ROWS * modes),
+        aligned(squares),
+        aligned(RESPONSE * squares),
+        aligned(2 * RESPONSE * contacts),
+        aligned(contacts),
+        aligned(contacts),
+        aligned(contacts),
+        aligned(contacts),
+        aligned(contacts, np.uint8),
+        aligned(contacts, np.int64),
+        aligned(contacts),
+        aligned(n_strings, np.int64),
+        aligned(n_strings, np.int64),
+        aligned(modes),
+        aligned(contacts),
+        aligned((n_strings, 2)),
+        aligned(PENDING_EVENTS, EVENT),
+        aligned((n_parts + 1, 128), np.int64),
+        aligned(layout.N_COUNTERS, np.int64),
+        aligned(1),
+        aligned(_end(bank.buses["off"], bank.buses["n_taps"] + span * QUANTUM * bank.buses["factor"])),
+        quiet,
+        aligned((3, max(1, bank.body.shape[1]))),
+        aligned((layout.RING, 2)),
+        aligned((n_parts, layout.RING, 2)),
         *limiter,
+    )
+
+
+def new_shared(bank: Bank, span: int, work_on: int) -> Shared:
+    """Work arrays for spans of so many quanta; `work_on`: address of the function that advances a string."""
+    task = aligned(N_TASK, np.int64)
+    task[WORK_ON] = work_on
+    frames = span * QUANTUM
+    return Shared(
+        task,
+        aligned(bank.strings.size, np.int64),
+        aligned(N_WORDS, np.int64),
+        aligned(_end(bank.strings["row"], frames * bank.strings["factor"])),
+        aligned((span, 16)),
+        aligned((span, bank.parts.size)),
+        aligned(frames),
+        aligned(frames),
+        aligned((frames, 2)),
     )
 
 
 def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
-    steps = layout.QUANTUM * MAXIMUM_FACTOR
     widest = max(1, int(bank.models["contacts"].max(initial=0)))
     modes = max(1, int(bank.strings["cap"].max(initial=1)))
-    factor = int(bank.buses["factor"].max(initial=1))
-    q = layout.QUANTUM
+    steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
     return Scratch(
-        np.zeros((max(1, bank.buses.size), q * factor + 1)),
-        workspace(factor, q),
-        np.zeros(q),
-        np.zeros(q),
-        np.zeros((q, 2)),
-        np.zeros(steps + 1),
-        np.zeros((steps, 1)),
-        np.zeros((steps, 1)),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros((0, 0)),
-        np.zeros(widest),
-        np.zeros(widest),
-        np.zeros(widest),
-        np.zeros((widest, widest)),
-        np.zeros((widest, widest)),
-        np.zeros(widest, np.int64),
-        np.zeros(widest, np.uint8),
-        np.zeros(widest, np.uint8),
-        np.zeros(widest, np.uint8),
+        aligned(steps + 1),
+        aligned(2 * steps),
+        aligned(modes),
+        aligned(modes),
+        aligned(modes),
+        aligned(modes),
+        aligned(modes),
+        aligned((steps, widest)),
+        aligned(widest),
+        aligned(widest),
+        aligned(widest),
+        aligned((widest, widest)),
+        aligned((widest, widest)),
+        aligned(widest, np.int64),
+        aligned(widest, np.uint8),
+        aligned(widest, np.uint8),
+        aligned(widest, np.uint8),
+        aligned(BLOCK),
+        aligned(widest * BLOCK),
+        aligned(widest * BLOCK),
+        aligned(widest * widest),
+        aligned(2 * modes),
+        aligned(widest, np.int64),
     )

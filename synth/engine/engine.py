@@ -24,10 +24,13 @@ from synth.compile import CompiledPart, compile_preset
 from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import LOOKAHEAD, LimiterState, largest_reduction_db, release_coefficient
 from synth.engine import layout
-from synth.engine.bank import build_bank, default_parameters, new_scratch, new_state
+from synth.engine.advance import work_on
+from synth.engine.bank import build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.events import EVENT
-from synth.engine.layout import Bank, Scratch, Settings, State
+from synth.engine.layout import Bank, Scratch, Settings, Shared, State
 from synth.engine.process import CONTROL_S, process
+from synth.engine.team import Team, cores
+from synth.engine.views import table
 from synth.preset import BridgeObstacle, Preset, playable_range
 from synth.solver.laws import law_of
 from synth.units import db_to_gain, midi_to_note
@@ -86,6 +89,7 @@ class Engine:
     program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
                  on every channel
     note_hz      (128,) frequencies that replace the presets' equal temperament
+    threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     Raises ValueError (PresetError among them) for what cannot be played.
     """
 
@@ -104,6 +108,7 @@ class Engine:
         note_hz: np.ndarray | None = None,
         economy: bool | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
+        threads: int | str = 1,
     ) -> None:
         if not parts:
             raise ValueError("an engine needs at least one preset")
@@ -111,6 +116,8 @@ class Engine:
             raise ValueError(f"restitution must lie between 0 and 1, got {restitution:g}")
         if max_polyphony is not None and max_polyphony < 1:
             raise ValueError(f"polyphony must be at least 1, got {max_polyphony}")
+        if threads != "auto" and not (isinstance(threads, int) and threads >= 1):
+            raise ValueError(f"threads must be a whole number from 1 on or 'auto', got {threads!r}")
         self.parts = tuple(parts)
         if program_map is None:
             program_map = np.full((16, 128), 0 if len(parts) == 1 else -1)
@@ -138,12 +145,15 @@ class Engine:
         self.economy = quality in ("draft", "standard") if economy is None else economy
         self._only_notes = only_notes
         self.rate_hz = 0.0
+        self.threads = threads
         self._bank: Bank | None = None
+        self._team: Team | None = None
 
     def prepare(self, rate_hz: float, max_block: int = 4096) -> None:
         """Compile every playable note for an output rate [Hz], compile the kernels, reset. `max_block` [frames]."""
         if max_block < 1:
             raise ValueError(f"max_block must be at least 1 frame, got {max_block}")
+        self.close()
         self.rate_hz = float(rate_hz)
         self.max_block = int(max_block)
         cache: dict[tuple, CompiledPart] = {}
@@ -163,11 +173,11 @@ class Engine:
                 )
             compiled.append(cache[key])
         self.compiled = tuple(compiled)
-        self._bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz)
-        self._scratch: Scratch = new_scratch(self._bank)
+        law = law_of(self.scheme)
+        self._bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz, law)
         polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
         self._settings = Settings(
-            law_of(self.scheme),
+            law,
             self.restitution,
             self.rate_hz,
             int(self.limiter),
@@ -178,7 +188,14 @@ class Engine:
             -math.expm1(-1.0 / (GAIN_SMOOTHING_S * self.rate_hz)),
             math.exp(-2.0 * math.pi * DC_BLOCK_HZ / self.rate_hz),
             int(self.economy),
+            span_quanta(compiled),
         )
+        self._shared: Shared = new_shared(self._bank, self._settings.span, work_on().address)
+        self._scratch: Scratch = new_scratch(self._bank)
+        self._desk = table(self._scratch)
+        self._state: State = new_state(self._bank, self._settings.span, default_parameters(compiled))
+        self._core = table(self._bank, self._state, self._shared, self._settings)
+        self._make_team()
         self.reset()
         self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
         self.reset()
@@ -186,11 +203,30 @@ class Engine:
     def reset(self) -> None:
         """Silence, controllers at their power-up values, counters at zero."""
         bank = self._prepared()
-        parameters = default_parameters(self.compiled)
-        self._state: State = new_state(bank, parameters)
+        for mine, fresh in zip(
+            self._state, new_state(bank, self._settings.span, default_parameters(self.compiled)), strict=True
+        ):
+            mine[: len(fresh)] = fresh
         self._state.part_state["left"] = self._state.part_state["right"] = self._settings.gain
         # a channel begins with the lowest program that it has a part for
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
+
+    def _make_team(self) -> None:
+        """Start the workers, as many as there are threads beside the caller's and strings for them."""
+        bank = self._prepared()
+        wanted = cores() if self.threads == "auto" else int(self.threads)
+        workers = min(wanted, bank.strings.size) - 1
+        if workers > 0:
+            self._worker_scratch = [new_scratch(bank) for _ in range(workers)]
+            desks = [table(scratch) for scratch in self._worker_scratch]
+            keep = (bank, self._state, self._shared, self._worker_scratch)
+            self._team = Team(self, self._core, self._shared.team, desks, keep)
+
+    def close(self) -> None:
+        """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself."""
+        if self._team is not None:
+            self._team.end()
+            self._team = None
 
     def _prepared(self) -> Bank:
         if self._bank is None:
@@ -200,19 +236,19 @@ class Engine:
     def process(self, events: np.ndarray, out: np.ndarray, stems: np.ndarray | None = None) -> None:
         """One block. events: EVENT array, frames from 0 to the block's length, in order. out: (frames, 2) float64,
         overwritten. stems: (parts, frames, 2) or None, overwritten with every part before the limiter."""
-        bank = self._prepared()
+        self._prepared()
         room = self._state.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
             bigger = np.zeros(2 * (self._state.pending.size + events.size), EVENT)
             bigger[: self._state.pending.size] = self._state.pending
-            self._state = self._state._replace(pending=bigger)
+            self._set_queue(bigger)
         if out.ndim != 2 or out.shape[1] != 2 or out.dtype != np.float64 or not out.flags.c_contiguous:
             raise ValueError(f"out must be a contiguous (frames, 2) float64 array, got {out.shape} {out.dtype}")
         if stems is None:
             stems = np.zeros((0, 0, 2))
         elif stems.shape != (len(self.parts), *out.shape):
             raise ValueError(f"stems must be ({len(self.parts)}, {out.shape[0]}, 2), got {stems.shape}")
-        process(bank, self._state, self._settings, self._scratch, events, out, stems)
+        process(self._core.ctypes.data, self._desk.ctypes.data, events, out, stems)
 
     @property
     def latency_samples(self) -> int:
@@ -280,12 +316,20 @@ class Engine:
             same = fields[name].dtype == mine.dtype and (name == "pending" or fields[name].shape == mine.shape)
             if not same:
                 raise ValueError(f"the state's {name} does not fit: it comes from other presets, rate or quality")
-        self._state = State(**fields)
+        if fields["pending"].size != self._state.pending.size:
+            self._set_queue(fields["pending"])
+        for name, mine in self._state._asdict().items():
+            mine[:] = fields[name]
+
+    def _set_queue(self, pending: np.ndarray) -> None:
+        """Another array for the events that wait."""
+        self._state = self._state._replace(pending=pending)
+        self._core[:] = table(self._prepared(), self._state, self._shared, self._settings)
 
     @property
     def mode_steps(self) -> int:
         """Work done since reset: modes × internal steps."""
-        return int(self._state.counters[layout.WORK])
+        return int(self._state.sounding["mode_steps"].sum())
 
     def report(self) -> EngineReport:
         """What has happened since `reset`."""
@@ -315,6 +359,6 @@ class Engine:
             int(counters[layout.N_STOLEN]),
             int(counters[layout.N_TAKEN]),
             int(counters[layout.N_DROPPED]),
-            int(counters[layout.WORK]),
-            int(counters[layout.FAILED_LCP]),
+            self.mode_steps,
+            int(state.sounding["unsolved"].sum()),
         )

@@ -1,14 +1,19 @@
 """Flat arrays that the native core works on: a Bank that never changes, a State that does.
 
-Offsets: modes of a model or string begin at `off`; its contact rows at `coff`, contact matrices at `goff`, mode shapes
-(C × N) at `soff`, coefficient rows (6 × N) at 6·off.
+Modes are padded with zeros to whole vectors (`lanes`): a model of n modes takes `cap`. Offsets: modes of a model or string
+begin at `off`, the two rows of output weights at 2·off, coefficient rows (`lanes.ROWS`) at ROWS·off; contact rows at `coff`,
+contact matrices at `goff`, responses over a block's steps at RESPONSE·goff (contacts) and 2·RESPONSE·coff (outputs); mode
+shapes (C × cap) at `soff`.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
+
+from synth.engine.events import EVENT
+from synth.solver.lanes import BLOCK
 
 #: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
 CORE: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -18,13 +23,32 @@ CORE: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True
 QUANTUM = 32
 #: certificates, pruning, sleep and levels are looked at every so many quanta
 CHECK_EVERY = 4
-RING = 256
+#: quanta without an event inside that are worked off in one go, at most; a power of two
+SPAN = 8
+#: …and internal steps, so that the outputs of a string stay in the cache
+SPAN_STEPS = 2048
+#: frames of output kept: a span, what is left of the quantum before it, the limiter's look-ahead
+RING = 512
+#: arrays are laid out on cache lines of so many bytes, so many f8
+LINE = 64
+LINE_F8 = 8
+#: length of a response to a force during a block
+RESPONSE = 2 * BLOCK
+
+#: kinds of arrays: element type and number of dimensions
+F8 = Annotated[np.ndarray, np.dtype(np.float64), 1]
+F8x2 = Annotated[np.ndarray, np.dtype(np.float64), 2]
+F8x3 = Annotated[np.ndarray, np.dtype(np.float64), 3]
+I8 = Annotated[np.ndarray, np.dtype(np.int64), 1]
+I8x2 = Annotated[np.ndarray, np.dtype(np.int64), 2]
+U1 = Annotated[np.ndarray, np.dtype(np.uint8), 1]
 
 MODEL = np.dtype(
     [
         ("n", "i8"),
         ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
+        ("cap", "i8"),
         ("off", "i8"),
         ("soff", "i8"),
         ("coff", "i8"),
@@ -58,6 +82,7 @@ STRING = np.dtype(
         ("impedance", "f8"),
         ("draw_s", "f8"),
         ("release_s", "f8"),
+        ("row", "i8"),  # where its outputs of a span begin
     ],
     align=True,
 )
@@ -93,30 +118,32 @@ PART = np.dtype(
     align=True,
 )
 
+#: a bus: the internal rate of some strings of a part. Its line of n_taps + a span's steps begins at `off`
 BUS = np.dtype([("part", "i8"), ("factor", "i8"), ("taps", "i8"), ("n_taps", "i8"), ("off", "i8")], align=True)
 
 
 class Bank(NamedTuple):
     """Constant: every playable position of every part, and the filters."""
 
-    models: np.ndarray
-    strings: np.ndarray
-    positions: np.ndarray
-    parts: np.ndarray
-    buses: np.ndarray
-    program_map: np.ndarray  # (16, 128) part or −1
-    omega: np.ndarray
-    sigma: np.ndarray
-    coef: np.ndarray
-    shapes: np.ndarray
-    eta: np.ndarray
-    residual: np.ndarray
-    matrix: np.ndarray
-    wq: np.ndarray
-    wv: np.ndarray
-    q_rest: np.ndarray
-    taps: np.ndarray
-    body: np.ndarray  # (3, resonances of all parts)
+    models: Annotated[np.ndarray, MODEL, 1]
+    strings: Annotated[np.ndarray, STRING, 1]
+    positions: Annotated[np.ndarray, POSITION, 1]
+    parts: Annotated[np.ndarray, PART, 1]
+    buses: Annotated[np.ndarray, BUS, 1]
+    program_map: I8x2  # (16, 128) part or −1
+    omega: F8
+    sigma: F8
+    rows: F8
+    shapes: F8
+    eta: F8
+    residual: F8
+    matrix: F8
+    lags: F8
+    out_lags: F8
+    weights: F8  # of the outputs on q and on v
+    q_rest: F8
+    taps: F8
+    body: F8x2  # (3, resonances of all parts)
 
 
 class Settings(NamedTuple):
@@ -133,6 +160,7 @@ class Settings(NamedTuple):
     smoothing: float  # share of the way per frame, gain and pan
     dc: float  # pole of the high-pass
     economy: int  # 0: no certificate, pruning or culling
+    span: int  # quanta worked off in one go, at most
 
 
 #: finger phases
@@ -143,12 +171,18 @@ SOUNDING = np.dtype(
         ("awake", "i8"),
         ("model", "i8"),
         ("n", "i8"),
-        ("free", "i8"),
+        ("free", "i8"),  # nothing can be touched before new input
+        ("certain", "i8"),  # the certificates hold
+        ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
         ("channel", "i8"),
         ("held", "i8"),
         ("sustained", "i8"),
         ("stolen", "i8"),
+        ("row_from", "i8"),  # steps of the span that its row holds: of a string that woke or fell asleep not all
+        ("row_to", "i8"),
+        ("mode_steps", "i8"),  # work done
+        ("unsolved", "i8"),  # calls in which a contact problem was not solved
         ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
         ("plucked_at", "i8"),
         ("phase", "i8"),
@@ -189,7 +223,15 @@ CHANNEL = np.dtype(
 )
 
 PART_STATE = np.dtype(
-    [("left", "f8"), ("right", "f8"), ("dc_in", "f8"), ("dc_out", "f8"), ("hand", "f8"), ("height", "f8")],
+    [
+        ("left", "f8"),
+        ("right", "f8"),
+        ("dc_in", "f8"),
+        ("dc_out", "f8"),
+        ("hand", "f8"),
+        ("height", "f8"),
+        ("still", "i8"),  # nothing rings in its filters any more
+    ],
     align=True,
 )
 
@@ -203,71 +245,112 @@ PART_STATE = np.dtype(
     N_DROPPED,
     MOST_AWAKE,
     AWAKE,
-    WORK,
-    FAILED_LCP,
     N_TAKEN,
-) = range(11)
-N_COUNTERS = 11
+) = range(9)
+N_COUNTERS = 9
 
 
 class State(NamedTuple):
     """Everything that changes while sounding."""
 
-    sounding: np.ndarray
-    channels: np.ndarray
-    part_state: np.ndarray
-    parameters: np.ndarray  # (parts, N_PARAMETERS)
-    q: np.ndarray
-    v: np.ndarray
-    coef: np.ndarray
-    matrix: np.ndarray
-    eta: np.ndarray
-    u: np.ndarray
-    vc: np.ndarray
-    force: np.ndarray
-    watch: np.ndarray
-    finger_weights: np.ndarray
-    finger_coupling: np.ndarray
-    finger_state: np.ndarray  # (strings, 2)
-    pending: np.ndarray  # EVENT
-    unplayed: np.ndarray  # (parts + 1, 128); last row: channels without a part
-    counters: np.ndarray
-    meters: np.ndarray  # peak
-    history: np.ndarray
-    carry: np.ndarray  # (buses,) last step of a quantum, which sounds in the next
-    body: np.ndarray
-    ring: np.ndarray  # (RING, 2)
-    stems: np.ndarray  # (parts, RING, 2)
-    delay: np.ndarray
-    required: np.ndarray
-    released: np.ndarray
-    limiter_counters: np.ndarray
-    limiter_levels: np.ndarray
+    sounding: Annotated[np.ndarray, SOUNDING, 1]
+    channels: Annotated[np.ndarray, CHANNEL, 1]
+    part_state: Annotated[np.ndarray, PART_STATE, 1]
+    parameters: F8x2  # (parts, N_PARAMETERS)
+    q: F8
+    v: F8
+    rows: F8
+    matrix: F8
+    lags: F8
+    out_lags: F8
+    eta: F8
+    u: F8
+    vc: F8
+    force: F8
+    looked: U1  # certificates of the block kernel, see `blocks.BlockWork`
+    until: I8
+    margin: F8
+    clock: I8  # (strings,)
+    moving: I8  # (strings,)
+    finger_weights: F8
+    finger_coupling: F8
+    finger_state: F8x2  # (strings, 2)
+    pending: Annotated[np.ndarray, EVENT, 1]
+    unplayed: I8x2  # (parts + 1, 128); last row: channels without a part
+    counters: I8
+    meters: F8  # peak
+    lines: F8  # of every bus: the steps its decimator still needs, then those of a span
+    quiet: I8  # (buses,) steps of nothing that the bus has seen last
+    body: F8x2
+    ring: F8x2  # (RING, 2)
+    stems: F8x3  # (parts, RING, 2)
+    delay: F8x2
+    required: F8
+    released: F8
+    limiter_counters: I8
+    limiter_levels: F8
+
+
+#: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
+WHOLE, BEGIN, STRETCH = range(3)
+#: places in Shared.task: one of these; number of the span's first quantum; quanta; first frame and frames of a stretch;
+#: address of `advance.work_on`, which does it
+TASK, FIRST_QUANTUM, QUANTA, FRAME, FRAMES, WORK_ON = range(6)
+N_TASK = 6
+
+
+class Shared(NamedTuple):
+    """Work arrays of one span that all threads see; they carry no sound from span to span."""
+
+    task: I8  # what is asked of the strings, see above
+    queue: I8  # (strings,) those at work
+    team: I8  # control words of the workers, see `team`
+    rows: F8  # outputs of every string, from STRING.row
+    bends: F8x2  # (SPAN, channels) smoothed, per quantum
+    heights: F8x2  # (SPAN, parts)
+    mono: F8  # (frames of a span,)
+    frame: F8
+    mix: F8x2  # (frames of a span, 2)
 
 
 class Scratch(NamedTuple):
     """Work arrays of one thread; they carry nothing from call to call."""
 
-    bus: np.ndarray  # (buses, QUANTUM · factor + 1)
-    decimator: np.ndarray
-    mono: np.ndarray  # (QUANTUM,)
-    frame: np.ndarray  # (QUANTUM,)
-    mix: np.ndarray  # (QUANTUM, 2)
-    path: np.ndarray
-    out_q: np.ndarray  # (steps, 1)
-    out_v: np.ndarray  # (steps, 1)
-    omega: np.ndarray
-    sigma: np.ndarray
-    amplitude: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    record: np.ndarray  # (0, 0)
-    y: np.ndarray
-    b: np.ndarray
-    z: np.ndarray
-    a: np.ndarray
-    factor: np.ndarray
-    order: np.ndarray
-    enabled: np.ndarray
-    active: np.ndarray
-    near: np.ndarray
+    path: F8
+    out: F8  # (2 · steps of a quantum,)
+    omega: F8
+    sigma: F8
+    amplitude: F8
+    q: F8
+    v: F8
+    record: F8x2  # (steps of a quantum, contacts)
+    y: F8
+    b: F8
+    z: F8
+    a: F8x2
+    factor: F8x2
+    order: I8
+    enabled: U1
+    active: U1
+    watch: U1
+    block: F8  # (K,)
+    forces: F8  # (contacts · K,)
+    block_u: F8
+    block_matrix: F8
+    moved: F8  # (2 · modes,)
+    near: I8
+
+
+def _fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
+    """Element type and dimensions of each field; numbers have 0."""
+    out: dict[str, tuple[np.dtype, int]] = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        metadata = getattr(hint, "__metadata__", None)
+        out[name] = (np.dtype(hint), 0) if metadata is None else metadata
+    return out
+
+
+#: what the arrays of each kind are
+FIELDS: dict[Any, dict[str, tuple[np.dtype, int]]] = {
+    kind: _fields(kind) for kind in (Bank, Settings, State, Shared, Scratch)
+}

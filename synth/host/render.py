@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,6 +32,7 @@ class RenderSettings:
     preset: for all channels but percussion (None: the default by General MIDI program).
     channel_presets: channel 0…15 → preset or 'none', before `preset`.
     settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
+    threads: how many compute, or 'auto': one per processor.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
     normalize_dbfs: peak to scale to, or None.
     """
@@ -43,6 +44,7 @@ class RenderSettings:
     settings: Sequence[tuple[str | None, str, str]] = ()
     rate_hz: int = 44100
     block: int = 1024
+    threads: int | str = "auto"
     quality: str = "standard"
     scheme: str = "exact-hold"
     restitution: float = 0.0
@@ -178,7 +180,7 @@ def render_file(
     engine.prepare(settings.rate_hz, settings.block)
     prepared_s = time.perf_counter() - began
 
-    with outputs:
+    with closing(engine), outputs:
         rendering = offline.render(
             engine,
             events,
@@ -301,6 +303,7 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
         max_polyphony=settings.polyphony,
         note_hz=note_hz,
         only_notes=_notes_of_parts(song, casting),
+        threads=settings.threads,
     )
 
 
@@ -320,6 +323,9 @@ class _Silence:
     latency_samples = 0
 
     def prepare(self, rate_hz: float, max_block: int) -> None:
+        pass
+
+    def close(self) -> None:
         pass
 
     def process(self, events: np.ndarray, out: np.ndarray, stems: np.ndarray | None) -> None:

@@ -61,7 +61,7 @@ HORIZONS = (16 * BLOCK, 4 * BLOCK)
 
 
 class BlockWork(NamedTuple):
-    """What a call for up to C contacts works with; certificates (looked, until, margin, clock) go from call to call."""
+    """What a call for up to C contacts works with; the fields from looked to moving go from call to call."""
 
     spare: np.ndarray  # (K,)
     u: np.ndarray  # (C, K) of the contacts looked at, free, then with forces
@@ -71,6 +71,7 @@ class BlockWork(NamedTuple):
     until: np.ndarray  # (C,) int64 step at which that is to be asked again
     margin: np.ndarray  # (C,) by how much a contact not looked at is missed until then, as long as the string flies [m]
     clock: np.ndarray  # (1,) int64 steps since `forget`
+    moving: np.ndarray  # (1,) int64 modes that are not all zero, padded: forces move all of them
     matrix: np.ndarray  # (C·C,) contact matrix of those
     b: np.ndarray  # (C,)
     z: np.ndarray  # (C,)
@@ -108,6 +109,7 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
         np.zeros(c, np.int64),
         np.zeros(c),
         np.zeros(1, np.int64),
+        np.full(1, padded(modes)),
         np.zeros(c * c),
         np.zeros(c),
         np.zeros(c),
@@ -496,12 +498,12 @@ def advance_blocks(
 ) -> int:  # fmt: skip
     """Blocks of K steps of any law over any number of contacts C. Returns a status of `lcp`.
 
-    n = padded(N); rows (ROWS, n); omega (N,); shapes (C, n); eta (C,); lags (C, C, 2K) from `make_lags` (of velocities for
-    Moreau–Jean); certified: whether contacts out of reach may be passed over (exact-hold; `forget` after any change from
-    outside); q, v (n,) in place; u_contact, v_contact (C,) position and velocity of the contacts, in and out, Moreau–Jean
-    only; weights (P, n), on_q of them on displacements, and out_lags (P, C, 2K), out (P, ≥ blocks·K) the outputs after
-    every step; rec_force (blocks·K, C) contact unknowns; rec_u (blocks·K, C) displacements of the contacts after each
-    step, where certified is 0, or empty.
+    n = padded(N), of which work.moving move; rows (ROWS, n); omega (N,); shapes (C, n); eta (C,); lags (C, C, 2K) from
+    `make_lags` (of velocities for Moreau–Jean); certified: whether contacts out of reach may be passed over (exact-hold;
+    `forget` after any change from outside); q, v (n,) in place; u_contact, v_contact (C,) position and velocity of the
+    contacts, in and out, Moreau–Jean only; weights (P, n), on_q of them on displacements, and out_lags (P, C, 2K), out (P,
+    ≥ blocks·K) the outputs after every step; rec_force (blocks·K, C) contact unknowns; rec_u (blocks·K, C) displacements of
+    the contacts after each step, where certified is 0, or empty.
     """
     contacts = eta.size
     hold = law == EXACT_HOLD
@@ -510,20 +512,21 @@ def advance_blocks(
     result = SOLVED
     for t in range(blocks):
         at = t * BLOCK
+        moving = work.moving[0]
         if certified and hold:
-            certify(dt, omega, shapes, eta, q, v, work.clock[0], looked, work.until, work.margin, work.moved)
+            certify(dt, omega[:moving], shapes, eta, q, v, work.clock[0], looked, work.until, work.margin, work.moved)
         else:
             for c in range(contacts):
                 looked[c] = 1
         if points > 0:
-            observe(n, rows, q, v, weights, on_q, out[:, at:])
+            observe(moving, rows, q, v, weights, on_q, out[:, at:])
         for k in range(BLOCK):
             for c in range(contacts):
                 rec_force[at + k, c] = 0.0
         status = SOLVED
         touched = False
         m = _gather(looked, near)
-        _look(n, rows, shapes, q, v, 0 if hold else 1, near, m, u)
+        _look(moving, rows, shapes, q, v, 0 if hold else 1, near, m, u)
         if hold:
             while True:
                 inside = False
@@ -541,7 +544,7 @@ def advance_blocks(
                 if m == contacts or _others_stay_clear(m, lags, work):
                     break
                 m = _gather(looked, near)  # once more, with those that the forces might reach
-                _look(n, rows, shapes, q, v, 0, near, m, u)
+                _look(moving, rows, shapes, q, v, 0, near, m, u)
         elif m > 0:
             status = _impact_sequence(law, m, dt, restitution, eta, lags, u_contact, v_contact, work)
             for i in range(m):
@@ -555,6 +558,7 @@ def advance_blocks(
                 for k in range(BLOCK):
                     rec_u[at + k, near[i]] = u[i, k]
         if touched:
+            work.moving[0] = n
             for i in range(m):
                 c = near[i]
                 for k in range(BLOCK):
@@ -569,5 +573,5 @@ def advance_blocks(
                 if looked[c] == 0:
                     work.until[c] = work.clock[0]
         else:
-            coast(n, rows, q, v)
+            coast(moving, rows, q, v)
     return result

@@ -24,7 +24,7 @@ from typing import Any
 
 import llvmlite.binding
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic as _intrinsic
 
@@ -59,9 +59,10 @@ _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _LOOSE = ("reassoc", "contract", "nsz")
 
 
+@njit(cache=True, nogil=True)
 def padded(modes: int) -> int:
     """The smallest multiple of `PAD` that holds so many modes."""
-    return -(-modes // PAD) * PAD
+    return (modes + PAD - 1) // PAD * PAD
 
 
 class _Code:

@@ -203,8 +203,12 @@ def test_gentle_repluck_silences_a_loud_string(free):
 
 
 @njit
-def change(bank, state, scratch, s, target):
-    change_model(bank, state, scratch, s, target)
+def change_in(core, desk, s, target):
+    change_model(core, desk, s, target)
+
+
+def change(made, s, target):
+    change_in(made._core.ctypes.data, made._desk.ctypes.data, s, target)
 
 
 def models(made) -> dict[int, int]:
@@ -218,7 +222,7 @@ def line(made) -> tuple[np.ndarray, np.ndarray, float]:
     xi = np.linspace(0.005, 0.4, 40)
     k = np.arange(1, q.size + 1) * math.pi / model["length"]
     shape = math.sqrt(2.0 / model["length"]) * np.sin(np.outer(model["length"] - xi, k))
-    weights = made._bank.wq[model["off"] : model["off"] + q.size]
+    weights = made._bank.weights[2 * model["off"] : 2 * model["off"] + q.size]
     return shape @ q + model["rest_height"] * xi / model["length"], shape @ v, float(weights @ q + model["line_output"])
 
 
@@ -231,7 +235,7 @@ def test_pull_off_is_continuous_and_adds_the_stopped_strings_energy(neck, frets)
     out = until_state_at(neck, [(0, NOTE_ON, 0, 43 + frets[0], 90)], 6400)
     u, v, force = line(neck)
     before = energy(neck, 0)
-    change(neck._bank, neck._state, neck._scratch, 0, models(neck)[frets[1]])
+    change(neck, 0, models(neck)[frets[1]])
     u_after, v_after, force_after = line(neck)
     # the series of a kink of slope s, cut at mode N, is off by about s L/(π² N); velocity has the slope's jump only
     lift = float(old["rest_height"] - new["rest_height"] * old["length"] / new["length"])
@@ -295,8 +299,8 @@ def test_there_and_back_is_the_same(neck):
     q[:], v[:] = 0.0, 0.0
     q[:6], v[:6] = 1e-3 / low**3, 0.1 / low**3
     q0, v0 = q.copy(), v.copy()
-    change(neck._bank, neck._state, neck._scratch, 0, place[0])
-    change(neck._bank, neck._state, neck._scratch, 0, place[5])
+    change(neck, 0, place[0])
+    change(neck, 0, place[5])
     q, v = state_of(neck, 0)
     assert np.abs(q - q0).max() <= 5e-3 * np.abs(q0).max()
     assert np.abs(v - v0).max() <= 1e-3 * np.abs(v0).max()
@@ -306,7 +310,7 @@ def test_change_to_the_same_length_changes_nothing(neck):
     neck.reset()
     until_state_at(neck, [(0, NOTE_ON, 0, 45, 90)], 3200)
     q, v = (x.copy() for x in state_of(neck, 0))
-    change(neck._bank, neck._state, neck._scratch, 0, models(neck)[2])
+    change(neck, 0, models(neck)[2])
     assert np.allclose(state_of(neck, 0)[0], q, rtol=0, atol=1e-13 * np.abs(q).max())
     assert np.allclose(state_of(neck, 0)[1], v, rtol=0, atol=1e-13 * np.abs(v).max())
 

@@ -18,6 +18,9 @@ from .midibytes import header, off, on, track
 class _Engine(FakeEngine):
     """The fake with the rest of an engine's face."""
 
+    def close(self) -> None:
+        pass
+
     def prepare(self, rate_hz: int, max_block: int) -> None:
         self.prepared = rate_hz, max_block
 

@@ -1,0 +1,379 @@
+"""One string through time: its internal steps, its output into its row of the span, levels, certificates, sleep.
+
+Every string writes into a row of its own, so that strings can be worked off in any order and by any thread; the rows are
+added up elsewhere, in order.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+from numba import cfunc, njit
+
+from synth.engine.coefficients import (
+    lags_of,
+    matrix_of,
+    out_lags_of,
+    refresh,
+    rest_state,
+    rows_of,
+    shapes_of,
+    weights_of,
+)
+from synth.engine.layout import (
+    BEGIN,
+    CHECK_EVERY,
+    CORE,
+    FIRST_QUANTUM,
+    FRAME,
+    FRAMES,
+    NO_FINGER,
+    QUANTA,
+    QUANTUM,
+    STRETCH,
+    TASK,
+)
+from synth.engine.strings import finger_done, sleep
+from synth.engine.views import bank_of, scratch_of, settings_of, shared_of, state_of
+from synth.solver.blocks import BlockWork, advance_blocks, fly_blocks, forget, press_blocks
+from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
+from synth.solver.lanes import BLOCK, padded
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.vectors import FAST, dot
+
+#: a mode is put to rest when its largest possible output is below this (−160 dBFS)
+PRUNE_BELOW = 1e-8
+#: …and, where it may be moved by a contact again, when it moves no point of the string further than this [m]
+PRUNE_WITHIN_M = 1e-9
+#: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
+SLEEP_BELOW = 1e-5
+#: contacts from which on it pays to certify that some are out of reach for a while
+CERTIFY_FROM = 3
+#: how fast the output's rest line follows a change of fret [s]
+BASE_S = 0.05
+
+
+def _work_on(core: int, desk: int, s: int) -> None:
+    task = shared_of(core).task
+    kind = task[TASK]
+    if kind == BEGIN:
+        _begin_quantum(core, desk, s, 0)
+    elif kind == STRETCH:
+        _advance_string(core, desk, s, task[FRAME], task[FRAMES])
+    else:
+        for k in range(task[QUANTA]):
+            _begin_quantum(core, desk, s, k)
+            if not state_of(core).sounding[s].awake:
+                break
+            _advance_string(core, desk, s, k * QUANTUM, QUANTUM)
+
+
+@cache
+def work_on() -> Any:
+    """Compiled on first use: a C function of (core, desk, s) that does what Shared.task asks for one awake string.
+
+    Called by its address, so that neither `process` nor the loop of a worker contains the kernels: every function that
+    contains them takes seconds to compile.
+    """
+    return cfunc("void(int64, int64, int64)", cache=True)(_work_on)
+
+
+@njit(**CORE)
+def _begin_quantum(core: int, desk: int, s: int, k: int) -> None:
+    """What is decided about an awake string at the start of quantum k of the span."""
+    state, shared = state_of(core), shared_of(core)
+    me = state.sounding[s]
+    bend = shared.bends[k, me.channel]
+    height = shared.heights[k, bank_of(core).strings[s].part]
+    if me.bend != bend or me.height != height:
+        _follow_controls(core, s, bend, height)
+    if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
+        _check(core, desk, s)
+
+
+@njit(**CORE)
+def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
+    """Take over the pitch bend of the channel and the obstacle height of the part."""
+    me = state_of(core).sounding[s]
+    me.bend = bend
+    me.height = height
+    me.n = bank_of(core).models[me.model].n
+    me.stale = 1
+
+
+@njit(**CORE)
+def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> None:
+    """`frames` output frames of one awake string from frame `start` of the span, into its row."""
+    fixed = bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    row = shared_of(core).rows[fixed.row :]
+    if me.row_from == me.row_to:
+        me.row_from = start * fixed.factor
+    at = start * fixed.factor
+    end = at + frames * fixed.factor
+    while at < end:
+        steps = end - at
+        if me.stale:
+            refresh(core, desk, s)
+        if me.phase != NO_FINGER:
+            steps = min(steps, me.finger_steps - me.finger_step)
+        _steps(core, desk, s, steps)
+        _collect(core, desk, s, steps, row[at:])
+        at += steps
+        if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
+            finger_done(core, desk, s)
+    me.row_to = end
+
+
+@njit(**CORE)
+def _steps(core: int, desk: int, s: int, steps: int) -> None:
+    """Internal steps of one string; its outputs go to Scratch.out, a row of `steps` for each."""
+    state = state_of(core)
+    me = state.sounding[s]
+    moved = me.n
+    blocks = 0 if me.phase != NO_FINGER else steps // BLOCK
+    if blocks > 0:
+        _in_blocks(core, desk, s, blocks, steps)
+    if blocks * BLOCK < steps:
+        if not me.free:
+            me.n = bank_of(core).models[me.model].n
+        _one_by_one(core, desk, s, blocks * BLOCK, steps)
+        me.certain = 0
+    me.mode_steps += max(moved, me.n) * steps
+
+
+@njit(**CORE)
+def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
+    """The first blocks of `steps` steps, no finger on the string."""
+    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    model = bank.models[me.model]
+    c, off, coff, cap = model.contacts, fixed.off, fixed.coff, model.cap
+    hold = settings.law == EXACT_HOLD
+    q, v = state.q[off : off + cap], state.v[off : off + cap]
+    rows, shapes = rows_of(core, s), shapes_of(core, s)
+    first, points = 1 - part.use_q, part.use_q + part.use_v
+    weights = weights_of(core, s, first, points)
+    out = scratch.out[: points * steps].reshape(points, steps)
+    if c == 0 or me.free:
+        fly_blocks(blocks, padded(me.n), rows, q, v, weights, part.use_q, out)
+        return
+    eta, lags, out_lags = state.eta[coff : coff + c], lags_of(core, s), out_lags_of(core, s, first, points)
+    forces = scratch.forces[: c * BLOCK].reshape(c, BLOCK)
+    if c == 1 and hold:
+        press_blocks(
+            blocks, cap, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out, scratch.block,
+            forces[0],
+        )  # fmt: skip
+        state.force[coff] = forces[0, BLOCK - 1]
+        return
+    u, vc = state.u[coff : coff + c], state.vc[coff : coff + c]
+    if not hold:
+        for k in range(c):
+            u[k] = dot(shapes[k], q)
+            vc[k] = dot(shapes[k], v)
+    certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
+    work = BlockWork(
+        scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near,
+        state.looked[coff : coff + c], state.until[coff : coff + c], state.margin[coff : coff + c],
+        state.clock[s : s + 1], state.moving[s : s + 1], scratch.block_matrix, scratch.b, scratch.z, scratch.a,
+        scratch.order, scratch.enabled, scratch.active, scratch.moved[: 2 * cap].reshape(2, cap),
+    )  # fmt: skip
+    state.moving[s] = padded(me.n)
+    if not me.certain:
+        forget(work)
+        me.certain = 1
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
+    record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
+    bad = advance_blocks(
+        blocks, settings.law, cap, dt, settings.restitution, rows, bank.omega[model.off : model.off + cap], shapes, eta,
+        lags, certified, q, v, u, vc, weights, part.use_q, out_lags, out, record, record[:0], work,
+    )  # fmt: skip
+    state.force[coff : coff + c] = record[blocks * BLOCK - 1]
+    me.n = min(model.n, state.moving[s])
+    if bad != 0:
+        me.unsolved += 1
+
+
+@njit(**CORE)
+def _one_by_one(core: int, desk: int, s: int, begin: int, end: int) -> None:
+    """Steps number `begin` to `end`, one at a time: under a finger, or what is left over of a block."""
+    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    model = bank.models[me.model]
+    n, c, off, coff = me.n, model.contacts, fixed.off, fixed.coff
+    steps = end - begin
+    q, v = state.q[off : off + n], state.v[off : off + n]
+    shapes = shapes_of(core, s)
+    points = part.use_q + part.use_v
+    out = scratch.out[: points * end].reshape(points, end)
+    weights = weights_of(core, s, 0, 2)
+    fingered = me.phase != NO_FINGER
+    u, vc = state.u[coff : coff + c], state.vc[coff : coff + c]
+    for k in range(c):
+        u[k] = dot(shapes[k], q)
+        vc[k] = dot(shapes[k], v)
+        scratch.watch[k] = 0 if me.free else 1
+        scratch.active[k] = 1 if state.force[coff + k] > 0.0 else 0
+    if fingered:
+        first = me.finger_step
+        for t in range(steps + 1):
+            s01 = (first + t) / me.finger_steps
+            scratch.path[t] = me.finger_from + (me.finger_to - me.finger_from) * 0.5 * (1.0 - math.cos(math.pi * s01))
+        me.finger_step = first + steps
+    finger = Finger(
+        1 if fingered else 0,
+        state.finger_weights[off : off + n],
+        state.finger_coupling[coff : coff + c],
+        me.finger_own,
+        me.finger_k,
+        me.finger_r,
+        scratch.path,
+        state.finger_state[s],
+    )
+    work = Work(
+        scratch.y[:c],
+        scratch.b[:c],
+        scratch.z[:c],
+        scratch.a,
+        scratch.factor,
+        scratch.order,
+        scratch.enabled[:c],
+        scratch.active[:c],
+    )
+    bad = advance(
+        settings.law,
+        steps,
+        1.0 / (settings.rate_hz * fixed.factor),
+        settings.restitution,
+        rows_of(core, s),
+        shapes,
+        state.eta[coff : coff + c],
+        matrix_of(core, s),
+        q,
+        v,
+        u,
+        vc,
+        state.force[coff : coff + c],
+        finger,
+        scratch.watch[:c],
+        weights[: part.use_q],
+        weights[2 - part.use_v :],
+        out[0, begin:].reshape(steps, 1),
+        out[points - 1, begin:].reshape(steps, 1),
+        scratch.record[:0],
+        scratch.record[:0],
+        work,
+    )
+    if bad != 0:
+        me.unsolved += 1
+
+
+@njit(**CORE)
+def _collect(core: int, desk: int, s: int, steps: int, row) -> None:
+    """The output of the last steps, counted from the slowly followed rest."""
+    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    out = scratch.out
+    if part.use_q and part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
+        for t in range(steps):
+            near = max(0.2, 1.0 + out[t] / part.pickup_distance)
+            row[t] = out[steps + t] / (near * near * near)
+    elif part.use_v:
+        for t in range(steps):
+            row[t] = out[t]
+    else:
+        model = bank.models[me.model]
+        rest = me.rest
+        follow = 1.0 / (BASE_S * settings.rate_hz * fixed.factor)
+        base = me.base
+        if base + follow * (rest - base) == base:
+            for t in range(steps):
+                row[t] = out[t] + model.line_output - base
+        else:
+            for t in range(steps):
+                base += follow * (rest - base)
+                row[t] = out[t] + model.line_output - base
+            me.base = base
+
+
+@njit(fastmath=FAST, **CORE)
+def _energy_norm(omega, q, v, q_rest) -> float:
+    total = 0.0
+    for j in range(q.size):
+        d = omega[j] * (q[j] - q_rest[j])
+        total += d * d + v[j] * v[j]
+    return math.sqrt(total)
+
+
+@njit(**CORE)
+def _check(core: int, desk: int, s: int) -> None:
+    """Level, certificate that contacts are out of reach, pruning of inaudible modes, sleep."""
+    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    if me.phase != NO_FINGER or me.stale:
+        return
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    model = bank.models[me.model]
+    n, off, m_off = me.n, fixed.off, model.off
+    q, v = state.q[off : off + n], state.v[off : off + n]
+    omega, sigma = bank.omega[m_off : m_off + n], bank.sigma[m_off : m_off + n]
+    rest_state(core, me, model, scratch.q)
+    me.level = model.output_bound * _energy_norm(omega, q, v, scratch.q[:n])
+    if part.use_q and not part.use_v:
+        me.level += abs(me.base - me.rest)
+    if me.level < SLEEP_BELOW:
+        sleep(core, s)
+        return
+    if not settings.economy or me.bend != 0.0 or settings.law != EXACT_HOLD:
+        return  # the amplitudes below are those of the model's own ω, and of v = q̇
+    for j in range(n):
+        scratch.sigma[j] = sigma[j] + me.hand
+    sigma = scratch.sigma[:n]
+    amplitude = scratch.amplitude
+    if not me.free:  # what is certain to be out of reach stays so until something touches the string
+        me.free = 1 if _nothing_in_reach(core, desk, s) else 0
+        if me.free == 0 and model.contacts == 1:
+            return  # touched again and again, and all modes with it
+    peak = math.sqrt(2.0 / model.length)  # of a mode shape
+    while n > 1:
+        j = n - 1
+        amplitudes(omega[j:n], sigma[j:n], q[j:n], v[j:n], amplitude)
+        heard = abs(bank.weights[2 * m_off + j]) + abs(bank.weights[2 * m_off + model.cap + j]) * omega[j]
+        if heard * amplitude[0] >= PRUNE_BELOW or (me.free == 0 and peak * amplitude[0] >= PRUNE_WITHIN_M):
+            break
+        q[j] = 0.0
+        v[j] = 0.0
+        n -= 1
+    me.n = n
+
+
+@njit(**CORE)
+def _nothing_in_reach(core: int, desk: int, s: int) -> bool:
+    """Whether free flight, with Scratch.sigma, touches no contact any more."""
+    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    model = bank.models[me.model]
+    n, off, m_off = me.n, fixed.off, model.off
+    for k in range(model.contacts):
+        if state.eta[fixed.coff + k] >= 0.0:
+            return False
+    amplitude = scratch.amplitude[:n]
+    if model.contacts:
+        q, v = state.q[off : off + n], state.v[off : off + n]
+        amplitudes(bank.omega[m_off : m_off + n], scratch.sigma[:n], q, v, amplitude)
+    shapes = shapes_of(core, s)
+    for k in range(model.contacts):
+        if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:
+            return False
+    return True

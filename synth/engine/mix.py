@@ -1,0 +1,157 @@
+"""From the strings' rows to the output: buses, decimators, bodies, levels, limiter.
+
+A span is mixed in one go. What is skipped because it is silent is judged per bus by exact zeros, and per part and quantum
+by what its filters still hold, so that the cut into spans changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from synth.dsp.body import body_filter
+from synth.dsp.decimator import decimate_line
+from synth.dsp.limiter import limit
+from synth.engine.layout import CORE, GAIN, QUANTUM, RING
+from synth.engine.views import bank_of, settings_of, shared_of, state_of
+
+#: what a part's filters still hold counts as nothing below this (−240 dBFS)
+STILL_BELOW = 1e-12
+
+
+@njit(**CORE)
+def mix_span(core: int, start: int, quanta: int) -> None:
+    """The rows of `quanta` quanta from frame `start` of the stream become output in the rings."""
+    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
+    frames = quanta * QUANTUM
+    _gather_rows(core)
+    mix = shared.mix[:frames]
+    mono = shared.mono[:frames]
+    mix[:] = 0.0
+    for p in range(bank.parts.size):
+        part = bank.parts[p]
+        mono[:] = 0.0
+        for b in range(part.first_bus, part.end_bus):
+            _add_bus(core, b, frames, mono)
+        _add_part(core, p, start, mono, mix)
+    if settings.limiter:
+        limit(
+            state.delay,
+            state.required,
+            state.released,
+            state.limiter_counters,
+            state.limiter_levels,
+            settings.ceiling,
+            settings.limiter_release,
+            mix,
+        )
+    at = start % RING
+    first = min(frames, RING - at)
+    state.ring[at : at + first] = mix[:first]
+    state.ring[: frames - first] = mix[first:]
+
+
+@njit(**CORE)
+def _gather_rows(core: int) -> None:
+    """Add what each string has in its row to its bus, in the order of the strings."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    for s in range(bank.strings.size):
+        me = state.sounding[s]
+        count = me.row_to - me.row_from
+        if count > 0:
+            fixed = bank.strings[s]
+            bus = bank.buses[fixed.bus]
+            # what a step ends with belongs to the instant after it: the last one of a span to the next span
+            place = bus.off + bus.n_taps + me.row_from
+            line = state.lines[place : place + count]
+            row = shared.rows[fixed.row + me.row_from : fixed.row + me.row_to]
+            for t in range(count):
+                line[t] += row[t]
+            state.quiet[fixed.bus] = -1
+        me.row_from = me.row_to = 0
+
+
+@njit(**CORE)
+def _add_bus(core: int, b: int, frames: int, mono) -> None:
+    """Bring bus b down to the output rate, add it to `mono` and move its line on."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bus = bank.buses[b]
+    fresh = frames * bus.factor
+    if state.quiet[b] >= bus.n_taps:
+        return
+    line = state.lines[bus.off : bus.off + bus.n_taps + fresh]
+    frame = shared.frame[:frames]
+    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, frame)
+    for i in range(frames):
+        mono[i] += frame[i]
+    for i in range(bus.n_taps):
+        line[i] = line[i + fresh]
+    line[bus.n_taps :] = 0.0
+    state.quiet[b] = 0 if state.quiet[b] < 0 else state.quiet[b] + fresh
+
+
+@njit(**CORE)
+def _add_part(core: int, p: int, start: int, mono, mix) -> None:
+    """Body, high-pass, level and panning of one part."""
+    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
+    part = bank.parts[p]
+    me = state.part_state[p]
+    channel = state.channels[part.channel]
+    level = channel.volume * channel.expression * state.parameters[p, GAIN] * settings.gain
+    angle = 0.25 * math.pi * (1.0 + channel.pan)
+    to_left = level * math.sqrt(2.0) * math.cos(angle)
+    to_right = level * math.sqrt(2.0) * math.sin(angle)
+    share, pole = settings.smoothing, settings.dc
+    resonances = bank.body[:, part.body_off : part.body_off + part.body_n]
+    ringing = state.body[:, part.body_off : part.body_off + part.body_n]
+    for begin in range(0, mono.size, QUANTUM):
+        x = mono[begin : begin + QUANTUM]
+        y = mix[begin : begin + QUANTUM]
+        at = (start + begin) % RING
+        stem = state.stems[p, at : at + QUANTUM]
+        silent = _is_silent(x)
+        left, right, before, high = me.left, me.right, me.dc_in, me.dc_out
+        settled = left + share * (to_left - left) == left and right + share * (to_right - right) == right
+        if me.still and silent and settled:
+            stem[:] = 0.0
+            continue
+        if part.body_n > 0:
+            frame = shared.frame[:QUANTUM]
+            for i in range(QUANTUM):
+                frame[i] = part.direct * x[i]
+            body_filter(resonances, ringing, x, frame)
+            x[:] = frame
+        for i in range(QUANTUM):
+            high = x[i] - before + pole * high
+            before = x[i]
+            left += share * (to_left - left)
+            right += share * (to_right - right)
+            stem[i, 0] = left * high
+            stem[i, 1] = right * high
+            y[i, 0] += left * high
+            y[i, 1] += right * high
+        me.left, me.right, me.dc_in, me.dc_out = left, right, before, high
+        me.still = 0
+        if silent and abs(high) < STILL_BELOW and abs(before) < STILL_BELOW and _has_faded(ringing):
+            ringing[:] = 0.0
+            me.dc_in = me.dc_out = 0.0
+            me.still = 1
+
+
+@njit(**CORE)
+def _is_silent(x) -> bool:
+    loud = 0
+    for i in range(x.size):
+        loud |= 1 if x[i] != 0.0 else 0
+    return loud == 0
+
+
+@njit(**CORE)
+def _has_faded(ringing) -> bool:
+    """Whether no resonance's last two outputs (nor the last input) are worth going on with."""
+    for i in range(ringing.shape[0]):
+        for j in range(ringing.shape[1]):
+            if abs(ringing[i, j]) >= STILL_BELOW:
+                return False
+    return True

@@ -1,0 +1,170 @@
+"""Threads that advance strings beside the one that calls `process`.
+
+Work is a list of strings of which every thread takes the next (a counter that runs down). The caller takes part; once
+nothing is left to take it waits only for strings that another thread has in hand. A worker that finds nothing to do looks
+again for some tens of µs and then sleeps until it gets a token. The caller sends one and does not wait for it either: who
+comes too late finds nothing left.
+
+Which thread computes a string changes no bit: each has a row of its own, and rows are added up in order.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import weakref
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from synth.dsp.denormals import enable_ftz
+from synth.engine.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
+from synth.engine.layout import CORE, LINE_F8, WORK_ON
+from synth.engine.views import call_back, shared_of
+
+#: places in Shared.team, a cache line apart: strings still to be taken; strings not done; workers that sleep; whether all
+#: are to end; and what does not change: workers, where to send tokens to
+LEFT, UNFINISHED, SLEEPING, ENDING, WORKERS, WAKE = range(0, 6 * LINE_F8, LINE_F8)
+N_WORDS = 6 * LINE_F8
+#: how often a worker looks before it sleeps: about 50 µs on x86
+LOOKS = 1000
+#: mode-steps (some 0.3 ns each) below which nobody is woken or asked
+WORTH_WAKING = 100_000
+WORTH_SHARING = 10_000
+TOKEN = (1).to_bytes(8, sys.byteorder)
+
+
+@njit(**CORE)
+def rouse(core: int, strings: int, mode_steps: int) -> None:
+    """Wake workers for about so many mode-steps of so many strings, where that pays; wait for none."""
+    words = shared_of(core).team
+    if strings < 2 or mode_steps < WORTH_WAKING or words[WORKERS] == 0:
+        return
+    wanted = min(words[WORKERS], strings - 1)
+    sleeping = load(words, SLEEPING)
+    while sleeping > 0 and wanted > 0:
+        if exchange_if(words, SLEEPING, sleeping, sleeping - 1):
+            send(words[WAKE])
+            wanted -= 1
+        sleeping = load(words, SLEEPING)
+
+
+@njit(**CORE)
+def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
+    """Work off the first `count` strings of Shared.queue, about so many mode-steps, with whoever is there."""
+    shared = shared_of(core)
+    words = shared.team
+    if count < 2 or mode_steps < WORTH_SHARING or words[WORKERS] == 0:
+        for i in range(count):
+            call_back(shared.task[WORK_ON], core, desk, shared.queue[i])
+        return
+    store(words, UNFINISHED, count)
+    store(words, LEFT, count)
+    rouse(core, count, mode_steps)
+    while _take(core, desk):
+        pass
+    looks = 0
+    while load(words, UNFINISHED) > 0:
+        pause()
+        looks += 1
+        if looks >= LOOKS:  # the thread that has it in hand may be waiting for this very processor
+            give_way()
+            looks = 0
+
+
+@njit(**CORE)
+def _take(core: int, desk: int) -> bool:
+    """Take a string and advance it; whether there was one."""
+    shared = shared_of(core)
+    words = shared.team
+    left = load(words, LEFT)
+    while left > 0:
+        if exchange_if(words, LEFT, left, left - 1):
+            call_back(shared.task[WORK_ON], core, desk, shared.queue[left - 1])
+            add(words, UNFINISHED, -1)
+            return True
+        left = load(words, LEFT)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _attend(core: int, desk: int, asleep: int) -> None:
+    """The life of a worker; `asleep`: where it reads to sleep."""
+    enable_ftz()
+    words = shared_of(core).team
+    looks = 0
+    while load(words, ENDING) == 0:
+        if _take(core, desk):
+            looks = 0
+            continue
+        looks += 1
+        if looks < LOOKS:
+            pause()
+            continue
+        looks = 0
+        add(words, SLEEPING, 1)
+        if load(words, LEFT) > 0 or load(words, ENDING) != 0:
+            # awake after all, unless somebody has already sent for it
+            sleeping = load(words, SLEEPING)
+            called_off = False
+            while sleeping > 0 and not called_off:
+                called_off = exchange_if(words, SLEEPING, sleeping, sleeping - 1)
+                sleeping = load(words, SLEEPING)
+            if called_off:
+                continue
+        while not receive(asleep) and load(words, ENDING) == 0:
+            pass
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Team:
+    """The workers of one engine, from now until `end`, the owner's collection or the interpreter's exit.
+
+    core, desks: tables of `views`, one desk per worker; words: Shared.team of that core. What they point to must stay
+    where it is; `keep` is held on to as long as workers may look at it.
+    """
+
+    def __init__(self, owner: Any, core: np.ndarray, words: np.ndarray, desks: Sequence[np.ndarray], keep: Any) -> None:
+        _attend.compile("void(int64, int64, int64)")
+        asleep, wake = tokens()
+        words[:] = 0
+        words[WAKE] = wake
+        threads: list[threading.Thread] = []
+        # made first: whatever happens to the owner from here on, the workers end
+        self._end = weakref.finalize(owner, _end, os.getpid(), threads, words, (asleep, wake), (core, desks, keep))
+        for desk in desks:
+            arguments = (core.ctypes.data, desk.ctypes.data, asleep)
+            thread = threading.Thread(target=_attend, args=arguments, name="synth-string", daemon=True)
+            try:
+                thread.start()
+            except RuntimeError:  # no more threads to be had: then with those there are
+                break
+            threads.append(thread)
+        words[WORKERS] = len(threads)
+
+    def end(self) -> None:
+        """Wait until all workers have ended. May be called again."""
+        self._end()
+
+
+def _end(
+    process_id: int, threads: list[threading.Thread], words: np.ndarray, descriptors: tuple[int, int], keep: Any
+) -> None:
+    if os.getpid() == process_id:  # threads do not survive a fork, and the tokens are the parent's
+        words[WORKERS] = 0
+        words[ENDING] = 1
+        for _ in threads:
+            os.write(descriptors[1], TOKEN)
+        for thread in threads:
+            thread.join()
+    for descriptor in set(descriptors):
+        os.close(descriptor)
