@@ -76,6 +76,14 @@ def design(rate_hz: float, factor: int) -> NDArray[np.float64]:
     return taps / taps.sum()
 
 
+def response(rate_hz: float, factor: int, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Gain of :func:`design` at frequencies (N,) [Hz] at its input, delay taken out; raises ValueError as it does."""
+    taps = design(rate_hz, factor)
+    half = taps.size // 2
+    angle = 2.0 * np.pi * np.asarray(frequency_hz) / (factor * rate_hz)
+    return taps[half] + 2.0 * np.cos(np.outer(angle, np.arange(1, half + 1))) @ taps[half + 1 :]
+
+
 def new_history(factor: int) -> NDArray[np.float64]:
     """State of a stream before its first sample: (2·LATENCY_FRAMES·factor,) zeros, the filter's inputs."""
     return np.zeros(2 * LATENCY_FRAMES * factor)

@@ -22,6 +22,7 @@ from synth.engine.coefficients import (
     shapes_of,
     weights_of,
 )
+from synth.engine.flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.layout import (
     BEGIN,
     CHECK_EVERY,
@@ -35,6 +36,7 @@ from synth.engine.layout import (
     STRETCH,
     TASK,
 )
+from synth.engine.output import collect
 from synth.engine.strings import finger_done, sleep
 from synth.engine.views import bank_of, scratch_of, settings_of, shared_of, state_of
 from synth.solver.blocks import BlockWork, advance_blocks, fly_blocks, forget, press_blocks
@@ -51,8 +53,6 @@ PRUNE_WITHIN_M = 1e-9
 SLEEP_BELOW = 1e-5
 #: contacts from which on it pays to certify that some are out of reach for a while
 CERTIFY_FROM = 3
-#: how fast the output's rest line follows a change of fret [s]
-BASE_S = 0.05
 
 
 def _work_on(core: int, desk: int, s: int) -> None:
@@ -108,23 +108,25 @@ def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> No
     """`frames` output frames of one awake string from frame `start` of the span, into its row."""
     fixed = bank_of(core).strings[s]
     me = state_of(core).sounding[s]
-    row = shared_of(core).rows[fixed.row :]
-    if me.row_from == me.row_to:
-        me.row_from = start * fixed.factor
-    at = start * fixed.factor
-    end = at + frames * fixed.factor
-    while at < end:
-        steps = end - at
-        if me.stale:
-            refresh(core, desk, s)
-        if me.phase != NO_FINGER:
-            steps = min(steps, me.finger_steps - me.finger_step)
-        _steps(core, desk, s, steps)
-        _collect(core, desk, s, steps, row[at:])
-        at += steps
-        if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
-            finger_done(core, desk, s)
-    me.row_to = end
+    if me.flying and (me.stale or not me.free):
+        touch_down(core, desk, s)
+    if me.flying:
+        fly(core, desk, s, start, frames)
+    else:
+        row = row_of(core, s, start, frames)
+        at = 0
+        while at < row.size:
+            steps = row.size - at
+            if me.stale:
+                refresh(core, desk, s)
+            if me.phase != NO_FINGER:
+                steps = min(steps, me.finger_steps - me.finger_step)
+            _steps(core, desk, s, steps)
+            me.base = collect(core, desk, s, steps, fixed.factor, me.base, row[at:])
+            at += steps
+            if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
+                finger_done(core, desk, s)
+    fade(core, s, start, frames)
 
 
 @njit(**CORE)
@@ -275,36 +277,6 @@ def _one_by_one(core: int, desk: int, s: int, begin: int, end: int) -> None:
         me.unsolved += 1
 
 
-@njit(**CORE)
-def _collect(core: int, desk: int, s: int, steps: int, row) -> None:
-    """The output of the last steps, counted from the slowly followed rest."""
-    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
-    me = state.sounding[s]
-    fixed = bank.strings[s]
-    part = bank.parts[fixed.part]
-    out = scratch.out
-    if part.use_q and part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
-        for t in range(steps):
-            near = max(0.2, 1.0 + out[t] / part.pickup_distance)
-            row[t] = out[steps + t] / (near * near * near)
-    elif part.use_v:
-        for t in range(steps):
-            row[t] = out[t]
-    else:
-        model = bank.models[me.model]
-        rest = me.rest
-        follow = 1.0 / (BASE_S * settings.rate_hz * fixed.factor)
-        base = me.base
-        if base + follow * (rest - base) == base:
-            for t in range(steps):
-                row[t] = out[t] + model.line_output - base
-        else:
-            for t in range(steps):
-                base += follow * (rest - base)
-                row[t] = out[t] + model.line_output - base
-            me.base = base
-
-
 @njit(fastmath=FAST, **CORE)
 def _energy_norm(omega, q, v, q_rest) -> float:
     total = 0.0
@@ -355,6 +327,8 @@ def _check(core: int, desk: int, s: int) -> None:
         v[j] = 0.0
         n -= 1
     me.n = n
+    if me.free and not me.flying and not me.altered and fixed.direct_bus >= 0:
+        take_off(core, desk, s)
 
 
 @njit(**CORE)

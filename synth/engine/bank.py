@@ -10,11 +10,12 @@ import numpy as np
 
 from synth.compile import CompiledPart, Position
 from synth.dsp.body import body_coefficients
-from synth.dsp.decimator import design
+from synth.dsp.decimator import STOPBAND_EDGE, design, response
 from synth.dsp.limiter import limiter_state
 from synth.engine import layout
 from synth.engine.events import EVENT
 from synth.engine.layout import (
+    FADE,
     LINE,
     LINE_F8,
     N_TASK,
@@ -31,7 +32,7 @@ from synth.engine.layout import (
 from synth.engine.team import N_WORDS
 from synth.solver.blocks import make_lags, make_rows, padded_rows
 from synth.solver.lanes import BLOCK, ROWS, padded
-from synth.solver.laws import EXACT_HOLD
+from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.units import db_to_gain
 
 PENDING_EVENTS = 1 << 14
@@ -52,6 +53,7 @@ def build_bank(
             "omega",
             "sigma",
             "rows",
+            "flight",
             "shapes",
             "eta",
             "residual",
@@ -59,6 +61,7 @@ def build_bank(
             "lags",
             "out_lags",
             "weights",
+            "direct_weights",
             "q_rest",
         )
     }
@@ -67,7 +70,7 @@ def build_bank(
     tap_places: dict[int, tuple[int, int]] = {}
     off = soff = coff = goff = 0
     s_off = s_coff = s_goff = 0
-    line = row = 0
+    line = row = fade = 0
     body_off = 0
     span = span_quanta(parts)
     for p, part in enumerate(parts):
@@ -75,15 +78,16 @@ def build_bank(
         first_position, first_bus = len(positions), len(buses)
         bus_of: dict[int, int] = {}
         for string in part.strings:
+            for factor in (string.factor, 1):
+                if factor not in bus_of:
+                    if factor not in tap_places:
+                        tap_places[factor] = (sum(t.size for t in taps), design(rate_hz, factor).size)
+                        taps.append(design(rate_hz, factor))
+                    place, size = tap_places[factor]
+                    bus_of[factor] = len(buses)
+                    buses.append((p, factor, place, size, line))
+                    line += _padded(size + span * QUANTUM * factor)
             factor = string.factor
-            if factor not in bus_of:
-                if factor not in tap_places:
-                    tap_places[factor] = (sum(t.size for t in taps), design(rate_hz, factor).size)
-                    taps.append(design(rate_hz, factor))
-                place, size = tap_places[factor]
-                bus_of[factor] = len(buses)
-                buses.append((p, factor, place, size, line))
-                line += _padded(size + span * QUANTUM * factor)
             index = len(strings)
             cap = padded(max(position.omega.size for position in string.positions))
             cmax = max(position.eta.size for position in string.positions)
@@ -104,9 +108,13 @@ def build_bank(
                     string.draw_s,
                     string.release_s,
                     row,
+                    bus_of[1] if factor > 1 else -1,
+                    len(strings) * span * QUANTUM,
+                    fade,
                 )
             )
             row += _padded(span * QUANTUM * factor)
+            fade += FADE * factor
             s_off += cap
             s_coff += _padded(cmax)
             s_goff += cmax * cmax
@@ -127,6 +135,7 @@ def build_bank(
                         n,
                         position.own,
                         c,
+                        max(1, int(np.sum(position.omega[: position.own] < 2.0 * math.pi * STOPBAND_EDGE * rate_hz))),
                         n_cap,
                         off,
                         soff,
@@ -144,7 +153,7 @@ def build_bank(
                     )
                 )
                 off, soff, coff, goff = off + n_cap, soff + n_cap * c, coff + c, goff + c * c
-                for name, array in _model_arrays(position, law).items():
+                for name, array in _model_arrays(position, law, rate_hz, string.factor).items():
                     flat[name].append(array.ravel())
         pluck, output = preset.pluck, preset.output
         hard = pluck.position if pluck.position_hard is None else pluck.position_hard
@@ -209,7 +218,7 @@ def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
     return out
 
 
-def _model_arrays(position: Position, law: int) -> dict[str, np.ndarray]:
+def _model_arrays(position: Position, law: int, rate_hz: float, factor: int) -> dict[str, np.ndarray]:
     """A model's arrays of the Bank."""
     n = padded(position.omega.size)
     rows = make_rows(position.coef)
@@ -223,6 +232,7 @@ def _model_arrays(position: Position, law: int) -> dict[str, np.ndarray]:
         "omega": omega,
         "sigma": padded_rows(position.sigma, n),
         "rows": rows,
+        "flight": make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, 1.0 / rate_hz)),
         "shapes": shapes,
         "eta": position.eta,
         "residual": position.residual,
@@ -230,6 +240,7 @@ def _model_arrays(position: Position, law: int) -> dict[str, np.ndarray]:
         "lags": lags,
         "out_lags": out_lags,
         "weights": weights,
+        "direct_weights": weights * response(rate_hz, factor, omega / (2.0 * math.pi)),
         "q_rest": padded_rows(position.q_rest, n),
     }
 
@@ -294,6 +305,8 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         aligned(contacts),
         aligned(n_strings, np.int64),
         aligned(n_strings, np.int64),
+        aligned(_end(bank.strings["fade"], FADE * bank.strings["factor"])),
+        aligned((n_strings, FADE)),
         aligned(modes),
         aligned(contacts),
         aligned((n_strings, 2)),
@@ -320,6 +333,7 @@ def new_shared(bank: Bank, span: int, work_on: int) -> Shared:
         aligned(bank.strings.size, np.int64),
         aligned(N_WORDS, np.int64),
         aligned(_end(bank.strings["row"], frames * bank.strings["factor"])),
+        aligned(bank.strings.size * frames),
         aligned((span, 16)),
         aligned((span, bank.parts.size)),
         aligned(frames),

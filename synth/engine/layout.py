@@ -34,6 +34,8 @@ LINE = 64
 LINE_F8 = 8
 #: length of a response to a force during a block
 RESPONSE = 2 * BLOCK
+#: frames over which a string changes between its internal rate and free flight at the output rate; a multiple of QUANTUM
+FADE = 64
 
 #: kinds of arrays: element type and number of dimensions
 F8 = Annotated[np.ndarray, np.dtype(np.float64), 1]
@@ -48,6 +50,7 @@ MODEL = np.dtype(
         ("n", "i8"),
         ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
+        ("audible", "i8"),  # its own modes that the decimator does not stop
         ("cap", "i8"),
         ("off", "i8"),
         ("soff", "i8"),
@@ -83,6 +86,9 @@ STRING = np.dtype(
         ("draw_s", "f8"),
         ("release_s", "f8"),
         ("row", "i8"),  # where its outputs of a span begin
+        ("direct_bus", "i8"),  # of the output rate; −1: that is its own rate
+        ("direct", "i8"),  # where its outputs of a span at the output rate begin
+        ("fade", "i8"),  # where what still fades begins
     ],
     align=True,
 )
@@ -134,6 +140,7 @@ class Bank(NamedTuple):
     omega: F8
     sigma: F8
     rows: F8
+    flight: F8  # like rows, over a whole frame
     shapes: F8
     eta: F8
     residual: F8
@@ -141,6 +148,7 @@ class Bank(NamedTuple):
     lags: F8
     out_lags: F8
     weights: F8  # of the outputs on q and on v
+    direct_weights: F8  # the same behind the decimator
     q_rest: F8
     taps: F8
     body: F8x2  # (3, resonances of all parts)
@@ -179,6 +187,11 @@ SOUNDING = np.dtype(
         ("held", "i8"),
         ("sustained", "i8"),
         ("stolen", "i8"),
+        ("flying", "i8"),  # at the output rate
+        ("fade_at", "i8"),  # frames that have faded, of so many
+        ("fade_to", "i8"),
+        ("direct_from", "i8"),  # like row_from and row_to, of its row at the output rate
+        ("direct_to", "i8"),
         ("row_from", "i8"),  # steps of the span that its row holds: of a string that woke or fell asleep not all
         ("row_to", "i8"),
         ("mode_steps", "i8"),  # work done
@@ -272,6 +285,8 @@ class State(NamedTuple):
     margin: F8
     clock: I8  # (strings,)
     moving: I8  # (strings,)
+    fade: F8  # what still fades, at the internal rate
+    direct_fade: F8x2  # (strings, FADE)
     finger_weights: F8
     finger_coupling: F8
     finger_state: F8x2  # (strings, 2)
@@ -306,6 +321,7 @@ class Shared(NamedTuple):
     queue: I8  # (strings,) those at work
     team: I8  # control words of the workers, see `team`
     rows: F8  # outputs of every string, from STRING.row
+    direct: F8  # its outputs in flight, from STRING.direct
     bends: F8x2  # (SPAN, channels) smoothed, per quantum
     heights: F8x2  # (SPAN, parts)
     mono: F8  # (frames of a span,)

@@ -58,18 +58,27 @@ def _gather_rows(core: int) -> None:
     bank, state, shared = bank_of(core), state_of(core), shared_of(core)
     for s in range(bank.strings.size):
         me = state.sounding[s]
-        count = me.row_to - me.row_from
-        if count > 0:
-            fixed = bank.strings[s]
-            bus = bank.buses[fixed.bus]
-            # what a step ends with belongs to the instant after it: the last one of a span to the next span
-            place = bus.off + bus.n_taps + me.row_from
-            line = state.lines[place : place + count]
-            row = shared.rows[fixed.row + me.row_from : fixed.row + me.row_to]
-            for t in range(count):
-                line[t] += row[t]
-            state.quiet[fixed.bus] = -1
+        fixed = bank.strings[s]
+        if me.row_to > me.row_from:
+            _add_row(core, fixed.bus, me.row_from, shared.rows[fixed.row + me.row_from : fixed.row + me.row_to])
+        if me.direct_to > me.direct_from:
+            begin, end = fixed.direct + me.direct_from, fixed.direct + me.direct_to
+            _add_row(core, fixed.direct_bus, me.direct_from, shared.direct[begin:end])
         me.row_from = me.row_to = 0
+        me.direct_from = me.direct_to = 0
+
+
+@njit(**CORE)
+def _add_row(core: int, b: int, first: int, row) -> None:
+    """Add steps from number `first` of the span on to the line of bus b."""
+    state = state_of(core)
+    bus = bank_of(core).buses[b]
+    # what a step ends with belongs to the instant after it: the last one of a span to the next span
+    place = bus.off + bus.n_taps + first
+    line = state.lines[place : place + row.size]
+    for t in range(row.size):
+        line[t] += row[t]
+    state.quiet[b] = -1
 
 
 @njit(**CORE)

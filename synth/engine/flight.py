@@ -1,0 +1,189 @@
+"""Free flight at the output rate: a string that can touch nothing needs no internal rate.
+
+Its modes are advanced by the exact propagator over whole frames, and only those that the decimator does not stop, each
+with the decimator's gain at its frequency; their sum goes to a bus of the output rate, which is late by the same frames as
+the others. To change over without a click the sound so far fades out of one bus as it fades into the other, over `FADE`
+frames: x·w and x·(1 − w), where w falls slowly enough that the decimator does the same to x·w as to x. For that the
+string's free continuation from the moment of the change is worked out at both rates and kept, weighed with w, to be added to
+one and taken from the other:
+
+    taking off    internal + w·x_internal,   direct: own − w·x_direct
+    touching down internal: own − w·x_internal,   direct + w·x_direct
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from synth.engine.coefficients import rows_of, weights_of
+from synth.engine.layout import CORE, FADE, QUANTUM
+from synth.engine.output import collect
+from synth.engine.views import bank_of, scratch_of, shared_of, state_of
+from synth.solver.blocks import fly_blocks
+from synth.solver.kernels import advance_free
+from synth.solver.lanes import BLOCK, ROWS, padded
+
+
+@njit(inline="always")
+def _flight_rows(core: int, s: int):
+    """(ROWS, cap) coefficients over one frame."""
+    bank = bank_of(core)
+    model = bank.models[state_of(core).sounding[s].model]
+    return bank.flight[ROWS * model.off : ROWS * (model.off + model.cap)].reshape(ROWS, model.cap)
+
+
+@njit(inline="always")
+def _direct_weights(core: int, s: int, first: int, count: int):
+    """(count, cap) weights of the outputs from number `first` on, on q, on v, behind the decimator."""
+    bank = bank_of(core)
+    model = bank.models[state_of(core).sounding[s].model]
+    own = 2 * model.off + first * model.cap
+    return bank.direct_weights[own : own + count * model.cap].reshape(count, model.cap)
+
+
+@njit(**CORE)
+def take_off(core: int, desk: int, s: int) -> None:
+    """From here on at the output rate. Modes that the decimator stops end."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    off = bank.strings[s].off
+    audible = bank.models[me.model].audible
+    _keep_fade(core, desk, s, 1.0)
+    for j in range(audible, me.n):
+        state.q[off + j] = 0.0
+        state.v[off + j] = 0.0
+    me.n = min(me.n, audible)
+    me.flying = 1
+
+
+@njit(**CORE)
+def touch_down(core: int, desk: int, s: int) -> None:
+    """Back to the internal rate: before anything changes the string."""
+    me = state_of(core).sounding[s]
+    _keep_fade(core, desk, s, -1.0)
+    me.flying = 0
+
+
+@njit(**CORE)
+def _keep_fade(core: int, desk: int, s: int, sign: float) -> None:
+    """Add what the string would go on to do, weighed with w, to what is still to fade of earlier changes."""
+    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    off, cap = fixed.off, bank.models[me.model].cap
+    points = part.use_q + part.use_v
+    q, v, row = scratch.q[:cap], scratch.v[:cap], scratch.path
+    for direct in range(2):
+        factor = 1 if direct else fixed.factor
+        rows = _flight_rows(core, s) if direct else rows_of(core, s)
+        first_weight = 1 - part.use_q
+        weights = weights_of(core, s, first_weight, points)
+        if direct:
+            weights = _direct_weights(core, s, first_weight, points)
+        n = min(me.n, bank.models[me.model].audible) if direct else me.n
+        kept = state.direct_fade[s] if direct else state.fade[fixed.fade : fixed.fade + FADE * factor]
+        left = max(0, me.fade_to - me.fade_at) * factor
+        first = me.fade_at * factor
+        for k in range(left):
+            kept[k] = kept[first + k]
+        kept[left:] = 0.0
+        q[:] = 0.0
+        v[:] = 0.0
+        for j in range(n):
+            q[j] = state.q[off + j]
+            v[j] = state.v[off + j]
+        base = me.base
+        steps = QUANTUM * factor
+        out = scratch.out[: points * steps].reshape(points, steps)
+        for at in range(0, FADE * factor, steps):
+            fly_blocks(steps // BLOCK, padded(n), rows, q, v, weights, part.use_q, out)
+            base = collect(core, desk, s, steps, factor, base, row)
+            for k in range(steps):
+                w = 0.5 + 0.5 * math.cos(math.pi * (at + k + 1) / (FADE * factor))
+                kept[at + k] += (-sign if direct else sign) * w * row[k]
+    me.fade_at = 0
+    me.fade_to = FADE
+
+
+@njit(**CORE)
+def fly(core: int, desk: int, s: int, start: int, frames: int) -> None:
+    """`frames` frames of a string in flight from frame `start` of the span, into its direct row."""
+    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    off, cap = fixed.off, bank.models[me.model].cap
+    q, v = state.q[off : off + cap], state.v[off : off + cap]
+    points = part.use_q + part.use_v
+    rows = _flight_rows(core, s)
+    out = scratch.out[: points * frames].reshape(points, frames)
+    blocks = frames // BLOCK
+    weights = _direct_weights(core, s, 1 - part.use_q, points)
+    fly_blocks(blocks, padded(me.n), rows, q, v, weights, part.use_q, out)
+    rest = frames - blocks * BLOCK
+    if rest > 0:
+        both = _direct_weights(core, s, 0, 2)
+        begin = blocks * BLOCK
+        advance_free(
+            rest, rows, q[: me.n], v[: me.n], both[0], both[1], part.use_q, part.use_v, out[0, begin:],
+            out[points - 1, begin:],
+        )  # fmt: skip
+    me.mode_steps += me.n * frames
+    me.base = collect(core, desk, s, frames, 1, me.base, direct_row(core, s, start, frames))
+
+
+@njit(**CORE)
+def row_of(core: int, s: int, start: int, frames: int):
+    """Where a string's steps of these frames of the span go; what lies between them and earlier ones is nothing."""
+    fixed = bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    row = shared_of(core).rows[fixed.row :]
+    at = start * fixed.factor
+    if me.row_from == me.row_to:
+        me.row_from = at
+    elif me.row_to < at:
+        row[me.row_to : at] = 0.0
+    me.row_to = at + frames * fixed.factor
+    return row[at : me.row_to]
+
+
+@njit(**CORE)
+def direct_row(core: int, s: int, start: int, frames: int):
+    """The same for its frames in flight."""
+    fixed = bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    row = shared_of(core).direct[fixed.direct :]
+    if me.direct_from == me.direct_to:
+        me.direct_from = start
+    elif me.direct_to < start:
+        row[me.direct_to : start] = 0.0
+    me.direct_to = start + frames
+    return row[start : me.direct_to]
+
+
+@njit(**CORE)
+def fade(core: int, s: int, start: int, frames: int) -> None:
+    """Add what still fades of the last changes during these frames of the span, behind what the string has given."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    me = state.sounding[s]
+    count = min(frames, me.fade_to - me.fade_at)
+    if count <= 0:
+        return
+    fixed = bank.strings[s]
+    factor = fixed.factor
+    if me.flying:
+        row_of(core, s, start, count)[:] = 0.0
+    else:
+        direct_row(core, s, start, count)[:] = 0.0
+    row = shared.rows[fixed.row + start * factor :]
+    kept = state.fade[fixed.fade + me.fade_at * factor :]
+    for k in range(count * factor):
+        row[k] += kept[k]
+    direct = shared.direct[fixed.direct + start :]
+    direct_kept = state.direct_fade[s, me.fade_at :]
+    for i in range(count):
+        direct[i] += direct_kept[i]
+    me.fade_at += count

@@ -1,0 +1,41 @@
+"""What a string gives to its bus, from the displacement and velocity that its output weights see."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from synth.engine.layout import CORE
+from synth.engine.views import bank_of, scratch_of, settings_of, state_of
+
+#: how fast the output's rest line follows a change of fret [s]
+BASE_S = 0.05
+
+
+@njit(**CORE)
+def collect(core: int, desk: int, s: int, steps: int, factor: int, base: float, row) -> float:
+    """row (≥ steps,) from Scratch.out after `steps` steps at `factor` times the output rate.
+
+    A force or displacement is counted from `base`, which slowly follows the string's rest; returns where it then is.
+    """
+    bank, settings = bank_of(core), settings_of(core)
+    out = scratch_of(desk).out
+    me = state_of(core).sounding[s]
+    part = bank.parts[bank.strings[s].part]
+    if part.use_q and part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
+        for t in range(steps):
+            near = max(0.2, 1.0 + out[t] / part.pickup_distance)
+            row[t] = out[steps + t] / (near * near * near)
+    elif part.use_v:
+        for t in range(steps):
+            row[t] = out[t]
+    else:
+        line = bank.models[me.model].line_output
+        follow = 1.0 / (BASE_S * settings.rate_hz * factor)
+        if base + follow * (me.rest - base) == base:
+            for t in range(steps):
+                row[t] = out[t] + line - base
+        else:
+            for t in range(steps):
+                base += follow * (me.rest - base)
+                row[t] = out[t] + line - base
+    return base
