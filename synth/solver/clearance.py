@@ -1,7 +1,7 @@
 """For how long no node of a wall can be reached by the freely moving string.
 
 A mode's energy does not grow, so that |q_j| ≤ E_j and |q̇_j| ≤ ω_j E_j with E_j = √(q_j² + v_j²/ω_j²), and node c moves in
-the time τ by no more than Σ |φ_j(x_c)| E_j min(2, ω_j τ) (`kernels.cull`), forwards as well as backwards: a node whose gap
+the time τ by no more than Σ |φ_j(x_c)| E_j min(2, ω_j τ) (`blocks.certify`), forwards as well as backwards: a node whose gap
 is larger is clear for τ before and after, though not before the instant at which E_j, larger then, was taken. Until some
 looks have passed since the last impulse, √(2/L) stands for every |φ_j(x_c)|; then the sums are taken node by node, once for
 all strides. With them goes the certificate that the string flies free for ever: the decaying amplitudes A_j of

@@ -1,4 +1,4 @@
-"""Block kernels: many internal steps of one string, its contacts and one finger.
+"""One step after the other: one string, its contacts and one finger; `blocks` does several steps at a time.
 
 Every kernel advances modal coordinates (q, v) in place with the six coefficient rows of `laws`. The contact unknowns of
 a step are found from the free prediction: for exact-hold from positions at the end of the step,
@@ -367,32 +367,3 @@ def reach(shape, amplitude) -> float:
     for j in range(amplitude.size):
         total += abs(shape[j]) * amplitude[j]
     return total
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def cull(shapes, eta, omega, q, v, horizon: float, watch, moved, near) -> int:
-    """Which contacts can be touched within `horizon` [s] of free motion; returns how many.
-
-    A mode's energy does not grow, so |q̇_j| ≤ ω_j E_j and |q_j| ≤ E_j with E_j = √(q_j² + v_j²/ω_j²): it moves by no more
-    than E_j min(2, ω_j τ), and a contact by no more than the sum of these over its mode shape. Contacts with watch = 0 are
-    out of reach for longer already. moved (N,) work space, near (C,) uint8 out.
-    """
-    n = q.size
-    for j in range(n):
-        w = omega[j]
-        speed = v[j] / w
-        moved[j] = np.sqrt(q[j] * q[j] + speed * speed) * min(2.0, w * horizon)
-    count = 0
-    for c in range(eta.size):
-        near[c] = 0
-        if watch[c]:
-            shape = shapes[c]
-            here = 0.0
-            by = 0.0
-            for j in range(n):
-                here += shape[j] * q[j]
-                by += abs(shape[j]) * moved[j]
-            if here - 1.001 * by <= eta[c]:
-                near[c] = 1
-                count += 1
-    return count

@@ -238,7 +238,7 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
 # --- the driver's own business ----------------------------------------------------------------------------------------
 
 
-def test_ledger_and_culling_do_not_change_the_motion():
+def test_ledger_and_blocks_do_not_change_the_motion():
     """Block kernels with certificates, or one weighed step at a time: the same run to rounding, step for step in contact."""
     rng = np.random.default_rng(44)
     for _ in range(20):
