@@ -189,11 +189,12 @@ def _fly_blocks(plucked: Plucked, steps: int) -> Stretch:
 def _press_blocks(plucked: Plucked, steps: int) -> Stretch:
     block = _blocks_of(plucked.model)
     n, out, u, forces = block.rows.shape[1], aligned(1, steps), aligned(BLOCK), aligned(BLOCK)
+    none = aligned(0)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
         press_blocks(
             steps // BLOCK, n, block.rows, block.shapes[0], m.eta[0], block.lags[0, 0], q, v, block.weights, 1,
-            block.out_lags, out, u, forces,
+            block.out_lags, out, u, forces, none, none,
         )  # fmt: skip
 
     return _with_state(plucked, take, n)

@@ -169,7 +169,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     if c == 1 and hold:
         press_blocks(
             blocks, cap, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out, scratch.block,
-            forces[0],
+            forces[0], scratch.block[:0], scratch.block[:0],
         )  # fmt: skip
         state.force[coff] = forces[0, BLOCK - 1]
         return

@@ -262,12 +262,13 @@ def fly_blocks(blocks: int, n: int, rows, q, v, weights, on_q: int, out) -> None
 
 @njit(cache=True, nogil=True)
 def press_blocks(
-    blocks: int, n: int, rows, shape, eta: float, lags, q, v, weights, on_q: int, out_lags, out, u, forces
+    blocks: int, n: int, rows, shape, eta: float, lags, q, v, weights, on_q: int, out_lags, out, u, forces, rec_u, rec_force
 ) -> int:
     """Exact-hold over one contact. Returns the number of blocks that touched; forces (K,) are the last block's.
 
     rows (ROWS, n); shape (n,); lags (2K,) of the contact; weights (P, n), P ≤ 2, on_q and out as in `fly_blocks`; out_lags
-    (P, 1, 2K) of the outputs; u (K,) work space.
+    (P, 1, 2K) of the outputs; u (K,) work space; rec_u, rec_force (blocks·K,) displacement S q + R λ of the contact and
+    its force in every step, or empty.
     """
     points = weights.shape[0]
     touched = 0
@@ -299,6 +300,12 @@ def press_blocks(
                 add_forced(out[p, at:], out_lags[p, 0], forces)
             drive(n, rows, q, v, shape, forces)
             touched += 1
+        if rec_u.size > 0:
+            if flown:
+                add_forced(u, lags, forces)
+            for k in range(BLOCK):
+                rec_u[at + k] = u[k]
+                rec_force[at + k] = forces[k] if flown else 0.0
     if not flown:
         for k in range(BLOCK):
             forces[k] = 0.0

@@ -13,7 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.solver.blocks import Blocks, BlockWork, advance_blocks, forget, make_block_work, make_blocks, padded_rows
+from synth.solver.blocks import (
+    Blocks,
+    BlockWork,
+    advance_blocks,
+    forget,
+    make_block_work,
+    make_blocks,
+    padded_rows,
+    press_blocks,
+)
 from synth.solver.energy import filter_factor, impulse_work, spring, stored
 from synth.solver.kernels import Finger, Work, advance, amplitudes, make_work, reach
 from synth.solver.lanes import BLOCK, padded
@@ -234,7 +243,7 @@ def _write_output(model: Model, run: Run) -> None:
     _close_row(model, run)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _close_row(model: Model, run: Run) -> None:
     """What a row has besides displacements: forces, penetration, energies."""
     row = run.counts[ROW]
@@ -363,7 +372,7 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
             _write_output(model, run)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
     """As many of the next n steps, each of `parts` parts, as one call of the block kernel can do; how many these are.
 
@@ -387,12 +396,20 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
     force, u = run.block_force[:steps], run.block_u[:steps]
     none = run.block_u[:0]
     watched = 0 if apart else points
-    status = advance_blocks(
-        blocks, model.law, run.whole_q.size, block.dt, model.restitution, block.rows, model.omega, block.shapes, run.eta,
-        block.lags, 1 if apart and contacts >= _CERTIFY_FROM else 0, run.whole_q, run.whole_v, run.u_contact, run.v_contact,
-        block.weights[:watched], watched, block.out_lags[:watched], run.block_out, force, none if apart else u,
-        run.block_work,
-    )  # fmt: skip
+    status = SOLVED
+    if contacts == 1 and model.law == EXACT_HOLD and watched <= 1:
+        press_blocks(
+            blocks, run.whole_q.size, block.rows, block.shapes[0], run.eta[0], block.lags[0, 0], run.whole_q, run.whole_v,
+            block.weights[:watched], watched, block.out_lags[:watched], run.block_out, run.block_work.spare,
+            run.block_work.forces[0], u[:, 0], force[:, 0],
+        )  # fmt: skip
+    else:
+        status = advance_blocks(
+            blocks, model.law, run.whole_q.size, block.dt, model.restitution, block.rows, model.omega, block.shapes,
+            run.eta, block.lags, 1 if apart and contacts >= _CERTIFY_FROM else 0, run.whole_q, run.whole_v, run.u_contact,
+            run.v_contact, block.weights[:watched], watched, block.out_lags[:watched], run.block_out, force,
+            none if apart else u, run.block_work,
+        )  # fmt: skip
     if status != SOLVED:
         run.counts[BAD_STEPS] += 1
     run.force[:] = force[steps - 1]
@@ -414,8 +431,11 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
             if apart:
                 _write_output(model, run)
             else:
-                run.u[run.counts[ROW]] = run.block_out[:, last]
-                run.contact_u[run.counts[ROW]] = u[last]
+                row = run.counts[ROW]
+                for p in range(points):
+                    run.u[row, p] = run.block_out[p, last]
+                for c in range(contacts):
+                    run.contact_u[row, c] = u[last, c]
                 _close_row(model, run)
     return steps // parts
 

@@ -188,13 +188,31 @@ def test_kernels_of_the_engine(use, eta):
         q, v = padded_rows(scene.q, n), padded_rows(scene.v, n)
         out, spare, forces = np.zeros((len(kinds), steps)), aligned(BLOCK), aligned(BLOCK)
         a, b = scene.q.copy(), scene.v.copy()
-        expected = np.zeros((2, steps))
+        expected, records = np.zeros((2, steps)), np.zeros((2, steps))
         if touching:
             touched = press_blocks(
-                steps // BLOCK, n, rows, shapes[0], eta, lags[0, 0], q, v, weights, on_q, out_lags, out, spare, forces
+                steps // BLOCK,
+                n,
+                rows,
+                shapes[0],
+                eta,
+                lags[0, 0],
+                q,
+                v,
+                weights,
+                on_q,
+                out_lags,
+                out,
+                spare,
+                forces,
+                *records,
             )
             advance_one(steps, scene.coef, scene.shapes[0], eta, scene.g[0, 0], a, b, *scene.weights, 1, 1, *expected)
             assert (touched > 5) == (eta == 0.0)
+            scene.eta = np.array([eta])
+            _, _, force, u = scene.plain(steps)
+            same(records[0], u[:, 0], 1e-11, "contact position")
+            same(records[1], force[:, 0], 1e-10, "contact force") if eta == 0.0 else None
         else:
             fly_blocks(steps // BLOCK, n, rows, q, v, weights, on_q, out)
             advance_free(steps, scene.coef, a, b, *scene.weights, 1, 1, *expected)
