@@ -142,7 +142,7 @@ class Bank(NamedTuple):
     out_lags: F8
     weights: F8  # of the outputs on q and on v
     q_rest: F8
-    taps: F8
+    taps: F8  # ordered by phase
     body: F8x2  # (3, resonances of all parts)
 
 
@@ -310,6 +310,7 @@ class Shared(NamedTuple):
     heights: F8x2  # (SPAN, parts)
     mono: F8  # (frames of a span,)
     frame: F8
+    phases: F8  # a line split by the decimator
     mix: F8x2  # (frames of a span, 2)
 
 

@@ -82,7 +82,7 @@ def _add_bus(core: int, b: int, frames: int, mono) -> None:
         return
     line = state.lines[bus.off : bus.off + bus.n_taps + fresh]
     frame = shared.frame[:frames]
-    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, frame)
+    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, shared.phases, frame)
     for i in range(frames):
         mono[i] += frame[i]
     for i in range(bus.n_taps):
