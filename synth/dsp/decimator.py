@@ -112,6 +112,17 @@ def split_taps(taps, factor, branches):
 
 
 @njit(cache=True, nogil=True)
+def _every(step, x, out):
+    """out[j] = x[j·step]; unsigned, as numba tests a signed index for wrapping around."""
+    stride, end = np.uint64(step), np.uint64(out.size)
+    j = at = np.uint64(0)
+    while j < end:
+        out[j] = x[at]
+        j += np.uint64(1)
+        at += stride
+
+
+@njit(cache=True, nogil=True)
 def decimate_line(branches, factor, line, work, out):
     """Outputs of a stream that lies in one piece: out[i] = Σ_k taps[k]·line[i·factor + k].
 
@@ -121,24 +132,24 @@ def decimate_line(branches, factor, line, work, out):
     out : (n,) outputs, overwritten.
     """
     middle = branches[LATENCY_FRAMES]  # of the branch in which all others are zero
-    centre = line[LATENCY_FRAMES * factor :]
     if factor == 1:
         for i in range(out.size):
-            out[i] = middle * centre[i]
+            out[i] = middle * line[LATENCY_FRAMES + i]
         return
+    centre = line[LATENCY_FRAMES * factor :]
     needed = out.size + BRANCH - 1
     stride = (out.size + GROUP - 1) // GROUP * GROUP + BRANCH
     for p in range(1, factor):
-        phase = work[(p - 1) * stride : p * stride]
-        for j in range(needed):
-            phase[j] = line[j * factor + p]
-        phase[needed:] = 0.0
+        _every(factor, line[p:], work[(p - 1) * stride : (p - 1) * stride + needed])
+        for j in range((p - 1) * stride + needed, p * stride):
+            work[j] = 0.0
     rest = work[(factor - 1) * stride :]
     for first in range(0, out.size, GROUP):
         count = min(GROUP, out.size - first)
         group = out[first:] if count == GROUP else rest
+        _every(factor, centre[first * factor :], group[:count])
         for i in range(count):
-            group[i] = middle * centre[(first + i) * factor]
+            group[i] *= middle
         add_branches(branches, factor, work, stride, first, group)
         if count < GROUP:
             out[first:] = rest[:count]
