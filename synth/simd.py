@@ -10,6 +10,7 @@ from typing import Any
 
 import llvmlite.binding
 from llvmlite import ir
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic as _intrinsic
 
@@ -83,6 +84,35 @@ class Code:
         """Addresses of rows `numbers` of an array."""
         return [self.b.gep(base, [self.b.mul(length, ir.Constant(INT, r))]) for r in numbers]
 
+    def strided_rows(self, i: int, count: int):
+        """Addresses of the first rows of argument i, an array of two axes whose rows may lie apart."""
+        array = self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i])
+        stride = self.b.extract_value(array.strides, 0)
+        start = self.b.ptrtoint(array.data, INT)
+        places = [self.b.add(start, self.b.mul(stride, ir.Constant(INT, r))) for r in range(count)]
+        return [self.b.inttoptr(place, array.data.type) for place in places]
+
+    def lanes_below(self, count):
+        """Mask of the lanes whose number is less than `count`."""
+        wide = ir.VectorType(INT, LANES)
+        one = self.b.insert_element(ir.Constant(wide, ir.Undefined), count, ir.Constant(ir.IntType(32), 0))
+        zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        limit = self.b.shuffle_vector(one, ir.Constant(wide, ir.Undefined), zeros)
+        return self.b.icmp_signed("<", ir.Constant(wide, list(range(LANES))), limit)
+
+    def load_masked(self, base, at, mask):
+        """The elements of the mask's lanes from base[at] on, zero in the others."""
+        place = self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer())
+        kind = ir.FunctionType(VECTOR, [place.type, ir.IntType(32), mask.type, VECTOR])
+        load = cgutils.get_or_insert_function(self.b.module, kind, f"llvm.masked.load.v{LANES}f64.p0")
+        return self.b.call(load, [place, ir.Constant(ir.IntType(32), 8), mask, ir.Constant(VECTOR, [0.0] * LANES)])
+
+    def store_masked(self, value, base, at, mask) -> None:
+        place = self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer())
+        kind = ir.FunctionType(ir.VoidType(), [VECTOR, place.type, ir.IntType(32), mask.type])
+        store = cgutils.get_or_insert_function(self.b.module, kind, f"llvm.masked.store.v{LANES}f64.p0")
+        self.b.call(store, [value, place, ir.Constant(ir.IntType(32), 8), mask])
+
     def fold(self, sums):
         """LANES vectors → one vector of their sums, by shuffles of pairs."""
         index = ir.VectorType(ir.IntType(32), LANES)
@@ -103,3 +133,15 @@ class Code:
             sums = halves
             span *= 2
         return sums[0]
+
+
+@intrinsic
+def move_within(typingctx, x, to, start, count):
+    """x[to : to + count] = x[start : start + count], also where the two overlap."""
+
+    def emit(context, builder, signature, args):
+        base = Code(context, builder, signature, args).data(0)
+        cgutils.raw_memmove(builder, builder.gep(base, [args[1]]), builder.gep(base, [args[2]]), args[3], 8, align=8)
+        return context.get_dummy_value()
+
+    return types.void(x, types.int64, types.int64, types.int64), emit

@@ -131,13 +131,14 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
     channels = x.shape[1]
     place, ring, active = counters[0], counters[1], counters[2]
     last, largest = levels[0], levels[1]
+    flat, inside = x.reshape(x.size), delay.reshape(delay.size)
     n = 0
     while n < x.shape[0]:
         if active == 0:  # nothing but zeros in the rings: frames that fit leave them so
             count = min(x.shape[0] - n, LOOKAHEAD - place)
-            entering = x[n : n + count].reshape(count * channels)
+            entering = flat[n * channels : (n + count) * channels]
             if _fits(entering, ceiling):
-                _exchange(entering, delay[place : place + count].reshape(count * channels))
+                _exchange(entering, inside[place * channels : (place + count) * channels])
                 n += count
                 place = (place + count) % LOOKAHEAD
                 ring = (ring + count) % _WINDOW
