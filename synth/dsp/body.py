@@ -10,6 +10,8 @@ this form has its maximum where cos ωT = cosθ − (cosh aT − 1). Choosing θ
 puts the peak exactly on the measured frequency with exactly the measured gain, at any rate and Q.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
@@ -81,7 +83,7 @@ def _steps(count: int):
             at_y1, at_y2 = code.strided_rows(1, 2)
             at_x = b.gep(code.data(3), [args[4]])
             samples = [args[2], *(code.scalar(at_x, k) for k in range(count))]
-            differences = [code.splat(b.fsub(new, old)) for old, new in zip(samples, samples[1:], strict=False)]
+            differences = [code.splat(b.fsub(new, old)) for old, new in pairwise(samples)]
             before = b.block
             loop, done = b.append_basic_block("resonances"), b.append_basic_block("rung")
             b.branch(loop)

@@ -1,6 +1,6 @@
 """The inner loop of the decimator: the branches of a polyphase FIR, several outputs in the lanes of a vector.
 
-With taps h_p[m] = taps[m·M + p] and the inputs split likewise, x_p[j] = line[j·M + p], output i is Σ_p Σ_m h_p[m]·x_p[i + m]:
+With taps h_p[m] = taps[m·M + p] and inputs x_p[j] = line[j·M + p], output i is Σ_p Σ_m h_p[m]·x_p[i + m]:
 neighbouring outputs read neighbouring inputs with the same taps. GROUP outputs stay in registers, and each vector of inputs
 serves every output vector it overlaps at a distance of whole vectors. Every output is the same sum in the same order
 wherever it stands. (Crochiere & Rabiner 1983, ch. 3.)
