@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"units", "kernel_cache", "schemes", "calibration", "targets"},
+    {"units", "kernel_cache", "schemes", "calibration", "targets", "simd"},
     {"physics", "solver", "dsp"},
     {"measures", "exact"},
     {"plan", "preset"},

@@ -13,17 +13,21 @@ stopband attenuation   above 105 dB from 24.1/44.1 of the output rate on
 At 44.1 kHz that is flat to 20 kHz and nothing that folds lands below 20 kHz above −105 dB; at 48 kHz it is
 flat to 21.7 kHz, at 96 kHz to 43.5 kHz. 37 frames is the shortest filter that keeps 105 dB at 44.1 kHz.
 
-The streaming kernel gives bitwise the same samples however the stream is cut into blocks: every output is one
-dot product of fixed length over a contiguous segment, so neither its terms nor their order depend on the
-block.
+It is an M-th-band filter: every M-th tap but the middle one is zero. The kernels split the line into its M phases and
+compute neighbouring outputs in the lanes of vectors (`polyphase`).
+
+The streaming kernel gives bitwise the same samples however the stream is cut into blocks: neither the terms of an
+output nor their order depend on where it stands.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-LATENCY_FRAMES = 37
-"""Delay of the filter in output frames, the same for every factor."""
+from synth.dsp.polyphase import BRANCH, GROUP, add_branches
+
+LATENCY_FRAMES = BRANCH // 2
+"""Delay of the filter in output frames, 37 for every factor."""
 
 PASSBAND_RIPPLE_DB = 1e-4
 """Largest deviation from 0 dB up to :data:`PASSBAND_EDGE` × output rate."""
@@ -52,7 +56,7 @@ def design(rate_hz: float, factor: int) -> NDArray[np.float64]:
 
     Returns
     -------
-    taps : (2·LATENCY_FRAMES·factor + 1,) symmetric, sum 1. For factor 1 a single one in the middle.
+    taps : (2·LATENCY_FRAMES·factor + 1,) symmetric, sum 1, zero at every `factor`-th but the middle one.
 
     Raises
     ------
@@ -73,6 +77,7 @@ def design(rate_hz: float, factor: int) -> NDArray[np.float64]:
     if factor == 1:
         return (n == 0).astype(np.float64)
     taps = np.sinc(n / factor) * np.kaiser(n.size, _KAISER_BETA)
+    taps[n % factor == 0] = n[n % factor == 0] == 0  # sin πk is not quite zero in floating point
     return taps / taps.sum()
 
 
@@ -92,36 +97,70 @@ def new_history(factor: int) -> NDArray[np.float64]:
 def workspace(factor: int, frames: int = 128) -> NDArray[np.float64]:
     """Scratch memory for :func:`decimate`; one may serve many streams. Its size never changes the samples.
 
-    frames : output frames worked on at a time; longer blocks are cut into pieces of that length.
+    frames : output frames worked on at a time; longer blocks are cut into pieces of about that length.
     """
-    return np.empty((2 * LATENCY_FRAMES + max(1, frames)) * factor)
-
-
-# A reassociated sum is what lets the compiler vectorise the dot product: 4 times faster at factor 2, 6 at 8,
-# 8 at 24.
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"}, inline="never")
-def _dot(taps, segment):
-    total = 0.0
-    for k in range(taps.size):
-        total += taps[k] * segment[k]
-    return total
+    frames = -(-max(1, frames) // GROUP) * GROUP
+    line = (2 * LATENCY_FRAMES + frames) * factor
+    return np.empty(2 * LATENCY_FRAMES * factor + 1 + line + phase_space(factor, frames))
 
 
 @njit(cache=True, nogil=True)
-def decimate_line(taps, factor, line, out):
+def phase_space(factor, frames):
+    """Elements of scratch that :func:`decimate_line` needs for so many outputs."""
+    return (factor - 1) * ((frames + GROUP - 1) // GROUP * GROUP + BRANCH) + GROUP
+
+
+@njit(cache=True, nogil=True)
+def split_taps(taps, factor, branches):
+    """Order taps by phase: branches[p·BRANCH + m] = taps[m·factor + p], p < factor; both of the same length."""
+    for p in range(factor):
+        for m in range(BRANCH):
+            branches[p * BRANCH + m] = taps[m * factor + p]
+    branches[factor * BRANCH] = taps[factor * BRANCH]
+
+
+@njit(cache=True, nogil=True)
+def _every(step, x, out):
+    """out[j] = x[j·step]; unsigned, as numba tests a signed index for wrapping around."""
+    stride, end = np.uint64(step), np.uint64(out.size)
+    j = at = np.uint64(0)
+    while j < end:
+        out[j] = x[at]
+        j += np.uint64(1)
+        at += stride
+
+
+@njit(cache=True, nogil=True)
+def decimate_line(branches, factor, line, work, out):
     """Outputs of a stream that lies in one piece: out[i] = Σ_k taps[k]·line[i·factor + k].
 
+    branches : taps as :func:`split_taps` orders them.
     line : (at least (n − 1)·factor + len(taps),) inputs, the first len(taps) − 1 of them from before.
+    work : (at least phase_space(factor, n),) scratch.
     out : (n,) outputs, overwritten.
     """
-    if factor == 1:  # the one tap that is not zero
-        middle = taps.size // 2
+    middle = branches[LATENCY_FRAMES]  # of the branch in which all others are zero
+    if factor == 1:
         for i in range(out.size):
-            out[i] = taps[middle] * line[i + middle]
+            out[i] = middle * line[LATENCY_FRAMES + i]
         return
-    for i in range(out.size):
-        # Slicing first spares the inner loop numba's wrap-around test of every index.
-        out[i] = _dot(taps, line[i * factor : i * factor + taps.size])
+    centre = line[LATENCY_FRAMES * factor :]
+    needed = out.size + BRANCH - 1
+    stride = (out.size + GROUP - 1) // GROUP * GROUP + BRANCH
+    for p in range(1, factor):
+        _every(factor, line[p:], work[(p - 1) * stride : (p - 1) * stride + needed])
+        for j in range((p - 1) * stride + needed, p * stride):
+            work[j] = 0.0
+    rest = work[(factor - 1) * stride :]
+    for first in range(0, out.size, GROUP):
+        count = min(GROUP, out.size - first)
+        group = out[first:] if count == GROUP else rest
+        _every(factor, centre[first * factor :], group[:count])
+        for i in range(count):
+            group[i] *= middle
+        add_branches(branches, factor, work, stride, first, group)
+        if count < GROUP:
+            out[first:] = rest[:count]
 
 
 @njit(cache=True, nogil=True)
@@ -137,7 +176,7 @@ def decimate(taps, factor, history, x, work, out):
     factor : internal rate / output rate.
     history : (len(taps) − 1,) the stream's last inputs, from :func:`new_history`; updated.
     x : (n·factor,) next inputs, contiguous.
-    work : (at least len(taps) − 1 + factor,) scratch from :func:`workspace`.
+    work : scratch from :func:`workspace`.
     out : (n,) outputs, overwritten.
 
     Returns
@@ -145,22 +184,26 @@ def decimate(taps, factor, history, x, work, out):
     n, the number of frames written; −1 if an array has the wrong length (nothing is touched then).
     """
     past = taps.size - 1
-    capacity = (work.size - past) // factor
+    spare = work.size - taps.size - past - phase_space(factor, 0)
+    capacity = spare // (2 * factor - 1) // GROUP * GROUP
     frames = out.size
-    if history.size != past or x.size != frames * factor or capacity < 1:
+    if history.size != past or x.size != frames * factor or capacity < GROUP:
         return -1
+    branches, scratch = work[: taps.size], work[taps.size + past + capacity * factor :]
+    split_taps(taps, factor, branches)
     done = 0
     while done < frames:
         count = min(capacity, frames - done)
         fresh = count * factor
         start = done * factor
+        line = work[taps.size : taps.size + past + fresh]
         for i in range(past):
-            work[i] = history[i]
+            line[i] = history[i]
         for i in range(fresh):
-            work[past + i] = x[start + i]
-        decimate_line(taps, factor, work[: fresh + past], out[done : done + count])
+            line[past + i] = x[start + i]
+        decimate_line(branches, factor, line, scratch, out[done : done + count])
         for i in range(past):
-            history[i] = work[fresh + i]
+            history[i] = line[fresh + i]
         done += count
     return frames
 

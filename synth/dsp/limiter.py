@@ -76,6 +76,47 @@ def largest_reduction_db(state: LimiterState) -> float:
     return float(20.0 * np.log10(1.0 / (1.0 - state.levels[1])))
 
 
+# Reassociated so that the sum over the window goes through vector registers; the window lies side by side, so that
+# the order is the same for every frame.
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})
+def _smooth(released):
+    total = 0.0
+    for k in range(_WINDOW):
+        total += _WEIGHTS[k] * released[k]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _largest(required):
+    """The largest of a window, in lanes: a chain of maxima takes as long as it has members."""
+    a = b = c = d = e = f = g = h = required[_WINDOW - 1]
+    for k in range(0, _WINDOW - 1, 8):
+        a = max(a, required[k])
+        b = max(b, required[k + 1])
+        c = max(c, required[k + 2])
+        d = max(d, required[k + 3])
+        e = max(e, required[k + 4])
+        f = max(f, required[k + 5])
+        g = max(g, required[k + 6])
+        h = max(h, required[k + 7])
+    return max(max(max(a, b), max(c, d)), max(max(e, f), max(g, h)))
+
+
+@njit(cache=True, nogil=True)
+def _fits(x, ceiling):
+    """Whether none of the samples x (n,) exceeds the ceiling; NaN does not."""
+    over = 0
+    for i in range(x.size):
+        over |= 1 if abs(x[i]) > ceiling else 0
+    return over == 0
+
+
+@njit(cache=True, nogil=True)
+def _exchange(x, y):
+    for i in range(x.size):
+        x[i], y[i] = y[i], x[i]
+
+
 @njit(cache=True, nogil=True)
 def limit(delay, required, released, counters, levels, ceiling, release, x):
     """Limit the next block in place; the output lags by LOOKAHEAD frames. Allocates nothing.
@@ -90,7 +131,18 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
     channels = x.shape[1]
     place, ring, active = counters[0], counters[1], counters[2]
     last, largest = levels[0], levels[1]
-    for n in range(x.shape[0]):
+    flat, inside = x.reshape(x.size), delay.reshape(delay.size)
+    n = 0
+    while n < x.shape[0]:
+        if active == 0:  # nothing but zeros in the rings: frames that fit leave them so
+            count = min(x.shape[0] - n, LOOKAHEAD - place)
+            entering = flat[n * channels : (n + count) * channels]
+            if _fits(entering, ceiling):
+                _exchange(entering, inside[place * channels : (place + count) * channels])
+                n += count
+                place = (place + count) % LOOKAHEAD
+                ring = (ring + count) % _WINDOW
+                continue
         peak = 0.0
         for c in range(channels):
             # A comparison, not max(): a NaN passes through with the delay and does not stay in the gain.
@@ -106,9 +158,7 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
 
         reduction = 0.0
         if active > 0:
-            held = 0.0
-            for k in range(_WINDOW):
-                held = max(held, required[ring_next + k])
+            held = _largest(required[ring_next : ring_next + _WINDOW])
             if held >= last:
                 last = held
             else:
@@ -117,9 +167,7 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
                     last = 0.0
             released[ring] = last
             released[ring + _WINDOW] = last
-            smooth = 0.0
-            for k in range(_WINDOW):
-                smooth += _WEIGHTS[k] * released[ring_next + k]
+            smooth = _smooth(released[ring_next : ring_next + _WINDOW])
             # The frame that leaves now is the oldest in the window; rounding must not cost it its guarantee.
             reduction = max(smooth, required[ring_next])
             if last > 0.0:
@@ -141,6 +189,7 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
                     leaving = -ceiling
             x[n, c] = leaving
         place = place + 1 if place + 1 < LOOKAHEAD else 0
+        n += 1
     counters[0], counters[1], counters[2] = place, ring, active
     levels[0], levels[1] = last, largest
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from synth.compile import CompiledPart, Position
 from synth.dsp.body import body_coefficients
-from synth.dsp.decimator import STOPBAND_EDGE, design, response
+from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
 from synth.dsp.limiter import limiter_state
 from synth.engine import layout
 from synth.engine.events import EVENT
@@ -81,8 +81,10 @@ def build_bank(
             for factor in (string.factor, 1):
                 if factor not in bus_of:
                     if factor not in tap_places:
-                        tap_places[factor] = (sum(t.size for t in taps), design(rate_hz, factor).size)
-                        taps.append(design(rate_hz, factor))
+                        linear = design(rate_hz, factor)
+                        tap_places[factor] = (sum(t.size for t in taps), linear.size)
+                        taps.append(np.empty_like(linear))
+                        split_taps(linear, factor, taps[-1])
                     place, size = tap_places[factor]
                     bus_of[factor] = len(buses)
                     buses.append((p, factor, place, size, line))
@@ -338,6 +340,7 @@ def new_shared(bank: Bank, span: int, work_on: int) -> Shared:
         aligned((span, bank.parts.size)),
         aligned(frames),
         aligned(frames),
+        aligned(max((phase_space(int(factor), frames) for factor in bank.buses["factor"]), default=0)),
         aligned((frames, 2)),
     )
 

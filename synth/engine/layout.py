@@ -150,7 +150,7 @@ class Bank(NamedTuple):
     weights: F8  # of the outputs on q and on v
     direct_weights: F8  # the same behind the decimator
     q_rest: F8
-    taps: F8
+    taps: F8  # ordered by phase
     body: F8x2  # (3, resonances of all parts)
 
 
@@ -326,6 +326,7 @@ class Shared(NamedTuple):
     heights: F8x2  # (SPAN, parts)
     mono: F8  # (frames of a span,)
     frame: F8
+    phases: F8  # a line split by the decimator
     mix: F8x2  # (frames of a span, 2)
 
 

@@ -15,6 +15,7 @@ from synth.dsp.decimator import decimate_line
 from synth.dsp.limiter import limit
 from synth.engine.layout import CORE, GAIN, QUANTUM, RING
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
+from synth.simd import move_within
 
 #: what a part's filters still hold counts as nothing below this (−240 dBFS)
 STILL_BELOW = 1e-12
@@ -91,11 +92,10 @@ def _add_bus(core: int, b: int, frames: int, mono) -> None:
         return
     line = state.lines[bus.off : bus.off + bus.n_taps + fresh]
     frame = shared.frame[:frames]
-    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, frame)
+    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, shared.phases, frame)
     for i in range(frames):
         mono[i] += frame[i]
-    for i in range(bus.n_taps):
-        line[i] = line[i + fresh]
+    move_within(line, 0, fresh, bus.n_taps)
     line[bus.n_taps :] = 0.0
     state.quiet[b] = 0 if state.quiet[b] < 0 else state.quiet[b] + fresh
 
@@ -131,21 +131,39 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
                 frame[i] = part.direct * x[i]
             body_filter(resonances, ringing, x, frame)
             x[:] = frame
+        before, high = _high_pass(x, pole, before, high)
+        if settled:
+            for i in range(QUANTUM):
+                stem[i, 0] = left * x[i]
+                stem[i, 1] = right * x[i]
+        else:
+            for i in range(QUANTUM):
+                left += share * (to_left - left)
+                right += share * (to_right - right)
+                stem[i, 0] = left * x[i]
+                stem[i, 1] = right * x[i]
         for i in range(QUANTUM):
-            high = x[i] - before + pole * high
-            before = x[i]
-            left += share * (to_left - left)
-            right += share * (to_right - right)
-            stem[i, 0] = left * high
-            stem[i, 1] = right * high
-            y[i, 0] += left * high
-            y[i, 1] += right * high
+            y[i, 0] += stem[i, 0]
+            y[i, 1] += stem[i, 1]
         me.left, me.right, me.dc_in, me.dc_out = left, right, before, high
         me.still = 0
         if silent and abs(high) < STILL_BELOW and abs(before) < STILL_BELOW and _has_faded(ringing):
             ringing[:] = 0.0
             me.dc_in = me.dc_out = 0.0
             me.still = 1
+
+
+@njit(**CORE, fastmath={"contract"})
+def _high_pass(x, pole: float, before: float, high: float):
+    """The quantum x through y_i = x_i − x_{i−1} + pole·y_{i−1}, in place; the last input and output."""
+    last = x[x.size - 1]
+    for i in range(x.size - 1, 0, -1):
+        x[i] -= x[i - 1]
+    x[0] -= before
+    for i in range(x.size):
+        high = pole * high + x[i]
+        x[i] = high
+    return last, high
 
 
 @njit(**CORE)

@@ -19,118 +19,29 @@ Rows of a block's coefficient array, as `blocks.fill_rows` makes them:
 
 from __future__ import annotations
 
-import os
-from typing import Any
-
-import llvmlite.binding
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
-from numba.extending import intrinsic as _intrinsic
+
+from synth.simd import DOUBLE as _DOUBLE
+from synth.simd import INT as _INT
+from synth.simd import LANES, intrinsic
+from synth.simd import LOOSE as _LOOSE
+from synth.simd import VECTOR as _VECTOR
+from synth.simd import Code as _Code
 
 #: steps that a block kernel takes at a time
 BLOCK = 8
 ROWS = 14
 P11, P12, P21, P22, KQ, KV, TRACE, MINUS_DET, ADV11, ADV12, ADV21, ADV22, KQ_LATE, KV_LATE = range(ROWS)
-
-
-def _lanes() -> int:
-    """Doubles in a vector register of this machine, or JAWARI_LANES (2, 4 or 8) of the environment."""
-    wanted = os.environ.get("JAWARI_LANES", "")
-    if wanted:
-        if wanted not in ("2", "4", "8"):
-            raise ValueError(f"JAWARI_LANES must be 2, 4 or 8, got {wanted!r}; unset it to have the processor's own")
-        return int(wanted)
-    features = llvmlite.binding.get_host_cpu_features()
-    if features.get("avx512f"):
-        return 8
-    return 4 if features.get("avx2") else 2
-
-
-#: as the typing of numba's own decorator does not see through it
-intrinsic: Any = _intrinsic
-LANES = _lanes()
 #: modes are padded to a multiple of this, on every machine
 PAD = 8
-
-_DOUBLE = ir.DoubleType()
-_INT = ir.IntType(64)
-_VECTOR = ir.VectorType(_DOUBLE, LANES)
-_LOOSE = ("reassoc", "contract", "nsz")
 
 
 @njit(cache=True, nogil=True)
 def padded(modes: int) -> int:
     """The smallest multiple of `PAD` that holds so many modes."""
     return (modes + PAD - 1) // PAD * PAD
-
-
-class _Code:
-    """What the emitters below share: addresses, vectors, and the loop over modes."""
-
-    def __init__(self, context, builder, signature, args) -> None:
-        self.b = builder
-        self.context = context
-        self.signature = signature
-        self.args = args
-        fma = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
-        self._fma = cgutils.get_or_insert_function(builder.module, fma, f"llvm.fma.v{LANES}f64")
-
-    def data(self, i: int):
-        """Address of argument i's first element."""
-        return self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i]).data
-
-    def row_length(self, i: int):
-        """Length of a row of argument i, an array of two axes."""
-        array = self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i])
-        return self.b.extract_value(array.shape, 1)
-
-    def load(self, base, at):
-        """LANES elements from base[at] on."""
-        return self.b.load(self.b.bitcast(self.b.gep(base, [at]), _VECTOR.as_pointer()), align=8)
-
-    def store(self, value, base, at) -> None:
-        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), _VECTOR.as_pointer()), align=8)
-
-    def scalar(self, base, at: int):
-        return self.b.load(self.b.gep(base, [ir.Constant(_INT, at)]))
-
-    def splat(self, value):
-        one = self.b.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-        return self.b.shuffle_vector(
-            one, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        )
-
-    def fma(self, x, y, z):
-        return self.b.call(self._fma, [x, y, z])
-
-    def times(self, x, y):
-        return self.b.fmul(x, y)
-
-    def rows(self, base, length, numbers):
-        """Addresses of rows `numbers` of an array."""
-        return [self.b.gep(base, [self.b.mul(length, ir.Constant(_INT, r))]) for r in numbers]
-
-    def fold(self, sums):
-        """LANES vectors → one vector of their sums, by shuffles of pairs."""
-        index = ir.VectorType(ir.IntType(32), LANES)
-        span = 1
-        while span < LANES:
-            halves = []
-            for x, y in zip(sums[::2], sums[1::2], strict=True):
-                low, high = [], []
-                for lane in range(LANES):
-                    source = lane // (2 * span) * 2 * span + lane % span
-                    if lane // span % 2:
-                        source += LANES
-                    low.append(source)
-                    high.append(source + span)
-                a = self.b.shuffle_vector(x, y, ir.Constant(index, low))
-                c = self.b.shuffle_vector(x, y, ir.Constant(index, high))
-                halves.append(self.b.fadd(a, c, flags=_LOOSE))
-            sums = halves
-            span *= 2
-        return sums[0]
 
 
 def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):

@@ -203,3 +203,11 @@ def test_design_refuses_what_it_cannot_do(rate_hz, factor, words):
 def test_whole_signals_must_be_one_channel():
     with pytest.raises(ValueError, match="one dimension"):
         dec.decimate_signal(np.zeros((10, 2)), 44100, 2)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 9, 64])
+def test_every_mth_tap_but_the_middle_one_is_zero(factor):
+    """What the kernel leaves out for its outputs to be the whole dot product."""
+    taps = dec.design(44100, factor)
+    taps[dec.LATENCY_FRAMES * factor] = 0.0
+    assert not np.any(taps[::factor])
