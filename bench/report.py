@@ -144,8 +144,7 @@ def _float32(found: list[dict[str, Any]]) -> str:
     here = of(found, "float32")
     speed = [
         [str(info["modes"]), info["scene"], *(number(one) for form in info["faster"].values() for one in form)]
-        for info in here
-        if info["what"] == "speed"
+        for info in sorted((i for i in here if i["what"] == "speed"), key=lambda info: info["modes"])
     ]
     errors = []
     for info in here:
