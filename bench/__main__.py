@@ -5,8 +5,8 @@
     tools/bench --only peak         # what has the word in its name
 
 One core, pinned where the system can; everything that is compared is measured in one run, round by round in turn. Kernels
-against the machine's own peak of multiply-adds, the targets, notes of every preset, blocks, start-up, memory. Into
-out/bench (out/bench-short, out/bench-WORD): results.json, tables.md, growth.png.
+against the machine's own peak of multiply-adds, the targets, notes of every preset, blocks, start-up, memory, modes in
+float32. Into out/bench (out/bench-short, out/bench-WORD): results.json, tables.md, growth.png.
 """
 
 from __future__ import annotations

@@ -11,8 +11,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
-from speed_error import grid, measure, tables
+from speed_error import grid, kernels, measure, tables
 from speed_error.store import Store
+
+from synth import methods
 
 
 def test_what_was_kept_is_found_by_what_it_depends_on(tmp_path: Path) -> None:
@@ -69,3 +71,29 @@ def test_every_run_of_the_short_form_is_a_scene() -> None:
         for run in grid.runs(case, short=True) + [run for _, run in grid.reference(case, short=True)]:
             scene = run.scene(0.001, measure.kept_factor(run.factor))
             assert scene.case.run.modes == run.modes and scene.case.scheme.name == run.scheme
+
+
+@pytest.mark.parametrize(
+    ("case", "scheme", "factor", "table", "nodes"),
+    [
+        ("tanpura", "exact-hold", 1, {}, 0),
+        ("tanpura", "exact-hold", 1, {"substeps": 3}, 0),
+        ("tanpura", "moreau-jean-filtered", 2, {"restitution": 0.0}, 0),
+        ("bass", "exact-hold", 2, {}, 0),
+        ("bass", "exact-hold", 1, {"substeps": 8}, 0),
+        ("bass", "moreau-jean", 2, {"restitution": 0.0}, 0),
+        ("fretless-inelastic", "exact-hold", 1, {"tail": "static"}, 300),
+    ],
+)
+def test_what_is_timed_is_the_run(case: str, scheme: str, factor: int, table: dict, nodes: int) -> None:
+    """The kernels against the program's own runs, over the first steps with contacts."""
+    run = grid.Run(case, scheme, factor, 60, tuple(sorted(table.items())), nodes)
+    calls = 1 if nodes else 3
+    scene = run.scene((calls * kernels.STEPS + 8) / run.rate_hz, factor)
+    expected = methods.run(scene)
+    assert expected.contact_steps > 20
+    kernel = kernels.kernel_of(scene)
+    u = np.concatenate([kernel().copy() for _ in range(calls)])
+    begin = 1 if scheme == "exact-hold" else 2  # Moreau–Jean takes the first step to have a velocity
+    there = expected.u[begin : begin + u.size, 0]
+    np.testing.assert_allclose(u, there, rtol=0.0, atol=1e-9 * np.abs(there).max())

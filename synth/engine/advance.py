@@ -182,8 +182,9 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     work = BlockWork(
         scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near,
         state.looked[coff : coff + c], state.until[coff : coff + c], state.margin[coff : coff + c],
+        state.bounds[coff : coff + c], state.renewed[coff : coff + c],
         state.clock[s : s + 1], state.moving[s : s + 1], scratch.block_matrix, scratch.b, scratch.z, scratch.a,
-        scratch.order, scratch.enabled, scratch.active, scratch.moved[: 2 * cap].reshape(2, cap),
+        scratch.order, scratch.enabled, scratch.active, scratch.moved[: 3 * cap].reshape(3, cap),
     )  # fmt: skip
     state.moving[s] = padded(me.n)
     if not me.certain:

@@ -305,6 +305,8 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         aligned(contacts, np.uint8),
         aligned(contacts, np.int64),
         aligned(contacts),
+        aligned((contacts, 3)),
+        aligned(contacts, np.int64),
         aligned(n_strings, np.int64),
         aligned(n_strings, np.int64),
         aligned(_end(bank.strings["fade"], FADE * bank.strings["factor"])),
@@ -372,6 +374,6 @@ def new_scratch(bank: Bank) -> Scratch:
         aligned(widest * BLOCK),
         aligned(widest * BLOCK),
         aligned(widest * widest),
-        aligned(2 * modes),
+        aligned(3 * modes),
         aligned(widest, np.int64),
     )

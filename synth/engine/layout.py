@@ -283,6 +283,8 @@ class State(NamedTuple):
     looked: U1  # certificates of the block kernel, see `blocks.BlockWork`
     until: I8
     margin: F8
+    bounds: F8x2  # (contacts, 3)
+    renewed: I8
     clock: I8  # (strings,)
     moving: I8  # (strings,)
     fade: F8  # what still fades, at the internal rate
@@ -354,7 +356,7 @@ class Scratch(NamedTuple):
     forces: F8  # (contacts · K,)
     block_u: F8
     block_matrix: F8
-    moved: F8  # (2 · modes,)
+    moved: F8  # (3 · modes,)
     near: I8
 
 

@@ -56,8 +56,12 @@ from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot
 from synth.solver.vectors import FAST, dot
 
-#: steps for which a certificate is sought, the longer first
+#: steps for which a certificate is sought where there is none for ever, the longer first
 HORIZONS = (16 * BLOCK, 4 * BLOCK)
+#: steps after which what a contact may move by is worked out anew: it has become less
+_RENEWED_AFTER = 256 * BLOCK
+#: more steps than any run has
+_FOR_EVER = 2**62
 
 
 class BlockWork(NamedTuple):
@@ -70,6 +74,8 @@ class BlockWork(NamedTuple):
     looked: np.ndarray  # (C,) uint8 whether a contact is among them
     until: np.ndarray  # (C,) int64 step at which that is to be asked again
     margin: np.ndarray  # (C,) by how much a contact not looked at is missed until then, as long as the string flies [m]
+    bounds: np.ndarray  # (C, 3) how deep a contact may ever go, how far it may move within each of `HORIZONS` [m]
+    renewed: np.ndarray  # (C,) int64 step at which these were taken, −1: they do not hold
     clock: np.ndarray  # (1,) int64 steps since `forget`
     moving: np.ndarray  # (1,) int64 modes that are not all zero, padded: forces move all of them
     matrix: np.ndarray  # (C·C,) contact matrix of those
@@ -79,7 +85,7 @@ class BlockWork(NamedTuple):
     order: np.ndarray  # (C,) int64
     enabled: np.ndarray  # (C,) uint8
     active: np.ndarray  # (C,) uint8
-    moved: np.ndarray  # (2, N)
+    moved: np.ndarray  # (3, N)
 
 
 def aligned(*shape: int) -> np.ndarray:
@@ -108,6 +114,8 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
         np.zeros(c, np.uint8),
         np.zeros(c, np.int64),
         np.zeros(c),
+        np.zeros((c, 3)),
+        np.zeros(c, np.int64),
         np.zeros(1, np.int64),
         np.full(1, padded(modes)),
         np.zeros(c * c),
@@ -117,7 +125,7 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
         np.zeros(c, np.int64),
         np.zeros(c, np.uint8),
         np.zeros(c, np.uint8),
-        aligned(2, padded(modes)),
+        aligned(3, padded(modes)),
     )
 
 
@@ -318,49 +326,69 @@ def forget(work: BlockWork) -> None:
     """No certificate holds any more: the state or the obstacle was changed from outside."""
     work.clock[0] = 0
     work.until[:] = 0
+    work.renewed[:] = -1
     work.looked[:] = 1
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin, moved) -> None:
+def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin, bounds, renewed, moved) -> None:
     """Ask of every contact whose time has come whether free flight can bring the string to it, and until when it cannot.
 
-    A mode's energy does not grow, so |q̇_j| ≤ ω_j E_j and |q_j| ≤ E_j with E_j = √(q_j² + v_j²/ω_j²): within τ it moves by no
-    more than E_j min(2, ω_j τ), and a contact by no more than the sum of these over its mode shape.
+    A mode's energy does not grow, so |q̇_j| ≤ ω_j E_j and |q_j| ≤ E_j with E_j = √(q_j² + v_j²/ω_j²): a contact never goes
+    deeper than Σ |φ_j| E_j, and within τ it moves by no more than Σ |φ_j| E_j min(2, ω_j τ). What was so once is so until a
+    force acts.
     omega (N,), shapes (C, ≥N), eta (C,), q, v (≥N,); now: the clock; the others as in `BlockWork`. The horizons τ are
     `HORIZONS` steps dt.
     """
-    due = False
+    due, stale = False, False
     for c in range(eta.size):
-        due = due or until[c] <= now
+        if until[c] <= now:
+            due = True
+            if now - renewed[c] > _RENEWED_AFTER:
+                renewed[c] = -1
+            stale = stale or renewed[c] < 0
     if not due:
         return
     n = omega.size
-    long, short = HORIZONS[0] * dt, HORIZONS[1] * dt
-    far, close = moved[0], moved[1]
-    for j in range(n):
-        w = omega[j]
-        speed = v[j] / w
-        extent = 1.001 * np.sqrt(q[j] * q[j] + speed * speed)
-        far[j] = extent * min(2.0, w * long)
-        close[j] = extent * min(2.0, w * short)
+    ever, far, close = moved[0], moved[1], moved[2]
+    if stale:
+        long, short = HORIZONS[0] * dt, HORIZONS[1] * dt
+        for j in range(n):
+            w = omega[j]
+            speed = v[j] / w
+            extent = 1.001 * np.sqrt(q[j] * q[j] + speed * speed)
+            ever[j] = extent
+            far[j] = extent * min(2.0, w * long)
+            close[j] = extent * min(2.0, w * short)
     for c in range(eta.size):
         if until[c] > now:
             continue
         shape = shapes[c]
-        here, by_long, by_short = 0.0, 0.0, 0.0
-        for j in range(n):
-            here += shape[j] * q[j]
-            by_long += abs(shape[j]) * far[j]
-            by_short += abs(shape[j]) * close[j]
+        here = 0.0
+        if renewed[c] < 0:
+            deepest, by_long, by_short = 0.0, 0.0, 0.0
+            for j in range(n):
+                size = abs(shape[j])
+                here += shape[j] * q[j]
+                deepest += size * ever[j]
+                by_long += size * far[j]
+                by_short += size * close[j]
+            bounds[c, 0], bounds[c, 1], bounds[c, 2] = deepest, by_long, by_short
+            renewed[c] = now
+        else:
+            for j in range(n):
+                here += shape[j] * q[j]
         gap = here - eta[c]
         looked[c] = 0
-        if gap > by_long:
+        if bounds[c, 0] < -eta[c]:
+            until[c] = _FOR_EVER
+            margin[c] = -eta[c] - bounds[c, 0]
+        elif gap > bounds[c, 1]:
             until[c] = now + HORIZONS[0]
-            margin[c] = gap - by_long
+            margin[c] = gap - bounds[c, 1]
         else:
             until[c] = now + HORIZONS[1]
-            margin[c] = gap - by_short
+            margin[c] = gap - bounds[c, 2]
             if margin[c] <= 0.0:
                 looked[c] = 1
 
@@ -521,10 +549,13 @@ def advance_blocks(
         at = t * BLOCK
         moving = work.moving[0]
         if certified and hold:
-            certify(dt, omega[:moving], shapes, eta, q, v, work.clock[0], looked, work.until, work.margin, work.moved)
+            certify(
+                dt, omega[:moving], shapes, eta, q, v, work.clock[0], looked, work.until, work.margin, work.bounds,
+                work.renewed, work.moved,
+            )  # fmt: skip
         else:
             for c in range(contacts):
-                looked[c] = 1
+                looked[c], work.until[c], work.renewed[c] = 1, 0, -1
         if points > 0:
             observe(moving, rows, q, v, weights, on_q, out[:, at:])
         for k in range(BLOCK):
@@ -577,6 +608,7 @@ def advance_blocks(
             else:
                 drive_listed(n, rows, q, v, m, near, shapes, forces)
             for c in range(contacts):  # the forces have ended every certificate
+                work.renewed[c] = -1
                 if looked[c] == 0:
                     work.until[c] = work.clock[0]
         else:

@@ -51,7 +51,7 @@ _BLOCKS = 64
 #: more contacts have no table of their responses to each other (C² · 2K numbers), and one step at a time is taken
 _MOST_IN_BLOCKS = 256
 #: contacts from which on it pays to certify that some are out of reach
-_CERTIFY_FROM = 3
+CERTIFY_FROM = 3
 #: columns of Run.energy
 ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
@@ -263,7 +263,7 @@ def _close_row(model: Model, run: Run) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _certify(model: Model, run: Run) -> None:
+def certify_watch(model: Model, run: Run) -> None:
     """Clear `watch` of contacts that free motion cannot reach from here; exact-hold only."""
     contacts = model.eta.size
     for c in range(contacts):
@@ -330,7 +330,7 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
         elif count > 1:
             m = min(n_steps - done, every - phase)
             if m > 8 or run.counts[STEPS] % _CERTIFY_STEPS == 0:
-                _certify(model, run)
+                certify_watch(model, run)
             status = advance_substepped(
                 m, model.dt, model.sub, model.coef, model.shapes, run.eta, run.q, run.v, run.u_contact, run.force,
                 here, run.watch, run.counts[DIVIDE : DIVIDE + 1], none, none, no_out, no_out,
@@ -347,7 +347,7 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
             if moves or finger.on != 0:
                 run.watch[:] = 1
             elif m > 8 or run.counts[STEPS] % _CERTIFY_STEPS == 0:
-                _certify(model, run)
+                certify_watch(model, run)
             status = advance(
                 model.law, m, model.dt, restitution, model.coef, model.shapes, run.eta, model.g,
                 run.q, run.v, run.u_contact, run.v_contact, run.force, here, run.watch,
@@ -406,7 +406,7 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
     else:
         status = advance_blocks(
             blocks, model.law, run.whole_q.size, block.dt, model.restitution, block.rows, model.omega, block.shapes,
-            run.eta, block.lags, 1 if apart and contacts >= _CERTIFY_FROM else 0, run.whole_q, run.whole_v, run.u_contact,
+            run.eta, block.lags, 1 if apart and contacts >= CERTIFY_FROM else 0, run.whole_q, run.whole_v, run.u_contact,
             run.v_contact, block.weights[:watched], watched, block.out_lags[:watched], run.block_out, force,
             none if apart else u, run.block_work,
         )  # fmt: skip

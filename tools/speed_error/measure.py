@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from speed_error.grid import BASE_HZ, LONGEST_S, Run
+from speed_error.kernels import STEPS, kernel_of
 from speed_error.store import Store
 from synth import methods
 from synth.case import CaseError
@@ -19,15 +20,12 @@ from synth.dsp.decimator import MAXIMUM_FACTOR, decimate, decimate_signal, desig
 from synth.dsp.denormals import enable_ftz, restore
 from synth.measures import log_spectral_distance, relative_error
 from synth.schemes import LAWS
-from synth.solver.kernels import advance, advance_one, make_work, no_finger
-from synth.solver.laws import EXACT_HOLD
 
 #: displacements are kept at this multiple of 44.1 kHz at most before they are decimated: what lies above half of it,
 #: 350 kHz, is sampled plainly
 MOST_KEPT = 16
 #: an error is taken over the first of these [s]
 SPANS_S = (0.1, 0.4, 3.0)
-_BLOCK = 1024
 
 
 def machine() -> str:
@@ -126,43 +124,30 @@ def errors(signals: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> 
 
 
 def _kernel_cpu_s(run: Run, sound_s: float) -> float:
-    """CPU seconds of the block kernel for `sound_s` of sound in blocks as long as an engine's."""
-    scene = run.scene(max(sound_s, 2 * _BLOCK / run.rate_hz), 1)
-    m = scene.model
-    blocks = max(1, round(sound_s / m.dt / _BLOCK))
-    n, contacts = m.omega.size, m.eta.size
-    one = m.law == EXACT_HOLD and contacts == 1
-    none, empty = np.zeros((0, n)), np.zeros((0, 0))
-    out, no_out, out_v = np.zeros((_BLOCK, 1)), np.zeros((_BLOCK, 0)), np.zeros(_BLOCK)
-    work, finger, watch = make_work(contacts), no_finger(n, contacts), np.ones(contacts, np.uint8)
-    q, v = scene.initial()
-    u_contact, v_contact, force = m.shapes @ q, m.shapes @ v, np.zeros(contacts)
+    """CPU seconds of the kernel for `sound_s` of sound, `STEPS` steps at a time."""
+    scene = run.scene(max(sound_s, 2 * STEPS / run.rate_hz), 1)
+    calls = max(1, round(sound_s / scene.dt / STEPS))
+    kernel = kernel_of(scene)
     flush = enable_ftz()
     try:
         started = time.process_time()
-        for _ in range(blocks):
-            if one:
-                advance_one(
-                    _BLOCK, m.coef, m.shapes[0], m.eta[0], m.g[0, 0], q, v,
-                    m.out_shapes[0], m.out_shapes[0], 1, 0, out[:, 0], out_v,
-                )  # fmt: skip
-            else:
-                advance(
-                    m.law, _BLOCK, m.dt, m.restitution, m.coef, m.shapes, m.eta, m.g, q, v, u_contact, v_contact,
-                    force, finger, watch, m.out_shapes, none, out, no_out, empty, empty, work,
-                )  # fmt: skip
+        for _ in range(calls):
+            kernel()
         spent = time.process_time() - started
     finally:
         restore(flush)
-    return spent * sound_s / (blocks * _BLOCK * m.dt)
+    return spent * sound_s / (calls * STEPS * scene.dt)
 
 
 def cpu_s(run: Run, sound_s: float) -> float:
-    """CPU seconds that `sound_s` of sound take, without setting up: the block kernel, or the scheme's own runner.
+    """CPU seconds that `sound_s` of sound take, without setting up: the law's kernel, or the scheme's own runner.
 
-    A runner's time is the lesser of its own clock and this process's CPU time, so that other programs do not count.
+    Exact-hold and both Moreau–Jean forms have kernels that take a block of steps at a time, sub-steps over one point
+    too. The compliant, quadratisation, auxiliary-variable and event-driven schemes have none: their forces are no linear
+    response over the steps of a block. They are timed as they are, compiled and one step (or event) after the other; the
+    lesser of the runner's own clock and this process's CPU time counts, so that other programs do not.
     """
-    if run.scheme in LAWS and dict(run.table).get("substeps", 1) == 1:
+    if run.scheme in LAWS:
         return _kernel_cpu_s(run, sound_s)
     scene = run.scene(sound_s, 1)
     started = time.process_time()

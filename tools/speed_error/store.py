@@ -25,8 +25,8 @@ def sources_hash() -> str:
         for path in sorted((REPOSITORY / "synth").glob(pattern)):
             digest.update(path.name.encode())
             digest.update(path.read_bytes())
-    promise = [REPOSITORY / "tools" / "promise" / name for name in ("runs.py", "scenes.py")]
-    for path in [*sorted((REPOSITORY / "presets" / "cases").glob("*.toml")), *promise]:
+    tools = [REPOSITORY / "tools" / name for name in ("promise/runs.py", "promise/scenes.py", "speed_error/kernels.py")]
+    for path in [*sorted((REPOSITORY / "presets" / "cases").glob("*.toml")), *tools]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

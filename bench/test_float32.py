@@ -1,0 +1,86 @@
+"""Modes in float32 against float64: time of a step, error of a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from speed_error.grid import AS_DEFAULT, BASE_HZ, E0, LONGEST_S, WITHOUT_R, Run, reference
+from speed_error.measure import displacement
+from speed_error.store import Store
+
+from bench import REPOSITORY, float32, kernels
+from bench.conftest import Race
+from bench.count import times_less
+from bench.kernels import BY_NAME, HOLD, Plucked, Setting
+from synth.dsp.denormals import enable_ftz, restore
+from synth.measures import relative_error
+
+#: the string flies, meets its bridge as it does when plucked, or lies on it all the time
+SCENES = ("in flight", "plucked", "always pressed")
+_LONG_S = 60.0
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("modes", [137, 1001, *(pytest.param(n, marks=pytest.mark.full) for n in (50, 103, 300))])
+def test_float32_speed(race: Race, modes: int, scene: str, short: bool) -> None:
+    setting = Setting(HOLD, modes, 1)
+    plucked, steps = kernels.string(setting), kernels.steps_of(setting, short)
+    if scene == "always pressed":
+        m = plucked.model
+        plucked = plucked._replace(model=m._replace(eta=m.eta + 2.0 * np.abs(m.shapes @ plucked.q)))
+    flies = scene == "in flight"
+    double = BY_NAME["fly_blocks" if flies else "press_blocks"].on(plucked, steps)
+    single = {form: float32.stretch(plucked, steps, form, flies)[0] for form in float32.KERNELS}
+    race(double.call, reset=double.reset, against={form: (one.call, one.reset) for form, one in single.items()})
+    faster = {form: times_less(race.others[form], race.seconds) for form in single}
+    race.note("float32", what="speed", modes=modes, scene=scene, faster=faster)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "factor", "modes", "table"),
+    [
+        (HOLD, 1, 103, AS_DEFAULT),
+        (HOLD, 2, 179, AS_DEFAULT),
+        pytest.param(HOLD, 48, 1001, WITHOUT_R, marks=pytest.mark.full),
+        pytest.param("moreau-jean", 48, 1001, E0, marks=pytest.mark.full),
+    ],
+)
+def test_float32_error(benchmark: Any, scheme: str, factor: int, modes: int, table: tuple, short: bool) -> None:
+    """The tanpura over 3 s and, where that is no long wait, 60 s: against float64 and against the case's reference."""
+    run = Run("tanpura", scheme, factor, modes, table)
+    seconds = LONGEST_S["tanpura"]
+    scene = run.scene(seconds, 1)
+    plucked = Plucked(scene.model, *scene.initial())
+    long = factor < 8
+    steps = 64 * int((_LONG_S if long else seconds) * run.rate_hz / 64)
+    (_, finest), *_ = reference("tanpura", short)
+    judge = displacement(Store(REPOSITORY / "out" / "speed-error" / "runs"), finest, seconds)[1]["raw"]
+    first, last = slice(0, round(seconds * BASE_HZ) - 64), slice(-BASE_HZ, None)
+    flush = enable_ftz()
+    try:
+        double = float32.in_double(plucked, steps)[factor - 1 :: factor]
+        forms = {}
+        for form in float32.KERNELS:
+            one, out = float32.stretch(plucked, steps, form)
+            if form == "plain":
+                benchmark.pedantic(one.call, setup=one.reset, rounds=1)
+            else:
+                one.call()
+            single = out[factor - 1 :: factor]
+            forms[form] = {
+                "against_double": relative_error(single[first], double[first]),
+                "last_second": relative_error(single[last], double[last]) if long else None,
+                "against_reference": relative_error(single[first], judge[1:][first]),
+                "drift_cents": float32.drift(plucked, _LONG_S if long else seconds, form),
+                "decay": float(np.abs(float32.misfit(plucked, form)[1][:20]).max()),
+            }
+        own = relative_error(double[first], judge[1:][first])
+    finally:
+        restore(flush)
+    two_step = float(float32.two_step_misfit(plucked)[0])
+    benchmark.extra_info.update(
+        section="float32", what="error", label=run.label, rate_hz=run.rate_hz, modes=modes, own=own, forms=forms,
+        two_step=two_step if np.isfinite(two_step) else None,
+    )  # fmt: skip
