@@ -133,8 +133,8 @@ class _Code:
         return sums[0]
 
 
-def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
-    """f_k = Σ_d φ_c λ_dk over d < count, c = which[d], as K vectors, in a loop over the contacts."""
+def _emit_listed_forces(code: _Code, j, count, which, shapes, forces, more):
+    """f_k = more_k + Σ_d φ_c λ_dk over d < count, c = which[d], as K vectors, in a loop over the contacts."""
     b = code.b
     at_shapes, length, at_f, at_which = code.data(shapes), code.row_length(shapes), code.data(forces), code.data(which)
     before = b.block
@@ -149,7 +149,7 @@ def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
     mine = b.gep(at_f, [b.mul(d, ir.Constant(_INT, BLOCK))])
     force = []
     for k in range(BLOCK):
-        sums[k].add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
+        sums[k].add_incoming(more[k], before)
         force.append(code.fma(shape, code.splat(code.scalar(mine, k)), sums[k]))
         sums[k].add_incoming(force[k], contacts)
     following = b.add(d, ir.Constant(_INT, 1))
@@ -160,17 +160,18 @@ def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
 
 
 def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
-    """One pass over the modes: K steps forward ("coast", "drive", "drive listed" or ""), then a look at the K steps after.
+    """One pass over the modes: K steps forward ("coast", "drive …" or ""), then a look at the K steps after.
 
     Arguments, in order: n, rows (ROWS, ≥n), q, v (≥n,) in place; for "drive" shape (≥n,), forces (K,); for "drive listed"
-    count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); weights (≥n,) for each of `kinds`; an output (≥K,)
-    for each of them: weights · x_{k+1}, x the displacements ("q") or velocities ("v") after each of K free steps.
+    count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); for "drive listed and one" these and then those of
+    "drive"; weights (≥n,) for each of `kinds`; an output (≥K,) for each of them: weights · x_{k+1}, x the displacements
+    ("q") or velocities ("v") after each of K free steps.
     """
     b = code.b
     base, length = code.data(1), code.row_length(1)
     at = code.rows(base, length, range(ROWS))
     at_q, at_v = code.data(2), code.data(3)
-    place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4}[motion]
+    place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4, "drive listed and one": 6}[motion]
     at_w = [code.data(place + p) for p in range(len(kinds))]
     at_out = [code.data(place + len(kinds) + p) for p in range(len(kinds))]
     before = b.block
@@ -185,7 +186,11 @@ def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
             s.add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
     force = []
     if motion == "drive listed":
-        force = _emit_listed_forces(code, j, 4, 5, 6, 7)
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7, [ir.Constant(_VECTOR, [0.0] * LANES)] * BLOCK)
+    elif motion == "drive listed and one":
+        shape = code.load(code.data(8), j)
+        one = [code.times(shape, code.splat(code.scalar(code.data(9), k))) for k in range(BLOCK)]
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7, one)
     elif motion == "drive":  # read in the loop: a broadcast from memory costs no register
         force = [code.splat(code.scalar(code.data(5), k)) for k in range(BLOCK)]
     x, y = code.load(at_q, j), code.load(at_v, j)
@@ -267,6 +272,7 @@ coast_qq = _pass("coast", "qq")
 coast_qv = _pass("coast", "qv")
 drive = _pass("drive", "")
 drive_listed = _pass("drive listed", "")
+drive_listed_and_one = _pass("drive listed and one", "")
 
 
 @intrinsic
