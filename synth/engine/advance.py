@@ -154,9 +154,13 @@ def _follow_path(core: int, desk: int, s: int, steps: int) -> None:
     scratch = scratch_of(desk)
     me = state_of(core).sounding[s]
     first = me.finger_step
+    turn = math.pi / me.finger_steps
+    cosine, sine = math.cos(turn * first), math.sin(turn * first)
+    further, aside = math.cos(turn), math.sin(turn)
+    half = 0.5 * (me.finger_to - me.finger_from)
     for t in range(steps + 1):
-        s01 = (first + t) / me.finger_steps
-        scratch.path[t] = me.finger_from + (me.finger_to - me.finger_from) * 0.5 * (1.0 - math.cos(math.pi * s01))
+        scratch.path[t] = me.finger_from + half * (1.0 - cosine)
+        cosine, sine = cosine * further - sine * aside, sine * further + cosine * aside
     me.finger_step = first + steps
 
 

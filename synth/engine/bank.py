@@ -354,7 +354,7 @@ def new_scratch(bank: Bank) -> Scratch:
         aligned(widest, np.uint8),
         aligned(widest, np.uint8),
         aligned(widest, np.uint8),
-        aligned((2, BLOCK)),
+        aligned((3, BLOCK)),
         aligned((widest + 1) * BLOCK),
         aligned((widest + 1) * BLOCK),
         aligned(widest * widest),

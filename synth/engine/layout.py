@@ -336,7 +336,7 @@ class Scratch(NamedTuple):
     enabled: U1
     active: U1
     watch: U1
-    block: F8x2  # (2, K)
+    block: F8x2  # (3, K)
     forces: F8  # ((contacts + 1) · K,)
     block_u: F8
     block_matrix: F8

@@ -63,7 +63,7 @@ HORIZONS = (16 * BLOCK, 4 * BLOCK)
 class BlockWork(NamedTuple):
     """What a call for up to C contacts works with; the fields from looked to moving go from call to call."""
 
-    spare: np.ndarray  # (2, K)
+    spare: np.ndarray  # (3, K)
     u: np.ndarray  # (C + 1, K) of the contacts looked at, free, then with forces; last of a finger
     forces: np.ndarray  # (C + 1, K) of the contacts looked at; last of a finger
     near: np.ndarray  # (C,) int64 which these are
@@ -101,7 +101,7 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
     """Work arrays for up to `contacts` contacts and `modes` modes."""
     c = max(contacts, 1)
     return BlockWork(
-        aligned(2, BLOCK),
+        aligned(3, BLOCK),
         aligned(c + 1, BLOCK),
         aligned(c + 1, BLOCK),
         np.zeros(c, np.int64),

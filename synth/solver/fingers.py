@@ -28,9 +28,11 @@ from synth.solver.lanes import (
     KV,
     add_forced,
     add_late,
-    any_below,
+    any_forced_below,
     drive,
     drive_listed_and_one,
+    grip_and_press_sequence,
+    grip_sequence,
     project_q,
     project_qq,
     project_v,
@@ -167,11 +169,9 @@ def _sequence(
 @njit(inline="always")
 def _brings_down(m: int, eta, grip: Grip, pushes, work: BlockWork) -> bool:
     """Whether the pushes bring the string to one of the contacts near[:m], whose rows u are free."""
-    y = work.spare[0]
     for i in range(m):
-        y[:] = work.u[i]
-        add_forced(y, grip.contacts[work.near[i]], pushes)
-        if any_below(y, eta[work.near[i]]):
+        c = work.near[i]
+        if any_forced_below(work.u[i], grip.contacts[c], pushes, eta[c]):
             return True
     return False
 
@@ -184,12 +184,12 @@ def _others_stay_clear(m: int, touched: bool, strength: float, lags, grip: Grip,
     y = work.spare[0]
     for c in range(work.looked.size):
         if work.looked[c] == 0 and (touched or work.margin[c] <= grip.far[c] * strength):
-            y[:] = 0.0
-            add_forced(y, grip.contacts[c], pushes)
+            for k in range(BLOCK):
+                y[k] = 0.0
             if touched:
                 for i in range(m):
                     add_forced(y, lags[c, work.near[i]], work.forces[i])
-            if any_below(y, -work.margin[c]):
+            if any_forced_below(y, grip.contacts[c], pushes, -work.margin[c]):
                 work.looked[c] = 1
                 work.until[c] = work.clock[0]
                 clear = False
@@ -207,7 +207,8 @@ def _only_pressed(m: int, near, forces) -> int:
         if pressed:
             if h < i:
                 near[h] = near[i]
-                forces[h] = forces[i]
+                for k in range(BLOCK):
+                    forces[h, k] = forces[i, k]
             h += 1
     return h
 
@@ -226,7 +227,10 @@ def advance_under_finger(
     hold = law == EXACT_HOLD
     points = weights.shape[0]
     near, u, forces, looked = work.near, work.u, work.forces, work.looked[:contacts]
-    u_finger, pushes, free = u[contacts], forces[contacts], work.spare[1]
+    u_finger, pushes, pull = u[contacts], forces[contacts], work.spare[2]
+    blend, compliance = finger_blend(law, dt, finger.stiffness, finger.resistance)
+    per_blend, stiff = 1.0 / blend, 1.0 / (grip.own[0, BLOCK] + compliance)
+    follow = finger_target(law, dt, finger.stiffness, finger.resistance, 0.0, 0.0, 1.0) * per_blend * stiff
     touch = finger.weights
     result = SOLVED
     work.moving[0] = n
@@ -235,26 +239,38 @@ def advance_under_finger(
         if certified and hold:
             certify(dt, omega[:n], shapes, eta, q, v, work.clock[0], looked, work.until, work.margin, work.moved)
         else:
-            looked[:] = 1
+            for c in range(contacts):
+                looked[c] = 1
         if points > 0:
             observe(n, rows, q, v, weights, on_q, out[:, at:])
-        rec_force[at : at + BLOCK] = 0.0
+        for k in range(BLOCK):
+            for c in range(contacts):
+                rec_force[at + k, c] = 0.0
+            before, after = finger.path[at + k], finger.path[at + k + 1]
+            target = finger_target(law, dt, finger.stiffness, finger.resistance, before, after, 0.0)
+            pull[k] = target * per_blend * stiff
         while True:
             m = gather(looked, near)
             _look_under(n, rows, shapes, touch, q, v, 0 if hold else 1, near, m, u, u_finger)
-            touched = not hold
-            if hold:
-                free[:] = u_finger
-                status = _sequence(
-                    law, 0, at, dt, restitution, eta, lags, finger, grip, u_finger, pushes, u_contact, v_contact, work
-                )
-                touched = _brings_down(m, eta, grip, pushes, work)
+            touched, true, status = not hold, work.spare[1], SOLVED
+            here = finger.state[0]
+            if hold and m == 1:
+                c = near[0]
+                grip_and_press_sequence(
+                    pull, stiff, follow, here, u_finger, grip.own[0], eta[c], u[0], grip.contacts[c], lags[c, c], pushes,
+                    true, forces[0],
+                )  # fmt: skip
+                for k in range(BLOCK):
+                    touched = touched or forces[0, k] > 0.0
+            else:
+                if hold:
+                    grip_sequence(pull, stiff, follow, here, u_finger, grip.own[0], pushes, true)
+                    touched = _brings_down(m, eta, grip, pushes, work)
                 if touched:
-                    u_finger[:] = free
-            if touched:
-                status = _sequence(
-                    law, m, at, dt, restitution, eta, lags, finger, grip, u_finger, pushes, u_contact, v_contact, work
-                )
+                    true = u_finger
+                    status = _sequence(
+                        law, m, at, dt, restitution, eta, lags, finger, grip, u_finger, pushes, u_contact, v_contact, work
+                    )
             strength = 0.0
             for k in range(BLOCK):
                 strength += abs(pushes[k])
@@ -262,7 +278,7 @@ def advance_under_finger(
                 break
         if status != SOLVED:
             result = status
-        finger.state[0] = u_finger[BLOCK - 1]
+        finger.state[0] = true[BLOCK - 1]
         finger.state[1] = pushes[BLOCK - 1]
         work.clock[0] += BLOCK
         for c in range(contacts):

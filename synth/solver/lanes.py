@@ -305,6 +305,107 @@ def press_sequence(typingctx, u, eta, response, forces):
 
 
 @intrinsic
+def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
+    """A finger alone on the string over K steps: pushes (K,), and its row `true` (K,) with them, from the free one, y (K,).
+
+    p_k = a_k − stiff·y_k + follow·y⁺_{k−1}, y_k with the pushes before it, y⁺_k with its own too, y⁺_{−1} = here; a is
+    `pull` (K,); own (2K,) is the response of the row to itself, with K zeros before it.
+    """
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        _emit_grip(code, 0, *args[1:4], *(code.data(i) for i in (4, 5)), None, *(code.data(i) for i in (6, 7)))
+        return context.get_dummy_value()
+
+    return types.void(pull, types.float64, types.float64, types.float64, y, own, pushes, true), emit
+
+
+@intrinsic
+def grip_and_press_sequence(
+    typingctx, pull, stiff, follow, here, y, own, eta, u, cross, response, pushes, true, forces
+):  # fmt: skip
+    """`grip_sequence` over one contact, exact-hold: u (K,) its free row, eta its height, its responses to the finger
+    (cross, 2K) and to itself; forces (K,) are what it gives. Its own pushes are those that leave 0 ≤ λ ⊥ u − η ≥ 0."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        contact = (args[6], *(code.data(i) for i in (7, 8, 9, 12)))
+        _emit_grip(code, 0, *args[1:4], *(code.data(i) for i in (4, 5)), contact, *(code.data(i) for i in (10, 11)))
+        return context.get_dummy_value()
+
+    number = types.float64
+    return types.void(pull, number, number, number, y, own, number, u, cross, response, pushes, true, forces), emit
+
+
+def _emit_grip(code: _Code, pull: int, stiff, follow, here, at_y, at_own, contact, at_pushes, at_true) -> None:
+    """The two above, in scalars that stay in registers; contact: eta, addresses of u, cross, response and forces."""
+    b = code.b
+    scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * 3), "llvm.fma.f64")
+    zero = ir.Constant(_DOUBLE, 0.0)
+
+    def fma(x, y, z):
+        return b.call(scalar_fma, [x, y, z])
+
+    def put(value, base, k: int) -> None:
+        b.store(value, b.gep(base, [ir.Constant(_INT, k)]))
+
+    own = [code.scalar(at_own, BLOCK + k) for k in range(BLOCK)]
+    y = [code.scalar(at_y, k) for k in range(BLOCK)]
+    slack, against = b.fneg(stiff), None
+    if contact:
+        eta, at_u, at_cross, at_response, at_forces = contact
+        cross = [code.scalar(at_cross, BLOCK + k) for k in range(BLOCK)]
+        response = [code.scalar(at_response, BLOCK + k) for k in range(BLOCK)]
+        depth = [b.fsub(eta, code.scalar(at_u, k)) for k in range(BLOCK)]
+        against = b.fmul(b.fneg(cross[0]), stiff)  # what the finger gives way for one newton at the contact
+        per_matrix = b.fdiv(ir.Constant(_DOUBLE, 1.0), fma(against, cross[0], response[0]))
+        minus_cross = [b.fneg(x) for x in cross]
+        minus_response = [b.fneg(x) for x in response]
+    for k in range(BLOCK):
+        push = fma(follow, here, fma(slack, y[k], code.scalar(code.data(pull), k)))
+        force = None
+        if contact:
+            wanted = b.fmul(fma(minus_cross[0], push, depth[k]), per_matrix)
+            force = b.select(b.fcmp_ordered(">", wanted, zero), wanted, zero)
+            put(force, at_forces, k)
+            push = fma(against, force, push)
+        put(push, at_pushes, k)
+        for i in range(k, BLOCK):
+            y[i] = fma(own[i - k], push, y[i])
+            if contact:
+                y[i] = fma(cross[i - k], force, y[i])
+                depth[i] = fma(minus_response[i - k], force, fma(minus_cross[i - k], push, depth[i]))
+        here = y[k]
+        put(here, at_true, k)
+
+
+@intrinsic
+def any_forced_below(typingctx, y, response, forces, level):
+    """Whether any of y (K,), with `add_forced`'s sum over the forces, is below `level`."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        limit = code.splat(args[3])
+        found = ir.Constant(ir.IntType(LANES), 0)
+        for first in range(0, BLOCK, LANES):
+            total = _emit_forced(code, first, *(code.data(i) for i in range(3)))
+            below = builder.fcmp_ordered("<", total, limit)
+            found = builder.or_(found, builder.bitcast(below, ir.IntType(LANES)))
+        return builder.icmp_unsigned("!=", found, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(y, response, forces, types.float64), emit
+
+
+def _emit_forced(code: _Code, first: int, at_y, at_h, at_f):
+    """The LANES sums of `add_forced` from number `first` on."""
+    chains = [code.load(at_y, ir.Constant(_INT, first)), ir.Constant(_VECTOR, [0.0] * LANES)]
+    for i in range(min(BLOCK, first + LANES)):
+        column = code.load(at_h, ir.Constant(_INT, BLOCK + first - i))
+        chains[i % 2] = code.fma(column, code.splat(code.scalar(at_f, i)), chains[i % 2])
+    return code.b.fadd(chains[0], chains[1], flags=_LOOSE)
+
+
+@intrinsic
 def any_below(typingctx, u, level):
     """Whether any of u (K,) is below `level`."""
 
@@ -329,11 +430,7 @@ def add_forced(typingctx, y, response, forces):
         code = _Code(context, builder, signature, args)
         at_y, at_h, at_f = code.data(0), code.data(1), code.data(2)
         for first in range(0, BLOCK, LANES):
-            chains = [code.load(at_y, ir.Constant(_INT, first)), ir.Constant(_VECTOR, [0.0] * LANES)]
-            for i in range(min(BLOCK, first + LANES)):
-                column = code.load(at_h, ir.Constant(_INT, BLOCK + first - i))
-                chains[i % 2] = code.fma(column, code.splat(code.scalar(at_f, i)), chains[i % 2])
-            code.store(builder.fadd(chains[0], chains[1], flags=_LOOSE), at_y, ir.Constant(_INT, first))
+            code.store(_emit_forced(code, first, at_y, at_h, at_f), at_y, ir.Constant(_INT, first))
         return context.get_dummy_value()
 
     return types.void(y, response, forces), emit
