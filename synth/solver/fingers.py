@@ -35,6 +35,7 @@ from synth.solver.lanes import (
     grip_sequence,
     project_q,
     project_qq,
+    project_qqq,
     project_v,
     project_vv,
 )
@@ -83,17 +84,24 @@ def fill_grip(law: int, rows, omega, shapes, weights, out_weights, on_q: int, at
 
 
 @njit(inline="always")
-def _look_under(n: int, rows, shapes, weights, q, v, velocity: int, near, m: int, u, u_finger) -> None:
-    """`blocks.look`, and the same of the finger's row: u_finger (K,)."""
+def _look_under(
+    n: int, rows, shapes, touch, q, v, velocity: int, near, m: int, u, u_finger, joined: int, weights, out, at: int
+) -> None:
+    """`blocks.look`, and the same of the finger's row: u_finger (K,), and of the first output where it has `joined`."""
     look(n, rows, shapes, q, v, velocity, near, m // 2 * 2, u)
-    if m % 2 == 1 and velocity:
-        project_vv(n, rows, q, v, shapes[near[m - 1]], weights, u[m - 1], u_finger)
+    if joined and m % 2 == 1:
+        last = shapes[near[m - 1]]
+        project_qqq(n, rows, q, v, last, touch, weights[0], u[m - 1], u_finger, out[0, at:])
+    elif joined:
+        project_qq(n, rows, q, v, touch, weights[0], u_finger, out[0, at:])
+    elif m % 2 == 1 and velocity:
+        project_vv(n, rows, q, v, shapes[near[m - 1]], touch, u[m - 1], u_finger)
     elif m % 2 == 1:
-        project_qq(n, rows, q, v, shapes[near[m - 1]], weights, u[m - 1], u_finger)
+        project_qq(n, rows, q, v, shapes[near[m - 1]], touch, u[m - 1], u_finger)
     elif velocity:
-        project_v(n, rows, q, v, weights, u_finger)
+        project_v(n, rows, q, v, touch, u_finger)
     else:
-        project_q(n, rows, q, v, weights, u_finger)
+        project_q(n, rows, q, v, touch, u_finger)
 
 
 @njit(cache=True, nogil=True)
@@ -232,6 +240,7 @@ def advance_under_finger(
     per_blend, stiff = 1.0 / blend, 1.0 / (grip.own[0, BLOCK] + compliance)
     follow = finger_target(law, dt, finger.stiffness, finger.resistance, 0.0, 0.0, 1.0) * per_blend * stiff
     touch = finger.weights
+    joined = 1 if hold and on_q > 0 else 0  # of displacements too: the finger's pass has room for it
     result = SOLVED
     work.moving[0] = n
     for t in range(blocks):
@@ -241,8 +250,8 @@ def advance_under_finger(
         else:
             for c in range(contacts):
                 looked[c] = 1
-        if points > 0:
-            observe(n, rows, q, v, weights, on_q, out[:, at:])
+        if points > joined:
+            observe(n, rows, q, v, weights[joined:], on_q - joined, out[joined:, at:])
         for k in range(BLOCK):
             for c in range(contacts):
                 rec_force[at + k, c] = 0.0
@@ -251,7 +260,7 @@ def advance_under_finger(
             pull[k] = target * per_blend * stiff
         while True:
             m = gather(looked, near)
-            _look_under(n, rows, shapes, touch, q, v, 0 if hold else 1, near, m, u, u_finger)
+            _look_under(n, rows, shapes, touch, q, v, 0 if hold else 1, near, m, u, u_finger, joined, weights, out, at)
             touched, true, status = not hold, work.spare[1], SOLVED
             here = finger.state[0]
             if hold and m == 1:
