@@ -315,7 +315,7 @@ def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
 
     def emit(context, builder, signature, args):
         code = _Code(context, builder, signature, args)
-        _emit_grip(code, 0, *args[1:4], *(code.data(i) for i in (4, 5)), None, *(code.data(i) for i in (6, 7)))
+        _emit_grip(code, 6, 7, None)
         return context.get_dummy_value()
 
     return types.void(pull, types.float64, types.float64, types.float64, y, own, pushes, true), emit
@@ -330,17 +330,19 @@ def grip_and_press_sequence(
 
     def emit(context, builder, signature, args):
         code = _Code(context, builder, signature, args)
-        contact = (args[6], *(code.data(i) for i in (7, 8, 9, 12)))
-        _emit_grip(code, 0, *args[1:4], *(code.data(i) for i in (4, 5)), contact, *(code.data(i) for i in (10, 11)))
+        _emit_grip(code, 10, 11, 6)
         return context.get_dummy_value()
 
     number = types.float64
     return types.void(pull, number, number, number, y, own, number, u, cross, response, pushes, true, forces), emit
 
 
-def _emit_grip(code: _Code, pull: int, stiff, follow, here, at_y, at_own, contact, at_pushes, at_true) -> None:
-    """The two above, in scalars that stay in registers; contact: eta, addresses of u, cross, response and forces."""
+def _emit_grip(code: _Code, pushes: int, true: int, eta: int | None) -> None:
+    """The two above, in scalars that stay in registers; numbers of the arguments of these names."""
     b = code.b
+    stiff, follow, here = code.args[1:4]
+    at_pull, at_y, at_own, at_pushes, at_true = (code.data(i) for i in (0, 4, 5, pushes, true))
+    contact = eta is not None
     scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * 3), "llvm.fma.f64")
     zero = ir.Constant(_DOUBLE, 0.0)
 
@@ -353,17 +355,17 @@ def _emit_grip(code: _Code, pull: int, stiff, follow, here, at_y, at_own, contac
     own = [code.scalar(at_own, BLOCK + k) for k in range(BLOCK)]
     y = [code.scalar(at_y, k) for k in range(BLOCK)]
     slack, against = b.fneg(stiff), None
-    if contact:
-        eta, at_u, at_cross, at_response, at_forces = contact
+    if eta is not None:
+        at_u, at_cross, at_response, at_forces = (code.data(i) for i in (eta + 1, eta + 2, eta + 3, 12))
         cross = [code.scalar(at_cross, BLOCK + k) for k in range(BLOCK)]
         response = [code.scalar(at_response, BLOCK + k) for k in range(BLOCK)]
-        depth = [b.fsub(eta, code.scalar(at_u, k)) for k in range(BLOCK)]
+        depth = [b.fsub(code.args[eta], code.scalar(at_u, k)) for k in range(BLOCK)]
         against = b.fmul(b.fneg(cross[0]), stiff)  # what the finger gives way for one newton at the contact
         per_matrix = b.fdiv(ir.Constant(_DOUBLE, 1.0), fma(against, cross[0], response[0]))
         minus_cross = [b.fneg(x) for x in cross]
         minus_response = [b.fneg(x) for x in response]
     for k in range(BLOCK):
-        push = fma(follow, here, fma(slack, y[k], code.scalar(code.data(pull), k)))
+        push = fma(follow, here, fma(slack, y[k], code.scalar(at_pull, k)))
         force = None
         if contact:
             wanted = b.fmul(fma(minus_cross[0], push, depth[k]), per_matrix)

@@ -1,5 +1,11 @@
 """Blocks under a finger against the one-step kernel, from random scenes; responses, outputs, certificates, energy."""
 
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -162,3 +168,35 @@ def test_responses_of_a_unit_push(law):
     assert not grip.own[:, :BLOCK].any() and not grip.contacts[:, :BLOCK].any() and not grip.outputs[:, :BLOCK].any()
     if law == EXACT_HOLD:
         assert (largest <= grip.far).all() and (largest > 0.1 * grip.far).all()
+
+
+_LANES = """
+import json
+from synth.solver.lanes import LANES
+from tests.solver.test_blocks import Scene
+from tests.solver.test_fingers import Touch, in_blocks
+out = []
+for law in range(3):
+    for contacts in (0, 1, 4):
+        scene = Scene(2, law, contacts, 45)
+        q, v, forces, finger, signal = in_blocks(scene, Touch(scene, 2, 160, "press"), 160, 0.5, law == 0)[0]
+        out.append([*q, *v / scene.omega, *forces.ravel() / max([1e-300, *forces.ravel()]), finger[0], *signal[0]])
+print(json.dumps([LANES, out]))
+"""
+
+
+def test_every_vector_width_gives_the_same():
+    """Two and four lanes, as other processors have them, against eight."""
+    results = {}
+    for lanes in ("2", "4", "8"):
+        environment = {**os.environ, "JAWARI_LANES": lanes}
+        top = Path(__file__).parents[2]
+        done = subprocess.run(
+            [sys.executable, "-c", _LANES], env=environment, cwd=top, capture_output=True, text=True, timeout=600
+        )
+        assert done.returncode == 0, done.stderr
+        width, results[lanes] = json.loads(done.stdout)
+        assert width == int(lanes)
+    for lanes in ("2", "4"):
+        for got, expected in zip(results[lanes], results["8"], strict=True):
+            same(np.array(got), np.array(expected), 1e-10, f"{lanes} lanes")
