@@ -145,6 +145,20 @@ def test_a_contact_passed_over_is_never_inside():
     assert passed_over > 60 and touched > 60, (passed_over, touched)
 
 
+def test_a_string_at_rest_is_pressed_onto_contacts_that_were_certain_to_be_clear():
+    """Free flight would never reach them: nothing but what is taken off the margins for the pushes brings them back."""
+    for seed in range(6):
+        scene = Scene(seed, EXACT_HOLD, 5, modes=40)
+        scene.q, scene.v, scene.eta = 0.0 * scene.q, 0.0 * scene.v, np.full(5, -1e-4)
+        touch = Touch(scene, seed, 120, "press")
+        expected = plain(scene, touch, 120, 0.0)
+        got, _ = in_blocks(scene, touch, 120, 0.0, True)
+        assert expected[2].any()
+        np.testing.assert_array_equal(got[2] > 0.0, expected[2] > 0.0)
+        for name, a, b in zip(NAMES, got, expected, strict=True):
+            same(a, b, 1e-10, f"{name}, seed {seed}")
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_responses_of_a_unit_push(law):
     """Against the steps themselves; a contact stays within its bound for as long as one cares to look."""
