@@ -13,6 +13,7 @@ from typing import Any
 from numba import cfunc, njit
 
 from synth.engine.coefficients import (
+    grip_of,
     lags_of,
     matrix_of,
     out_lags_of,
@@ -40,6 +41,7 @@ from synth.engine.output import collect
 from synth.engine.strings import finger_done, sleep
 from synth.engine.views import bank_of, scratch_of, settings_of, shared_of, state_of
 from synth.solver.blocks import BlockWork, advance_blocks, fly_blocks, forget, press_blocks
+from synth.solver.fingers import advance_under_finger
 from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
 from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD
@@ -135,7 +137,9 @@ def _steps(core: int, desk: int, s: int, steps: int) -> None:
     state = state_of(core)
     me = state.sounding[s]
     moved = me.n
-    blocks = 0 if me.phase != NO_FINGER else steps // BLOCK
+    blocks = steps // BLOCK
+    if me.phase != NO_FINGER:
+        _follow_path(core, desk, s, steps)
     if blocks > 0:
         _in_blocks(core, desk, s, blocks, steps)
     if blocks * BLOCK < steps:
@@ -147,8 +151,42 @@ def _steps(core: int, desk: int, s: int, steps: int) -> None:
 
 
 @njit(**CORE)
+def _follow_path(core: int, desk: int, s: int, steps: int) -> None:
+    """Scratch.path: where the finger is before these steps and after each of them."""
+    scratch = scratch_of(desk)
+    me = state_of(core).sounding[s]
+    first = me.finger_step
+    turn = math.pi / me.finger_steps
+    cosine, sine = math.cos(turn * first), math.sin(turn * first)
+    further, aside = math.cos(turn), math.sin(turn)
+    half = 0.5 * (me.finger_to - me.finger_from)
+    for t in range(steps + 1):
+        scratch.path[t] = me.finger_from + half * (1.0 - cosine)
+        cosine, sine = cosine * further - sine * aside, sine * further + cosine * aside
+    me.finger_step = first + steps
+
+
+@njit(inline="always")
+def _finger_of(core: int, desk: int, s: int, modes: int, begin: int):
+    """The string's finger, or none, from step `begin` of the path on."""
+    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    me = state.sounding[s]
+    off, coff = bank.strings[s].off, bank.strings[s].coff
+    return Finger(
+        1 if me.phase != NO_FINGER else 0,
+        state.finger_weights[off : off + modes],
+        state.finger_coupling[coff : coff + bank.models[me.model].contacts],
+        me.finger_own,
+        me.finger_k,
+        me.finger_r,
+        scratch.path[begin:],
+        state.finger_state[s],
+    )
+
+
+@njit(**CORE)
 def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
-    """The first blocks of `steps` steps, no finger on the string."""
+    """The first blocks of `steps` steps."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -161,15 +199,17 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
     first, points = 1 - part.use_q, part.use_q + part.use_v
     weights = weights_of(core, s, first, points)
     out = scratch.out[: points * steps].reshape(points, steps)
-    if c == 0 or me.free:
+    fingered = me.phase != NO_FINGER
+    if not fingered and (c == 0 or me.free):
         fly_blocks(blocks, padded(me.n), rows, q, v, weights, part.use_q, out)
         return
     eta, lags, out_lags = state.eta[coff : coff + c], lags_of(core, s), out_lags_of(core, s, first, points)
-    forces = scratch.forces[: c * BLOCK].reshape(c, BLOCK)
-    if c == 1 and hold:
+    forces = scratch.forces[: (c + 1) * BLOCK].reshape(c + 1, BLOCK)
+    if c == 1 and hold and not fingered:
         press_blocks(
-            blocks, cap, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out, scratch.block,
-            forces[0], scratch.block[:0], scratch.block[:0],
+            blocks, cap, rows, shapes[0], eta[0], lags[0, 0], q, v, weights, part.use_q, out_lags, out,
+            scratch.block[0], forces[0],
+            scratch.path[:0], scratch.path[:0],
         )  # fmt: skip
         state.force[coff] = forces[0, BLOCK - 1]
         return
@@ -180,7 +220,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
             vc[k] = dot(shapes[k], v)
     certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
     work = BlockWork(
-        scratch.block, scratch.block_u[: c * BLOCK].reshape(c, BLOCK), forces, scratch.near,
+        scratch.block, scratch.block_u[: (c + 1) * BLOCK].reshape(c + 1, BLOCK), forces, scratch.near,
         state.looked[coff : coff + c], state.until[coff : coff + c], state.margin[coff : coff + c],
         state.bounds[coff : coff + c], state.renewed[coff : coff + c],
         state.clock[s : s + 1], state.moving[s : s + 1], scratch.block_matrix, scratch.b, scratch.z, scratch.a,
@@ -192,10 +232,18 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
         me.certain = 1
     dt = 1.0 / (settings.rate_hz * fixed.factor)
     record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
-    bad = advance_blocks(
-        blocks, settings.law, cap, dt, settings.restitution, rows, bank.omega[model.off : model.off + cap], shapes, eta,
-        lags, certified, q, v, u, vc, weights, part.use_q, out_lags, out, record, record[:0], work,
-    )  # fmt: skip
+    omega = bank.omega[model.off : model.off + cap]
+    if fingered:
+        bad = advance_under_finger(
+            blocks, settings.law, cap, dt, settings.restitution, rows, omega, shapes, eta, lags, certified, q, v, u, vc,
+            _finger_of(core, desk, s, cap, 0), grip_of(core, s, first, points), weights, part.use_q, out_lags, out, record,
+            work,
+        )  # fmt: skip
+    else:
+        bad = advance_blocks(
+            blocks, settings.law, cap, dt, settings.restitution, rows, omega, shapes, eta, lags, certified, q, v, u, vc,
+            weights, part.use_q, out_lags, out, record, record[:0], work,
+        )  # fmt: skip
     state.force[coff : coff + c] = record[blocks * BLOCK - 1]
     me.n = min(model.n, state.moving[s])
     if bad != 0:
@@ -204,7 +252,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
 
 @njit(**CORE)
 def _one_by_one(core: int, desk: int, s: int, begin: int, end: int) -> None:
-    """Steps number `begin` to `end`, one at a time: under a finger, or what is left over of a block."""
+    """Steps number `begin` to `end`, one at a time: what is left over of a block."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -217,29 +265,12 @@ def _one_by_one(core: int, desk: int, s: int, begin: int, end: int) -> None:
     points = part.use_q + part.use_v
     out = scratch.out[: points * end].reshape(points, end)
     weights = weights_of(core, s, 0, 2)
-    fingered = me.phase != NO_FINGER
     u, vc = state.u[coff : coff + c], state.vc[coff : coff + c]
     for k in range(c):
         u[k] = dot(shapes[k], q)
         vc[k] = dot(shapes[k], v)
         scratch.watch[k] = 0 if me.free else 1
         scratch.active[k] = 1 if state.force[coff + k] > 0.0 else 0
-    if fingered:
-        first = me.finger_step
-        for t in range(steps + 1):
-            s01 = (first + t) / me.finger_steps
-            scratch.path[t] = me.finger_from + (me.finger_to - me.finger_from) * 0.5 * (1.0 - math.cos(math.pi * s01))
-        me.finger_step = first + steps
-    finger = Finger(
-        1 if fingered else 0,
-        state.finger_weights[off : off + n],
-        state.finger_coupling[coff : coff + c],
-        me.finger_own,
-        me.finger_k,
-        me.finger_r,
-        scratch.path,
-        state.finger_state[s],
-    )
     work = Work(
         scratch.y[:c],
         scratch.b[:c],
@@ -264,7 +295,7 @@ def _one_by_one(core: int, desk: int, s: int, begin: int, end: int) -> None:
         u,
         vc,
         state.force[coff : coff + c],
-        finger,
+        _finger_of(core, desk, s, n, begin),
         scratch.watch[:c],
         weights[: part.use_q],
         weights[2 - part.use_v :],

@@ -9,7 +9,7 @@ from numba import njit
 from synth.engine.layout import CORE, NO_FINGER, RESPONSE
 from synth.engine.views import bank_of, scratch_of, settings_of, state_of
 from synth.solver.blocks import fill_lags, fill_rows
-from synth.solver.kernels import finger_row
+from synth.solver.fingers import Grip, fill_grip
 from synth.solver.lanes import ROWS
 from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
 
@@ -177,21 +177,30 @@ def refresh(core: int, desk: int, s: int) -> None:
     if me.stale == 1:
         _set_coefficients(core, desk, s)
     if me.phase != NO_FINGER:
-        _couple_finger(core, s)
+        _couple_finger(core, desk, s)
     me.stale = 0
 
 
+@njit(inline="always")
+def grip_of(core: int, s: int, first: int, count: int):
+    """Responses to the string's finger; of the outputs those from number `first` on: on q, on v."""
+    bank, state = bank_of(core), state_of(core)
+    c, coff = bank.models[state.sounding[s].model].contacts, bank.strings[s].coff
+    contacts = state.grip_contacts[RESPONSE * coff : RESPONSE * (coff + c)].reshape(c, RESPONSE)
+    own, outputs = state.grip_points[s, :1], state.grip_points[s, 1 + first : 1 + first + count]
+    return Grip(own, contacts, outputs, state.grip_far[coff : coff + c])
+
+
 @njit(**CORE)
-def _couple_finger(core: int, s: int) -> None:
-    bank, state, settings = bank_of(core), state_of(core), settings_of(core)
+def _couple_finger(core: int, desk: int, s: int) -> None:
+    bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
     me = state.sounding[s]
     fixed = bank.strings[s]
     model = bank.models[me.model]
-    n, c = model.n, model.contacts
-    me.finger_own = finger_row(
-        settings.law,
-        rows_of(core, s),
-        shapes_of(core, s),
-        state.finger_weights[fixed.off : fixed.off + n],
-        state.finger_coupling[fixed.coff : fixed.coff + c],
-    )
+    c, cap = model.contacts, model.cap
+    me.finger_own = fill_grip(
+        settings.law, rows_of(core, s), bank.omega[model.off : model.off + cap], shapes_of(core, s),
+        state.finger_weights[fixed.off : fixed.off + cap].reshape(1, cap), weights_of(core, s, 0, 2), 1,
+        state.finger_coupling[fixed.coff : fixed.coff + c], scratch.q[:cap], scratch.v[:cap], scratch.block,
+        grip_of(core, s, 0, 2),
+    )  # fmt: skip

@@ -291,6 +291,9 @@ class State(NamedTuple):
     direct_fade: F8x2  # (strings, FADE)
     finger_weights: F8
     finger_coupling: F8
+    grip_contacts: F8  # responses to the finger, see `fingers.Grip`
+    grip_points: F8x3  # (strings, 3, 2K) those of its own row, of the outputs on q and on v
+    grip_far: F8
     finger_state: F8x2  # (strings, 2)
     pending: Annotated[np.ndarray, EVENT, 1]
     unplayed: I8x2  # (parts + 1, 128); last row: channels without a part
@@ -352,8 +355,8 @@ class Scratch(NamedTuple):
     enabled: U1
     active: U1
     watch: U1
-    block: F8  # (K,)
-    forces: F8  # (contacts · K,)
+    block: F8x2  # (3, K)
+    forces: F8  # ((contacts + 1) · K,)
     block_u: F8
     block_matrix: F8
     moved: F8  # (3 · modes,)

@@ -43,7 +43,7 @@ from synth.engine.views import bank_of, settings_of, shared_of, state_of
 #: pitch bend and obstacle height follow their controls with this time constant [s]
 CONTROL_S = 0.01
 #: a step under a finger takes about so many times as long as one in flight
-FINGER_COST = 4
+FINGER_COST = 2
 
 
 @njit(cache=True, nogil=True)

@@ -90,6 +90,8 @@ def _set_finger(core: int, s: int, distance: float, width: float, seconds: float
         kappa = 0.25 * k * width
         taper = math.sin(kappa) / kappa if kappa > 1e-9 else 1.0
         state.finger_weights[fixed.off + j] = scale * math.sin(k * x) * taper * taper if j < model.own else 0.0
+    for j in range(n, fixed.cap):
+        state.finger_weights[fixed.off + j] = 0.0
     me.finger_k = part.finger_stiffness
     me.finger_r = part.finger_loss * fixed.impedance
     me.finger_step = 0

@@ -67,9 +67,9 @@ _FOR_EVER = 2**62
 class BlockWork(NamedTuple):
     """What a call for up to C contacts works with; the fields from looked to moving go from call to call."""
 
-    spare: np.ndarray  # (K,)
-    u: np.ndarray  # (C, K) of the contacts looked at, free, then with forces
-    forces: np.ndarray  # (C, K) of the contacts looked at
+    spare: np.ndarray  # (3, K)
+    u: np.ndarray  # (C + 1, K) of the contacts looked at, free, then with forces; last of a finger
+    forces: np.ndarray  # (C + 1, K) of the contacts looked at; last of a finger
     near: np.ndarray  # (C,) int64 which these are
     looked: np.ndarray  # (C,) uint8 whether a contact is among them
     until: np.ndarray  # (C,) int64 step at which that is to be asked again
@@ -107,9 +107,9 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
     """Work arrays for up to `contacts` contacts and `modes` modes."""
     c = max(contacts, 1)
     return BlockWork(
-        aligned(BLOCK),
-        aligned(c, BLOCK),
-        aligned(c, BLOCK),
+        aligned(3, BLOCK),
+        aligned(c + 1, BLOCK),
+        aligned(c + 1, BLOCK),
         np.zeros(c, np.int64),
         np.zeros(c, np.uint8),
         np.zeros(c, np.int64),
@@ -150,32 +150,50 @@ def fill_rows(rows) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
+def fill_response(velocity: int, rows, q, v, weights, first: int, spare, out) -> None:
+    """out (P, 2K) from row `first` on: the sums `weights` (P, n) over a free motion from (q, v) (n,), l steps on, at K + l.
+
+    velocity: whether weights are on velocities. spare (2, K) is work space.
+    """
+    n, points = rows.shape[1], weights.shape[0]
+    for p in range(first, points, 2):
+        both = p + 1 < points
+        if velocity:
+            if both:
+                project_vv(n, rows, q, v, weights[p], weights[p + 1], spare[0], spare[1])
+            else:
+                project_v(n, rows, q, v, weights[p], spare[0])
+        elif both:
+            project_qq(n, rows, q, v, weights[p], weights[p + 1], spare[0], spare[1])
+        else:
+            project_q(n, rows, q, v, weights[p], spare[0])
+        for i in range(2 if both else 1):
+            for k in range(BLOCK):
+                out[p + i, k] = 0.0
+            out[p + i, BLOCK] = dot(weights[p + i], v if velocity else q)
+            for k in range(1, BLOCK):
+                out[p + i, BLOCK + k] = spare[i, k - 1]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
 def fill_lags(velocity: int, rows, shapes, weights, own, q, v, spare, out) -> None:
     """out (P, C, 2K): what a unit force at each of C shapes (C, n) has done to the sums `weights` (P, n), l steps on.
 
     Place K + l of the last axis is l steps after the force's own step, the first K are zero.
-    velocity: whether weights are on velocities. own (P, C) is l = 0, or (0, 0): worked out here. q, v (n,) and spare (K,)
-    are work space.
+    velocity: whether weights are on velocities. own (C, C) is l = 0 where weights are the shapes themselves, whose responses
+    to each other are mutual; or (0, 0). q, v (n,) and spare (2, K) are work space.
     """
-    points, contacts = weights.shape[0], shapes.shape[0]
-    n = rows.shape[1]
-    for c in range(contacts):
-        for j in range(n):
+    mutual = own.size > 0
+    for c in range(shapes.shape[0]):
+        for j in range(rows.shape[1]):
             q[j] = rows[KQ, j] * shapes[c, j]
             v[j] = rows[KV, j] * shapes[c, j]
-        for p in range(points):
-            if velocity:
-                project_v(n, rows, q, v, weights[p], spare)
-            else:
-                project_q(n, rows, q, v, weights[p], spare)
-            for k in range(BLOCK):
-                out[p, c, k] = 0.0
-            if own.size:
+        fill_response(velocity, rows, q, v, weights, c if mutual else 0, spare, out[:, c])
+        if mutual:
+            for p in range(c, weights.shape[0]):
                 out[p, c, BLOCK] = own[p, c]
-            else:
-                out[p, c, BLOCK] = dot(weights[p], v if velocity else q)
-            for k in range(1, BLOCK):
-                out[p, c, BLOCK + k] = spare[k - 1]
+                for k in range(2 * BLOCK):
+                    out[c, p, k] = out[p, c, k]
 
 
 def make_rows(coef: np.ndarray) -> np.ndarray:
@@ -191,7 +209,7 @@ def make_lags(velocity: bool, rows: np.ndarray, shapes: np.ndarray, weights: np.
     n = rows.shape[1]
     out = np.zeros((weights.shape[0], shapes.shape[0], 2 * BLOCK))
     given = np.zeros((0, 0)) if own is None else np.ascontiguousarray(own)
-    fill_lags(int(velocity), rows, shapes, weights, given, aligned(n), aligned(n), aligned(BLOCK), out)
+    fill_lags(int(velocity), rows, shapes, weights, given, aligned(n), aligned(n), aligned(2, BLOCK), out)
     return out
 
 
@@ -394,7 +412,7 @@ def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin
 
 
 @njit(inline="always")
-def _gather(looked, near) -> int:
+def gather(looked, near) -> int:
     """Numbers of the contacts that are looked at; returns how many."""
     m = 0
     for c in range(looked.size):
@@ -405,7 +423,7 @@ def _gather(looked, near) -> int:
 
 
 @njit(inline="always")
-def _look(n: int, rows, shapes, q, v, velocity: int, near, m: int, u) -> None:
+def look(n: int, rows, shapes, q, v, velocity: int, near, m: int, u) -> None:
     """u[:m] (·, K): free displacements, or velocities, of contacts near[:m] over the next K steps."""
     i = 0
     while i < m:
@@ -424,7 +442,7 @@ def _look(n: int, rows, shapes, q, v, velocity: int, near, m: int, u) -> None:
 
 
 @njit(inline="always")
-def _fill_matrix(lags, near, m: int, matrix) -> None:
+def fill_matrix(lags, near, m: int, matrix) -> None:
     """matrix (m·m,) of contacts near[:m] from their lag responses."""
     for i in range(m):
         for d in range(m):
@@ -435,7 +453,7 @@ def _fill_matrix(lags, near, m: int, matrix) -> None:
 def _hold_sequence(m: int, eta, lags, work: BlockWork) -> int:
     """Exact-hold over K steps at contacts near[:m]: forces from the free u, which become the true ones."""
     near, u, forces, b, z = work.near, work.u, work.forces, work.b, work.z
-    _fill_matrix(lags, near, m, work.matrix)
+    fill_matrix(lags, near, m, work.matrix)
     matrix = work.matrix[: m * m].reshape(m, m)
     enabled, active = work.enabled[:m], work.active[:m]
     enabled[:] = 1
@@ -464,7 +482,7 @@ def _others_stay_clear(m: int, lags, work: BlockWork) -> bool:
     """Whether the forces at near[:m] leave every contact that was not looked at out of reach; those that they do not
     are looked at from now on."""
     clear = True
-    y = work.spare
+    y = work.spare[0]
     for c in range(work.looked.size):
         if work.looked[c] == 0:
             y[:] = 0.0
@@ -499,7 +517,7 @@ def _impact_sequence(
             u[0, k] = here
         u_contact[0], v_contact[0] = here, speed
         return SOLVED
-    _fill_matrix(lags, near, m, work.matrix)
+    fill_matrix(lags, near, m, work.matrix)
     matrix = work.matrix[: m * m].reshape(m, m)
     enabled, active = work.enabled[:m], work.active[:m]
     active[:] = 0
@@ -563,8 +581,8 @@ def advance_blocks(
                 rec_force[at + k, c] = 0.0
         status = SOLVED
         touched = False
-        m = _gather(looked, near)
-        _look(moving, rows, shapes, q, v, 0 if hold else 1, near, m, u)
+        m = gather(looked, near)
+        look(moving, rows, shapes, q, v, 0 if hold else 1, near, m, u)
         if hold:
             while True:
                 inside = False
@@ -581,8 +599,8 @@ def advance_blocks(
                     status = _hold_sequence(m, eta, lags, work)
                 if m == contacts or _others_stay_clear(m, lags, work):
                     break
-                m = _gather(looked, near)  # once more, with those that the forces might reach
-                _look(moving, rows, shapes, q, v, 0, near, m, u)
+                m = gather(looked, near)  # once more, with those that the forces might reach
+                look(moving, rows, shapes, q, v, 0, near, m, u)
         elif m > 0:
             status = _impact_sequence(law, m, dt, restitution, eta, lags, u_contact, v_contact, work)
             for i in range(m):

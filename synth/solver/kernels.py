@@ -75,6 +75,28 @@ def no_finger(n_modes: int, contacts: int) -> Finger:
     return Finger(0, np.zeros(n_modes), np.zeros(contacts), 0.0, 0.0, 0.0, np.zeros(1), np.zeros(2))
 
 
+@njit(inline="always")
+def finger_blend(law: int, dt: float, stiffness: float, resistance: float):
+    """What spring and dashpot are in one step: (blend, compliance of the finger's row)."""
+    if law == EXACT_HOLD:
+        blend = stiffness + resistance / dt
+        return blend, 1.0 / blend
+    blend = stiffness * dt + resistance
+    return blend, 1.0 / (dt * blend)
+
+
+@njit(inline="always")
+def finger_target(law: int, dt: float, stiffness: float, resistance: float, before: float, after: float, here: float):
+    """What spring and dashpot pull at in a step: path before and after it, and the string under the finger before it [m].
+
+    Divided by the blend it is where, or how fast, the finger's row would go without a force.
+    """
+    step = after - before
+    if law == EXACT_HOLD:
+        return stiffness * after + resistance / dt * (step + here)
+    return stiffness * (after - here) + resistance * step / dt
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fly(coef, q, v) -> None:
     """One free step of every mode."""
@@ -228,12 +250,7 @@ def advance(
     compliance = 0.0
     blend = 0.0
     if fingered:
-        if hold:
-            blend = finger.stiffness + finger.resistance / dt
-            compliance = 1.0 / blend
-        else:
-            blend = finger.stiffness * dt + finger.resistance
-            compliance = 1.0 / (dt * blend)
+        blend, compliance = finger_blend(law, dt, finger.stiffness, finger.resistance)
     total_own = finger.own + compliance
     matrix = g
     if fingered:
@@ -255,12 +272,9 @@ def advance(
         y_finger = 0.0
         if fingered:
             y_finger = dot(weights, state)
-            here = finger.state[0]
-            step = finger.path[t + 1] - finger.path[t]
-            if hold:
-                target = finger.stiffness * finger.path[t + 1] + finger.resistance / dt * (step + here)
-            else:
-                target = finger.stiffness * (finger.path[t + 1] - here) + finger.resistance * step / dt
+            target = finger_target(
+                law, dt, finger.stiffness, finger.resistance, finger.path[t], finger.path[t + 1], finger.state[0]
+            )
             push = (target / blend - y_finger) / total_own
         touching = False
         for c in range(contacts):

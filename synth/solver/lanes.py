@@ -44,8 +44,8 @@ def padded(modes: int) -> int:
     return (modes + PAD - 1) // PAD * PAD
 
 
-def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
-    """f_k = Σ_d φ_c λ_dk over d < count, c = which[d], as K vectors, in a loop over the contacts."""
+def _emit_listed_forces(code: _Code, j, count, which, shapes, forces, more):
+    """f_k = more_k + Σ_d φ_c λ_dk over d < count, c = which[d], as K vectors, in a loop over the contacts."""
     b = code.b
     at_shapes, length, at_f, at_which = code.data(shapes), code.row_length(shapes), code.data(forces), code.data(which)
     before = b.block
@@ -60,7 +60,7 @@ def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
     mine = b.gep(at_f, [b.mul(d, ir.Constant(_INT, BLOCK))])
     force = []
     for k in range(BLOCK):
-        sums[k].add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
+        sums[k].add_incoming(more[k], before)
         force.append(code.fma(shape, code.splat(code.scalar(mine, k)), sums[k]))
         sums[k].add_incoming(force[k], contacts)
     following = b.add(d, ir.Constant(_INT, 1))
@@ -71,17 +71,18 @@ def _emit_listed_forces(code: _Code, j, count, which, shapes, forces):
 
 
 def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
-    """One pass over the modes: K steps forward ("coast", "drive", "drive listed" or ""), then a look at the K steps after.
+    """One pass over the modes: K steps forward ("coast", "drive …" or ""), then a look at the K steps after.
 
     Arguments, in order: n, rows (ROWS, ≥n), q, v (≥n,) in place; for "drive" shape (≥n,), forces (K,); for "drive listed"
-    count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); weights (≥n,) for each of `kinds`; an output (≥K,)
-    for each of them: weights · x_{k+1}, x the displacements ("q") or velocities ("v") after each of K free steps.
+    count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); for "drive listed and one" these and then those of
+    "drive"; weights (≥n,) for each of `kinds`; an output (≥K,) for each of them: weights · x_{k+1}, x the displacements
+    ("q") or velocities ("v") after each of K free steps.
     """
     b = code.b
     base, length = code.data(1), code.row_length(1)
     at = code.rows(base, length, range(ROWS))
     at_q, at_v = code.data(2), code.data(3)
-    place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4}[motion]
+    place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4, "drive listed and one": 6}[motion]
     at_w = [code.data(place + p) for p in range(len(kinds))]
     at_out = [code.data(place + len(kinds) + p) for p in range(len(kinds))]
     before = b.block
@@ -96,7 +97,11 @@ def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
             s.add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
     force = []
     if motion == "drive listed":
-        force = _emit_listed_forces(code, j, 4, 5, 6, 7)
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7, [ir.Constant(_VECTOR, [0.0] * LANES)] * BLOCK)
+    elif motion == "drive listed and one":
+        shape = code.load(code.data(8), j)
+        one = [code.times(shape, code.splat(code.scalar(code.data(9), k))) for k in range(BLOCK)]
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7, one)
     elif motion == "drive":  # read in the loop: a broadcast from memory costs no register
         force = [code.splat(code.scalar(code.data(5), k)) for k in range(BLOCK)]
     x, y = code.load(at_q, j), code.load(at_v, j)
@@ -170,6 +175,7 @@ project_q = _pass("", "q")
 project_v = _pass("", "v")
 project_qq = _pass("", "qq")
 project_qv = _pass("", "qv")
+project_qqq = _pass("", "qqq")
 project_vv = _pass("", "vv")
 coast = _pass("coast", "")
 coast_q = _pass("coast", "q")
@@ -178,6 +184,7 @@ coast_qq = _pass("coast", "qq")
 coast_qv = _pass("coast", "qv")
 drive = _pass("drive", "")
 drive_listed = _pass("drive listed", "")
+drive_listed_and_one = _pass("drive listed and one", "")
 
 
 @intrinsic
@@ -210,6 +217,109 @@ def press_sequence(typingctx, u, eta, response, forces):
 
 
 @intrinsic
+def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
+    """A finger alone on the string over K steps: pushes (K,), and its row `true` (K,) with them, from the free one, y (K,).
+
+    p_k = a_k − stiff·y_k + follow·y⁺_{k−1}, y_k with the pushes before it, y⁺_k with its own too, y⁺_{−1} = here; a is
+    `pull` (K,); own (2K,) is the response of the row to itself, with K zeros before it.
+    """
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        _emit_grip(code, 6, 7, None)
+        return context.get_dummy_value()
+
+    return types.void(pull, types.float64, types.float64, types.float64, y, own, pushes, true), emit
+
+
+@intrinsic
+def grip_and_press_sequence(
+    typingctx, pull, stiff, follow, here, y, own, eta, u, cross, response, pushes, true, forces
+):  # fmt: skip
+    """`grip_sequence` over one contact, exact-hold: u (K,) its free row, eta its height, its responses to the finger
+    (cross, 2K) and to itself; forces (K,) are what it gives. Its own pushes are those that leave 0 ≤ λ ⊥ u − η ≥ 0."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        _emit_grip(code, 10, 11, 6)
+        return context.get_dummy_value()
+
+    number = types.float64
+    return types.void(pull, number, number, number, y, own, number, u, cross, response, pushes, true, forces), emit
+
+
+def _emit_grip(code: _Code, pushes: int, true: int, eta: int | None) -> None:
+    """The two above, in scalars that stay in registers; numbers of the arguments of these names."""
+    b = code.b
+    stiff, follow, here = code.args[1:4]
+    at_pull, at_y, at_own, at_pushes, at_true = (code.data(i) for i in (0, 4, 5, pushes, true))
+    contact = eta is not None
+    scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * 3), "llvm.fma.f64")
+    zero = ir.Constant(_DOUBLE, 0.0)
+
+    def fma(x, y, z):
+        return b.call(scalar_fma, [x, y, z])
+
+    def put(value, base, k: int) -> None:
+        b.store(value, b.gep(base, [ir.Constant(_INT, k)]))
+
+    own = [code.scalar(at_own, BLOCK + k) for k in range(BLOCK)]
+    y = [code.scalar(at_y, k) for k in range(BLOCK)]
+    slack, against = b.fneg(stiff), None
+    if eta is not None:
+        at_u, at_cross, at_response, at_forces = (code.data(i) for i in (eta + 1, eta + 2, eta + 3, 12))
+        cross = [code.scalar(at_cross, BLOCK + k) for k in range(BLOCK)]
+        response = [code.scalar(at_response, BLOCK + k) for k in range(BLOCK)]
+        depth = [b.fsub(code.args[eta], code.scalar(at_u, k)) for k in range(BLOCK)]
+        against = b.fmul(b.fneg(cross[0]), stiff)  # what the finger gives way for one newton at the contact
+        per_matrix = b.fdiv(ir.Constant(_DOUBLE, 1.0), fma(against, cross[0], response[0]))
+        minus_cross = [b.fneg(x) for x in cross]
+        minus_response = [b.fneg(x) for x in response]
+    for k in range(BLOCK):
+        push = fma(follow, here, fma(slack, y[k], code.scalar(at_pull, k)))
+        force = None
+        if contact:
+            wanted = b.fmul(fma(minus_cross[0], push, depth[k]), per_matrix)
+            force = b.select(b.fcmp_ordered(">", wanted, zero), wanted, zero)
+            put(force, at_forces, k)
+            push = fma(against, force, push)
+        put(push, at_pushes, k)
+        for i in range(k, BLOCK):
+            y[i] = fma(own[i - k], push, y[i])
+            if contact:
+                y[i] = fma(cross[i - k], force, y[i])
+                depth[i] = fma(minus_response[i - k], force, fma(minus_cross[i - k], push, depth[i]))
+        here = y[k]
+        put(here, at_true, k)
+
+
+@intrinsic
+def any_forced_below(typingctx, y, response, forces, level):
+    """Whether any of y (K,), with `add_forced`'s sum over the forces, is below `level`."""
+
+    def emit(context, builder, signature, args):
+        code = _Code(context, builder, signature, args)
+        limit = code.splat(args[3])
+        found = ir.Constant(ir.IntType(LANES), 0)
+        for first in range(0, BLOCK, LANES):
+            total = _emit_forced(code, first, *(code.data(i) for i in range(3)))
+            below = builder.fcmp_ordered("<", total, limit)
+            found = builder.or_(found, builder.bitcast(below, ir.IntType(LANES)))
+        return builder.icmp_unsigned("!=", found, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(y, response, forces, types.float64), emit
+
+
+def _emit_forced(code: _Code, first: int, at_y, at_h, at_f):
+    """The LANES sums of `add_forced` from number `first` on."""
+    chains = [code.load(at_y, ir.Constant(_INT, first)), ir.Constant(_VECTOR, [0.0] * LANES)]
+    for i in range(min(BLOCK, first + LANES)):
+        column = code.load(at_h, ir.Constant(_INT, BLOCK + first - i))
+        chains[i % 2] = code.fma(column, code.splat(code.scalar(at_f, i)), chains[i % 2])
+    return code.b.fadd(chains[0], chains[1], flags=_LOOSE)
+
+
+@intrinsic
 def any_below(typingctx, u, level):
     """Whether any of u (K,) is below `level`."""
 
@@ -234,11 +344,7 @@ def add_forced(typingctx, y, response, forces):
         code = _Code(context, builder, signature, args)
         at_y, at_h, at_f = code.data(0), code.data(1), code.data(2)
         for first in range(0, BLOCK, LANES):
-            chains = [code.load(at_y, ir.Constant(_INT, first)), ir.Constant(_VECTOR, [0.0] * LANES)]
-            for i in range(min(BLOCK, first + LANES)):
-                column = code.load(at_h, ir.Constant(_INT, BLOCK + first - i))
-                chains[i % 2] = code.fma(column, code.splat(code.scalar(at_f, i)), chains[i % 2])
-            code.store(builder.fadd(chains[0], chains[1], flags=_LOOSE), at_y, ir.Constant(_INT, first))
+            code.store(_emit_forced(code, first, at_y, at_h, at_f), at_y, ir.Constant(_INT, first))
         return context.get_dummy_value()
 
     return types.void(y, response, forces), emit
