@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from synth.physics.modes import (
     decay_rates,
@@ -356,6 +357,8 @@ def compile_string(
     )
 
 
+# its matrices are small: BLAS's threads would only wait for each other, for seconds where the machine is busy
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def compile_preset(
     preset: Preset,
     *,

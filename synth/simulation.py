@@ -118,6 +118,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from synth import methods
 from synth.case import OVERRIDES, Case, CaseError, case_folder, load_case, read_case
@@ -202,6 +203,7 @@ class Result:
             beside.unlink(missing_ok=True)
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def simulate(
     case: Case | Mapping[str, Any] | str | os.PathLike[str], *, warn: Callable[[str], None] | None = None, **overrides: Any
 ) -> Result:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from synth.compile import CompiledPart, Position
 from synth.dsp.body import body_coefficients
@@ -38,6 +39,7 @@ from synth.units import db_to_gain
 PENDING_EVENTS = 1 << 14
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def build_bank(
     parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float, law: int
 ) -> Bank:

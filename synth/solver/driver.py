@@ -400,7 +400,7 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
     if contacts == 1 and model.law == EXACT_HOLD and watched <= 1:
         press_blocks(
             blocks, run.whole_q.size, block.rows, block.shapes[0], run.eta[0], block.lags[0, 0], run.whole_q, run.whole_v,
-            block.weights[:watched], watched, block.out_lags[:watched], run.block_out, run.block_work.spare,
+            block.weights[:watched], watched, block.out_lags[:watched], run.block_out, run.block_work.spare[0],
             run.block_work.forces[0], u[:, 0], force[:, 0],
         )  # fmt: skip
     else:

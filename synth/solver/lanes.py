@@ -23,12 +23,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 
-from synth.simd import DOUBLE as _DOUBLE
-from synth.simd import INT as _INT
-from synth.simd import LANES, intrinsic
-from synth.simd import LOOSE as _LOOSE
-from synth.simd import VECTOR as _VECTOR
-from synth.simd import Code as _Code
+from synth.simd import DOUBLE, INT, LANES, LOOSE, VECTOR, Code, intrinsic
 
 #: steps that a block kernel takes at a time
 BLOCK = 8
@@ -44,7 +39,7 @@ def padded(modes: int) -> int:
     return (modes + PAD - 1) // PAD * PAD
 
 
-def _emit_listed_forces(code: _Code, j, count, which, shapes, forces, more):
+def _emit_listed_forces(code: Code, j, count, which, shapes, forces, more):
     """f_k = more_k + Σ_d φ_c λ_dk over d < count, c = which[d], as K vectors, in a loop over the contacts."""
     b = code.b
     at_shapes, length, at_f, at_which = code.data(shapes), code.row_length(shapes), code.data(forces), code.data(which)
@@ -52,25 +47,25 @@ def _emit_listed_forces(code: _Code, j, count, which, shapes, forces, more):
     contacts, summed = b.append_basic_block("contacts"), b.append_basic_block("forces")
     b.branch(contacts)
     b.position_at_end(contacts)
-    d = b.phi(_INT)
-    d.add_incoming(ir.Constant(_INT, 0), before)
-    sums = [b.phi(_VECTOR) for _ in range(BLOCK)]
+    d = b.phi(INT)
+    d.add_incoming(ir.Constant(INT, 0), before)
+    sums = [b.phi(VECTOR) for _ in range(BLOCK)]
     contact = b.load(b.gep(at_which, [d]))
     shape = code.load(b.gep(at_shapes, [b.mul(contact, length)]), j)
-    mine = b.gep(at_f, [b.mul(d, ir.Constant(_INT, BLOCK))])
+    mine = b.gep(at_f, [b.mul(d, ir.Constant(INT, BLOCK))])
     force = []
     for k in range(BLOCK):
         sums[k].add_incoming(more[k], before)
         force.append(code.fma(shape, code.splat(code.scalar(mine, k)), sums[k]))
         sums[k].add_incoming(force[k], contacts)
-    following = b.add(d, ir.Constant(_INT, 1))
+    following = b.add(d, ir.Constant(INT, 1))
     d.add_incoming(following, contacts)
     b.cbranch(b.icmp_signed("<", following, code.args[count]), contacts, summed)
     b.position_at_end(summed)
     return force
 
 
-def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
+def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     """One pass over the modes: K steps forward ("coast", "drive …" or ""), then a look at the K steps after.
 
     Arguments, in order: n, rows (ROWS, ≥n), q, v (≥n,) in place; for "drive" shape (≥n,), forces (K,); for "drive listed"
@@ -89,15 +84,15 @@ def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
     loop = b.append_basic_block("modes")
     b.branch(loop)
     b.position_at_end(loop)
-    j = b.phi(_INT)
-    j.add_incoming(ir.Constant(_INT, 0), before)
-    sums = [[b.phi(_VECTOR) for _ in range(BLOCK)] for _ in kinds]
+    j = b.phi(INT)
+    j.add_incoming(ir.Constant(INT, 0), before)
+    sums = [[b.phi(VECTOR) for _ in range(BLOCK)] for _ in kinds]
     for row in sums:
         for s in row:
-            s.add_incoming(ir.Constant(_VECTOR, [0.0] * LANES), before)
+            s.add_incoming(ir.Constant(VECTOR, [0.0] * LANES), before)
     force = []
     if motion == "drive listed":
-        force = _emit_listed_forces(code, j, 4, 5, 6, 7, [ir.Constant(_VECTOR, [0.0] * LANES)] * BLOCK)
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7, [ir.Constant(VECTOR, [0.0] * LANES)] * BLOCK)
     elif motion == "drive listed and one":
         shape = code.load(code.data(8), j)
         one = [code.times(shape, code.splat(code.scalar(code.data(9), k))) for k in range(BLOCK)]
@@ -138,7 +133,7 @@ def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
         if k + 1 < BLOCK:
             for kind, (older, newer) in chains.items():
                 chains[kind] = [newer, code.fma(trace, newer, code.times(minus_det, older))]
-    after = b.add(j, ir.Constant(_INT, LANES))
+    after = b.add(j, ir.Constant(INT, LANES))
     j.add_incoming(after, b.block)
     for row, result in zip(sums, new, strict=True):
         for s, r in zip(row, result, strict=True):
@@ -148,7 +143,7 @@ def _emit_pass(code: _Code, motion: str, kinds: str) -> None:
     b.position_at_end(done)
     for out, result in zip(at_out, new, strict=True):
         for first in range(0, BLOCK, LANES):
-            code.store(code.fold(result[first : first + LANES]), out, ir.Constant(_INT, first))
+            code.store(code.fold(result[first : first + LANES]), out, ir.Constant(INT, first))
 
 
 def _pass(motion: str, kinds: str):
@@ -163,7 +158,7 @@ def _pass(motion: str, kinds: str):
         def emit(context, builder, signature, args):
             packed = cgutils.unpack_tuple(builder, args[1], len(given))
             flat = types.void(signature.args[0], *signature.args[1])
-            _emit_pass(_Code(context, builder, flat, [args[0], *packed]), motion, kinds)
+            _emit_pass(Code(context, builder, flat, [args[0], *packed]), motion, kinds)
             return context.get_dummy_value()
 
         return types.void(types.int64, types.StarArgTuple.from_types(given)), emit
@@ -197,18 +192,18 @@ def press_sequence(typingctx, u, eta, response, forces):
     """
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         b = builder
         at_u, at_h, at_f = code.data(0), code.data(2), code.data(3)
-        scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * 3), "llvm.fma.f64")
+        scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(DOUBLE, [DOUBLE] * 3), "llvm.fma.f64")
         h = [code.scalar(at_h, BLOCK + k) for k in range(BLOCK)]
-        stiffness = b.fdiv(ir.Constant(_DOUBLE, 1.0), h[0])
+        stiffness = b.fdiv(ir.Constant(DOUBLE, 1.0), h[0])
         ratio = [b.fneg(b.fmul(x, stiffness)) for x in h]
-        zero = ir.Constant(_DOUBLE, 0.0)
+        zero = ir.Constant(DOUBLE, 0.0)
         wanted = [b.fmul(b.fsub(args[1], code.scalar(at_u, k)), stiffness) for k in range(BLOCK)]
         for k in range(BLOCK):
             force = b.select(b.fcmp_ordered(">", wanted[k], zero), wanted[k], zero)
-            b.store(force, b.gep(at_f, [ir.Constant(_INT, k)]))
+            b.store(force, b.gep(at_f, [ir.Constant(INT, k)]))
             for i in range(k + 1, BLOCK):
                 wanted[i] = b.call(scalar_fma, [ratio[i - k], force, wanted[i]])
         return context.get_dummy_value()
@@ -225,7 +220,7 @@ def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
     """
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         _emit_grip(code, 6, 7, None)
         return context.get_dummy_value()
 
@@ -240,7 +235,7 @@ def grip_and_press_sequence(
     (cross, 2K) and to itself; forces (K,) are what it gives. Its own pushes are those that leave 0 ≤ λ ⊥ u − η ≥ 0."""
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         _emit_grip(code, 10, 11, 6)
         return context.get_dummy_value()
 
@@ -248,20 +243,20 @@ def grip_and_press_sequence(
     return types.void(pull, number, number, number, y, own, number, u, cross, response, pushes, true, forces), emit
 
 
-def _emit_grip(code: _Code, pushes: int, true: int, eta: int | None) -> None:
+def _emit_grip(code: Code, pushes: int, true: int, eta: int | None) -> None:
     """The two above, in scalars that stay in registers; numbers of the arguments of these names."""
     b = code.b
     stiff, follow, here = code.args[1:4]
     at_pull, at_y, at_own, at_pushes, at_true = (code.data(i) for i in (0, 4, 5, pushes, true))
     contact = eta is not None
-    scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE] * 3), "llvm.fma.f64")
-    zero = ir.Constant(_DOUBLE, 0.0)
+    scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(DOUBLE, [DOUBLE] * 3), "llvm.fma.f64")
+    zero = ir.Constant(DOUBLE, 0.0)
 
     def fma(x, y, z):
         return b.call(scalar_fma, [x, y, z])
 
     def put(value, base, k: int) -> None:
-        b.store(value, b.gep(base, [ir.Constant(_INT, k)]))
+        b.store(value, b.gep(base, [ir.Constant(INT, k)]))
 
     own = [code.scalar(at_own, BLOCK + k) for k in range(BLOCK)]
     y = [code.scalar(at_y, k) for k in range(BLOCK)]
@@ -272,7 +267,7 @@ def _emit_grip(code: _Code, pushes: int, true: int, eta: int | None) -> None:
         response = [code.scalar(at_response, BLOCK + k) for k in range(BLOCK)]
         depth = [b.fsub(code.args[eta], code.scalar(at_u, k)) for k in range(BLOCK)]
         against = b.fmul(b.fneg(cross[0]), stiff)  # what the finger gives way for one newton at the contact
-        per_matrix = b.fdiv(ir.Constant(_DOUBLE, 1.0), fma(against, cross[0], response[0]))
+        per_matrix = b.fdiv(ir.Constant(DOUBLE, 1.0), fma(against, cross[0], response[0]))
         minus_cross = [b.fneg(x) for x in cross]
         minus_response = [b.fneg(x) for x in response]
     for k in range(BLOCK):
@@ -298,7 +293,7 @@ def any_forced_below(typingctx, y, response, forces, level):
     """Whether any of y (K,), with `add_forced`'s sum over the forces, is below `level`."""
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         limit = code.splat(args[3])
         found = ir.Constant(ir.IntType(LANES), 0)
         for first in range(0, BLOCK, LANES):
@@ -310,13 +305,13 @@ def any_forced_below(typingctx, y, response, forces, level):
     return types.boolean(y, response, forces, types.float64), emit
 
 
-def _emit_forced(code: _Code, first: int, at_y, at_h, at_f):
+def _emit_forced(code: Code, first: int, at_y, at_h, at_f):
     """The LANES sums of `add_forced` from number `first` on."""
-    chains = [code.load(at_y, ir.Constant(_INT, first)), ir.Constant(_VECTOR, [0.0] * LANES)]
+    chains = [code.load(at_y, ir.Constant(INT, first)), ir.Constant(VECTOR, [0.0] * LANES)]
     for i in range(min(BLOCK, first + LANES)):
-        column = code.load(at_h, ir.Constant(_INT, BLOCK + first - i))
+        column = code.load(at_h, ir.Constant(INT, BLOCK + first - i))
         chains[i % 2] = code.fma(column, code.splat(code.scalar(at_f, i)), chains[i % 2])
-    return code.b.fadd(chains[0], chains[1], flags=_LOOSE)
+    return code.b.fadd(chains[0], chains[1], flags=LOOSE)
 
 
 @intrinsic
@@ -324,12 +319,12 @@ def any_below(typingctx, u, level):
     """Whether any of u (K,) is below `level`."""
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         limit = code.splat(args[1])
         at = code.data(0)
         found = ir.Constant(ir.IntType(LANES), 0)
         for first in range(0, BLOCK, LANES):
-            below = builder.fcmp_ordered("<", code.load(at, ir.Constant(_INT, first)), limit)
+            below = builder.fcmp_ordered("<", code.load(at, ir.Constant(INT, first)), limit)
             found = builder.or_(found, builder.bitcast(below, ir.IntType(LANES)))
         return builder.icmp_unsigned("!=", found, ir.Constant(ir.IntType(LANES), 0))
 
@@ -341,10 +336,10 @@ def add_forced(typingctx, y, response, forces):
     """y_k += Σ_{i ≤ k} h_{k−i} λ_i for y, forces (K,) and a response (2K,) that holds K zeros before h."""
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         at_y, at_h, at_f = code.data(0), code.data(1), code.data(2)
         for first in range(0, BLOCK, LANES):
-            code.store(_emit_forced(code, first, at_y, at_h, at_f), at_y, ir.Constant(_INT, first))
+            code.store(_emit_forced(code, first, at_y, at_h, at_f), at_y, ir.Constant(INT, first))
         return context.get_dummy_value()
 
     return types.void(y, response, forces), emit
@@ -355,11 +350,11 @@ def add_late(typingctx, y, response, late, force):
     """y_k += h_{k−late} λ for k ≥ late, y (K,) and response (2K,) as for `add_forced`: one force, that of step `late`."""
 
     def emit(context, builder, signature, args):
-        code = _Code(context, builder, signature, args)
+        code = Code(context, builder, signature, args)
         at_y, factor = code.data(0), code.splat(args[3])
-        column = builder.gep(code.data(1), [builder.sub(ir.Constant(_INT, BLOCK), args[2])])
+        column = builder.gep(code.data(1), [builder.sub(ir.Constant(INT, BLOCK), args[2])])
         for first in range(0, BLOCK, LANES):
-            at = ir.Constant(_INT, first)
+            at = ir.Constant(INT, first)
             code.store(code.fma(code.load(column, at), factor, code.load(at_y, at)), at_y, at)
         return context.get_dummy_value()
 
