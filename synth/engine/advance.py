@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
 
+import numpy as np
 from numba import cfunc, njit
 
 from synth.engine.coefficients import (
@@ -34,12 +34,13 @@ from synth.engine.layout import (
     NO_FINGER,
     QUANTA,
     QUANTUM,
+    STEP,
     STRETCH,
     TASK,
 )
 from synth.engine.output import collect
 from synth.engine.strings import finger_done, sleep
-from synth.engine.views import bank_of, scratch_of, settings_of, shared_of, state_of
+from synth.engine.views import bank_of, call_back, scratch_of, settings_of, shared_of, state_of
 from synth.solver.blocks import BlockWork, advance_blocks, fly_blocks, forget, press_blocks
 from synth.solver.fingers import advance_under_finger
 from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
@@ -57,7 +58,7 @@ SLEEP_BELOW = 1e-5
 CERTIFY_FROM = 3
 
 
-def _work_on(core: int, desk: int, s: int) -> None:
+def _work_on(core: int, desk: int, s: int, _: int) -> None:
     task = shared_of(core).task
     kind = task[TASK]
     if kind == BEGIN:
@@ -69,17 +70,24 @@ def _work_on(core: int, desk: int, s: int) -> None:
             _begin_quantum(core, desk, s, k)
             if not state_of(core).sounding[s].awake:
                 break
-            _advance_string(core, desk, s, k * QUANTUM, QUANTUM)
+            _advance_string(core, desk, s, k * QUANTUM, int(np.int64(QUANTUM)))  # a literal would compile it once more
 
 
 @cache
-def work_on() -> Any:
-    """Compiled on first use: a C function of (core, desk, s) that does what Shared.task asks for one awake string.
+def _compiled() -> tuple[Any, Any]:
+    """`_work_on` and `_steps` as C functions of four int64, kept for as long as their addresses are in use."""
+    compile_entry = cfunc("void(int64, int64, int64, int64)", cache=True)
+    return compile_entry(_work_on), compile_entry(_steps)
 
-    Called by its address, so that neither `process` nor the loop of a worker contains the kernels: every function that
-    contains them takes seconds to compile.
+
+def entries() -> tuple[int, int]:
+    """Addresses of `_work_on` (core, desk, s, –) and `_steps` (core, desk, s, steps), compiled on first use.
+
+    Called by address, so that neither `process` nor the loop of a worker contains what advances a string, and what does
+    not the kernels: every function that contains them takes seconds to compile.
     """
-    return cfunc("void(int64, int64, int64)", cache=True)(_work_on)
+    work_on, steps = _compiled()
+    return work_on.address, steps.address
 
 
 @njit(**CORE)
@@ -123,7 +131,7 @@ def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> No
                 refresh(core, desk, s)
             if me.phase != NO_FINGER:
                 steps = min(steps, me.finger_steps - me.finger_step)
-            _steps(core, desk, s, steps)
+            call_back(shared_of(core).task[STEP], core, desk, s, steps)
             me.base = collect(core, desk, s, steps, fixed.factor, me.base, row[at:])
             at += steps
             if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
@@ -131,7 +139,6 @@ def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> No
     fade(core, s, start, frames)
 
 
-@njit(**CORE)
 def _steps(core: int, desk: int, s: int, steps: int) -> None:
     """Internal steps of one string; its outputs go to Scratch.out, a row of `steps` for each."""
     state = state_of(core)

@@ -24,6 +24,7 @@ from synth.engine.layout import (
     RESPONSE,
     SPAN,
     SPAN_STEPS,
+    STEP,
     WORK_ON,
     Bank,
     Scratch,
@@ -332,10 +333,10 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
     )
 
 
-def new_shared(bank: Bank, span: int, work_on: int) -> Shared:
-    """Work arrays for spans of so many quanta; `work_on`: address of the function that advances a string."""
+def new_shared(bank: Bank, span: int, entries: tuple[int, int]) -> Shared:
+    """Work arrays for spans of so many quanta; `advance.entries`."""
     task = aligned(N_TASK, np.int64)
-    task[WORK_ON] = work_on
+    task[WORK_ON], task[STEP] = entries
     frames = span * QUANTUM
     return Shared(
         task,

@@ -24,7 +24,7 @@ from synth.compile import CompiledPart, compile_preset
 from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import LOOKAHEAD, LimiterState, largest_reduction_db, release_coefficient
 from synth.engine import layout
-from synth.engine.advance import work_on
+from synth.engine.advance import entries
 from synth.engine.bank import build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.events import EVENT
 from synth.engine.layout import Bank, Scratch, Settings, Shared, State
@@ -190,7 +190,7 @@ class Engine:
             int(self.economy),
             span_quanta(compiled),
         )
-        self._shared: Shared = new_shared(self._bank, self._settings.span, work_on().address)
+        self._shared: Shared = new_shared(self._bank, self._settings.span, entries())
         self._scratch: Scratch = new_scratch(self._bank)
         self._desk = table(self._scratch)
         self._state: State = new_state(self._bank, self._settings.span, default_parameters(compiled))

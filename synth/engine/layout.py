@@ -314,9 +314,9 @@ class State(NamedTuple):
 #: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
 WHOLE, BEGIN, STRETCH = range(3)
 #: places in Shared.task: one of these; number of the span's first quantum; quanta; first frame and frames of a stretch;
-#: address of `advance.work_on`, which does it
-TASK, FIRST_QUANTUM, QUANTA, FRAME, FRAMES, WORK_ON = range(6)
-N_TASK = 6
+#: addresses of what does it, `advance.entries`
+TASK, FIRST_QUANTUM, QUANTA, FRAME, FRAMES, WORK_ON, STEP = range(7)
+N_TASK = 7
 
 
 class Shared(NamedTuple):

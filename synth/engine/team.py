@@ -59,7 +59,7 @@ def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
     words = shared.team
     if count < 2 or mode_steps < WORTH_SHARING or words[WORKERS] == 0:
         for i in range(count):
-            call_back(shared.task[WORK_ON], core, desk, shared.queue[i])
+            call_back(shared.task[WORK_ON], core, desk, shared.queue[i], 0)
         return
     store(words, UNFINISHED, count)
     store(words, LEFT, count)
@@ -83,7 +83,7 @@ def _take(core: int, desk: int) -> bool:
     left = load(words, LEFT)
     while left > 0:
         if exchange_if(words, LEFT, left, left - 1):
-            call_back(shared.task[WORK_ON], core, desk, shared.queue[left - 1])
+            call_back(shared.task[WORK_ON], core, desk, shared.queue[left - 1], 0)
             add(words, UNFINISHED, -1)
             return True
         left = load(words, LEFT)

@@ -126,15 +126,15 @@ bank_of, state_of, shared_of, settings_of = (
 scratch_of = _opener(Scratch, 0)
 
 
-def _call_back(typingctx, function, core, desk, s):
-    """Call the compiled function at an address with three int64. Who calls it is spared compiling it once more."""
+def _call_back(typingctx, function, core, desk, s, more):
+    """Call the compiled function at an address with four int64. Who calls it is spared compiling it once more."""
 
     def generate(context, builder, signature, arguments):
-        kind = ir.FunctionType(ir.VoidType(), [_I64] * 3)
+        kind = ir.FunctionType(ir.VoidType(), [_I64] * 4)
         builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
         return context.get_dummy_value()
 
-    return types.void(*[types.int64] * 4), generate
+    return types.void(*[types.int64] * 5), generate
 
 
 call_back: Any = intrinsic(_call_back)
