@@ -366,6 +366,8 @@ def _check(core: int, desk: int, s: int) -> None:
         q[j] = 0.0
         v[j] = 0.0
         n -= 1
+    if n < me.n:
+        me.certain = 0  # the string has moved, if by nanometres
     me.n = n
     if me.free and not me.flying and not me.altered and fixed.direct_bus >= 0:
         take_off(core, desk, s)
