@@ -16,7 +16,10 @@ from numba.extending import intrinsic as _intrinsic
 
 
 def _lanes() -> int:
-    """Doubles in a vector register of this machine, or JAWARI_LANES (2, 4 or 8) of the environment."""
+    """Doubles in a vector register of this machine, or JAWARI_LANES (2, 4 or 8) of the environment.
+
+    Compiled kernels are kept apart by it (`kernel_cache`); a NUMBA_CACHE_DIR of your own needs a folder for each.
+    """
     wanted = os.environ.get("JAWARI_LANES", "")
     if wanted:
         if wanted not in ("2", "4", "8"):
@@ -114,7 +117,7 @@ class Code:
         self.b.call(store, [value, place, ir.Constant(ir.IntType(32), 8), mask])
 
     def fold(self, sums):
-        """LANES vectors → one vector of their sums, by shuffles of pairs."""
+        """LANES vectors → one vector of their sums, by shuffles of pairs: always in the same order."""
         index = ir.VectorType(ir.IntType(32), LANES)
         span = 1
         while span < LANES:
@@ -129,7 +132,7 @@ class Code:
                     high.append(source + span)
                 a = self.b.shuffle_vector(x, y, ir.Constant(index, low))
                 c = self.b.shuffle_vector(x, y, ir.Constant(index, high))
-                halves.append(self.b.fadd(a, c, flags=LOOSE))
+                halves.append(self.b.fadd(a, c))
             sums = halves
             span *= 2
         return sums[0]

@@ -126,7 +126,7 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
     delay, required, released, counters, levels : the :class:`LimiterState`, updated.
     ceiling : largest magnitude that may leave, > 0; constant while the state lives.
     release : from :func:`release_coefficient`.
-    x : (n, channels) block, overwritten.
+    x : (n, channels) block, contiguous, overwritten.
     """
     channels = x.shape[1]
     place, ring, active = counters[0], counters[1], counters[2]

@@ -42,7 +42,7 @@ from synth.engine.layout import (
 from synth.engine.output import collect
 from synth.engine.strings import finger_done, sleep
 from synth.engine.views import bank_of, call_back, scratch_of, settings_of, shared_of, state_of
-from synth.solver.blocks import BlockWork, advance_blocks, fly_blocks, forget, press_blocks
+from synth.solver.blocks import CERTIFY_FROM, BlockWork, advance_blocks, fly_blocks, forget, press_blocks
 from synth.solver.fingers import advance_under_finger
 from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
 from synth.solver.lanes import BLOCK, padded
@@ -55,8 +55,6 @@ PRUNE_BELOW = 1e-8
 PRUNE_WITHIN_M = 1e-9
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
-#: contacts from which on it pays to certify that some are out of reach for a while
-CERTIFY_FROM = 3
 
 
 def _work_on(core: int, desk: int, s: int, _: int) -> None:
@@ -84,8 +82,8 @@ def _compiled() -> tuple[Any, Any]:
 def entries() -> tuple[int, int]:
     """Addresses of `_work_on` (core, desk, s, –) and `_steps` (core, desk, s, steps), compiled on first use.
 
-    Called by address, so that neither `process` nor the loop of a worker contains what advances a string, and what does
-    not the kernels: every function that contains them takes seconds to compile.
+    Called by address: every function that contains the kernels takes seconds to compile, so none but `_steps` does, and
+    neither `process` nor the loop of a worker contains `_work_on`.
     """
     work_on, steps = _compiled()
     return work_on.address, steps.address
@@ -328,7 +326,7 @@ def _energy_norm(omega, q, v, q_rest) -> float:
 
 @njit(**CORE)
 def _check(core: int, desk: int, s: int) -> None:
-    """Level, certificate that contacts are out of reach, pruning of inaudible modes, sleep."""
+    """Level, certificate that contacts are out of reach, rest for inaudible modes, flight, sleep."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
     me = state.sounding[s]
     if me.phase != NO_FINGER or me.stale:
@@ -357,17 +355,19 @@ def _check(core: int, desk: int, s: int) -> None:
         if me.free == 0 and model.contacts == 1:
             return  # touched again and again, and all modes with it
     peak = math.sqrt(2.0 / model.length)  # of a mode shape
+    moved = False
     while n > 1:
         j = n - 1
         amplitudes(omega[j:n], sigma[j:n], q[j:n], v[j:n], amplitude)
         heard = abs(bank.weights[2 * m_off + j]) + abs(bank.weights[2 * m_off + model.cap + j]) * omega[j]
         if heard * amplitude[0] >= PRUNE_BELOW or (me.free == 0 and peak * amplitude[0] >= PRUNE_WITHIN_M):
             break
+        moved = moved or q[j] != 0.0 or v[j] != 0.0
         q[j] = 0.0
         v[j] = 0.0
         n -= 1
-    if n < me.n:
-        me.certain = 0  # the string has moved, if by nanometres
+    if moved:
+        me.certain = 0  # if by nanometres
     me.n = n
     if me.free and not me.flying and not me.altered and fixed.direct_bus >= 0:
         take_off(core, desk, s)

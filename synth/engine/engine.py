@@ -154,6 +154,7 @@ class Engine:
         if max_block < 1:
             raise ValueError(f"max_block must be at least 1 frame, got {max_block}")
         self.close()
+        self._bank = None  # until all is there: `process` works on addresses
         self.rate_hz = float(rate_hz)
         self.max_block = int(max_block)
         cache: dict[tuple, CompiledPart] = {}
@@ -174,7 +175,7 @@ class Engine:
             compiled.append(cache[key])
         self.compiled = tuple(compiled)
         law = law_of(self.scheme)
-        self._bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz, law)
+        bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz, law)
         polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
         self._settings = Settings(
             law,
@@ -190,11 +191,12 @@ class Engine:
             int(self.economy),
             span_quanta(compiled),
         )
-        self._shared: Shared = new_shared(self._bank, self._settings.span, entries())
-        self._scratch: Scratch = new_scratch(self._bank)
+        self._shared: Shared = new_shared(bank, self._settings.span, entries())
+        self._scratch: Scratch = new_scratch(bank)
         self._desk = table(self._scratch)
-        self._state: State = new_state(self._bank, self._settings.span, default_parameters(compiled))
-        self._core = table(self._bank, self._state, self._shared, self._settings)
+        self._state: State = new_state(bank, self._settings.span, default_parameters(compiled))
+        self._core = table(bank, self._state, self._shared, self._settings)
+        self._bank = bank
         self._make_team()
         self.reset()
         self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
@@ -223,7 +225,10 @@ class Engine:
             self._team = Team(self, self._core, self._shared.team, desks, keep)
 
     def close(self) -> None:
-        """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself."""
+        """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself.
+
+        Threads do not survive a fork: a child that goes on playing must `prepare` anew.
+        """
         if self._team is not None:
             self._team.end()
             self._team = None
@@ -313,8 +318,8 @@ class Engine:
         if not np.array_equal(origin, self._fingerprint()):
             raise ValueError("the state comes from other presets, rate or quality; prepare the engine in the same way")
         for name, mine in self._state._asdict().items():
-            same = fields[name].dtype == mine.dtype and (name == "pending" or fields[name].shape == mine.shape)
-            if not same:
+            fits = fields[name].ndim == 1 if name == "pending" else fields[name].shape == mine.shape
+            if fields[name].dtype != mine.dtype or not fits:
                 raise ValueError(f"the state's {name} does not fit: it comes from other presets, rate or quality")
         if fields["pending"].size != self._state.pending.size:
             self._set_queue(fields["pending"])
@@ -323,8 +328,9 @@ class Engine:
 
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
-        self._state = self._state._replace(pending=pending)
-        self._core[:] = table(self._prepared(), self._state, self._shared, self._settings)
+        state = self._state._replace(pending=np.ascontiguousarray(pending))
+        self._core[:] = table(self._prepared(), state, self._shared, self._settings)
+        self._state = state
 
     @property
     def mode_steps(self) -> int:

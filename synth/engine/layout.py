@@ -167,7 +167,7 @@ class Settings(NamedTuple):
     polyphony: int
     smoothing: float  # share of the way per frame, gain and pan
     dc: float  # pole of the high-pass
-    economy: int  # 0: no certificate, pruning or culling
+    economy: int  # 0: modes do not rest, strings do not fly
     span: int  # quanta worked off in one go, at most
 
 
@@ -280,7 +280,7 @@ class State(NamedTuple):
     u: F8
     vc: F8
     force: F8
-    looked: U1  # certificates of the block kernel, see `blocks.BlockWork`
+    looked: U1  # certificates of the block kernels, see `blocks.BlockWork`
     until: I8
     margin: F8
     bounds: F8x2  # (contacts, 3)

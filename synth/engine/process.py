@@ -148,7 +148,8 @@ def _list_awake(core: int, frames: int) -> tuple[int, int]:
             shared.queue[count] = s
             count += 1
             cost = 1 if state.sounding[s].phase == NO_FINGER else FINGER_COST
-            mode_steps += cost * state.sounding[s].n * bank.strings[s].factor * frames
+            factor = 1 if state.sounding[s].flying else bank.strings[s].factor
+            mode_steps += cost * state.sounding[s].n * factor * frames
     return count, mode_steps
 
 

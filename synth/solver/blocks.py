@@ -56,6 +56,8 @@ from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot
 from synth.solver.vectors import FAST, dot
 
+#: contacts from which on it pays to certify that some are out of reach for a while
+CERTIFY_FROM = 3
 #: steps for which a certificate is sought where there is none for ever, the longer first
 HORIZONS = (16 * BLOCK, 4 * BLOCK)
 #: steps after which what a contact may move by is worked out anew: it has become less

@@ -1,9 +1,10 @@
 """Runs one string for a while, writes what it does at the output rate, and keeps the energy ledger if asked.
 
 A run is `start_run`, then `run` as often as the finger changes, `run_moving` where the obstacle moves, and
-`change_model` wherever the string's tension does. Between two outputs the block kernel `kernels.advance` does all the
-steps; with the ledger on, or over a moving obstacle, they are done one at a time. Steps may be divided where the
-string touches (`substeps`), but not over a moving obstacle.
+`change_model` wherever the string's tension does. Steps are taken in `blocks`; one at a time (`kernels`) with the ledger
+on, under a finger, over a moving obstacle or more than `_MOST_IN_BLOCKS` contacts, where several contacts divide their steps,
+and for what is left over of a block. Steps may be divided where the string touches (`substeps`), but not over a moving
+obstacle.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.blocks import (
+    CERTIFY_FROM,
     Blocks,
     BlockWork,
     advance_blocks,
@@ -50,8 +52,6 @@ _CERTIFY_STEPS = 32
 _BLOCKS = 64
 #: more contacts have no table of their responses to each other (C² · 2K numbers), and one step at a time is taken
 _MOST_IN_BLOCKS = 256
-#: contacts from which on it pays to certify that some are out of reach
-CERTIFY_FROM = 3
 #: columns of Run.energy
 ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
@@ -310,6 +310,7 @@ def run_moving(model: Model, run: Run, n_steps: int, finger: Finger, path) -> No
                 done += m
                 continue
             forget(run.block_work)
+            run.watch[:] = 1  # blocks before may have touched what was out of reach
         phase = run.counts[PHASE]
         here = Finger(
             finger.on,

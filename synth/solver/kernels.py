@@ -150,6 +150,8 @@ def advance_free(n_steps: int, coef, q, v, wq, wv, use_q: int, use_v: int, out_q
 def advance_one(n_steps: int, coef, shape, eta: float, g: float, q, v, wq, wv, use_q: int, use_v: int, out_q, out_v):
     """Exact-hold with one contact and no finger: λ = max(0, (η − u_free)/G). Returns the number of steps in contact.
 
+    `blocks.press_blocks` does the same faster; this is what it is measured against.
+
     The force of a step enters the coordinates in the pass of the next one (after the last step in a pass of its
     own); its share in the output is λ Σ wq kq φ.
     """

@@ -8,7 +8,7 @@ import numpy as np
 
 from synth.scene import Scene
 from synth.solver import driver
-from synth.solver.blocks import BLOCK, advance_blocks, aligned, forget, press_blocks
+from synth.solver.blocks import BLOCK, CERTIFY_FROM, advance_blocks, aligned, forget, press_blocks
 from synth.solver.kernels import advance, no_finger
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.substeps import advance_substepped
@@ -54,7 +54,7 @@ def _pressing(m: driver.Model, state: driver.Run) -> Callable[[], np.ndarray]:
 def _in_blocks(m: driver.Model, state: driver.Run) -> Callable[[], np.ndarray]:
     block, contacts = m.block, m.eta.size
     out, forces, no_record = aligned(1, STEPS), np.zeros((STEPS, contacts)), np.zeros((0, contacts))
-    certified = int(contacts >= driver.CERTIFY_FROM)
+    certified = int(contacts >= CERTIFY_FROM)
     forget(state.block_work)
 
     def take() -> np.ndarray:
