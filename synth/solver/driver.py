@@ -2,9 +2,9 @@
 
 A run is `start_run`, then `run` as often as the finger changes, `run_moving` where the obstacle moves, and
 `change_model` wherever the string's tension does. Steps are taken in `blocks`; one at a time (`kernels`) with the ledger
-on, under a finger, over a moving obstacle or more than `_MOST_IN_BLOCKS` contacts, where several contacts divide their steps,
-and for what is left over of a block. Steps may be divided where the string touches (`substeps`), but not over a moving
-obstacle.
+on, under a finger, over a moving obstacle, over more than `_MOST_IN_BLOCKS` contacts, where several contacts divide their
+steps, and for what is left over of a block. Steps may be divided where the string touches (`substeps`), but not over a
+moving obstacle.
 """
 
 from __future__ import annotations

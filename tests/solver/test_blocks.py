@@ -276,23 +276,15 @@ def test_rows_in_the_middle_of_blocks(law):
     assert truth.counts[driver.CONTACT_STEPS] > 5
 
 
-def test_leftovers_of_blocks_see_contacts_that_blocks_made_reachable():
-    """Rows 16 apart, cut so that steps are left over before and after blocks in which contacts act: as one step at a time."""
+def test_leftovers_and_blocks_are_one_run():
+    """Rows 16 apart, cut so that steps are left over before and after blocks in which contacts act."""
     acted = 0
     for seed in range(12):
         scene = Scene(seed, EXACT_HOLD, 6, modes=40, gap_m=5e-4)
         model = driver.make_model(
-            EXACT_HOLD,
-            scene.omega,
-            scene.sigma,
-            scene.mu,
-            scene.dt,
-            scene.shapes,
-            scene.eta,
-            scene.residual,
-            scene.weights,
-            1.0,
-        )
+            EXACT_HOLD, scene.omega, scene.sigma, scene.mu, scene.dt, scene.shapes, scene.eta, scene.residual,
+            scene.weights, 1.0,
+        )  # fmt: skip
         runs = []
         for ledger in (True, False):
             state = driver.start_run(model, scene.q, scene.v, np.zeros(6), 16, 30, ledger, False)
