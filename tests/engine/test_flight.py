@@ -5,7 +5,7 @@ import pytest
 
 from synth.dsp.decimator import design, response
 from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER
-from synth.engine.layout import FADE, HEIGHT
+from synth.engine.layout import HEIGHT
 from tests.engine.kit import NECK_OBSTACLE, ONE_NECK, RATE_HZ, engine, play, preset, steel, wound
 
 #: nothing to touch, at six times the output rate, by each kind of output
