@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from synth.solver.kernels import FOR_EVER, MARGIN, extents
 from synth.solver.lanes import (
     ADV11,
     BLOCK,
@@ -62,8 +63,6 @@ CERTIFY_FROM = 3
 HORIZONS = (16 * BLOCK, 4 * BLOCK)
 #: steps after which what a contact may move by is worked out anew: it has become less
 _RENEWED_AFTER = 256 * BLOCK
-#: more steps than any run has
-_FOR_EVER = 2**62
 
 
 class BlockWork(NamedTuple):
@@ -373,13 +372,12 @@ def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin
     ever, far, close = moved[0], moved[1], moved[2]
     if stale:
         long, short = HORIZONS[0] * dt, HORIZONS[1] * dt
+        extents(omega, q, v, ever)
         for j in range(n):
-            w = omega[j]
-            speed = v[j] / w
-            extent = 1.001 * np.sqrt(q[j] * q[j] + speed * speed)
+            extent = MARGIN * ever[j]
             ever[j] = extent
-            far[j] = extent * min(2.0, w * long)
-            close[j] = extent * min(2.0, w * short)
+            far[j] = extent * min(2.0, omega[j] * long)
+            close[j] = extent * min(2.0, omega[j] * short)
     for c in range(eta.size):
         if until[c] > now:
             continue
@@ -401,7 +399,7 @@ def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin
         gap = here - eta[c]
         looked[c] = 0
         if bounds[c, 0] < -eta[c]:
-            until[c] = _FOR_EVER
+            until[c] = FOR_EVER
             margin[c] = -eta[c] - bounds[c, 0]
         elif gap > bounds[c, 1]:
             until[c] = now + HORIZONS[0]
@@ -452,9 +450,22 @@ def fill_matrix(lags, near, m: int, matrix) -> None:
 
 
 @njit(inline="always")
+def _answer(m: int, k: int, lags, matrix, enabled, active, held: int, work: BlockWork):
+    """Solve step k for work.b at contacts near[:m] and let its forces act on their rows u: (status, rows of factor)."""
+    near, u, z = work.near, work.u, work.z
+    status, _, held = pivot(matrix, work.b[:m], enabled, active, z[:m], work.factor, work.order, held)
+    for i in range(m):
+        if z[i] > 0.0:
+            work.forces[i, k] = z[i]
+            for d in range(m):
+                add_late(u[d], lags[near[d], near[i]], k, z[i])
+    return status, held
+
+
+@njit(inline="always")
 def _hold_sequence(m: int, eta, lags, work: BlockWork) -> int:
     """Exact-hold over K steps at contacts near[:m]: forces from the free u, which become the true ones."""
-    near, u, forces, b, z = work.near, work.u, work.forces, work.b, work.z
+    near, u, forces, b = work.near, work.u, work.forces, work.b
     fill_matrix(lags, near, m, work.matrix)
     matrix = work.matrix[: m * m].reshape(m, m)
     enabled, active = work.enabled[:m], work.active[:m]
@@ -468,14 +479,9 @@ def _hold_sequence(m: int, eta, lags, work: BlockWork) -> int:
             b[i] = u[i, k] - eta[near[i]]
             touching = touching or b[i] < 0.0
         if touching:
-            bad, _, held = pivot(matrix, b[:m], enabled, active, z[:m], work.factor, work.order, held)
+            bad, held = _answer(m, k, lags, matrix, enabled, active, held, work)
             if bad != SOLVED:
                 status = bad
-            for i in range(m):
-                if z[i] > 0.0:
-                    forces[i, k] = z[i]
-                    for d in range(m):
-                        add_late(u[d], lags[near[d], near[i]], k, z[i])
     return status
 
 
@@ -502,7 +508,7 @@ def _impact_sequence(
     law: int, m: int, dt: float, restitution: float, eta, lags, u_contact, v_contact, work: BlockWork
 ) -> int:
     """Moreau–Jean over K steps at all m contacts: impulses from the free velocities u, which become displacements."""
-    near, u, forces, b, z = work.near, work.u, work.forces, work.b, work.z
+    near, u, forces, b = work.near, work.u, work.forces, work.b
     ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
     status, held = SOLVED, 0
     if m == 1:
@@ -531,14 +537,9 @@ def _impact_sequence(
             enabled[i] = 1 if u_contact[i] - eta[i] + ahead * v_contact[i] <= 0.0 else 0
             touching = touching or (enabled[i] != 0 and b[i] < 0.0)
         if touching:
-            bad, _, held = pivot(matrix, b[:m], enabled, active, z[:m], work.factor, work.order, held)
+            bad, held = _answer(m, k, lags, matrix, enabled, active, held, work)
             if bad != SOLVED:
                 status = bad
-            for i in range(m):
-                if z[i] > 0.0:
-                    forces[i, k] = z[i]
-                    for d in range(m):
-                        add_late(u[d], lags[near[d], near[i]], k, z[i])
         for i in range(m):
             v_contact[i] = u[i, k]
             u_contact[i] += dt * v_contact[i]

@@ -12,19 +12,14 @@ A rigid wall may strike while the gap is still ½Δt|w|, w the node's velocity: 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from synth.solver.kernels import amplitudes
+from synth.solver.kernels import FOR_EVER, MARGIN, amplitudes, extents
 from synth.solver.vectors import FAST, dot
 
-#: what bounds are multiplied by, against rounding
-MARGIN = 1.001
-#: more steps than any run has
-FOR_EVER = 2**62
 # places in Clearance.counts
 _KNOWN, _NODEWISE, _QUIET, _LEVEL, FREE = 0, 1, 2, 3, 4
 _COUNTS = 5
@@ -75,13 +70,6 @@ def make_clearance(omega, sigma, half, eta, strides, dt: float, scale: float, fi
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _extents(omega, q, v, out) -> None:
-    for j in range(q.size):
-        speed = v[j] / omega[j]
-        out[j] = math.sqrt(q[j] * q[j] + speed * speed)
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
 def _moved(omega, extent, time: float, factor: float, early: float, out) -> float:
     """Fill out (N,) with how far each mode moves in `time`, and `early` before contact; returns their sum."""
     total = 0.0
@@ -129,9 +117,9 @@ def attend(of: Clearance, q, v) -> None:
     modes = q.size
     of.counts[_QUIET] += 1
     if of.counts[_KNOWN] == 0:
-        _extents(of.omega, q, v, of.extent)
+        extents(of.omega, q, v, of.extent)
     elif of.counts[_QUIET] > (2 * modes if of.counts[_NODEWISE] else modes // 4):  # what it costs, against what it gains
-        _extents(of.omega, q, v, of.extent)
+        extents(of.omega, q, v, of.extent)
         _renew(of, q, v)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.blocks import BlockWork, certify, fill_matrix, fill_response, gather, look, observe
-from synth.solver.kernels import Finger, finger_blend, finger_row, finger_target
+from synth.solver.kernels import MARGIN, Finger, extents, finger_blend, finger_row, finger_target
 from synth.solver.lanes import (
     BLOCK,
     KQ,
@@ -71,15 +71,13 @@ def fill_grip(law: int, rows, omega, shapes, weights, out_weights, on_q: int, at
     fill_response(0, rows, q, v, out_weights[:on_q], 0, spare, grip.outputs[:on_q])
     fill_response(1, rows, q, v, out_weights[on_q:], 0, spare, grip.outputs[on_q:])
     grip.own[0, BLOCK] = own
-    for j in range(omega.size):
-        speed = v[j] / omega[j]
-        q[j] = 1.001 * np.sqrt(q[j] * q[j] + speed * speed)
+    extents(omega, q, v, q)
     for c in range(shapes.shape[0]):
         grip.contacts[c, BLOCK] = at_once[c]
         total = 0.0
         for j in range(omega.size):
             total += abs(shapes[c, j]) * q[j]
-        grip.far[c] = total
+        grip.far[c] = MARGIN * total
     return own
 
 

@@ -28,6 +28,11 @@ from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot, single
 from synth.solver.vectors import FAST, dot
 
+#: what bounds on a string's reach are multiplied by, against rounding
+MARGIN = 1.001
+#: more steps than any run has
+FOR_EVER = 2**62
+
 
 class Work(NamedTuple):
     """Scratch arrays of one kernel call for up to C contacts; contents carry nothing but the last active set."""
@@ -362,6 +367,14 @@ def finger_row(law: int, coef, shapes, weights, coupling) -> float:
             total += shapes[c, j] * row[j] * weights[j]
         coupling[c] = total
     return own
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def extents(omega, q, v, out) -> None:
+    """out (N,) = E_j = √(q_j² + v_j²/ω_j²), which free motion does not enlarge: |q_j| ≤ E_j, |q̇_j| ≤ ω_j E_j. May be q."""
+    for j in range(omega.size):
+        speed = v[j] / omega[j]
+        out[j] = np.sqrt(q[j] * q[j] + speed * speed)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
