@@ -23,6 +23,7 @@ FLOORS = (
     {"simulation"},
     {"engine"},
     {"host", "tune"},
+    {"live"},
     {"cli"},
     {"__main__"},
 )
