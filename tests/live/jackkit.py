@@ -70,6 +70,12 @@ class JackServer:
     def alive(self) -> bool:
         return self._process.poll() is None
 
+    def pause(self, seconds: float) -> None:
+        """Hold the server for a while: it misses its periods."""
+        self._process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self._process.send_signal(signal.SIGCONT)
+
     def kill(self, how: signal.Signals = signal.SIGTERM) -> None:
         """End the server and remove what it leaves behind. May be called again."""
         if self._ended:

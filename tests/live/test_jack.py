@@ -287,6 +287,35 @@ def test_stopping_stops_the_stream_and_starting_goes_on(jack_server: StartServer
             output.start()
 
 
+def test_a_server_that_is_late_is_counted(jack_server: StartServer) -> None:
+    with jack_server(256) as server:
+        deck = Deck(kit.engine(kit.FREE))
+        output = jackclient.open_output(deck, server=server.name)
+        try:
+            output.start()
+            wait_for(lambda: deck.frame > 1000)
+            server.pause(0.3)
+            wait_for(lambda: deck.meters().xruns > 0)
+            after = deck.frame
+            wait_for(lambda: deck.frame > after + 1000)
+            assert output.alive
+        finally:
+            output.close()
+
+
+def test_periods_that_we_miss_are_counted_and_the_stream_goes_on(jack_server: StartServer) -> None:
+    with jack_server(256) as server:
+        process = playing(server, "stall")
+        try:
+            process.send_signal(signal.SIGSTOP)
+            time.sleep(0.3)
+            process.send_signal(signal.SIGCONT)
+            said, complaint = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    assert (said, complaint, process.returncode) == ("skipped\ngoes on\n", "", 0)
+
+
 def connections(server: JackServer, port: str) -> list[str]:
     listed = subprocess.run(["jack_lsp", "-c", port], env=server.env, capture_output=True, text=True, check=True).stdout
     return [line.strip() for line in listed.splitlines() if line.startswith(" ")]
