@@ -11,10 +11,10 @@ from .jackkit import JackServer, why_not
 StartServer = Callable[..., JackServer]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def jack_server() -> Iterator[StartServer]:
-    """jack_server(frames=256, rate_hz=44100) -> JackServer that runs; end it soon (`with`), for a user can have but eight.
-    What is left ends with the session."""
+    """jack_server(frames=256, rate_hz=44100) -> JackServer that runs until the end of the test, or of a `with`: a user can
+    have but eight at a time."""
     reason = why_not()
     if reason:
         pytest.skip(reason)
