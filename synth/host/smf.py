@@ -27,8 +27,9 @@ class Track:
     """One track, its channel messages in file order as parallel lists.
 
     ticks: time since the track's start; status: status byte (0x80…0xEF); data1, data2: data bytes (data2 is 0
-    where the message has one). tempos: (tick, microseconds per quarter note). end_tick: time of the track's
-    end.
+    where the message has one). tempos: (tick, microseconds per quarter note). sysex: (place, tick, body without F0 and
+    F7), `place` being how many channel messages come before; one sent in several packets has the tick of the last.
+    end_tick: time of the track's end.
     """
 
     ticks: list[int] = field(default_factory=list)
@@ -36,6 +37,7 @@ class Track:
     data1: list[int] = field(default_factory=list)
     data2: list[int] = field(default_factory=list)
     tempos: list[tuple[int, int]] = field(default_factory=list)
+    sysex: list[tuple[int, int, bytes]] = field(default_factory=list)
     end_tick: int = 0
 
 
@@ -158,6 +160,7 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
     ticks, statuses, data1, data2 = track.ticks, track.status, track.data1, track.data2
     tick = at = 0
     running = 0
+    packets: bytearray | None = None  # of a system exclusive message that has not ended
     length = len(body)
     event_at = 0
     try:
@@ -207,9 +210,19 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
                     track.tempos.append((tick, int.from_bytes(payload[:3], "big")))
             elif status in (0xF0, 0xF7):
                 size, at = _variable_length(body, at)
+                packet = body[at : at + size]
                 at += size
                 if at > length:
                     raise IndexError
+                # A message may come in packets: the first behind F0, the others behind F7. F7 without a message that
+                # waits is an escape, whose bytes are no system exclusive.
+                if status == 0xF0:
+                    packets = bytearray(packet)
+                elif packets is not None:
+                    packets += packet
+                if packets is not None and packets.endswith(b"\xf7"):
+                    track.sysex.append((len(ticks), tick, bytes(packets[:-1])))
+                    packets = None
             else:
                 at += _SYSTEM_DATA_BYTES.get(status, 0)
                 if at > length:
