@@ -44,7 +44,7 @@ class _NoMidiSystem(Exception):
 @dataclass(frozen=True)
 class PortCount:
     """What came in through a port. messages: all; ignored: those that play nothing; lost: events that found no room;
-    overrun: how often the queue was found full, so that messages before may be missing."""
+    overrun: how often so many had piled up that others may have found no room in the queue."""
 
     name: str
     messages: int
@@ -231,17 +231,22 @@ class _Port:
         self.stream = stream
         self.clock = ArrivalClock()
         self.overrun = 0
+        self._piled_up = 0
 
-    def fetch(self) -> int:
-        """Plays what has come, at most _AT_ONCE messages; returns how many."""
-        for count in range(_AT_ONCE):
+    def fetch(self) -> bool:
+        """Plays what has come, at most _AT_ONCE messages; returns whether there may be more."""
+        for _ in range(_AT_ONCE):
             message = self.client.get_message()
             if message is None:
-                return count
+                self._piled_up = 0
+                return False
             data, gap_s = message
-            now = time.monotonic_ns()
-            self.stream.feed(data, self.clock.time_ns(gap_s, now))
-        return _AT_ONCE
+            self.stream.feed(data, self.clock.time_ns(gap_s, time.monotonic_ns()))
+        self._piled_up += _AT_ONCE
+        if self._piled_up >= QUEUE_MESSAGES - _AT_ONCE:
+            self._piled_up = 0
+            self.overrun += 1
+        return True
 
     def close(self) -> None:
         self.stream.release(time.monotonic_ns())
@@ -434,29 +439,17 @@ class MidiInputs:
             else:
                 self._ports.remove(port)
             # What came before it went, notes that end among it.
-            while port.fetch() == _AT_ONCE:
+            while port.fetch():
                 pass
             port.close()
             self._before[_plain(port.name)] = self._count(port)
 
     def _listen(self) -> None:
         while not self._end.is_set():
-            most = 0
             with self._lock:
-                for port in self._all():
-                    # A queue that was filled may have lost what came after.
-                    fetched = self._fetch(port)
-                    most = max(most, fetched)
-            if most < _AT_ONCE:
+                more = [port.fetch() for port in self._all()]
+            if not any(more):
                 time.sleep(LOOK_EVERY_S)
-
-    def _fetch(self, port: _Port) -> int:
-        fetched = port.fetch()
-        port.backlog = port.backlog + fetched if fetched == _AT_ONCE else 0
-        if port.backlog >= QUEUE_MESSAGES - 1:
-            port.overrun += 1
-            port.backlog = 0
-        return fetched
 
     def close(self) -> None:
         """Lets go of what is held, closes all ports. May be called again."""
