@@ -1,9 +1,11 @@
-"""What live playing refuses: one line that names the thing, says what is wrong and what to do."""
+"""What can be wrong with the devices of a live session."""
+
+from __future__ import annotations
 
 
 class DeviceError(ValueError):
-    """An audio device that cannot be found or opened."""
+    """An audio device or server that cannot be used as asked."""
 
 
 class MidiPortError(ValueError):
-    """A MIDI port that cannot be found or opened."""
+    """A MIDI port that cannot be used as asked."""
