@@ -260,6 +260,16 @@ class Engine:
         process(self._core.ctypes.data, self._desk.ctypes.data, events, out, stems)
 
     @property
+    def addresses(self) -> tuple[int, int]:
+        """What the native `process` takes as `core` and `desk`, valid until the next `prepare`."""
+        self._prepared()
+        return self._core.ctypes.data, self._desk.ctypes.data
+
+    @property
+    def strings_sounding(self) -> int:
+        return int(self._state.sounding["awake"].sum())
+
+    @property
     def latency_samples(self) -> int:
         """Frames from an event to the moment the string feels it."""
         return layout.QUANTUM + LATENCY_FRAMES + (LOOKAHEAD if self.limiter else 0)

@@ -33,7 +33,7 @@ class Song:
 
     events: EVENT array, `frame` counted from the song's start and ascending; channels are 0…15. Simultaneous
         events keep the file's order (tracks in order), but a note-off that ends an earlier note comes before
-        a note-on of the same key.
+        a note-on of the same key. This program's own takes keep theirs.
     rate_hz: frames per second of `frame`.  length_s: the song's end (end of track) in seconds.
     channels: (channel, program) → number of notes, for those that have notes.  notes: their sum.
     keys: (channel, program) → the MIDI notes that occur.
@@ -71,6 +71,8 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
         tick, events = _merge(tracks)
         end_s = _end_s(clock, tracks, tick, warnings)
         order, still_on = _order_and_count(tick, events, programs, tally)
+        if any(track.take for track in tracks):
+            order = np.arange(len(events))
         time_s = np.minimum(clock.seconds(tick), end_s)[order]
         endless += len(still_on)
         offs = np.zeros(len(still_on), EVENT)
