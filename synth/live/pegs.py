@@ -132,11 +132,12 @@ class Strings:
     def semitones(self, pegs: Pegs) -> tuple[float, ...]:
         """What each string's key must be tuned to (MIDI number with fraction) to sound as other pegs have it.
 
-        The bridge raises different pitches by different cents; the model allows for those of the compiled one.
+        A key's tuning is counted from the key; the cents by which its string is compiled off it come on top. The bridge
+        raises different pitches by different cents; the model allows for those of the compiled one.
         """
         return tuple(
-            hz_to_midi(hz) + 0.01 * (self.pegs.contact_cents(compiled) - self.pegs.contact_cents(hz))
-            for hz, compiled in zip(pegs.pitches_hz, self.pegs.pitches_hz, strict=True)
+            key + 0.01 * (cents(hz, compiled) + self.pegs.contact_cents(compiled) - self.pegs.contact_cents(hz))
+            for key, hz, compiled in zip(self.keys, pegs.pitches_hz, self.pegs.pitches_hz, strict=True)
         )
 
 
