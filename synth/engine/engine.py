@@ -244,9 +244,7 @@ class Engine:
         self._prepared()
         room = self._state.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
-            bigger = np.zeros(2 * (self._state.pending.size + events.size), EVENT)
-            bigger[: self._state.pending.size] = self._state.pending
-            self._set_queue(bigger)
+            self.reserve(2 * (self._state.pending.size + events.size))
         if out.ndim != 2 or out.shape[1] != 2 or out.dtype != np.float64 or not out.flags.c_contiguous:
             raise ValueError(f"out must be a contiguous (frames, 2) float64 array, got {out.shape} {out.dtype}")
         if stems is None:
@@ -254,6 +252,16 @@ class Engine:
         elif stems.shape != (len(self.parts), *out.shape):
             raise ValueError(f"stems must be ({len(self.parts)}, {out.shape[0]}, 2), got {stems.shape}")
         process(self._core.ctypes.data, self._desk.ctypes.data, events, out, stems)
+
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """What the native `process` takes as `core` and `desk`, valid until the next `prepare`."""
+        self._prepared()
+        return self._core.ctypes.data, self._desk.ctypes.data
+
+    @property
+    def strings_sounding(self) -> int:
+        return int(self._state.sounding["awake"].sum())
 
     @property
     def latency_samples(self) -> int:
@@ -325,6 +333,15 @@ class Engine:
             self._set_queue(fields["pending"])
         for name, mine in self._state._asdict().items():
             mine[:] = fields[name]
+
+    def reserve(self, events: int) -> None:
+        """Make room for so many events that wait: `process` called by its address cannot do so."""
+        self._prepared()
+        size = self._state.pending.size
+        if events > size:
+            bigger = np.zeros(events, EVENT)
+            bigger[:size] = self._state.pending
+            self._set_queue(bigger)
 
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""

@@ -363,7 +363,7 @@ class Scratch(NamedTuple):
     near: I8
 
 
-def _fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
+def fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
     """Element type and dimensions of each field; numbers have 0."""
     out: dict[str, tuple[np.dtype, int]] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
@@ -374,5 +374,5 @@ def _fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
 
 #: what the arrays of each kind are
 FIELDS: dict[Any, dict[str, tuple[np.dtype, int]]] = {
-    kind: _fields(kind) for kind in (Bank, Settings, State, Shared, Scratch)
+    kind: fields(kind) for kind in (Bank, Settings, State, Shared, Scratch)
 }

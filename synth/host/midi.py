@@ -2,8 +2,8 @@
 
 Formats 0 and 1 are one sequence: all tracks are merged and share one tempo map (set_tempo of every track
 counts, as sequencers disagree on where they put it). The tracks of a format 2 file are independent sequences,
-each with its own tempo; they are played one after the other. SysEx, meta events other than tempo and end of
-track, and key or channel pressure are passed over.
+each with its own tempo; they are played one after the other. Of SysEx, tunings and this program's own messages are
+read (`sysex`); meta events other than tempo and end of track are passed over.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from synth.engine.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.engine.events import BEND, CONTROL, EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PRESSURE, PROGRAM
+from synth.host import sysex
 from synth.host.smf import MidiError, MidiFile, Track, read_file
 
 __all__ = ["PERCUSSION_CHANNEL", "MidiError", "Song", "read_song", "song_from_file"]
@@ -32,7 +33,7 @@ class Song:
 
     events: EVENT array, `frame` counted from the song's start and ascending; channels are 0…15. Simultaneous
         events keep the file's order (tracks in order), but a note-off that ends an earlier note comes before
-        a note-on of the same key.
+        a note-on of the same key. This program's own takes keep theirs.
     rate_hz: frames per second of `frame`.  length_s: the song's end (end of track) in seconds.
     channels: (channel, program) → number of notes, for those that have notes.  notes: their sum.
     keys: (channel, program) → the MIDI notes that occur.
@@ -70,6 +71,8 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
         tick, events = _merge(tracks)
         end_s = _end_s(clock, tracks, tick, warnings)
         order, still_on = _order_and_count(tick, events, programs, tally)
+        if any(track.take for track in tracks):
+            order = np.arange(len(events))
         time_s = np.minimum(clock.seconds(tick), end_s)[order]
         endless += len(still_on)
         offs = np.zeros(len(still_on), EVENT)
@@ -130,20 +133,41 @@ def _merge(tracks: list[Track]) -> tuple[np.ndarray, np.ndarray]:
     kind[message == 0x8] = NOTE_OFF
     kind[message == 0x9] = NOTE_ON
     kind[(message == 0x9) & (data2 == 0)] = NOTE_OFF
+    kind[message == 0xA] = KEY_PRESSURE
     kind[message == 0xB] = CONTROL
     kind[message == 0xC] = PROGRAM
+    kind[message == 0xD] = PRESSURE
     kind[message == 0xE] = BEND
-    wanted = np.flatnonzero(kind)
-    wanted = wanted[np.argsort(tick[wanted], kind="stable")]
-    events = np.zeros(len(wanted), EVENT)
-    events["kind"] = kind[wanted]
-    events["channel"] = status[wanted] & 0x0F
-    bend = message[wanted] == 0xE
-    events["a"] = np.where(bend, data1[wanted] + 128 * data2[wanted] - 8192, data1[wanted])
+    events = np.zeros(len(tick), EVENT)
+    events["kind"] = kind
+    events["channel"] = status & 0x0F
+    bend, pressure = message == 0xE, message == 0xD
+    events["a"] = np.where(bend, data1 + 128 * data2 - 8192, np.where(pressure, 0, data1))
     # A note-on of velocity 0 stands for a note-off of release velocity 64.
-    silent_on = (message[wanted] == 0x9) & (data2[wanted] == 0)
-    events["b"] = np.where(bend, 0, np.where(silent_on, 64, data2[wanted]))
-    return tick[wanted], events
+    silent_on = (message == 0x9) & (data2 == 0)
+    events["b"] = np.where(bend, 0, np.where(pressure, data1, np.where(silent_on, 64, data2)))
+    exclusive_tick, exclusive_place, exclusive = _exclusive(tracks)
+    tick = np.concatenate((tick, exclusive_tick))
+    place = np.concatenate((np.arange(len(events), dtype=np.float64), exclusive_place))
+    events = np.concatenate((events, exclusive))
+    order = np.lexsort((place, tick))
+    return tick[order], events[order]
+
+
+def _exclusive(tracks: list[Track]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(ticks, places among the channel messages of all tracks, EVENT array) of what system exclusive messages say."""
+    ticks: list[int] = []
+    places: list[float] = []
+    rows: list[tuple] = []
+    before = 0
+    for track in tracks:
+        for place, tick, body in track.sysex:
+            said = sysex.events_of(body)
+            rows += [(0, *row) for row in said]
+            ticks += [tick] * len(said)
+            places += [before + place - 0.5] * len(said)
+        before += len(track.ticks)
+    return np.array(ticks, np.int64), np.array(places), np.array(rows, EVENT)
 
 
 def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[str]) -> float:
