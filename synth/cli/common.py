@@ -78,9 +78,20 @@ def note_number(text: str) -> int:
     return number
 
 
-def add_physics(group: Any) -> None:
+def seconds_or(*words: str) -> Callable[[str], float | str]:
+    """An option's type: one of the words, or seconds up to 10."""
+
+    def parse(text: str) -> float | str:
+        return text if text in words else number(float, 0, 10, f" s (or {' or '.join(words)})")(text)
+
+    return parse
+
+
+def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     """Options that every command with a rate and a quality has."""
-    group.add_argument("-r", "--rate", type=rate, default=44100, metavar="HZ", help="44100 (default), 48000, 88200 or 96000")
+    group.add_argument(
+        "-r", "--rate", type=rate, default=default_rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"
+    )
     group.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
     group.add_argument("--scheme", choices=tuple(LAWS), default="exact-hold", help="how contact is computed")
     group.add_argument(

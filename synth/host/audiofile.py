@@ -11,7 +11,7 @@ import struct
 import sys
 import tempfile
 from pathlib import Path
-from typing import BinaryIO, Protocol, Self
+from typing import Any, BinaryIO, Protocol, Self
 
 import numpy as np
 
@@ -127,7 +127,7 @@ class AudioWriter:
         self._big = self._growing or (container == "wav" and most_bytes > _LARGEST_WAV_BYTES)
         self._bytes_left: float = _LARGEST_WAV_BYTES if container == "wav" and not self._big else np.inf
         self._stream: BinaryIO | None = None
-        self._sound = None
+        self._sound: Any = None
         self._partial: str | None = None
 
     @property

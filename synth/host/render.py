@@ -278,17 +278,8 @@ def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) ->
 
 
 def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> Any:
-    # Imported late: these load numba, and a wrong file name should not wait for that.
-    from synth.preset import load_preset
-
-    names = list(dict.fromkeys(part.preset for part in casting.parts))
-    presets = {name: load_preset(name) for name in names}
-    for only, key, value in settings.settings:
-        if only is not None and only not in presets:
-            raise ValueError(f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}")
-        for name in names if only is None else [only]:
-            presets[name] = presets[name].with_setting(key, value)
-
+    presets = parts.load_presets([part.preset for part in casting.parts], settings.settings)
+    # Imported late: it loads numba, and a wrong file name should not wait for that.
     from synth.engine.engine import Engine
 
     return Engine(
@@ -302,19 +293,9 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
         gain_db=settings.gain_db,
         max_polyphony=settings.polyphony,
         note_hz=note_hz,
-        only_notes=_notes_of_parts(song, casting),
+        only_notes=parts.notes_of_parts(song.keys, casting),
         threads=settings.threads,
     )
-
-
-def _notes_of_parts(song: Song, casting: parts.Casting) -> list[set[int]]:
-    """The MIDI notes that every part has to play: no more are prepared."""
-    wanted: list[set[int]] = [set() for _ in casting.parts]
-    for (channel, program), keys in song.keys.items():
-        part = casting.program_map[channel, program]
-        if part >= 0:
-            wanted[part] |= keys
-    return wanted
 
 
 class _Silence:

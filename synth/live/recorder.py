@@ -11,23 +11,34 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from synth.host.audiofile import AudioWriter, container_of
 from synth.live.take import TakeFile
+from synth.targets import is_special
 
 DRAIN_EVERY_S = 0.1
 _BUFFER_FRAMES = 16384
 
 
+class Played(Protocol):
+    """What a recorder needs of an engine."""
+
+    @property
+    def latency_samples(self) -> int: ...
+
+
 class Drained(Protocol):
     """What a recorder needs of a deck."""
 
+    @property
+    def engine(self) -> Played: ...
+
     def drain_events(self) -> np.ndarray: ...
 
-    def drain_audio(self, buffer: np.ndarray, /) -> int: ...
+    def drain_audio(self, buffer: np.ndarray) -> int: ...
 
 
 class Recorder:
@@ -35,12 +46,12 @@ class Recorder:
     Leave it when the stream has stopped.
 
     wav: file to write the sound to (.wav or .flac); mid: the take; None: not.  bit_depth: '16', '24', 'float'.
-    latency_samples: frames from an event to its sound; None: those of the deck's engine.
     say: takes a line for the player, from the recorder's thread: a disk that is full ends the recording, not the playing.
 
     While it records, both files lie beside their place under names of their own (`.take.wav.PID.part`) and can be read as
     they are: after a crash they hold all but the last DRAIN_EVERY_S seconds. Memory does not grow with the recording.
 
+    frames, events: what is recorded so far.
     Raises OSError and ValueError, before anything is recorded, where a file cannot be written.
     """
 
@@ -52,19 +63,19 @@ class Recorder:
         rate_hz: int = 44100,
         bit_depth: str = "24",
         *,
-        latency_samples: int | None = None,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.frames = 0
-        self._deck: Any = deck
+        self.events = 0
+        self._deck = deck
         self._say = say
         self._rate_hz = rate_hz
-        self._to_cut = self._deck.engine.latency_samples if latency_samples is None else latency_samples
+        self._to_cut = deck.engine.latency_samples
         self._drained = 0
         self._sound: AudioWriter | None = None
         if wav is not None:
-            if wav == "-":
-                raise ValueError("a recording cannot go to standard output; name a file")
+            if str(wav) == "-" or is_special(wav):
+                raise ValueError(f"a recording cannot go to a stream, got {str(wav)!r}; name a file")
             container = container_of(str(wav))
             self._sound = AudioWriter(wav, rate_hz, container=container, bit_depth=bit_depth, growing=True)
         self._take = TakeFile(mid, rate_hz) if mid is not None else None
@@ -78,11 +89,6 @@ class Recorder:
     def seconds(self) -> float:
         """Length of the recorded sound."""
         return self.frames / self._rate_hz
-
-    @property
-    def events(self) -> int:
-        """Events in the take."""
-        return self._take.events if self._take is not None else 0
 
     def __enter__(self) -> Self:
         if self._take is not None:
@@ -122,6 +128,7 @@ class Recorder:
             return
         try:
             self._take.append(events)
+            self.events = self._take.events
         except OSError as problem:
             self._complain(self._take.path, problem)
             self._close_take()
