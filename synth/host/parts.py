@@ -135,13 +135,21 @@ def notes_of_parts(keys: Mapping[tuple[int, int], set[int]], casting: Casting) -
     return wanted
 
 
-def load_presets(names: Sequence[str], settings: Sequence[tuple[str | None, str, str]]) -> dict[str, Preset]:
-    """Presets by name or file with `settings` applied: (preset or None for all, dotted key, value). Raises ValueError."""
+def load_presets(
+    names: Sequence[str],
+    settings: Sequence[tuple[str | None, str, str]],
+    made: Mapping[str, Preset] | None = None,
+) -> dict[str, Preset]:
+    """Presets by name or file with `settings` applied: (preset or None for all, dotted key, value). Raises ValueError.
+
+    made: presets that the program has made, by the names that stand for them.
+    """
+    made = made or {}
     # Imported late: it loads pydantic, and a wrong file name should not wait for that.
     from synth.preset import load_preset
 
     names = list(dict.fromkeys(names))
-    presets = {name: load_preset(name) for name in names}
+    presets = {name: made[name] if name in made else load_preset(name) for name in names}
     for only, key, value in settings:
         if only is not None and only not in presets:
             raise ValueError(f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}")

@@ -29,11 +29,12 @@ class Player:
     """Plays a source of events into a deck.
 
     end: frame of the stream at which the music ends; None: it goes on until it is stopped.
+    ahead_s: how far ahead the source is asked, so how late it may still change its mind [s].
     """
 
-    def __init__(self, source: EventSource, end: int | None, rate_hz: float) -> None:
+    def __init__(self, source: EventSource, end: int | None, rate_hz: float, *, ahead_s: float = AHEAD_S) -> None:
         self._source = source
-        self._ahead = round(AHEAD_S * rate_hz)
+        self._ahead = round(ahead_s * rate_hz)
         self._waiting = np.zeros(0, EVENT)
         self._asked = 0
         self.end = end

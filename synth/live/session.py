@@ -13,7 +13,7 @@ import gc
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +30,7 @@ from synth.live.errors import DeviceError
 from synth.live.player import Player, from_events
 from synth.live.report import LiveReport
 from synth.live.status import Status, StatusLine
+from synth.preset import Preset
 from synth.targets import check_target
 from synth.units import db_to_gain, midi_to_hz, midi_to_note
 
@@ -56,6 +57,7 @@ class SessionSettings:
     """What to play on, and how.
 
     preset, channel_presets, settings, tuning, keyboard: as in RenderSettings.
+    made: presets that the program has made, by the names that stand for them in `preset`.
     song: MIDI file to play.  sources: (source of events, frame of its end or None) to play besides.
     device: name or number of an output; None: the default.  jack: name of the client if JACK itself is the output.
     rate_hz: None: the JACK server's, else 44100.
@@ -68,6 +70,7 @@ class SessionSettings:
     preset: str | None = None
     channel_presets: dict[int, str] = field(default_factory=dict)
     settings: Sequence[tuple[str | None, str, str]] = ()
+    made: Mapping[str, Preset] = field(default_factory=dict)
     tuning: str | None = None
     keyboard: str | None = None
     polyphony: int | None = None
@@ -160,7 +163,7 @@ class Session:
         self._line.say(f"output: {self._check_output()}")
         casting, song = self._cast()
         self._labels = [part.preset for part in casting.parts] if song is None else [part.label for part in casting.parts]
-        presets = parts.load_presets([part.preset for part in casting.parts], settings.settings)
+        presets = parts.load_presets([part.preset for part in casting.parts], settings.settings, settings.made)
         note_hz, only_notes = self._tuning()
         self._line.say(f"preparing {', '.join(dict.fromkeys(part.preset for part in casting.parts))} …")
         began = time.perf_counter()
