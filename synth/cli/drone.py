@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,7 @@ def add(commands: Any) -> None:
         "--tuning", choices=("just", "equal"), default="just", help="just intonation (default) or equal steps"
     )
     tuning.add_argument(
-        "--cents", type=_numbers, default=(), metavar="C,…", help="tune every string by so many cents, 0,2,-2,0"
+        "--cents", type=_numbers, default=(), metavar="C,…", help="tune every string by so many cents: --cents=-2,0,2,0"
     )
 
     cycle = parser.add_argument_group("playing")
@@ -136,8 +137,20 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
     if options.second is not None and options.strings == 4:
         raise ValueError("--second is the fifth string's swara; add --strings 5")
-    if options.duration is not None and options.fade > options.duration:
-        raise ValueError(f"--fade must not be longer than --duration {options.duration:g} s, got {options.fade:g} s")
+    if options.fade is not None and options.fade > _duration(options):
+        raise ValueError(f"--fade must not be longer than --duration {_duration(options):g} s, got {options.fade:g} s")
+
+
+def _duration(options: argparse.Namespace) -> float:
+    """How long it plays [s]."""
+    if options.duration is not None:
+        return options.duration
+    return FILE_S if options.output is not None else math.inf
+
+
+def _fade(options: argparse.Namespace) -> float:
+    """How long it fades at the end [s]."""
+    return min(FADE_S, 0.25 * _duration(options)) if options.fade is None else options.fade
 
 
 def _strings(options: argparse.Namespace) -> Strings:
@@ -153,7 +166,7 @@ def _strings(options: argparse.Namespace) -> Strings:
             raise ValueError(f"--{option}: {error}") from None
 
     pegs = Pegs(
-        load_preset(options.preset),
+        read("preset", options.preset, load_preset),
         read("sa", options.sa, frequency_of),
         None if options.first.strip().lower() == "none" else read("first", options.first, ratio_of),
         read("second", options.second or "Ni", ratio_of) if options.strings == 5 else None,
@@ -183,8 +196,8 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
 
     settings = FileSettings(
         options.output,
-        options.duration or FILE_S,
-        min(options.fade, options.duration or FILE_S),
+        _duration(options),
+        _fade(options),
         rate_hz=options.rate or 44100,
         quality=options.quality,
         gain_db=options.gain,
@@ -230,7 +243,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
     with Session(settings, line) as session, asked_by_signals(stop), Terminal() as terminal:
-        drone = Drone(strings, cycle, session.rate_hz, duration_s=options.duration, fade_s=options.fade)
+        drone = Drone(strings, cycle, session.rate_hz, duration_s=options.duration, fade_s=_fade(options))
         keys = TanpuraKeys(drone, line.say, stop.ask)
         session.add_player(DronePlayer(drone, terminal, keys))
         line.say(f"{strings_text(drone)}, a cycle of {cycle.cycle_s:.2f} s, jiva {drone.jiva_um:g} µm; Ctrl-C ends")

@@ -282,7 +282,7 @@ class Drone:
                 self._next_step = max(self._next_step + 1, -(-target // self._step))
                 continue
             for string in sorted(self._glides):
-                first, frames, _, wanted = self._glides[string]
+                first, frames, _, _ = self._glides[string]
                 rows.append((frame, TUNING, 0, self.strings.keys[string], 1, self._pitch(string, frame)))
                 if frame >= first + frames:
                     del self._glides[string]

@@ -71,7 +71,7 @@ class Pegs:
         fits = fits and all(table.notes[0] == table.notes[1] for table in tables)
         if not fits or not tables[1].notes == tables[2].notes or tables[3].notes[0] + 12 != tables[1].notes[0]:
             raise ValueError(
-                f"{self.preset.name}: a drone needs a bridge and four strings of one note each: first, Sa, Sa, and kharaj "
+                f"--preset {self.preset.name}: a drone needs a bridge and four strings of one note each: first, Sa, Sa, and kharaj "
                 "an octave below; take the preset tanpura, or one made from it"
             )
 
@@ -81,7 +81,7 @@ class Pegs:
         if not low * 0.9999 <= self.sa_hz <= high * 1.0001:
             raise ValueError(
                 f"--sa must lie between {midi_to_note(home - SA_SEMITONES)} ({low:.1f} Hz) and "
-                f"{midi_to_note(home + SA_SEMITONES)} ({high:.1f} Hz), where the strings of {self.preset.name} stay in tune, "
+                f"{midi_to_note(home + SA_SEMITONES)} ({high:.1f} Hz), where {self.preset.name} stays in tune, "
                 f"got {self.sa_hz:.1f} Hz"
             )
         for option, ratio, template in (("--first", self.first, 0), ("--second", self.second, 1)):
