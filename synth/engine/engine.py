@@ -270,6 +270,12 @@ class Engine:
         return int(self._state.sounding["awake"].sum())
 
     @property
+    def expressions(self) -> dict[int, int]:
+        """Channels whose volume and expression count for a part now, with the value of controller 11 there."""
+        channels = {int(part["channel"]) for part in self._state.part_state}
+        return {c: round(127.0 * math.sqrt(self._state.channels[c]["expression"])) for c in sorted(channels)}
+
+    @property
     def latency_samples(self) -> int:
         """Frames from an event to the moment the string feels it."""
         return layout.QUANTUM + LATENCY_FRAMES + (LOOKAHEAD if self.limiter else 0)
