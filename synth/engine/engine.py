@@ -33,6 +33,7 @@ from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound
 from synth.engine.process import process
 from synth.engine.team import Team, cores
 from synth.engine.views import table
+from synth.engine.zones import LOWER, MOST_MEMBERS
 from synth.preset import Preset, playable_range
 from synth.solver.laws import law_of
 from synth.units import db_to_gain, hz_to_midi, midi_to_note
@@ -209,7 +210,7 @@ class Engine:
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
         if self.mpe:
-            set_zone(self._core.ctypes.data, layout.LOWER, 15)
+            set_zone(self._core.ctypes.data, LOWER, MOST_MEMBERS)
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""
