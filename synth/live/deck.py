@@ -171,7 +171,9 @@ class Deck:
         """Frames between an event's arrival and its place in the stream."""
         return int(self._desk.words[d.DELAY])
 
-    def send(self, kind: int, channel: int, a: int = 0, b: int = 0, value: float = 0.0, time_ns: int | None = None) -> bool:
+    def send(
+        self, kind: int, channel: int, a: int = 0, b: int = 0, value: float = 0.0, time_ns: int | None = None
+    ) -> bool:
         """An event (see `engine.events`) that arrived at `time_ns` (None: now). False: lost, because too many wait."""
         with self._send_lock:
             now = time.monotonic_ns()

@@ -47,9 +47,7 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
     """
     there = devices()
     if not there:
-        raise DeviceError(
-            "there is no audio output; plug one in or start an audio server, or render to a file: synth render"
-        )
+        raise DeviceError("there is no audio output; plug one in or start an audio server, or render to a file: synth render")
     listing = "; ".join(f"{each['index']} {each['name']} ({each['host_api']})" for each in there)
     if wanted is None:
         return next((each for each in there if each["default"]), there[0])
