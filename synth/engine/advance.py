@@ -14,6 +14,7 @@ import numpy as np
 from numba import cfunc, njit
 
 from synth.engine.coefficients import (
+    LN_1000,
     grip_of,
     lags_of,
     matrix_of,
@@ -24,6 +25,7 @@ from synth.engine.coefficients import (
     shapes_of,
     weights_of,
 )
+from synth.engine.expression import bend_of, follow, height_of
 from synth.engine.flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.layout import (
     BEGIN,
@@ -35,12 +37,13 @@ from synth.engine.layout import (
     NO_FINGER,
     QUANTA,
     QUANTUM,
+    SPARE,
     STEP,
     STRETCH,
     TASK,
 )
 from synth.engine.output import collect
-from synth.engine.strings import finger_done, sleep
+from synth.engine.strings import damp, finger_done, sleep
 from synth.engine.views import bank_of, call_back, scratch_of, settings_of, shared_of, state_of
 from synth.solver.blocks import CERTIFY_FROM, BlockWork, advance_blocks, fly_blocks, forget, press_blocks
 from synth.solver.fingers import advance_under_finger
@@ -53,6 +56,8 @@ from synth.solver.vectors import FAST, dot
 PRUNE_BELOW = 1e-8
 #: …and, where it may be moved by a contact again, when it moves no point of the string further than this [m]
 PRUNE_WITHIN_M = 1e-9
+#: T60 of a string that is spared [s]
+SPARE_S = 0.1
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
 
@@ -94,8 +99,9 @@ def _begin_quantum(core: int, desk: int, s: int, k: int) -> None:
     """What is decided about an awake string at the start of quantum k of the span."""
     state, shared = state_of(core), shared_of(core)
     me = state.sounding[s]
-    bend = shared.bends[k, me.channel]
-    height = shared.heights[k, bank_of(core).strings[s].part]
+    follow(core, s)
+    bend = bend_of(core, s, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
+    height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if me.bend != bend or me.height != height:
         _follow_controls(core, s, bend, height)
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
@@ -104,7 +110,7 @@ def _begin_quantum(core: int, desk: int, s: int, k: int) -> None:
 
 @njit(**CORE)
 def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
-    """Take over the pitch bend of the channel and the obstacle height of the part."""
+    """Take over another pitch bend and obstacle height."""
     me = state_of(core).sounding[s]
     me.bend = bend
     me.height = height
@@ -343,6 +349,9 @@ def _check(core: int, desk: int, s: int) -> None:
         me.level += abs(me.base - me.rest)
     if me.level < SLEEP_BELOW:
         sleep(core, s)
+        return
+    if me.level < state.meters[SPARE] and not me.held and me.hand < LN_1000 / SPARE_S:
+        damp(core, s, SPARE_S)
         return
     if not settings.economy or me.bend != 0.0 or settings.law != EXACT_HOLD:
         return  # the amplitudes below are those of the model's own ω, and of v = q̇

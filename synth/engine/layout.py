@@ -100,6 +100,9 @@ GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT = range(6)
 N_PARAMETERS = 6
 #: smallest and largest value of each; events beyond are brought back inside
 PARAMETER_RANGES = ((0.0, 4.0), (0.02, 0.5), (0.0, 2.0), (0.5, 50.0), (0.1, 20.0), (-200.0, 50.0))
+#: how a controller runs through a range: evenly, evenly in ratios, or as its square (a level: the middle near unity)
+LINEAR, RATIO, SQUARE = range(3)
+PARAMETER_CURVES = (SQUARE, LINEAR, LINEAR, RATIO, RATIO, LINEAR)
 
 PART = np.dtype(
     [
@@ -120,12 +123,21 @@ PART = np.dtype(
         ("direct", "f8"),
         ("body_off", "i8"),
         ("body_n", "i8"),
+        ("pressure_height", "f8"),  # obstacle raised by full pressure [m]
+        ("pressure_bend", "f8"),  # tension at full pressure [semitones]
     ],
     align=True,
 )
 
 #: a bus: the internal rate of some strings of a part. Its line of n_taps + a span's steps begins at `off`
 BUS = np.dtype([("part", "i8"), ("factor", "i8"), ("taps", "i8"), ("n_taps", "i8"), ("off", "i8")], align=True)
+
+
+#: a controller that sets a live parameter of a part, at 0 to `low`, at 127 to `high`
+BINDING = np.dtype(
+    [("part", "i8"), ("index", "i8"), ("curve", "i8"), ("low", "f8"), ("high", "f8")],
+    align=True,
+)
 
 
 class Bank(NamedTuple):
@@ -137,6 +149,10 @@ class Bank(NamedTuple):
     parts: Annotated[np.ndarray, PART, 1]
     buses: Annotated[np.ndarray, BUS, 1]
     program_map: I8x2  # (16, 128) part or −1
+    plays: I8x2  # (16, parts) whether a channel plays a part under any program
+    pitch: F8  # (128,) of every key as compiled, in semitones
+    bindings: Annotated[np.ndarray, BINDING, 1]  # by controller
+    bound: I8  # (129,) where each controller's bindings begin
     omega: F8
     sigma: F8
     rows: F8
@@ -184,7 +200,7 @@ SOUNDING = np.dtype(
         ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
         ("channel", "i8"),
-        ("held", "i8"),
+        ("held", "i8"),  # by a key
         ("sustained", "i8"),
         ("stolen", "i8"),
         ("flying", "i8"),  # at the output rate
@@ -205,6 +221,11 @@ SOUNDING = np.dtype(
         ("hand", "f8"),  # extra σ of the damping hand
         ("bend", "f8"),  # semitones in the coefficients
         ("height", "f8"),  # obstacle raised by [m]
+        ("retuned", "f8"),  # semitones of these by the tuning, smoothed, and where they go
+        ("retune_to", "f8"),
+        ("pressure", "f8"),  # 0 … 1, smoothed
+        ("key_pressure", "f8"),  # of its key alone
+        ("timbre", "f8"),  # of its note: −1 plucked in the middle … 1 by the bridge
         ("lift", "f8"),  # force of the one contact on the string at rest [N]
         ("rest", "f8"),  # output at rest, line included
         ("base", "f8"),  # output counted as zero; follows `rest`
@@ -231,6 +252,9 @@ CHANNEL = np.dtype(
         ("bend_raw", "f8"),  # −1 … 1
         ("bend_range", "f8"),
         ("bend", "f8"),  # smoothed, semitones
+        ("pressure", "f8"),  # 0 … 1
+        ("timbre", "i8"),  # controller 74
+        ("master", "i8"),  # of its MPE zone; itself outside of zones
     ],
     align=True,
 )
@@ -244,6 +268,7 @@ PART_STATE = np.dtype(
         ("hand", "f8"),
         ("height", "f8"),
         ("still", "i8"),  # nothing rings in its filters any more
+        ("channel", "i8"),  # whose volume, expression and pan count: the last one to play it or to set them
     ],
     align=True,
 )
@@ -262,6 +287,12 @@ PART_STATE = np.dtype(
 ) = range(9)
 N_COUNTERS = 9
 
+#: places in `meters`: largest output since reset; output level below which a string that no key holds is damped, 0: none is
+PEAK, SPARE = range(2)
+N_METERS = 2
+#: zones of MPE: the lower one has its master on channel 1, the upper one on 16
+LOWER, UPPER = range(2)
+
 
 class State(NamedTuple):
     """Everything that changes while sounding."""
@@ -270,6 +301,8 @@ class State(NamedTuple):
     channels: Annotated[np.ndarray, CHANNEL, 1]
     part_state: Annotated[np.ndarray, PART_STATE, 1]
     parameters: F8x2  # (parts, N_PARAMETERS)
+    tuning: F8  # (128,) semitones of every key above Bank.pitch
+    zones: I8  # (2,) member channels of each MPE zone, 0: there is none
     q: F8
     v: F8
     rows: F8
@@ -298,7 +331,7 @@ class State(NamedTuple):
     pending: Annotated[np.ndarray, EVENT, 1]
     unplayed: I8x2  # (parts + 1, 128); last row: channels without a part
     counters: I8
-    meters: F8  # peak
+    meters: F8
     lines: F8  # of every bus: the steps its decimator still needs, then those of a span
     quiet: I8  # (buses,) steps of nothing that the bus has seen last
     body: F8x2

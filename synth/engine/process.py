@@ -9,12 +9,11 @@ decided at the same quanta whatever the span.
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
 from synth.dsp.denormals import enable_ftz, restore
 from synth.dsp.limiter import LOOKAHEAD
+from synth.engine.expression import approach, control_share
 from synth.engine.layout import (
     AWAKE,
     BEGIN,
@@ -26,6 +25,7 @@ from synth.engine.layout import (
     N_DROPPED,
     NO_FINGER,
     NOW,
+    PEAK,
     PENDING,
     PRODUCED,
     QUANTA,
@@ -36,12 +36,10 @@ from synth.engine.layout import (
     WHOLE,
 )
 from synth.engine.mix import mix_span
-from synth.engine.notes import handle
+from synth.engine.notes import handle, touches
 from synth.engine.team import rouse, share_out
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
-#: pitch bend and obstacle height follow their controls with this time constant [s]
-CONTROL_S = 0.01
 #: a step under a finger takes about so many times as long as one in flight
 FINGER_COST = 2
 
@@ -64,7 +62,7 @@ def process(core: int, desk: int, events, out, stems) -> None:
             _produce(core, desk, now + frames - QUANTUM)
             continue
         first = now + done - QUANTUM
-        state.meters[0] = max(state.meters[0], _copy_out(state.ring, first, out[done:until]))
+        state.meters[PEAK] = max(state.meters[PEAK], _copy_out(state.ring, first, out[done:until]))
         late = first - LOOKAHEAD if settings.limiter else first
         for p in range(stems.shape[0]):
             _copy_out(state.stems[p], late, stems[p, done:until])
@@ -162,7 +160,8 @@ def _run_strings(core: int, desk: int, frames: int) -> None:
 
 @njit(**CORE)
 def _quantum_with_events(core: int, desk: int, start: int) -> None:
-    """One quantum, cut at the frames of its events."""
+    """One quantum, cut at the frames of those of its events that touch strings. What the others set is looked at when a
+    string is touched, or at the start of a quantum: they wait for the next cut, in their order."""
     state, shared = state_of(core), shared_of(core)
     shared.task[TASK] = BEGIN
     _run_strings(core, desk, 1)
@@ -178,12 +177,19 @@ def _quantum_with_events(core: int, desk: int, start: int) -> None:
             handle(core, desk, state.pending[taken])
             taken += 1
         until = QUANTUM
-        if taken < state.counters[PENDING]:
-            until = min(until, state.pending[taken].frame - start)
+        for i in range(taken, state.counters[PENDING]):
+            if state.pending[i].frame >= start + QUANTUM:
+                break
+            if touches(state.pending[i]):
+                until = state.pending[i].frame - start
+                break
         shared.task[FRAME] = frame
         shared.task[FRAMES] = until - frame
         _run_strings(core, desk, until - frame)
         frame = until
+    while taken < state.counters[PENDING] and state.pending[taken].frame < start + QUANTUM:
+        handle(core, desk, state.pending[taken])
+        taken += 1
     left = state.counters[PENDING] - taken
     for i in range(left):
         _copy_event(state.pending[i + taken], state.pending[i])
@@ -193,21 +199,13 @@ def _quantum_with_events(core: int, desk: int, start: int) -> None:
 @njit(**CORE)
 def _smooth_controls(core: int, k: int) -> None:
     """Bends and heights of quantum k of the span."""
-    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
-    share = 1.0 - math.exp(-QUANTUM / (CONTROL_S * settings.rate_hz))
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    share = control_share(core)
     for c in range(state.channels.size):
         channel = state.channels[c]
-        target = channel.bend_raw * channel.bend_range
-        if channel.bend != target:
-            channel.bend += share * (target - channel.bend)
-            if abs(channel.bend - target) < 1e-4:
-                channel.bend = target
+        channel.bend = approach(channel.bend, channel.bend_raw * channel.bend_range, share, 1e-4)
         shared.bends[k, c] = channel.bend
     for p in range(bank.parts.size):
         part = state.part_state[p]
-        target = 1e-6 * state.parameters[p, HEIGHT]
-        if part.height != target:
-            part.height += share * (target - part.height)
-            if abs(part.height - target) < 1e-10:
-                part.height = target
+        part.height = approach(part.height, 1e-6 * state.parameters[p, HEIGHT], share, 1e-10)
         shared.heights[k, p] = part.height

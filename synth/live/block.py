@@ -13,8 +13,9 @@ from numba import njit
 
 from synth.engine.atomics import load, store
 from synth.engine.events import NOTE_ON
-from synth.engine.layout import CORE
+from synth.engine.layout import CORE, SPARE
 from synth.engine.process import process
+from synth.engine.views import state_of
 from synth.live import desk as d
 from synth.live.desk import copy_event, desk_of
 from synth.live.native import monotonic_ns, thread_ns
@@ -23,6 +24,11 @@ from synth.live.native import monotonic_ns, thread_ns
 CLOCK_HZ = 0.5
 #: a callback this many of its blocks away from its time begins the clock anew
 STALLED = 2.0
+#: with Desk.words[ADAPTIVE]: above the one mean load the level below which strings are spared rises, below the other it
+#: falls [dB/s], between these levels [dBFS]; at the lowest nothing is spared
+BUSY, IDLE = 0.75, 0.5
+RISE_DB, FALL_DB = 20.0, 5.0
+LEAST_DB, MOST_DB = -120.0, -40.0
 #: the mean load follows the loads of blocks with this time constant [s]
 LOAD_S = 0.3
 
@@ -192,5 +198,20 @@ def _account(address: int, frames: int, wall_ns: int, used_ns: int) -> None:
     elif wall > 1.0:
         words[d.LATE_OTHERS] += 1
     share = 1.0 - math.exp(-time_ns / (1e9 * LOAD_S))
-    desk.levels[d.MEAN_LOAD] += share * (used - desk.levels[d.MEAN_LOAD])
+    desk.levels[d.MEAN_LOAD] += share * (wall - desk.levels[d.MEAN_LOAD])
+    if words[d.ADAPTIVE]:
+        govern(address, 1e-9 * time_ns)
     store(words, d.BLOCKS, blocks + 1)
+
+
+@njit(**CORE)
+def govern(address: int, seconds: float) -> None:
+    """Under load let strings that nobody holds end the earlier, the quietest first: the engine damps them, none is cut."""
+    desk = desk_of(address)
+    load_now, level = desk.levels[d.MEAN_LOAD], desk.levels[d.SPARE_DB]
+    if load_now > BUSY:
+        level = min(MOST_DB, level + RISE_DB * seconds)
+    elif load_now < IDLE:
+        level = max(LEAST_DB, level - FALL_DB * seconds)
+    desk.levels[d.SPARE_DB] = level
+    state_of(desk.core).meters[SPARE] = 10.0 ** (level / 20.0) if level > LEAST_DB else 0.0

@@ -10,6 +10,7 @@ Python puts events in from any thread. Sound is rendered by compiled code that t
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -21,7 +22,7 @@ import numpy as np
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, EVENT, NOTE_ON, make_events
 from synth.live import desk as d
-from synth.live.block import frame_at
+from synth.live.block import LEAST_DB, frame_at
 from synth.live.callback import render_ahead
 
 #: priority of the thread that renders ahead, where it may have one
@@ -59,6 +60,7 @@ class Meters:
     events_lost: int
     recording_lost: int
     device_latency_s: float
+    spare_db: float
 
 
 class Deck:
@@ -67,6 +69,7 @@ class Deck:
     record    keep events and sound for `drain_events` and `drain_audio`, which must then be called
     stems     render every part by itself as well (for a device that has ports for them)
     channels  of the device: 1, or 2 and more, of which the first two sound
+    adaptive  under load let the quietest strings that nobody holds end earlier
     ahead     blocks of `ahead_block` frames that a thread keeps ready; 0: the device's thread renders
     """
 
@@ -79,6 +82,7 @@ class Deck:
         channels: int = 2,
         ahead: int = 0,
         ahead_block: int = 256,
+        adaptive: bool = False,
     ) -> None:
         if not 1 <= ahead_block <= d.MOST_FRAMES:
             raise ValueError(f"a block must have 1 to {d.MOST_FRAMES} frames, got {ahead_block}")
@@ -101,6 +105,8 @@ class Deck:
             ahead_frames=ahead * ahead_block,
             ahead_block=ahead_block,
         )
+        self._desk.words[d.ADAPTIVE] = int(adaptive)
+        self._desk.levels[d.SPARE_DB] = LEAST_DB
         self.address = self._table.ctypes.data
 
     def _warm_up(self) -> None:
@@ -171,9 +177,7 @@ class Deck:
         """Frames between an event's arrival and its place in the stream."""
         return int(self._desk.words[d.DELAY])
 
-    def send(
-        self, kind: int, channel: int, a: int = 0, b: int = 0, value: float = 0.0, time_ns: int | None = None
-    ) -> bool:
+    def send(self, kind: int, channel: int, a: int = 0, b: int = 0, value: float = 0.0, time_ns: int | None = None) -> bool:
         """An event (see `engine.events`) that arrived at `time_ns` (None: now). False: lost, because too many wait."""
         with self._send_lock:
             now = time.monotonic_ns()
@@ -237,6 +241,7 @@ class Deck:
             events_lost=self._events_lost,
             recording_lost=int(words[d.TAPE_LOST]) + int(words[d.LOG_LOST]),
             device_latency_s=float(levels[d.DEVICE_S]),
+            spare_db=float(levels[d.SPARE_DB]) if levels[d.SPARE_DB] > LEAST_DB else -math.inf,
         )
 
     def drain_events(self) -> np.ndarray:

@@ -47,7 +47,9 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
     """
     there = devices()
     if not there:
-        raise DeviceError("there is no audio output; plug one in or start an audio server, or render to a file: synth render")
+        raise DeviceError(
+            "there is no audio output; plug one in or start an audio server, or render to a file: synth render"
+        )
     listing = "; ".join(f"{each['index']} {each['name']} ({each['host_api']})" for each in there)
     if wanted is None:
         return next((each for each in there if each["default"]), there[0])
@@ -72,7 +74,7 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
 class PortAudioOutput:
     """An open output; `start` lets it sound. A deck's only reader."""
 
-    def __init__(self, deck: Deck, stream: Any, name: str, silence_on_close: bool = True) -> None:
+    def __init__(self, deck: Deck, stream: Any, name: str) -> None:
         self._deck, self._stream, self.name = deck, stream, name
 
     @property
