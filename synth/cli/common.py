@@ -131,6 +131,18 @@ def add_settings(group: Any) -> None:
     )
 
 
+def add_controllers(group: Any) -> None:
+    """--cc and --mpe."""
+    group.add_argument(
+        "--cc",
+        action="append",
+        default=[],
+        metavar="N=PARAMETER[:AT_0:AT_127]",
+        help="controller N sets a live parameter, such as 74=pluck.position; may be repeated",
+    )
+    group.add_argument("--mpe", action="store_true", help="begin with an MPE zone: every note has a channel of its own")
+
+
 def add_threads(group: Any) -> None:
     """--threads."""
     group.add_argument(

@@ -97,9 +97,8 @@ def add(commands: Any) -> None:
     both.add_argument(
         "--fade",
         type=number(float, 0, 3600, " s"),
-        default=FADE_S,
         metavar="SEC",
-        help=f"fade-out at the end (default {FADE_S:g})",
+        help=f"fade-out at the end (default {FADE_S:g}, at most a quarter)",
     )
     both.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
     both.add_argument("-r", "--rate", type=rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000")

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from synth.cli.common import MOST_BLOCK, add_instruments, add_physics, add_threads, number, seconds_or
+from synth.cli.common import MOST_BLOCK, add_controllers, add_instruments, add_physics, add_threads, number, seconds_or
 
 
 def add(commands: Any) -> None:
@@ -51,6 +51,7 @@ def add(commands: Any) -> None:
     control.add_argument(
         "--midi-in", action="append", default=[], metavar="NAME|N", help="MIDI input (default: all); repeatable; none for none"
     )
+    add_controllers(control)
     control.add_argument("--midi-channel", type=number(int, 1, 16), metavar="N", help="listen to this channel only")
     control.add_argument("--no-virtual-port", action="store_true", help="offer no MIDI port of our own")
     control.add_argument(
@@ -83,6 +84,9 @@ def _play(options: argparse.Namespace) -> int:
     from synth.host.parts import parse_channel_map
 
     channel_presets = parse_channel_map(options.map)
+    from synth.host.bindings import parse_bindings
+
+    bindings = parse_bindings(options.cc)
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
 
@@ -92,6 +96,8 @@ def _play(options: argparse.Namespace) -> int:
         settings=options.settings,
         tuning=options.tuning,
         keyboard=options.kbm,
+        bindings=bindings,
+        mpe=options.mpe,
         polyphony=options.polyphony,
         quality=options.quality,
         scheme=options.scheme,
@@ -113,7 +119,6 @@ def _play(options: argparse.Namespace) -> int:
         record=options.record,
         bit_depth=options.bit_depth,
         duration_s=options.duration,
-        measure_latency=options.measure_latency,
     )
     line = StatusLine(quiet=options.quiet)
     stop = Stop()

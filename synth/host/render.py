@@ -12,8 +12,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from synth.engine.events import NOTE_OFF, NOTE_ON
+from synth.engine.events import NOTE_OFF, NOTE_ON, PARAMETER, TUNING
 from synth.host import audiofile, offline, parts, scala
+from synth.host.bindings import Binding, check_parts
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
 from synth.schemes import energy_warning
 from synth.targets import is_special
@@ -33,6 +34,8 @@ class RenderSettings:
     channel_presets: channel 0…15 → preset or 'none', before `preset`.
     settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
     threads: how many compute, or 'auto': one per processor.
+    bindings: controller → live parameters it sets, see `bindings.parse_bindings`.
+    mpe: begin with an MPE zone of all channels.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
     normalize_dbfs: peak to scale to, or None.
     """
@@ -62,6 +65,8 @@ class RenderSettings:
     seed: int = 0
     tuning: str | None = None
     keyboard: str | None = None
+    bindings: dict[int, list[Binding]] = field(default_factory=dict)
+    mpe: bool = False
 
 
 @dataclass
@@ -157,7 +162,7 @@ def render_file(
         warnings.append(text)
         warn(text)
 
-    song = read_song(settings.midi, settings.rate_hz)
+    song = read_song(settings.midi, settings.rate_hz, settings.mpe)
     for warning in song.warnings:
         note(f"{settings.midi}: {warning}")
     span = _span(settings, song)
@@ -256,7 +261,8 @@ def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) ->
 
     Silent keys get their ordinary frequency in `note_hz` afterwards: the engine never sees a NaN.
     """
-    events = song.events[~np.isin(song.events["channel"], list(casting.left_out))]
+    of_channel = ~np.isin(song.events["kind"], (PARAMETER, TUNING))
+    events = song.events[~(of_channel & np.isin(song.events["channel"], list(casting.left_out)))]
     if note_hz is None:
         return events, []
     silent = np.isnan(note_hz)
@@ -282,6 +288,7 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
     # Imported late: it loads numba, and a wrong file name should not wait for that.
     from synth.engine.engine import Engine
 
+    check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
     return Engine(
         [presets[part.preset] for part in casting.parts],
         casting.program_map,
@@ -295,6 +302,8 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
         note_hz=note_hz,
         only_notes=parts.notes_of_parts(song.keys, casting),
         threads=settings.threads,
+        bindings=settings.bindings,
+        mpe=settings.mpe,
     )
 
 

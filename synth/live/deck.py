@@ -126,6 +126,20 @@ class Deck:
             engine.process(np.zeros(0, EVENT), out)
         engine.reset()
 
+    @property
+    def ahead_frames(self) -> int:
+        """Frames that a thread keeps ready; 0: the device's thread renders."""
+        return self._desk.ahead_frames
+
+    @property
+    def stems(self) -> bool:
+        """Whether every part is rendered by itself as well."""
+        return self._desk.stems.shape[0] > 0
+
+    def set_device_latency(self, seconds: float) -> None:
+        """What a device says of its own latency, for `meters`, where its callback does not."""
+        self._desk.levels[d.DEVICE_S] = seconds
+
     def set_channels(self, channels: int) -> None:
         """What the device turned out to have; before it starts."""
         self._replace(channels=channels)

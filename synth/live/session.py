@@ -25,6 +25,7 @@ import numpy as np
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL
 from synth.host import midi, parts, scala
+from synth.host.bindings import Binding, check_parts
 from synth.live.deck import Deck, Meters
 from synth.live.errors import DeviceError
 from synth.live.player import Player, from_events
@@ -56,7 +57,7 @@ SUSTAIN, EXPRESSION, ALL_SOUND_OFF, ALL_NOTES_OFF = 64, 11, 120, 123
 class SessionSettings:
     """What to play on, and how.
 
-    preset, channel_presets, settings, tuning, keyboard: as in RenderSettings.
+    preset, channel_presets, settings, tuning, keyboard, bindings, mpe: as in RenderSettings.
     made: presets that the program has made, by the names that stand for them in `preset`.
     song: MIDI file to play.  sources: (source of events, frame of its end or None) to play besides.
     device: name or number of an output; None: the default.  jack: name of the client if JACK itself is the output.
@@ -73,6 +74,8 @@ class SessionSettings:
     made: Mapping[str, Preset] = field(default_factory=dict)
     tuning: str | None = None
     keyboard: str | None = None
+    bindings: dict[int, list[Binding]] = field(default_factory=dict)
+    mpe: bool = False
     polyphony: int | None = None
     quality: str = "standard"
     scheme: str = "exact-hold"
@@ -164,6 +167,7 @@ class Session:
         casting, song = self._cast()
         self._labels = [part.preset for part in casting.parts] if song is None else [part.label for part in casting.parts]
         presets = parts.load_presets([part.preset for part in casting.parts], settings.settings, settings.made)
+        check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
         note_hz, only_notes = self._tuning()
         self._line.say(f"preparing {', '.join(dict.fromkeys(part.preset for part in casting.parts))} …")
         began = time.perf_counter()
@@ -179,12 +183,15 @@ class Session:
             note_hz=note_hz,
             only_notes=self._notes(casting, song, only_notes),
             threads=settings.threads,
+            bindings=settings.bindings,
+            mpe=settings.mpe,
         )
         stack.callback(engine.close)
         engine.prepare(self.rate_hz, 4096)
         self.engine = engine
         self.deck = Deck(
-            engine, record=settings.record is not None, ahead=settings.ahead, ahead_block=settings.block
+            engine, record=settings.record is not None, ahead=settings.ahead, ahead_block=settings.block,
+            adaptive=settings.adaptive,
         )
         stack.callback(self.deck.close)
         self._prepare_s = time.perf_counter() - began
@@ -375,6 +382,7 @@ class Session:
                 note=meters.last_note if meters.last_velocity else -1,
                 velocity=meters.last_velocity,
                 recorded_s=recorded_s,
+                spare_db=meters.spare_db,
             )
         )
         return meters
@@ -383,13 +391,13 @@ class Session:
         """Lets go of all notes and turns the expression down, both as events, so that a recorded take has them, too."""
         self._send_all(SUSTAIN, 0)
         self._send_all(ALL_NOTES_OFF, 0)
-        levels = self.engine.expression
+        before = self.engine.expressions
         for step in range(1, FADE_STEPS + 1):
             if self.engine.silent or stop.wait_at_once(FADE_S / FADE_STEPS) or not self._output.alive:
                 break
-            left = (1.0 - step / FADE_STEPS) * np.sqrt(levels)
-            for channel in range(16):
-                self.deck.send(CONTROL, channel, EXPRESSION, round(127 * left[channel]))
+            # Only there: a part obeys the channel that was last to set its level.
+            for channel, expression in before.items():
+                self.deck.send(CONTROL, channel, EXPRESSION, round((1.0 - step / FADE_STEPS) * expression))
             self._look()
         self._send_all(ALL_SOUND_OFF, 0)
         # Until that is heard: a block until it is placed, the engine's latency, the block at the device.

@@ -8,6 +8,7 @@ as it grows and not by mido, which keeps a song as objects: an hour of controlle
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,7 @@ _LENGTH_AT, _TRACK_AT = 18, 22
 # A chunk's length has 32 bits.
 _MOST_BYTES = (1 << 32) - (1 << 20)
 _ALL_NOTES_OFF = 123
+_MOST_ENDS = 256
 
 
 def division_of(rate_hz: int) -> tuple[int, int]:
@@ -66,7 +68,7 @@ class TakeFile:
         self._file: int | None = None
         self._at = _TRACK_AT  # where the end of track stands
         self._tick = 0
-        self._held: set[tuple[int, int]] = set()
+        self._held: Counter[tuple[int, int]] = Counter()
         self._channels: set[int] = set()
 
     def open(self) -> None:
@@ -91,9 +93,9 @@ class TakeFile:
             body += self._delta(frame) + message
             written += 1
             if kind == NOTE_ON and b > 0:
-                self._held.add((channel, a))
-            elif kind in (NOTE_ON, NOTE_OFF):
-                self._held.discard((channel, a))
+                self._held[channel, a] += 1
+            elif kind in (NOTE_ON, NOTE_OFF) and self._held[channel, a]:
+                self._held[channel, a] -= 1
             if kind not in (PARAMETER, TUNING):
                 self._channels.add(channel)
         try:
@@ -136,8 +138,10 @@ class TakeFile:
         try:
             end = max(frames, self._tick)
             body = bytearray()
-            for channel, note in sorted(self._held):
-                body += self._delta(end) + bytes((0x80 | channel, note, 64))
+            for (channel, note), times in sorted(self._held.items()):
+                # A note that was struck several times is ended as often, as readers count.
+                for _ in range(min(times, _MOST_ENDS)):
+                    body += self._delta(end) + bytes((0x80 | channel, note, 64))
             # A reader may take a long rest at the end for an error; this is there, and says nothing new.
             for channel in sorted(self._channels):
                 body += self._delta(end) + bytes((0xB0 | channel, _ALL_NOTES_OFF, 0))

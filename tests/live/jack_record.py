@@ -55,6 +55,9 @@ def connect():
                 continue
             del missing[name]
         time.sleep(0.005)
+    begun = at
+    while at < min(begun + 2 * client.blocksize, samples.shape[1]) and not gone.is_set():
+        time.sleep(0.001)  # until a whole period has come through the connections
     print("connected", flush=True)
 
 

@@ -32,12 +32,12 @@ from synth.host.audiofile import AudioWriter
 from synth.host.midi import read_song
 from synth.host.render import RenderSettings, render_file
 from synth.host.smf import read_file
-from synth.live.block import render_block
 from synth.live.deck import Deck
 from synth.live.recorder import Recorder
 from synth.live.take import TakeFile, division_of
 from synth.preset import load_preset
 
+from .deckkit import Card
 from .tape import LATENCY, RATE_HZ, ToneDeck, controls
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,12 +65,13 @@ def test_a_take_renders_to_the_samples_that_were_recorded(tmp_path: Path) -> Non
     engine = Engine([load_preset("tanpura")])
     engine.prepare(RATE_HZ, 4096)
     deck = Deck(engine, record=True)
+    card = Card(deck)
     events = make_events(PLAYED)
     wav, mid = tmp_path / "take.wav", tmp_path / "take.mid"
     with Recorder(deck, wav, mid, RATE_HZ, "16") as recorder:
         assert deck.schedule(events) == len(events)
         for frames in [256, 1, 1000, 64] * 33 + [407]:
-            render_block(deck.address, 0, frames)
+            card.ask(frames)
     total = 33 * 1321 + 407
     assert recorder.frames == total - engine.latency_samples and recorder.events == len(events)
 
