@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from synth.cli.common import MOST_BLOCK, QUALITIES, ProgressLine, add_threads, number, rate, seconds_or
@@ -85,7 +86,9 @@ def add(commands: Any) -> None:
         metavar="low|high|SEC",
         help="asked of the device (default high)",
     )
-    live.add_argument("--record", metavar="TAKE.wav", help="record what sounds, and the events to TAKE.mid")
+    live.add_argument(
+        "--record", metavar="TAKE.wav", help="record what sounds, the events to TAKE.mid and the strings to TAKE.toml"
+    )
 
     both = parser.add_argument_group("sound and reports")
     both.add_argument(
@@ -218,10 +221,12 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
 def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     from synth.cli.play import asked_by_signals
     from synth.live.drone import Drone
+    from synth.live.presetfile import write_preset
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
     from synth.live.tanpura_keys import HELP, DronePlayer, TanpuraKeys, strings_text
     from synth.live.terminal import Terminal
+    from synth.targets import check_target
 
     settings = SessionSettings(
         preset=strings.preset.name,
@@ -239,6 +244,10 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
         record=options.record,
         duration_s=options.duration,
     )
+    preset_file = ""
+    if options.record is not None:
+        preset_file = str(Path(options.record).with_suffix(".toml"))
+        check_target(preset_file)
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
     with Session(settings, line) as session, asked_by_signals(stop), Terminal() as terminal:
@@ -250,6 +259,10 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
             line.say(HELP)
         session.run(stop)
     assert session.report is not None
+    if options.record is not None:
+        # with it, `synth render TAKE.mid -p TAKE.toml` plays the take again
+        write_preset(strings.preset, preset_file)
+        session.report.files.append(preset_file)
     if options.json:
         print(json.dumps(session.report.as_dict(), indent=2, allow_nan=False))
     elif not options.quiet:

@@ -71,8 +71,8 @@ class Pegs:
         fits = fits and all(table.notes[0] == table.notes[1] for table in tables)
         if not fits or not tables[1].notes == tables[2].notes or tables[3].notes[0] + 12 != tables[1].notes[0]:
             raise ValueError(
-                f"--preset {self.preset.name}: a drone needs a bridge and four strings of one note each: first, Sa, Sa, and kharaj "
-                "an octave below; take the preset tanpura, or one made from it"
+                f"--preset {self.preset.name}: a drone needs a bridge and four strings of one note each: first, Sa, Sa, "
+                "and kharaj an octave below; take the preset tanpura, or one made from it"
             )
 
     def _check_pitches(self) -> None:

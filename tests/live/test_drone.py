@@ -1,9 +1,13 @@
 """The tanpura's cycle: the same for the same seed however it is asked, hours without drift, in tune, and what one hears."""
 
+import json
 import os
 import pty
+import subprocess
+import sys
 import termios
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +22,15 @@ from synth.live.deck import Deck
 from synth.live.drone import WANDERS, Cycle, Drone
 from synth.live.dronefile import FileSettings, write
 from synth.live.pegs import Pegs, Strings, tuned
+from synth.live.presetfile import preset_text
 from synth.live.swara import RATIOS, frequency_of, name_of, ratio_of
 from synth.live.tanpura_keys import DronePlayer, TanpuraKeys
 from synth.live.terminal import Terminal, keys_of
 from synth.measures import band_levels_db, click_ratios, sounding_fundamental
-from synth.preset import load_preset
+from synth.preset import load_preset, parse_preset
 from synth.units import cents, midi_to_hz
 
+from .conftest import StartServer
 from .deckkit import Card
 
 RATE = 44100
@@ -200,8 +206,7 @@ def test_every_string_has_a_key_of_its_own_and_its_pitch() -> None:
     compiled = [midi_to_hz(key) * 2 ** (t.cents / 1200) for key, t in zip(strings.keys, strings.preset.string, strict=True)]
     np.testing.assert_allclose(compiled, wanted, rtol=1e-12)
     assert strings.preset.obstacle.jiva_um == 7.0
-    # a preset that can be written down and read again
-    type(strings.preset).model_validate(strings.preset.model_dump(exclude_unset=True))
+    assert parse_preset(preset_text(strings.preset), "written") == strings.preset
 
 
 def test_equal_temperament() -> None:
@@ -261,7 +266,7 @@ def test_a_minute_is_steady_and_clean(minute: tuple[np.ndarray, np.ndarray]) -> 
     at, x = minute
     assert 0.1 < np.abs(x).max() < 0.8
     begins = at[::4]
-    levels = [20 * np.log10(np.sqrt(np.mean(x[a:b] ** 2))) for a, b in zip(begins[2:-1], begins[3:], strict=True)]
+    levels = [20 * np.log10(np.sqrt(np.mean(x[a:b] ** 2))) for a, b in pairwise(begins[2:])]
     assert len(levels) >= 7 and np.abs(np.diff(levels)).max() < 1.0, levels
     # a finger's touch is no click: not where it takes hold, and not where it lets go
     places = np.concatenate((at[1:], at[1:] + round(0.012 * RATE)))
@@ -377,3 +382,40 @@ def test_a_drone_of_five_strings_to_flac(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["drone", "-o", str(path), *options]) == 0
     assert "6 strokes" in capsys.readouterr().out
     assert soundfile.info(path).frames == round(2.5 * RATE)
+
+
+@pytest.mark.parametrize("output", [["--rate", "44100"], ["--jack"]], ids=["PortAudio", "JACK"])
+def test_on_a_sound_server(output: list[str], jack_server: StartServer, tmp_path: Path) -> None:
+    """A take of what a server heard: the same as the file, and it renders again."""
+    options = ["--cycle", "1.5", "--human", "1", "--seed", "9", "--duration", "4", "--fade", "1", "--bit-depth", "24"]
+    take = tmp_path / "take.wav"
+    done = subprocess.run(
+        [sys.executable, "-m", "synth", "drone", *options, *output, "--record", str(take), "--json"],
+        env=jack_server().env,
+        cwd=Path(__file__).parents[2],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=200,
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["ended"] == "duration" and told["notes"] >= 10 and told["events_lost"] == 0
+    assert [Path(name).suffix for name in told["files"]] == [".wav", ".mid", ".toml"]
+    file = tmp_path / "file.wav"
+    assert main(["drone", "-o", str(file), *options, "--quiet"]) == 0
+    again = tmp_path / "again.wav"
+    render = ["render", str(take.with_suffix(".mid")), "-p", str(take.with_suffix(".toml")), "-o", str(again), "--quiet"]
+    assert main(render) == 0
+    wanted = soundfile.read(file)[0]
+    live = soundfile.read(take)[0]
+    begin = int(np.argmax(np.abs(live[:, 0]) > 1e-5)) - int(np.argmax(np.abs(wanted[:, 0]) > 1e-5))
+    assert 0 <= begin < RATE  # the engine's latency, and whatever the recorder began with
+    live = live[begin : begin + len(wanted)]
+    assert len(live) >= 3.9 * RATE
+    np.testing.assert_allclose(live, wanted[: len(live)], atol=2.0**-22)
+    rendered = soundfile.read(again)[0]
+    n = min(len(rendered), len(wanted))
+    assert n >= 3.5 * RATE
+    error = rendered[:n] - wanted[:n]
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(wanted[:n] ** 2))
