@@ -380,7 +380,7 @@ def test_a_drone_of_five_strings_to_flac(tmp_path: Path, capsys: pytest.CaptureF
     path = tmp_path / "five.flac"
     options = ["--strings", "5", "--cycle", "2", "--duration", "2.5", "--quality", "draft"]
     assert main(["drone", "-o", str(path), *options]) == 0
-    assert "6 strokes" in capsys.readouterr().out
+    assert "7 strokes" in capsys.readouterr().out
     assert soundfile.info(path).frames == round(2.5 * RATE)
 
 
