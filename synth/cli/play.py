@@ -27,7 +27,11 @@ def add(commands: Any) -> None:
     sound = parser.add_argument_group("sound (see `synth devices`)")
     sound.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of one")
     sound.add_argument(
-        "--jack", nargs="?", const="jawari", metavar="NAME", help="be a JACK client (of this name), with MIDI and audio ports"
+        "--jack",
+        nargs="?",
+        const="jawari",
+        metavar="NAME",
+        help="be a JACK client (of this name), with MIDI and audio ports",
     )
     sound.add_argument(
         "--block", type=number(int, 16, MOST_BLOCK), default=256, metavar="N", help="frames per block (default 256)"
@@ -36,10 +40,16 @@ def add(commands: Any) -> None:
         "--latency", type=seconds_or("low", "high"), default="low", metavar="low|high|SEC", help="asked of the device"
     )
     sound.add_argument(
-        "--ahead", type=number(int, 0, 64), default=0, metavar="N", help="render N blocks ahead: later, but safer (default 0)"
+        "--ahead",
+        type=number(int, 0, 64),
+        default=0,
+        metavar="N",
+        help="render N blocks ahead: later, but safer (default 0)",
     )
     sound.add_argument(
-        "--adaptive", action="store_true", help="when the processor is too slow, spare the faintest strings instead of dropping out"
+        "--adaptive",
+        action="store_true",
+        help="when the processor is too slow, spare the faintest strings instead of dropping out",
     )
     sound.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
 
@@ -49,13 +59,20 @@ def add(commands: Any) -> None:
 
     control = parser.add_argument_group("control")
     control.add_argument(
-        "--midi-in", action="append", default=[], metavar="NAME|N", help="MIDI input (default: all); repeatable; none for none"
+        "--midi-in",
+        action="append",
+        default=[],
+        metavar="NAME|N",
+        help="MIDI input (default: all); repeatable; none for none",
     )
     add_controllers(control)
     control.add_argument("--midi-channel", type=number(int, 1, 16), metavar="N", help="listen to this channel only")
     control.add_argument("--no-virtual-port", action="store_true", help="offer no MIDI port of our own")
     control.add_argument(
-        "--keys", action=argparse.BooleanOptionalAction, default=None, help="play on the computer's keyboard (default: on a terminal)"
+        "--keys",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="play on the computer's keyboard (default: on a terminal)",
     )
     control.add_argument("--play", metavar="SONG.mid", help="play this file; without other inputs asked for it ends with it")
 
@@ -119,6 +136,7 @@ def _play(options: argparse.Namespace) -> int:
         record=options.record,
         bit_depth=options.bit_depth,
         duration_s=options.duration,
+        measure_latency=options.measure_latency,
     )
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
