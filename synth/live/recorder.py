@@ -36,6 +36,9 @@ class Drained(Protocol):
     @property
     def engine(self) -> Played: ...
 
+    @property
+    def recording_lost(self) -> int: ...
+
     def drain_events(self) -> np.ndarray: ...
 
     def drain_audio(self, buffer: np.ndarray) -> int: ...
@@ -170,9 +173,17 @@ class Recorder:
                 events = self._deck.drain_events()
                 # A deck that still plays has got further meanwhile.
                 self._keep_events(events[events["frame"] < self._drained])
+            self._say_what_is_missing()
         finally:
             self._close_sound()
             self._close_take()
+
+    def _say_what_is_missing(self) -> None:
+        """A disk that stood still for longer than the deck's tape lasts leaves a gap, behind which take and sound differ."""
+        lost = self._deck.recording_lost
+        if lost:
+            name = self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
+            self._say(f"{name}: {lost} frames or events are missing, for the disk was too slow; the take renders without the gap")
 
     def __exit__(self, *_: object) -> None:
         self.close()

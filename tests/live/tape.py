@@ -24,6 +24,7 @@ class ToneDeck:
     def __init__(self) -> None:
         self.engine = SimpleNamespace(latency_samples=LATENCY)
         self.frame = 0
+        self.recording_lost = 0
         self._lock = threading.Lock()
         self._taken = 0
         self._events: list[np.ndarray] = []

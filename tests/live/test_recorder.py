@@ -180,6 +180,15 @@ def test_events_behind_the_last_recorded_frame_are_left_out(tmp_path: Path) -> N
     assert read_song(tmp_path / "take.mid", RATE_HZ).events["frame"].max() == 1000
 
 
+def test_a_gap_in_the_recording_is_said(tmp_path: Path) -> None:
+    deck = ToneDeck()
+    said: list[str] = []
+    with Recorder(deck, tmp_path / "take.wav", None, RATE_HZ, say=said.append):
+        deck.play(1000)
+        deck.recording_lost = 7
+    assert len(said) == 1 and "take.wav: 7 frames or events are missing" in said[0]
+
+
 def _recording(tmp_path: Path, **more) -> subprocess.Popen:
     command = [sys.executable, "-m", "tests.live.tape", str(tmp_path / "take.wav"), str(tmp_path / "take.mid")]
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, **more)
