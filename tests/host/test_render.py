@@ -186,11 +186,12 @@ def test_controllers_zones_and_exclusive_messages_reach_the_engine(tmp_path) -> 
     # by a bound controller, and by the parameter message of a take: of part 0, though it stands on no channel
     quiet = rendered("bound", change(3, 20, 0), bindings=parse_bindings(["20=output.gain:0.5:1"]))
     said = rendered("said", exclusive(sysex.of_parameter(0, 0, 0.5)))
-    np.testing.assert_allclose(quiet[4000:], 0.5 * plain[4000:], atol=1e-6)
+    settled = slice(12000, None)  # 18 time constants of the level
+    np.testing.assert_allclose(quiet[settled], 0.5 * plain[settled], atol=1e-6)
     np.testing.assert_array_equal(said, quiet)
     # the master's level is the zone's
     zone = rendered("zone", change(0, 7, 50), mpe=True)
-    np.testing.assert_allclose(zone[8000:], 0.25 * plain[8000:], atol=1e-4)
+    np.testing.assert_allclose(zone[settled], 0.25 * plain[settled], atol=1e-6)
     np.testing.assert_allclose(rendered("no-zone", change(0, 7, 50)), plain)
     # a tuning
     tuned = rendered("tuned", exclusive(sysex.of_tuning(43, 44.0, True)))
@@ -202,5 +203,5 @@ def test_a_binding_that_no_part_has_is_refused(tmp_path, song) -> None:
     settings = RenderSettings(
         song, str(tmp_path / "o.wav"), preset="fretted-bass", bindings=parse_bindings(["1=obstacle.height"])
     )
-    with pytest.raises(ValueError, match="--cc: controller 1 is bound to obstacle.height, which no part has"):
+    with pytest.raises(ValueError, match=r"--cc: controller 1 is bound to obstacle\.height"):
         render_file(settings)
