@@ -95,8 +95,14 @@ def _play(options: argparse.Namespace) -> int:
     if options.record is not None and not options.record.lower().endswith(".wav"):
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
     keys = options.keys
-    if keys is None:
-        keys = options.play is None and not options.measure_latency and sys.stdin.isatty() and sys.stderr.isatty()
+    if keys is not False:
+        from synth.live.keyboard import Keyboard
+
+        if keys is None:
+            # Where a file is played, the terminal is nobody's instrument unless asked for.
+            keys = not options.play and not options.measure_latency and Keyboard.available() and sys.stderr.isatty()
+        elif not Keyboard.available():
+            raise ValueError("--keys: standard input is no terminal in the foreground; run it there or connect MIDI")
 
     from synth.host.parts import parse_channel_map
 
@@ -145,7 +151,7 @@ def _play(options: argparse.Namespace) -> int:
             measured = session.measure_latency(stop)
             _print(options, measured.as_dict(), measured.lines())
             return 0
-        line.say("playing; Ctrl-C ends" + (" (keys: see above)" if keys else ""))
+        line.say("playing; Ctrl-C ends")
         session.run(stop)
     assert session.report is not None
     _print(options, session.report.as_dict(), session.report.lines())

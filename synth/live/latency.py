@@ -97,9 +97,9 @@ class Latency:
             f"  the device adds, as it reports            {self.device_ms:6.2f} ms",
             f"  event → first movement, heard             {self.total}",
             f"  event → peak of the pluck, heard          {self.total_to_peak}",
-            f"  (the engine looks ahead {self.engine_ms:.2f} ms, the finger draws for {self.draw_ms:.2f} ms; the first movement is",
-            f"  the first sample beyond {self.threshold_dbfs:.0f} dBFS, the peak the largest until {1e3 * PEAK_WITHIN_S:.0f} ms "
-            "after the finger has let go)",
+            f"  (the engine looks ahead {self.engine_ms:.2f} ms, the finger draws for {self.draw_ms:.2f} ms.",
+            f"  First movement: the first sample beyond {self.threshold_dbfs:.0f} dBFS; peak: the largest until "
+            f"{1e3 * PEAK_WITHIN_S:.0f} ms after the finger has let go.)",
         ]
 
 

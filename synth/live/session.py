@@ -339,19 +339,36 @@ class Session:
         # What exists now stays: no collection need look at it again while sound is made.
         gc.collect()
         gc.freeze()
-        try:
+        with ExitStack() as stack:
+            # Whatever happens: silence before anything else, so that the recording ends with what was heard.
+            stack.callback(self._finish)
             for player in self._players:
                 player.feed(self.deck)
             self._output.start()
+            self._open_keyboard(stack, stop)
             self._ended = self._play(stop)
             if self._ended != "device" and not stop.at_once:
                 self._fade(stop)
-        finally:
-            gc.unfreeze()
-            # Before anything else, so that the recording ends with what was heard.
-            self._answers(self._output.stop)
-            self._line.clear()
-            self.report = self._make_report()
+
+    def _finish(self) -> None:
+        gc.unfreeze()
+        self._answers(self._output.stop)
+        self._line.clear()
+        self.report = self._make_report()
+
+    def _open_keyboard(self, stack: ExitStack, stop: Stop) -> None:
+        if not self._settings.keys:
+            return
+        from synth.live.keyboard import HELP, QUIT, Keyboard
+
+        def on_key(key: str) -> None:
+            if key == QUIT:
+                stop.ask()
+
+        channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
+        for text in HELP:
+            self._line.say(text)
+        stack.enter_context(Keyboard(self.deck.send, on_key, channel=channel))
 
     def measure_latency(self, stop: Stop) -> Latency:
         """Instead of `run`: how long it takes from an event to its sound. Raises ValueError where nothing is heard."""
