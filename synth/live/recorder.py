@@ -30,14 +30,20 @@ class Played(Protocol):
     def latency_samples(self) -> int: ...
 
 
+class Lost(Protocol):
+    """What a recorder needs of a deck's meters."""
+
+    @property
+    def recording_lost(self) -> int: ...
+
+
 class Drained(Protocol):
     """What a recorder needs of a deck."""
 
     @property
     def engine(self) -> Played: ...
 
-    @property
-    def recording_lost(self) -> int: ...
+    def meters(self) -> Lost: ...
 
     def drain_events(self) -> np.ndarray: ...
 
@@ -180,10 +186,14 @@ class Recorder:
 
     def _say_what_is_missing(self) -> None:
         """A disk that stood still for longer than the deck's tape lasts leaves a gap, behind which take and sound differ."""
-        lost = self._deck.recording_lost
+        lost = self._deck.meters().recording_lost
         if lost:
-            name = self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
-            self._say(f"{name}: {lost} frames or events are missing, for the disk was too slow; the take renders without the gap")
+            name = (
+                self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
+            )
+            self._say(
+                f"{name}: {lost} frames or events are missing, for the disk was too slow; the take renders without the gap"
+            )
 
     def __exit__(self, *_: object) -> None:
         self.close()
