@@ -58,7 +58,8 @@ class Recorder:
     say: takes a line for the player, from the recorder's thread: a disk that is full ends the recording, not the playing.
 
     While it records, both files lie beside their place under names of their own (`.take.wav.PID.part`) and can be read as
-    they are: after a crash they hold all but the last DRAIN_EVERY_S seconds. Memory does not grow with the recording.
+    they are: after a crash they hold all but the last DRAIN_EVERY_S seconds or so. (Not so a FLAC file, whose length is
+    written at its end: `flac -dF` reads what there is.) Memory does not grow with the recording.
 
     frames, events: what is recorded so far.
     Raises OSError and ValueError, before anything is recorded, where a file cannot be written.
