@@ -34,6 +34,9 @@ class ToneDeck:
         frames = np.arange(first, behind)
         return np.stack((frames % 8192, frames // 8192), axis=1) / 8192.0
 
+    def meters(self) -> SimpleNamespace:
+        return SimpleNamespace(recording_lost=self.recording_lost)
+
     def play(self, frames: int, events: np.ndarray | None = None) -> None:
         with self._lock:
             if events is not None:
