@@ -56,7 +56,9 @@ def _lines(found: dict[str, Any]) -> list[str]:
     for each in found["outputs"]:
         channels = f"{each['channels']} channel{'' if each['channels'] == 1 else 's'}"
         default = "  (default)" if each["default"] else ""
-        lines.append(f"  {each['index']:3}  {each['name']}  [{each['host_api']}]  {channels}, {each['default_rate_hz']:g} Hz{default}")
+        lines.append(
+            f"  {each['index']:3}  {each['name']}  [{each['host_api']}]  {channels}, {each['default_rate_hz']:g} Hz{default}"
+        )
     if not found["outputs"]:
         lines.append(
             f"  none: {found['outputs_missing'] or 'plug a sound card in or start a sound server (PipeWire, JACK)'}; "

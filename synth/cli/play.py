@@ -27,7 +27,11 @@ def add(commands: Any) -> None:
     sound = parser.add_argument_group("sound (see `synth devices`)")
     sound.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of one")
     sound.add_argument(
-        "--jack", nargs="?", const="jawari", metavar="NAME", help="be a JACK client (of this name), with MIDI and audio ports"
+        "--jack",
+        nargs="?",
+        const="jawari",
+        metavar="NAME",
+        help="be a JACK client (of this name), with MIDI and audio ports",
     )
     sound.add_argument(
         "--block", type=number(int, 16, MOST_BLOCK), default=256, metavar="N", help="frames per block (default 256)"
@@ -36,10 +40,16 @@ def add(commands: Any) -> None:
         "--latency", type=seconds_or("low", "high"), default="low", metavar="low|high|SEC", help="asked of the device"
     )
     sound.add_argument(
-        "--ahead", type=number(int, 0, 64), default=0, metavar="N", help="render N blocks ahead: later, but safer (default 0)"
+        "--ahead",
+        type=number(int, 0, 64),
+        default=0,
+        metavar="N",
+        help="render N blocks ahead: later, but safer (default 0)",
     )
     sound.add_argument(
-        "--adaptive", action="store_true", help="when the processor is too slow, spare the faintest strings instead of dropping out"
+        "--adaptive",
+        action="store_true",
+        help="when the processor is too slow, spare the faintest strings instead of dropping out",
     )
     sound.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
 
@@ -49,13 +59,20 @@ def add(commands: Any) -> None:
 
     control = parser.add_argument_group("control")
     control.add_argument(
-        "--midi-in", action="append", default=[], metavar="NAME|N", help="MIDI input (default: all); repeatable; none for none"
+        "--midi-in",
+        action="append",
+        default=[],
+        metavar="NAME|N",
+        help="MIDI input (default: all); repeatable; none for none",
     )
     add_controllers(control)
     control.add_argument("--midi-channel", type=number(int, 1, 16), metavar="N", help="listen to this channel only")
     control.add_argument("--no-virtual-port", action="store_true", help="offer no MIDI port of our own")
     control.add_argument(
-        "--keys", action=argparse.BooleanOptionalAction, default=None, help="play on the computer's keyboard (default: on a terminal)"
+        "--keys",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="play on the computer's keyboard (default: on a terminal)",
     )
     control.add_argument("--play", metavar="SONG.mid", help="play this file; without other inputs asked for it ends with it")
 
@@ -78,8 +95,14 @@ def _play(options: argparse.Namespace) -> int:
     if options.record is not None and not options.record.lower().endswith(".wav"):
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
     keys = options.keys
-    if keys is None:
-        keys = options.play is None and not options.measure_latency and sys.stdin.isatty() and sys.stderr.isatty()
+    if keys is not False:
+        from synth.live.keyboard import Keyboard
+
+        if keys is None:
+            # Where a file is played, the terminal is nobody's instrument unless asked for.
+            keys = not options.play and not options.measure_latency and Keyboard.available() and sys.stderr.isatty()
+        elif not Keyboard.available():
+            raise ValueError("--keys: standard input is no terminal in the foreground; run it there or connect MIDI")
 
     from synth.host.parts import parse_channel_map
 
@@ -119,6 +142,7 @@ def _play(options: argparse.Namespace) -> int:
         record=options.record,
         bit_depth=options.bit_depth,
         duration_s=options.duration,
+        measure_latency=options.measure_latency,
     )
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
@@ -127,7 +151,7 @@ def _play(options: argparse.Namespace) -> int:
             measured = session.measure_latency(stop)
             _print(options, measured.as_dict(), measured.lines())
             return 0
-        line.say("playing; Ctrl-C ends" + (" (keys: see above)" if keys else ""))
+        line.say("playing; Ctrl-C ends")
         session.run(stop)
     assert session.report is not None
     _print(options, session.report.as_dict(), session.report.lines())

@@ -7,7 +7,17 @@ import json
 import sys
 from typing import Any
 
-from synth.cli.common import MOST_BLOCK, ProgressLine, add_instruments, add_physics, add_threads, number, tail, warner
+from synth.cli.common import (
+    MOST_BLOCK,
+    ProgressLine,
+    add_controllers,
+    add_instruments,
+    add_physics,
+    add_threads,
+    number,
+    tail,
+    warner,
+)
 
 
 def add(commands: Any) -> None:
@@ -22,6 +32,7 @@ def add(commands: Any) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help="audio file to write; - for standard output")
     what = parser.add_argument_group("instruments")
     add_instruments(what)
+    add_controllers(what)
 
     how = parser.add_argument_group("computation")
     add_physics(how)
@@ -88,6 +99,9 @@ def _render(options: argparse.Namespace) -> int:
     from synth.host.parts import parse_channel_map
 
     channel_presets = parse_channel_map(options.map)
+    from synth.host.bindings import parse_bindings
+
+    bindings = parse_bindings(options.cc)
     from synth.host.render import RenderSettings, render_file
 
     settings = RenderSettings(
@@ -116,6 +130,8 @@ def _render(options: argparse.Namespace) -> int:
         seed=options.seed,
         tuning=options.tuning,
         keyboard=options.kbm,
+        bindings=bindings,
+        mpe=options.mpe,
     )
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from synth.engine.events import PARAMETER, TUNING
 from synth.host.midi import PERCUSSION_CHANNEL
 
 if TYPE_CHECKING:
@@ -123,6 +124,12 @@ def cast_live(
     if not parts:
         raise ValueError("no channel has a preset: --map leaves all of them out; give one a preset, such as --map 1=tanpura")
     return Casting(tuple(parts), program_map, song.left_out if song is not None else {})
+
+
+def played_events(events: np.ndarray, casting: Casting) -> np.ndarray:
+    """Those of a song's events (EVENT) that are not on channels left out."""
+    of_channel = ~np.isin(events["kind"], (PARAMETER, TUNING))
+    return events[~(of_channel & np.isin(events["channel"], list(casting.left_out)))]
 
 
 def notes_of_parts(keys: Mapping[tuple[int, int], set[int]], casting: Casting) -> list[set[int]]:

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from synth.engine.events import NOTE_OFF, NOTE_ON, PARAMETER, TUNING
+from synth.engine.events import NOTE_OFF, NOTE_ON
 from synth.host import audiofile, offline, parts, scala
 from synth.host.bindings import Binding, check_parts
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
@@ -261,8 +261,7 @@ def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) ->
 
     Silent keys get their ordinary frequency in `note_hz` afterwards: the engine never sees a NaN.
     """
-    of_channel = ~np.isin(song.events["kind"], (PARAMETER, TUNING))
-    events = song.events[~(of_channel & np.isin(song.events["channel"], list(casting.left_out)))]
+    events = parts.played_events(song.events, casting)
     if note_hz is None:
         return events, []
     silent = np.isnan(note_hz)

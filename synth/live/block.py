@@ -25,10 +25,11 @@ CLOCK_HZ = 0.5
 #: a callback this many of its blocks away from its time begins the clock anew
 STALLED = 2.0
 #: with Desk.words[ADAPTIVE]: above the one mean load the level below which strings are spared rises, below the other it
-#: falls [dB/s], between these levels [dBFS]; at the lowest nothing is spared
+#: falls [dB/s], between these levels [dBFS]; at the lowest nothing is spared. The engine's level
+#: of a string is a bound from its energy, some 20 dB above what sounds
 BUSY, IDLE = 0.75, 0.5
 RISE_DB, FALL_DB = 20.0, 5.0
-LEAST_DB, MOST_DB = -120.0, -40.0
+LEAST_DB, MOST_DB = -100.0, -26.0
 #: the mean load follows the loads of blocks with this time constant [s]
 LOAD_S = 0.3
 

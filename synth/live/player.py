@@ -12,7 +12,8 @@ from synth.engine.events import EVENT
 #: how far ahead of the stream events are given to the deck [s]
 AHEAD_S = 2.0
 
-#: asked with rising frames, it gives the events before each that it has not yet given (EVENT, frames of the stream, ascending)
+#: asked with rising frames, it gives the events before each that it has not yet given: EVENT, ascending, frames of the
+#: stream
 EventSource = Callable[[int], np.ndarray]
 
 

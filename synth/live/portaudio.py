@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,6 +17,9 @@ from synth.live.errors import DeviceError
 INSTALL = "pip install 'jawari[live]'"
 #: rates that are offered where a device refuses one [Hz]
 RATES_HZ = (44100, 48000, 88200, 96000)
+#: how long a device may take to stop [s]
+PATIENCE_S = 3.0
+_ABANDONED: list[Any] = []
 
 
 def devices() -> list[dict[str, Any]]:
@@ -74,13 +79,15 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
 class PortAudioOutput:
     """An open output; `start` lets it sound. A deck's only reader."""
 
-    def __init__(self, deck: Deck, stream: Any, name: str) -> None:
-        self._deck, self._stream, self.name = deck, stream, name
+    def __init__(self, deck: Deck, stream: Any, name: str, host_api: str) -> None:
+        self._deck, self._stream, self._host_api = deck, stream, host_api
+        self._started = False
+        self.name = name
 
     @property
     def latency_s(self) -> float:
         """From the end of a callback's block to the air, as the device reports it [s]."""
-        return float(self._stream.latency)
+        return float(self._stream.latency) if self._stream is not None else 0.0
 
     @property
     def alive(self) -> bool:
@@ -92,23 +99,43 @@ class PortAudioOutput:
         try:
             with _silence():
                 self._stream.start()
-        except Exception as error:
+        except _library().PortAudioError as error:
             raise DeviceError(f"{self.name}: the audio output does not start: {_reason(error)}") from None
+        self._started = True
 
     def stop(self) -> None:
         """Stop at once; may be called again."""
-        if self._stream is not None and not self._stream.stopped:
-            with _silence():
-                self._stream.abort(ignore_errors=True)
+        if self._started and self._stream is not None:
+            self._started = False
+            if self._stream.active:
+                self._bounded(lambda stream: stream.abort(ignore_errors=True))
+            elif "JACK" in self._host_api:
+                self._abandon()  # its server has gone: to stop or close would wait for ever
 
     def close(self) -> None:
         """Stop and give the device back."""
-        stream = self._stream
-        if stream is not None:
-            self.stop()
-            with _silence():
-                stream.close(ignore_errors=True)
+        self.stop()
+        if self._stream is not None:
+            self._bounded(lambda stream: stream.close(ignore_errors=True))
             self._stream = None
+
+    def _bounded(self, work: Callable[[Any], None]) -> None:
+        """Do something with the stream, but do not wait for ever: devices that were pulled out may never answer."""
+        thread = threading.Thread(target=work, args=(self._stream,), daemon=True)
+        with _silence():
+            thread.start()
+            thread.join(PATIENCE_S)
+        if thread.is_alive():
+            self._abandon()
+
+    def _abandon(self) -> None:
+        """Leave a stream whose device has gone as it is, at the interpreter's exit too, where PortAudio would abort.
+
+        The callback may still have its memory, so that stays where it is.
+        """
+        _ABANDONED.append((self._stream, self._deck))
+        self._stream = None
+        atexit.unregister(_library()._exit_handler)
 
 
 def check_output(device: str | int | None, rate_hz: float) -> str:
@@ -155,7 +182,7 @@ def open_output(
             )
     except sd.PortAudioError as error:
         raise DeviceError(_refusal(sd, found, name, channels, rate_hz, error)) from None
-    return PortAudioOutput(deck, stream, name)
+    return PortAudioOutput(deck, stream, name, found["host_api"])
 
 
 def _refusal(sd: Any, found: dict[str, Any], name: str, channels: int, rate_hz: float, error: Exception) -> str:

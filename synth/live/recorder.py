@@ -30,11 +30,20 @@ class Played(Protocol):
     def latency_samples(self) -> int: ...
 
 
+class Lost(Protocol):
+    """What a recorder needs of a deck's meters."""
+
+    @property
+    def recording_lost(self) -> int: ...
+
+
 class Drained(Protocol):
     """What a recorder needs of a deck."""
 
     @property
     def engine(self) -> Played: ...
+
+    def meters(self) -> Lost: ...
 
     def drain_events(self) -> np.ndarray: ...
 
@@ -49,7 +58,8 @@ class Recorder:
     say: takes a line for the player, from the recorder's thread: a disk that is full ends the recording, not the playing.
 
     While it records, both files lie beside their place under names of their own (`.take.wav.PID.part`) and can be read as
-    they are: after a crash they hold all but the last DRAIN_EVERY_S seconds. Memory does not grow with the recording.
+    they are: after a crash they hold all but the last DRAIN_EVERY_S seconds or so. (Not so a FLAC file, whose length is
+    written at its end: `flac -dF` reads what there is.) Memory does not grow with the recording.
 
     frames, events: what is recorded so far.
     Raises OSError and ValueError, before anything is recorded, where a file cannot be written.
@@ -170,9 +180,21 @@ class Recorder:
                 events = self._deck.drain_events()
                 # A deck that still plays has got further meanwhile.
                 self._keep_events(events[events["frame"] < self._drained])
+            self._say_what_is_missing()
         finally:
             self._close_sound()
             self._close_take()
+
+    def _say_what_is_missing(self) -> None:
+        """A disk that stood still for longer than the deck's tape lasts leaves a gap, behind which take and sound differ."""
+        lost = self._deck.meters().recording_lost
+        if lost:
+            name = (
+                self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
+            )
+            self._say(
+                f"{name}: {lost} frames or events are missing, for the disk was too slow; the take renders without the gap"
+            )
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from synth.live.status import Status, StatusLine
 from synth.preset import Preset
 from synth.targets import check_target
 from synth.units import db_to_gain, midi_to_hz, midi_to_note
+
+if TYPE_CHECKING:
+    from synth.live.latency import Latency
 
 #: how often the session looks after everything [s]
 LOOK_S = 0.05
@@ -66,6 +69,7 @@ class SessionSettings:
     midi_in: ports by name or number; () all there are; ('none',) none.  midi_channel: 0…15, the only one to listen to.
     keys: whether the computer's keyboard plays.
     record: .wav file; a .mid file is written beside it.
+    measure_latency: the session is there for `measure_latency`: it plays by itself.
     """
 
     preset: str | None = None
@@ -98,6 +102,7 @@ class SessionSettings:
     record: str | None = None
     bit_depth: str = "24"
     duration_s: float | None = None
+    measure_latency: bool = False
 
 
 class Stop:
@@ -190,7 +195,10 @@ class Session:
         engine.prepare(self.rate_hz, 4096)
         self.engine = engine
         self.deck = Deck(
-            engine, record=settings.record is not None, ahead=settings.ahead, ahead_block=settings.block,
+            engine,
+            record=settings.record is not None or settings.measure_latency,
+            ahead=settings.ahead,
+            ahead_block=settings.block,
             adaptive=settings.adaptive,
         )
         stack.callback(self.deck.close)
@@ -202,12 +210,10 @@ class Session:
             from synth.live.recorder import Recorder
 
             stack.enter_context(
-                Recorder(
-                    self.deck, wav=self.files[0], mid=self.files[1], rate_hz=self.rate_hz, bit_depth=settings.bit_depth
-                )
+                Recorder(self.deck, wav=self.files[0], mid=self.files[1], rate_hz=self.rate_hz, bit_depth=settings.bit_depth)
             )
         if song is not None:
-            events = song.events[~np.isin(song.events["channel"], list(casting.left_out))]
+            events = parts.played_events(song.events, casting)
             end = round(song.length_s * self.rate_hz) + engine.latency_samples
             self.add_player(Player(from_events(events), end, self.rate_hz))
         self._open_inputs(stack)
@@ -237,13 +243,15 @@ class Session:
         if settings.song is None:
             only = settings.midi_channel
             return parts.cast_live(settings.preset, settings.channel_presets, only_channel=only), None
-        song = midi.read_song(settings.song, self.rate_hz)
+        song = midi.read_song(settings.song, self.rate_hz, settings.mpe)
         for warning in song.warnings:
             self._line.say(f"{settings.song}: {warning}")
         casting = parts.cast(song.channels, settings.preset, settings.channel_presets)
         for channel, count in casting.left_out.items():
             if channel not in settings.channel_presets:
-                self._line.say(f"channel {channel + 1} (percussion) is left out: {count} notes; --map {channel + 1}=PRESET plays it")
+                self._line.say(
+                    f"channel {channel + 1} (percussion) is left out: {count} notes; --map {channel + 1}=PRESET plays it"
+                )
         if self._listens:
             casting = parts.cast_live(settings.preset, settings.channel_presets, song=casting)
         if not casting.parts:
@@ -281,10 +289,22 @@ class Session:
         if settings.jack is not None:
             from synth.live import jackclient
 
-            return jackclient.open_output(self.deck, settings.jack)
+            return jackclient.open_output(self.deck, settings.jack, midi=self._jack_midi())
         from synth.live import portaudio
 
         return portaudio.open_output(self.deck, settings.device, self.rate_hz, settings.block, settings.latency)
+
+    def _jack_midi(self) -> list[str]:
+        """JACK's MIDI ports to be connected to the client's own, where JACK is the MIDI system, too."""
+        from synth.live.midiports import find_port, midi_system, port_names
+
+        settings = self._settings
+        if not self._listens or settings.measure_latency or settings.midi_in == ("none",) or midi_system()[0] != "JACK":
+            return []
+        there = port_names("jack")
+        if settings.midi_in:
+            return [there[find_port(name, there)] for name in settings.midi_in]
+        return [name for name in there if "Midi Through" not in name]
 
     def _close_output(self) -> None:
         if not self._left_behind:
@@ -301,37 +321,82 @@ class Session:
         settings = self._settings
         if not self._listens:
             return
-        from synth.live.midiports import MidiInputs
+        from synth.live.midiports import MidiInputs, midi_system
 
-        if settings.midi_in != ("none",) or settings.virtual_port:
-            self._inputs = MidiInputs(
-                list(settings.midi_in),
-                self.deck.send,
-                self._line.say,
-                "jawari" if settings.virtual_port and settings.jack is None else None,
-                channel=None if settings.midi_channel is None else settings.midi_channel + 1,
-            )
-            stack.callback(self._inputs.close)
-            self._inputs.open()
+        names = list(settings.midi_in)
+        virtual = settings.virtual_port and settings.jack is None
+        if settings.jack is not None and midi_system()[0] == "JACK":
+            return  # the JACK client has a MIDI port, which plays at the frame
+        self._inputs = MidiInputs(
+            names,
+            self.deck.send,
+            self._line.say,
+            "jawari" if virtual else None,
+            channel=None if settings.midi_channel is None else settings.midi_channel + 1,
+        )
+        stack.callback(self._inputs.close)
+        self._inputs.open()
 
     def run(self, stop: Stop) -> None:
         """Plays until it is asked to stop, the time is over, the music known beforehand has ended or the device is gone."""
         # What exists now stays: no collection need look at it again while sound is made.
         gc.collect()
         gc.freeze()
-        try:
+        with ExitStack() as stack:
+            # Whatever happens: silence before anything else, so that the recording ends with what was heard.
+            stack.callback(self._finish)
             for player in self._players:
                 player.feed(self.deck)
             self._output.start()
+            self._open_keyboard(stack, stop)
             self._ended = self._play(stop)
             if self._ended != "device" and not stop.at_once:
                 self._fade(stop)
+
+    def _finish(self) -> None:
+        gc.unfreeze()
+        self._answers(self._output.stop)
+        self._line.clear()
+        self.report = self._make_report()
+
+    def _open_keyboard(self, stack: ExitStack, stop: Stop) -> None:
+        if not self._settings.keys:
+            return
+        from synth.live.keyboard import HELP, QUIT, Keyboard
+
+        def on_key(key: str) -> None:
+            if key == QUIT:
+                stop.ask()
+
+        channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
+        for text in HELP:
+            self._line.say(text)
+        stack.enter_context(Keyboard(self.deck.send, on_key, channel=channel))
+
+    def measure_latency(self, stop: Stop) -> Latency:
+        """Instead of `run`: how long it takes from an event to its sound. Raises ValueError where nothing is heard."""
+        from synth.live import latency
+
+        jack = self._settings.jack is not None
+        system = "JACK" if jack else self._inputs.system if self._inputs is not None else ""
+        gc.collect()
+        gc.freeze()
+        loop = None
+        try:
+            self._output.start()
+            stop.wait(0.5)  # the clock settles
+            if system:
+                loop = latency.loopback(f"{self._output.name}:midi_in" if jack else "jawari", system)
+            send = loop.send_message if loop is not None else None
+            path = (
+                f"{system} MIDI port" if loop is not None else "the program itself (there is no MIDI system to loop through)"
+            )
+            return latency.measure(self.deck, self.engine, self._output, stop, send, path, self._settings.block)
         finally:
             gc.unfreeze()
-            # Before anything else, so that the recording ends with what was heard.
+            if loop is not None:
+                loop.delete()
             self._answers(self._output.stop)
-            self._line.clear()
-            self.report = self._make_report()
 
     def _play(self, stop: Stop) -> str:
         settings = self._settings
@@ -466,7 +531,5 @@ class Session:
             files=self.files,
         )
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._stack.__exit__(kind, error, trace)

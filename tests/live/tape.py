@@ -24,6 +24,7 @@ class ToneDeck:
     def __init__(self) -> None:
         self.engine = SimpleNamespace(latency_samples=LATENCY)
         self.frame = 0
+        self.recording_lost = 0
         self._lock = threading.Lock()
         self._taken = 0
         self._events: list[np.ndarray] = []
@@ -32,6 +33,9 @@ class ToneDeck:
     def sound(first: int, behind: int) -> np.ndarray:
         frames = np.arange(first, behind)
         return np.stack((frames % 8192, frames // 8192), axis=1) / 8192.0
+
+    def meters(self) -> SimpleNamespace:
+        return SimpleNamespace(recording_lost=self.recording_lost)
 
     def play(self, frames: int, events: np.ndarray | None = None) -> None:
         with self._lock:

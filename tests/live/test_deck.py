@@ -215,18 +215,19 @@ def test_rendered_ahead_it_sounds_the_same(tanpura: Engine, twin: Engine) -> Non
                 time.sleep(0.0005)
             pieces.append(card.ask(256))
         played = np.concatenate(pieces)
+        card.play(0.3, 256)
+        before = deck.frame
         sent = time.monotonic_ns()
         deck.send(NOTE_ON, 0, 48, 100, time_ns=sent)
         place = deck.at(sent)
-        for _ in range(20):
-            card.ask(256)
-            time.sleep(0.006)
-        assert place >= 100 * 256 + 4 * 128  # not before what is ready already
+        card.play(0.2, 256)
     finally:
         deck.close()
     assert np.array_equal(played, offline(twin, events, len(played)).astype(np.float32))
     log = deck.drain_events()
-    assert log["a"][-1] == 48 and abs(log["frame"][-1] - place) <= 128
+    assert log["a"][-1] == 48
+    assert log["frame"][-1] >= before  # not in what is ready already …
+    assert abs(log["frame"][-1] - max(place, before)) <= 256  # … but where it belongs
 
 
 def test_silence_where_the_sound_ahead_is_missing(tanpura: Engine) -> None:
@@ -299,6 +300,7 @@ def test_under_load_quiet_strings_are_spared(tanpura: Engine) -> None:
     deck.schedule(make_events([(100, NOTE_OFF, 0, note) for note in (36, 43, 48)]))
     for _ in range(25):
         card.ask(4096)
+    before = card.ask(4096)
     ringing = deck.meters()
     assert ringing.strings == 4 and ringing.spare_db == -math.inf
 
@@ -307,16 +309,15 @@ def test_under_load_quiet_strings_are_spared(tanpura: Engine) -> None:
         govern(deck.address, seconds)
 
     pretend(0.9, 2.0)
-    assert deck.meters().spare_db == pytest.approx(-80.0)
-    assert tanpura.spare == pytest.approx(1e-4)
+    assert deck.meters().spare_db == pytest.approx(-60.0)
+    assert tanpura.spare == pytest.approx(1e-3)
     pretend(0.6, 2.0)
-    assert deck.meters().spare_db == pytest.approx(-80.0)
+    assert deck.meters().spare_db == pytest.approx(-60.0)
     pretend(2.0, 100.0)
     assert deck.meters().spare_db == pytest.approx(native.MOST_DB)
-    heard = np.concatenate([card.ask(64) for _ in range(20)])
-    steps = np.abs(np.diff(heard[:, 0], n=2))
-    assert steps[500:].max() < 3.0 * steps[:400].max()  # damped, not cut
-    for _ in range(40):
+    after = np.concatenate([card.ask(64) for _ in range(64)])
+    assert np.abs(np.diff(after[:, 0], n=2)).max() < 1.5 * np.abs(np.diff(before[:, 0], n=2)).max()  # damped, not cut
+    for _ in range(80):
         pretend(2.0, 1.0)
         card.ask(4096)
     assert deck.meters().strings < 4

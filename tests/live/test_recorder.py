@@ -51,6 +51,7 @@ PLAYED = [
     (9001, BEND, 0, -3000, 0, 0.0),
     (12345, PARAMETER, 0, PLUCK_POSITION, 0, 0.123456789),
     (15000, PRESSURE, 0, 0, 64, 0.0),
+    (15000, TUNING, 0, 48, 1, 48.123456789),
     (15001, KEY_PRESSURE, 0, 48, 30, 0.0),
     (20000, NOTE_ON, 0, 48, 90, 0.0),
     (25000, BEND, 0, 0, 0, 0.0),
@@ -178,6 +179,15 @@ def test_events_behind_the_last_recorded_frame_are_left_out(tmp_path: Path) -> N
         deck.play(1000, controls(0, 1100, 100))
     assert recorder.frames == 1000 - LATENCY
     assert read_song(tmp_path / "take.mid", RATE_HZ).events["frame"].max() == 1000
+
+
+def test_a_gap_in_the_recording_is_said(tmp_path: Path) -> None:
+    deck = ToneDeck()
+    said: list[str] = []
+    with Recorder(deck, tmp_path / "take.wav", None, RATE_HZ, say=said.append):
+        deck.play(1000)
+        deck.recording_lost = 7
+    assert len(said) == 1 and "take.wav: 7 frames or events are missing" in said[0]
 
 
 def _recording(tmp_path: Path, **more) -> subprocess.Popen:
