@@ -29,13 +29,15 @@ class Terminal:
         try:
             import termios
             import tty
-
+        except ImportError:  # no such terminals on this system
+            return self
+        try:
             self._file = self._stream.fileno()
-            if os.isatty(self._file):
+            if os.isatty(self._file) and _in_front(self._file):
                 self._before = termios.tcgetattr(self._file)
                 tty.setcbreak(self._file)
-        except (ImportError, OSError, ValueError, termios.error):
-            self._before = None  # no such system, or no such stream
+        except (AttributeError, OSError, ValueError, termios.error):
+            self._before = None  # no stream, or none with a file
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -52,7 +54,7 @@ class Terminal:
 
     def keys(self) -> list[str]:
         """Characters, and "up", "down", "left", "right", pressed since the last call."""
-        if self._before is None:
+        if self._before is None or not _in_front(self._file):
             return []
         text = self._rest
         while select.select([self._file], [], [], 0.0)[0]:
@@ -62,6 +64,14 @@ class Terminal:
             text += data.decode(errors="ignore")
         found, self._rest = keys_of(text)
         return found
+
+
+def _in_front(file: int) -> bool:
+    """Whether the terminal may be touched: a program in the background that does is stopped by the system."""
+    try:
+        return os.tcgetpgrp(file) == os.getpgrp()
+    except OSError:
+        return True  # not the terminal that controls us
 
 
 def keys_of(text: str) -> tuple[list[str], str]:
