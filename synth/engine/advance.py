@@ -15,6 +15,7 @@ from numba import cfunc, njit
 
 from synth.engine.coefficients import (
     LN_1000,
+    damping,
     grip_of,
     lags_of,
     matrix_of,
@@ -357,10 +358,9 @@ def _check(core: int, desk: int, s: int) -> None:
     if not settings.economy or settings.law != EXACT_HOLD:
         return  # the amplitudes below are those of v = q̇
     omega = omega_of(core, s)[:n]
-    if me.bend > 0.0 and omega[n - 1] * (1.0 / (settings.rate_hz * fixed.factor)) > math.pi:
-        return  # …and have no more damping than the hand's
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
     for j in range(n):
-        scratch.sigma[j] = sigma[j] + me.hand
+        scratch.sigma[j] = damping(sigma[j], me.hand, omega[j] * dt if me.bend != 0.0 else 0.0)
     sigma = scratch.sigma[:n]
     amplitude = scratch.amplitude
     if not me.free:  # what is certain to be out of reach stays so until something touches the string

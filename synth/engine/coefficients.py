@@ -119,6 +119,12 @@ def _set_coefficients(core: int, desk: int, s: int) -> None:
 
 
 @njit(**CORE)
+def damping(sigma: float, hand: float, turn: float) -> float:
+    """σ of a mode under a hand; `turn` = ω dt. Bent above half the internal rate, it would be heard mirrored: it is cut."""
+    return sigma + hand + (LN_1000 / CUT_S if turn > math.pi else 0.0)
+
+
+@njit(**CORE)
 def _alter(core: int, desk: int, s: int) -> None:
     """Coefficients of a string under a damping hand or a pitch bend."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
@@ -136,9 +142,7 @@ def _alter(core: int, desk: int, s: int) -> None:
         w = bank.omega[m_off + j]
         more = added * (j + 1.0) * (j + 1.0) if j < model.own else (bend_ratio * bend_ratio - 1.0) * w * w
         omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
-        scratch.sigma[j] = bank.sigma[m_off + j] + me.hand
-        if omega[j] * dt > math.pi:  # bent above half the internal rate, where it would be heard mirrored
-            scratch.sigma[j] += LN_1000 / CUT_S
+        scratch.sigma[j] = damping(bank.sigma[m_off + j], me.hand, omega[j] * dt)
     rows = rows_of(core, s)
     rows[:6, n:] = 0.0
     step_coefficients(settings.law, omega[:n], scratch.sigma[:n], model.mu, dt, rows)
