@@ -321,6 +321,7 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         aligned(2, np.int64),
         aligned(modes),
         aligned(modes),
+        aligned(modes),
         aligned(ROWS * modes),
         aligned(squares),
         aligned(RESPONSE * squares),
@@ -385,7 +386,6 @@ def new_scratch(bank: Bank) -> Scratch:
     return Scratch(
         aligned(steps + 1),
         aligned(2 * steps),
-        aligned(modes),
         aligned(modes),
         aligned(modes),
         aligned(modes),

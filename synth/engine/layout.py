@@ -303,6 +303,7 @@ class State(NamedTuple):
     zones: I8  # (2,) members of each MPE zone (`zones`), 0: there is none
     q: F8
     v: F8
+    omega: F8  # of bent strings
     rows: F8
     matrix: F8
     lags: F8
@@ -371,7 +372,6 @@ class Scratch(NamedTuple):
 
     path: F8
     out: F8  # (2 · steps of a quantum,)
-    omega: F8
     sigma: F8
     amplitude: F8
     q: F8
