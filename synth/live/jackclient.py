@@ -3,7 +3,8 @@
     output = open_output(deck)          # "jawari:midi_in", "jawari:out_left", "jawari:out_right" are there, and silent
     output.start()
 
-The server says the rate: `server_rate` before the engine is prepared. MIDI that comes to `midi_in` is played at its frame.
+The server says the rate: `jackserver.server_rate` before the engine is prepared. MIDI that comes to `midi_in` is played at
+its frame.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import threading
 import weakref
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +25,8 @@ from synth.host.sysex import events_of
 from synth.live import jackcallback as jc
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
+from synth.live.jackserver import NAME, library, open_client, playback
 
-NAME = "jawari"
 #: a server that has died may never answer [s]
 PATIENCE_S = 3.0
 
@@ -39,31 +40,6 @@ _PLAYBACK_LATENCY = 1
 _abandoned: list[Any] = []
 
 
-class Server(NamedTuple):
-    """A running server: its rate [Hz], frames of a period, inputs of the sound card."""
-
-    rate_hz: int
-    frames: int
-    playback: tuple[str, ...]
-
-
-def server_of(name: str | None = None) -> Server:
-    """What the server of this name (None: JACK_DEFAULT_SERVER of the environment, or "default") is like. None is started.
-
-    Raises DeviceError where there is none, or the package or the library JACK is missing.
-    """
-    client = _open_client(NAME, name)
-    try:
-        return Server(client.samplerate, client.blocksize, _playback(client))
-    finally:
-        client.close()
-
-
-def server_rate(name: str | None = None) -> int:
-    """Rate [Hz] at which the server's clients must run; see `server_of`."""
-    return server_of(name).rate_hz
-
-
 class JackOutput:
     """An open client of a server, a deck's only reader; `start` lets it sound. Made by `open_output`.
 
@@ -72,9 +48,8 @@ class JackOutput:
     """
 
     def __init__(self, deck: Deck, client: Any, parts: Sequence[str]) -> None:
-        jack = _library()
+        jack = library()
         self._deck = deck
-        self._jack = jack
         self.name: str = client.name
         self._rate_hz = client.samplerate
         midi_in = client.midi_inports.register("midi_in")
@@ -105,6 +80,9 @@ class JackOutput:
         self._end = weakref.finalize(self, _end, os.getpid(), client, self._state.words, reader, (asleep, wake), keep)
         reader.start()
         argument = jack._ffi.cast("void *", address)
+        hush = jack._ffi.cast("void (*)(char *)", compiled.hush.address)  # JACK's threads must not wait for the interpreter
+        jack._lib.jack_set_error_function(hush)
+        jack._lib.jack_set_info_function(hush)
         _set(jack, "process_callback", client, "JackProcessCallback", compiled.process, argument)
         _set(jack, "xrun_callback", client, "JackXRunCallback", compiled.xrun, argument)
         jack._lib.jack_on_info_shutdown(
@@ -181,21 +159,28 @@ def open_output(
 
     name      of the client; if it is taken, the server adds a number
     server    its name; None: JACK_DEFAULT_SERVER of the environment, or "default"
-    connect   True: the two outputs to the sound card's first two; or two names of ports; False: to nothing
+    connect   True: the two outputs to the sound card's first two; or to one port or two; False: to nothing
     midi      ports to play from, like "system:midi_capture_1"
     Raises DeviceError for a server or port that is not there, another rate than the engine's, and what is not installed.
     """
     if deck.ahead_frames:
         raise DeviceError("JACK asks for every period when it is due: leave out the blocks rendered ahead")
-    client = _open_client(name, server)
+    client = open_client(name, server)
     if client.samplerate != deck.rate_hz:
         rate = client.samplerate
         client.close()
         raise DeviceError(f"the JACK server runs at {rate} Hz, the engine at {deck.rate_hz:g} Hz: give --rate {rate}")
+    client_name = client.name
     parts = port_labels([preset.name for preset in deck.engine.parts]) if deck.stems else []
-    output = JackOutput(deck, client, parts)
     try:
-        wanted = list(_playback(client)[:2]) if connect is True else list(connect or ())
+        output = JackOutput(deck, client, parts)
+    except library().JackError as error:
+        client.close()
+        raise DeviceError(f"the JACK server does not take what {client_name} needs: {error}") from None
+    try:
+        wanted = list(playback(client)[:2]) if connect is True else list(connect or ())
+        if len(wanted) == 1:
+            wanted *= 2
         pairs = [*zip(output.ports[1:3], wanted, strict=False), *((source, output.ports[0]) for source in midi)]
         for source, destination in pairs:
             _connect(client, source, destination)
@@ -235,21 +220,21 @@ def _end(
     """Close the client, end the thread. A client whose server died without a word may wait for it for ever: then it is
     left to itself, and so is everything it may touch."""
     if os.getpid() != process_id:  # the client is the parent's
-        client._ptr = _library()._ffi.NULL
+        client._ptr = library()._ffi.NULL
         return
     words[jc.PLAYING] = 0
-    if words[jc.GONE]:
-        closing = threading.Thread(target=client.close, name="synth-jack-close", daemon=True)
-        try:
-            closing.start()
-            closing.join(PATIENCE_S)
-        except RuntimeError:  # the interpreter is ending, and starts no threads any more
-            client._ptr = _library()._ffi.NULL
-        if closing.is_alive():
-            _abandoned.append(keep)
-            return
-    else:
-        client.close()
+    closing = threading.Thread(target=client.close, name="synth-jack-close", daemon=True)
+    try:
+        closing.start()
+        closing.join(PATIENCE_S)
+    except RuntimeError:  # the interpreter is ending, and starts no threads any more
+        if words[jc.GONE]:
+            client._ptr = library()._ffi.NULL
+        else:
+            client.close()
+    if closing.is_alive():
+        _abandoned.append(keep)
+        return
     words[jc.ENDING] = 1
     if reader.ident is not None:
         os.write(descriptors[1], TOKEN)
@@ -258,44 +243,8 @@ def _end(
         os.close(descriptor)
 
 
-@cache
-def _library() -> Any:
-    """The module jack. Raises DeviceError where it or the library is missing."""
-    try:
-        import jack
-    except ImportError:
-        raise DeviceError("JACK needs the package JACK-Client: pip install 'jawari[jack]'") from None
-    except OSError:
-        raise DeviceError(
-            "JACK's library is missing: apt-get install libjack-jackd2-0 (or pipewire-jack), or brew install jack"
-        ) from None
-    # it would print on standard error, from any thread
-    hush = jack._ffi.cast("void (*)(char *)", jc.callbacks().hush.address)
-    jack._lib.jack_set_error_function(hush)
-    jack._lib.jack_set_info_function(hush)
-    return jack
-
-
-def _open_client(name: str, server: str | None) -> Any:
-    jack = _library()
-    try:
-        return jack.Client(name, no_start_server=True, servername=server)
-    except jack.JackOpenError as error:
-        shown = server or os.environ.get("JACK_DEFAULT_SERVER") or "default"
-        if error.status.server_failed or (error.status.failure and not error.status.invalid_option):
-            raise DeviceError(
-                f"no JACK server answers (name: {shown}): start one, like jackd -d alsa, or choose another --device"
-            ) from None
-        raise DeviceError(f"the JACK server {shown!r} takes no client {name!r}: {error.status}") from None
-
-
-def _playback(client: Any) -> tuple[str, ...]:
-    """Inputs of the sound card."""
-    return tuple(port.name for port in client.get_ports(is_physical=True, is_input=True, is_audio=True))
-
-
 def _connect(client: Any, source: str, destination: str) -> None:
-    jack = _library()
+    jack = library()
     try:
         client.connect(source, destination)
     except jack.JackError as error:
@@ -304,7 +253,7 @@ def _connect(client: Any, source: str, destination: str) -> None:
 
 
 def _address(pointer: Any) -> int:
-    return int(_library()._ffi.cast("intptr_t", pointer))
+    return int(library()._ffi.cast("intptr_t", pointer))
 
 
 def _set(jack: Any, what: str, client: Any, kind: str, compiled: Any, argument: Any) -> None:
@@ -319,7 +268,7 @@ def _latency_library() -> tuple[Any, Any]:
 
     ffi = cffi.FFI()
     ffi.cdef(_LATENCY)
-    return ffi, ffi.dlopen(_library()._libname)
+    return ffi, ffi.dlopen(library()._libname)
 
 
 def _latency_frames(port: Any) -> int:

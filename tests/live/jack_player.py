@@ -1,4 +1,4 @@
-"""An instrument in a process of its own, on a server that will be killed, or that it leaves without a word."""
+"""An instrument in a process of its own: its server is killed, or it is held itself, or it leaves without a word."""
 
 import sys
 import time
@@ -20,6 +20,16 @@ while deck.frame < 4096:
     time.sleep(0.01)
 print("playing", flush=True)
 if how == "leave":
+    sys.exit(0)
+if how == "stall":
+    while output.frames_skipped < 4096:
+        time.sleep(0.01)
+    print("skipped", flush=True)
+    after = deck.frame
+    while output.alive and deck.frame < after + 4096:
+        time.sleep(0.01)
+    output.close()
+    print("goes on", flush=True)
     sys.exit(0)
 while output.alive:
     time.sleep(0.01)

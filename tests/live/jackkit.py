@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -32,7 +33,7 @@ def why_not() -> str:
 
 
 class JackServer:
-    """A running jackd of its own name.
+    """A running jackd of its own name, to be used with `with`.
 
     name     for `servername`
     env      environment of a process whose clients are to find this server and to start none
@@ -40,54 +41,54 @@ class JackServer:
     Raises RuntimeError, with what jackd said, where it does not start.
     """
 
-    def __init__(self, frames: int = 256, rate_hz: int = 44100, *, sync: bool = False) -> None:
+    def __init__(self, frames: int = 256, rate_hz: int = 44100) -> None:
         self.name = f"jawari-{os.getpid()}-{next(_numbers)}"
         self.frames = frames
         self.rate_hz = rate_hz
         self.env = dict(os.environ, JACK_DEFAULT_SERVER=self.name, JACK_NO_START_SERVER="1")
-        said = ""
-        for realtime in (["-R", "-P", "70"], ["-r"]):  # the first needs a permission
-            driver = ["-d", "dummy", "-r", str(rate_hz), "-p", str(frames)]
-            self._process = subprocess.Popen(
-                ["jackd", *realtime, *(["-S"] if sync else []), "-n", self.name, "-p", "256", *driver],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                env=dict(os.environ, JACK_NO_AUDIO_RESERVATION="1"),
-                text=True,
-            )
-            if self._answers():
-                return
-            said = self.kill()
-        raise RuntimeError(f"jackd does not start: {said[-500:]}")
-
-    def _answers(self) -> bool:
+        self._ended = False
         deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline and self._process.poll() is None:
-            look = [sys.executable, str(HERE / "jack_look.py"), self.name]
-            if subprocess.run(look, env=self.env, capture_output=True, timeout=PATIENCE_S).returncode == 0:
-                return True
-        return False
+        while True:
+            said = ""
+            for realtime in (["-R", "-P", "70"], ["-r"]):  # the first needs a permission
+                self._process = _jackd(self.name, *realtime, frames=frames, rate_hz=rate_hz)
+                if _answers(self._process, self.name, self.env):
+                    return
+                said = _terminate(self._process)
+            if "Too many servers" not in said or time.monotonic() > deadline:
+                raise RuntimeError(f"jackd does not start: {said[:500]}")
+            _free_places()
+            time.sleep(0.5)
+
+    def __enter__(self) -> JackServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
 
     @property
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def kill(self, how: signal.Signals = signal.SIGTERM) -> str:
-        """End the server and remove what it leaves behind; what it said. May be called again."""
-        if self._process.returncode is not None:
-            return ""
+    def pause(self, seconds: float) -> None:
+        """Hold the server for a while: it misses its periods."""
+        self._process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self._process.send_signal(signal.SIGCONT)
+
+    def kill(self, how: signal.Signals = signal.SIGTERM) -> None:
+        """End the server and remove what it leaves behind. May be called again."""
+        if self._ended:
+            return
+        self._ended = True
         segments = self._segments()
         self._process.send_signal(how)
-        try:
-            said, _ = self._process.communicate(timeout=5.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            said, _ = self._process.communicate()
-        left = [*segments, *SHM.glob(f"jack_{self.name}_*"), *SHM.glob(f"jack_sem.*_{self.name}_*")]
-        for path in left:
+        _terminate(self._process)
+        for path in [*segments, *SHM.glob(f"jack_{self.name}_*"), *SHM.glob(f"jack_sem.*_{self.name}_*")]:
             with suppress(OSError):
                 path.unlink()
-        return said
+        if how == signal.SIGKILL:
+            _free_place(self.name)
 
     def _segments(self) -> set[Path]:
         """Shared memory that the server itself has mapped; numbered, not named after it."""
@@ -97,6 +98,50 @@ class JackServer:
             return set()
         paths = {Path(line.split()[-1]) for line in maps if str(SHM) in line}
         return {path for path in paths if path.name.startswith(f"jack-{os.getuid()}-")}
+
+
+def _jackd(name: str, *more: str, frames: int = 256, rate_hz: int = 44100) -> subprocess.Popen:
+    command = ["jackd", *more, "-n", name, "-p", "256", "-d", "dummy", "-r", str(rate_hz), "-p", str(frames)]
+    env = dict(os.environ, JACK_NO_AUDIO_RESERVATION="1")
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=env, text=True)
+
+
+def _answers(process: subprocess.Popen, name: str, env: dict[str, str]) -> bool:
+    """Wait until the server takes a client."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline and process.poll() is None:
+        look = [sys.executable, str(HERE / "jack_look.py"), name]
+        if subprocess.run(look, env=env, capture_output=True, timeout=PATIENCE_S).returncode == 0:
+            return True
+    return False
+
+
+def _terminate(process: subprocess.Popen) -> str:
+    """End a process that we have started; what it said."""
+    process.terminate()
+    try:
+        return process.communicate(timeout=5.0)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.communicate()[0]
+
+
+def _free_place(name: str) -> None:
+    """JACK has places for eight servers of a user. One that was killed keeps its own until another of its name ends well."""
+    again = _jackd(name, "-r")
+    _answers(again, name, dict(os.environ, JACK_NO_START_SERVER="1"))
+    _terminate(again)
+
+
+def _free_places() -> None:
+    """Free the places of servers that were killed with the tests that had started them."""
+    try:
+        registry = (SHM / "jack-shm-registry").read_bytes()
+    except OSError:
+        return
+    for owner, number in set(re.findall(rb"\bjawari-(\d+)-(\d+)\b", registry)):
+        if not Path(f"/proc/{int(owner)}").exists():
+            _free_place(f"jawari-{int(owner)}-{int(number)}")  # where that one lives on, jackd refuses
 
 
 class _Helper:
