@@ -284,7 +284,7 @@ class Mapping_(Table):
 
     polyphony: int = Field(24, ge=1, le=256)
     #: how far the bridge is raised (negative: lowered) under a string at full channel or key pressure
-    pressure_um: float = Field(0.0, ge=-200.0, le=50.0)
+    pressure_um: Annotated[Scaled, _range(-200.0, 50.0)] = 0.0
     #: how far the tension of a string rises at full pressure
     pressure_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
 

@@ -15,9 +15,11 @@ from numba import cfunc, njit
 
 from synth.engine.coefficients import (
     LN_1000,
+    damping,
     grip_of,
     lags_of,
     matrix_of,
+    omega_of,
     out_lags_of,
     refresh,
     rest_state,
@@ -230,7 +232,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
         for k in range(c):
             u[k] = dot(shapes[k], q)
             vc[k] = dot(shapes[k], v)
-    certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
+    certified = 1 if hold and c >= CERTIFY_FROM else 0
     work = BlockWork(
         scratch.block, scratch.block_u[: (c + 1) * BLOCK].reshape(c + 1, BLOCK), forces, scratch.near,
         state.looked[coff : coff + c], state.until[coff : coff + c], state.margin[coff : coff + c],
@@ -244,7 +246,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
         me.certain = 1
     dt = 1.0 / (settings.rate_hz * fixed.factor)
     record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
-    omega = bank.omega[model.off : model.off + cap]
+    omega = omega_of(core, s)
     if fingered:
         bad = advance_under_finger(
             blocks, settings.law, cap, dt, settings.restitution, rows, omega, shapes, eta, lags, certified, q, v, u, vc,
@@ -353,10 +355,12 @@ def _check(core: int, desk: int, s: int) -> None:
     if me.level < state.meters[SPARE] and not me.held and me.hand < LN_1000 / SPARE_S:
         damp(core, s, SPARE_S)
         return
-    if not settings.economy or me.bend != 0.0 or settings.law != EXACT_HOLD:
-        return  # the amplitudes below are those of the model's own ω, and of v = q̇
+    if not settings.economy or settings.law != EXACT_HOLD:
+        return  # the amplitudes below are those of v = q̇
+    omega = omega_of(core, s)[:n]
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
     for j in range(n):
-        scratch.sigma[j] = sigma[j] + me.hand
+        scratch.sigma[j] = damping(sigma[j], me.hand, omega[j] * dt if me.bend != 0.0 else 0.0)
     sigma = scratch.sigma[:n]
     amplitude = scratch.amplitude
     if not me.free:  # what is certain to be out of reach stays so until something touches the string
@@ -389,14 +393,14 @@ def _nothing_in_reach(core: int, desk: int, s: int) -> bool:
     me = state.sounding[s]
     fixed = bank.strings[s]
     model = bank.models[me.model]
-    n, off, m_off = me.n, fixed.off, model.off
+    n, off = me.n, fixed.off
     for k in range(model.contacts):
         if state.eta[fixed.coff + k] >= 0.0:
             return False
     amplitude = scratch.amplitude[:n]
     if model.contacts:
         q, v = state.q[off : off + n], state.v[off : off + n]
-        amplitudes(bank.omega[m_off : m_off + n], scratch.sigma[:n], q, v, amplitude)
+        amplitudes(omega_of(core, s)[:n], scratch.sigma[:n], q, v, amplitude)
     shapes = shapes_of(core, s)
     for k in range(model.contacts):
         if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:

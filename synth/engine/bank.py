@@ -32,6 +32,7 @@ from synth.engine.layout import (
     State,
 )
 from synth.engine.team import N_WORDS
+from synth.preset import at_note
 from synth.solver.blocks import make_lags, make_rows, padded_rows
 from synth.solver.lanes import BLOCK, ROWS, padded
 from synth.solver.laws import EXACT_HOLD, coefficients
@@ -126,6 +127,7 @@ def build_bank(
                     bus_of[1] if factor > 1 else -1,
                     len(strings) * span * QUANTUM,
                     fade,
+                    1e-6 * at_note(preset.mapping.pressure_um, string.positions[0].note),
                 )
             )
             row += _padded(span * QUANTUM * factor)
@@ -202,7 +204,6 @@ def build_bank(
                 db_to_gain(preset.body.direct_db),
                 body_off,
                 n_body,
-                1e-6 * preset.mapping.pressure_um,
                 1e-2 * preset.mapping.pressure_cents,
             )
         )
@@ -320,6 +321,7 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         aligned(2, np.int64),
         aligned(modes),
         aligned(modes),
+        aligned(modes),
         aligned(ROWS * modes),
         aligned(squares),
         aligned(RESPONSE * squares),
@@ -384,7 +386,6 @@ def new_scratch(bank: Bank) -> Scratch:
     return Scratch(
         aligned(steps + 1),
         aligned(2 * steps),
-        aligned(modes),
         aligned(modes),
         aligned(modes),
         aligned(modes),

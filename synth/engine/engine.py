@@ -33,6 +33,7 @@ from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound
 from synth.engine.process import process
 from synth.engine.team import Team, cores
 from synth.engine.views import table
+from synth.engine.zones import LOWER, MOST_MEMBERS
 from synth.preset import Preset, playable_range
 from synth.solver.laws import law_of
 from synth.units import db_to_gain, hz_to_midi, midi_to_note
@@ -209,7 +210,7 @@ class Engine:
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
         if self.mpe:
-            set_zone(self._core.ctypes.data, layout.LOWER, 15)
+            set_zone(self._core.ctypes.data, LOWER, MOST_MEMBERS)
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""
@@ -268,6 +269,12 @@ class Engine:
     @property
     def strings_sounding(self) -> int:
         return int(self._state.sounding["awake"].sum())
+
+    @property
+    def expressions(self) -> dict[int, int]:
+        """Channels whose volume and expression count for a part now, with the value of controller 11 there."""
+        channels = {int(part["channel"]) for part in self._state.part_state}
+        return {c: round(127.0 * math.sqrt(self._state.channels[c]["expression"])) for c in sorted(channels)}
 
     @property
     def latency_samples(self) -> int:

@@ -12,6 +12,7 @@ from numba import njit
 
 from synth.engine.layout import CORE, HEIGHT, PARAMETER_RANGES, QUANTUM
 from synth.engine.views import bank_of, settings_of, state_of
+from synth.engine.zones import manager_of
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
 CONTROL_S = 0.01
@@ -21,6 +22,8 @@ MOST_BEND = 96.0
 MOST_RETUNING = 24.0
 #: pluck position, as a share of the open length, of the brightest and of the darkest timbre
 BRIGHT, DARK = 0.05, 0.5
+
+_manager_of = njit(**CORE)(manager_of)
 
 
 @njit(**CORE)
@@ -102,7 +105,7 @@ def height_of(core: int, s: int, of_part: float) -> float:
     """How far the obstacle is raised under a string [m]: with its part and by pressure, within the parameter's range."""
     me = state_of(core).sounding[s]
     low, high = PARAMETER_RANGES[HEIGHT]
-    height = of_part + me.pressure * bank_of(core).parts[bank_of(core).strings[s].part].pressure_height
+    height = of_part + me.pressure * bank_of(core).strings[s].pressure_height
     return max(1e-6 * low, min(1e-6 * high, height))
 
 
@@ -111,10 +114,12 @@ def timbre_of(core: int, c: int) -> float:
     """Controller 74 of a channel in a zone, added to its master's: −1 … 1; 0 outside of zones."""
     state = state_of(core)
     master = state.channels[c].master
-    if state.zones[0] == 0 and state.zones[1] == 0:
-        return 0.0
-    if master == c and not (c == 0 and state.zones[0] > 0) and not (c == 15 and state.zones[1] > 0):
-        return 0.0
+    if master == c:
+        zoned = False
+        for zone in range(2):
+            zoned = zoned or (c == _manager_of(zone) and state.zones[zone] > 0)
+        if not zoned:
+            return 0.0
     value = state.channels[c].timbre - 64
     if master != c:
         value += state.channels[master].timbre - 64

@@ -89,6 +89,7 @@ STRING = np.dtype(
         ("direct_bus", "i8"),  # of the output rate; −1: that is its own rate
         ("direct", "i8"),  # where its outputs of a span at the output rate begin
         ("fade", "i8"),  # where what still fades begins
+        ("pressure_height", "f8"),  # obstacle raised by full pressure [m]
     ],
     align=True,
 )
@@ -123,7 +124,6 @@ PART = np.dtype(
         ("direct", "f8"),
         ("body_off", "i8"),
         ("body_n", "i8"),
-        ("pressure_height", "f8"),  # obstacle raised by full pressure [m]
         ("pressure_bend", "f8"),  # tension at full pressure [semitones]
     ],
     align=True,
@@ -290,8 +290,6 @@ N_COUNTERS = 9
 #: places in `meters`: largest output since reset; output level below which a string that no key holds is damped, 0: none is
 PEAK, SPARE = range(2)
 N_METERS = 2
-#: zones of MPE: the lower one has its master on channel 1, the upper one on 16
-LOWER, UPPER = range(2)
 
 
 class State(NamedTuple):
@@ -302,9 +300,10 @@ class State(NamedTuple):
     part_state: Annotated[np.ndarray, PART_STATE, 1]
     parameters: F8x2  # (parts, N_PARAMETERS)
     tuning: F8  # (128,) semitones of every key above Bank.pitch
-    zones: I8  # (2,) member channels of each MPE zone, 0: there is none
+    zones: I8  # (2,) members of each MPE zone (`zones`), 0: there is none
     q: F8
     v: F8
+    omega: F8  # of bent strings
     rows: F8
     matrix: F8
     lags: F8
@@ -373,7 +372,6 @@ class Scratch(NamedTuple):
 
     path: F8
     out: F8  # (2 · steps of a quantum,)
-    omega: F8
     sigma: F8
     amplitude: F8
     q: F8

@@ -22,7 +22,6 @@ from synth.engine.expression import MOST_RETUNING, belongs, pedal, timbre_of
 from synth.engine.layout import (
     AWAKE,
     CORE,
-    LOWER,
     MOST_AWAKE,
     N_NOTES,
     N_STOLEN,
@@ -31,15 +30,17 @@ from synth.engine.layout import (
     PRESS,
     RATIO,
     SQUARE,
-    UPPER,
 )
 from synth.engine.strings import damp, let_go, pluck
 from synth.engine.views import bank_of, settings_of, state_of
+from synth.engine.zones import CONFIGURATION, LOWER, MOST_MEMBERS, UPPER, manager_of, master_of, yielded
 
 #: widest pitch bend that can be asked for [semitones], and what members of an MPE zone and other channels begin with
 WIDEST_BEND, MEMBER_BEND, PLAIN_BEND = 96, 48.0, 2.0
 #: numbers of registered parameters: pitch bend sensitivity, MPE configuration, none
-RPN_BEND, RPN_ZONE, RPN_NONE = 0, 6, 0x3FFF
+RPN_BEND, RPN_ZONE, RPN_NONE = 0, CONFIGURATION, 0x3FFF
+
+_manager_of, _master_of, _yielded = njit(**CORE)(manager_of), njit(**CORE)(master_of), njit(**CORE)(yielded)
 
 
 @njit(**CORE)
@@ -300,14 +301,10 @@ def set_zone(core: int, zone: int, members: int) -> None:
     state = state_of(core)
     channels = state.channels
     state.zones[zone] = members
-    state.zones[1 - zone] = max(0, min(state.zones[1 - zone], 14 - members))
-    manager = 0 if zone == LOWER else channels.size - 1
+    state.zones[1 - zone] = _yielded(members, state.zones[1 - zone])
+    manager = _manager_of(zone)
     for c in range(channels.size):
-        master = c
-        if 0 < c <= state.zones[LOWER]:
-            master = 0
-        elif channels.size - 1 - state.zones[UPPER] <= c < channels.size - 1:
-            master = channels.size - 1
+        master = _master_of(c, state.zones[LOWER], state.zones[UPPER])
         if master == channels[c].master and master != manager:
             continue
         _sustain(core, c, 0)
@@ -376,8 +373,9 @@ def _control(core: int, c: int, controller: int, value: int) -> None:
     elif controller == 38 and channel.rpn == RPN_BEND:
         _bend_range(core, c, -1.0, min(value, 99))
     elif controller == 6 and channel.rpn == RPN_ZONE:
-        if c == 0 or c == state.channels.size - 1:
-            set_zone(core, LOWER if c == 0 else UPPER, min(value, 15))
+        for zone in range(2):
+            if c == _manager_of(zone):
+                set_zone(core, zone, min(value, MOST_MEMBERS))
     elif controller == 120:
         _silence(core, c)
     elif controller == 121:

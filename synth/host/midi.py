@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from synth.engine import zones
 from synth.engine.events import BEND, CONTROL, EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PRESSURE, PROGRAM
 from synth.host import sysex
 from synth.host.smf import MidiError, MidiFile, Track, read_file
@@ -33,9 +34,10 @@ class Song:
 
     events: EVENT array, `frame` counted from the song's start and ascending; channels are 0…15. Simultaneous
         events keep the file's order (tracks in order), but a note-off that ends an earlier note comes before
-        a note-on of the same key.
+        a note-on of the same key. This program's own takes keep theirs.
     rate_hz: frames per second of `frame`.  length_s: the song's end (end of track) in seconds.
-    channels: (channel, program) → number of notes, for those that have notes.  notes: their sum.
+    channels: (channel, program) → number of notes, for those that have notes; those of an MPE zone are its master's.
+    notes: their sum.
     keys: (channel, program) → the MIDI notes that occur.
     warnings: what was odd about the file, one line each.
     """
@@ -49,28 +51,32 @@ class Song:
     warnings: tuple[str, ...]
 
 
-def read_song(path: str | Path, rate_hz: int) -> Song:
+def read_song(path: str | Path, rate_hz: int, mpe: bool = False) -> Song:
     """Reads a Standard MIDI File (format 0, 1 or 2). Raises MidiError with one line naming the file, what is
     wrong, a remedy.
     """
-    return song_from_file(read_file(path), rate_hz)
+    return song_from_file(read_file(path), rate_hz, mpe)
 
 
-def song_from_file(file: MidiFile, rate_hz: int) -> Song:
-    """The song of a parsed file at `rate_hz`: seconds are rounded to the nearest frame."""
+def song_from_file(file: MidiFile, rate_hz: int, mpe: bool = False) -> Song:
+    """The song of a parsed file at `rate_hz`: seconds are rounded to the nearest frame. mpe: it begins with an MPE zone of
+    all channels."""
     sequences = [[track] for track in file.tracks] if file.format == 2 else [file.tracks]
     warnings = list(file.warnings)
     pieces: list[np.ndarray] = []
     seconds: list[np.ndarray] = []
     tally: dict[tuple[int, int], Counter[int]] = {}
     programs = [0] * 16
+    masters = _Zones(mpe)
     start_s = 0.0
     endless = 0
     for tracks in sequences:
         clock = _Clock(file, tracks, warnings)
         tick, events = _merge(tracks)
         end_s = _end_s(clock, tracks, tick, warnings)
-        order, still_on = _order_and_count(tick, events, programs, tally)
+        order, still_on = _order_and_count(tick, events, programs, masters, tally)
+        if any(track.take for track in tracks):
+            order = np.arange(len(events))
         time_s = np.minimum(clock.seconds(tick), end_s)[order]
         endless += len(still_on)
         offs = np.zeros(len(still_on), EVENT)
@@ -91,6 +97,29 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
     if len(events):
         events["frame"] = np.rint(np.concatenate(seconds) * rate_hz).astype(np.int64)
     return Song(events, rate_hz, start_s, channels, keys, notes, tuple(dict.fromkeys(warnings)))
+
+
+class _Zones:
+    """Which channels of a song are members of an MPE zone, whose notes are its master's."""
+
+    def __init__(self, mpe: bool) -> None:
+        self._members = [zones.MOST_MEMBERS if mpe else 0, 0]
+        self._numbers = [[0x7F, 0x7F] for _ in range(16)]  # controllers 101 and 100 of every channel
+
+    def master(self, channel: int) -> int:
+        return zones.master_of(channel, *self._members)
+
+    def control(self, channel: int, controller: int, value: int) -> None:
+        numbers = self._numbers[channel]
+        if controller in (100, 101):
+            numbers[101 - controller] = value
+        elif controller in (98, 99, 121):
+            numbers[:] = 0x7F, 0x7F
+        elif controller == 6 and numbers == [0, zones.CONFIGURATION]:
+            for zone in (zones.LOWER, zones.UPPER):
+                if channel == zones.manager_of(zone):
+                    self._members[zone] = min(value, zones.MOST_MEMBERS)
+                    self._members[1 - zone] = zones.yielded(self._members[zone], self._members[1 - zone])
 
 
 class _Clock:
@@ -182,7 +211,11 @@ def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[
 
 
 def _order_and_count(
-    tick: np.ndarray, events: np.ndarray, programs: list[int], tally: dict[tuple[int, int], Counter[int]]
+    tick: np.ndarray,
+    events: np.ndarray,
+    programs: list[int],
+    masters: _Zones,
+    tally: dict[tuple[int, int], Counter[int]],
 ) -> tuple[np.ndarray, list[tuple[int, int]]]:
     """Puts note-offs before note-ons at the same tick, counts notes by (channel, program), finds notes
     without an end.
@@ -190,7 +223,8 @@ def _order_and_count(
     A note-off at the tick of a note-on of its key ends the note that sounded before, if one did, and moves in
     front of that note-on: else a repeated note would be cut by the end of its forerunner. If none sounded
     before, it ends the new note, whose
-    length is zero: a pluck, which has to stay. `programs` (16) and `tally` ((channel, program) → notes) are updated.
+    length is zero: a pluck, which has to stay. `programs` (16), `masters` and `tally` ((channel, program) → notes) are
+    updated.
 
     Returns (order of the events, [(channel, note)] still on at the end).
     """
@@ -203,9 +237,10 @@ def _order_and_count(
         events["kind"].tolist(),
         events["channel"].tolist(),
         events["a"].tolist(),
+        events["b"].tolist(),
         strict=True,
     )
-    for place, (at, kind, channel, a) in enumerate(rows):
+    for place, (at, kind, channel, a, b) in enumerate(rows):
         if at != now_tick:
             for key, (count, _) in now.items():
                 if count:
@@ -213,7 +248,8 @@ def _order_and_count(
             now.clear()
             now_tick = at
         if kind == NOTE_ON:
-            tally.setdefault((channel, programs[channel]), Counter())[a] += 1
+            leader = masters.master(channel)
+            tally.setdefault((leader, programs[leader]), Counter())[a] += 1
             now.setdefault(channel << 7 | a, [0, place])[0] += 1
         elif kind == NOTE_OFF:
             key = channel << 7 | a
@@ -225,6 +261,8 @@ def _order_and_count(
                 now[key][0] -= 1
         elif kind == PROGRAM:
             programs[channel] = a
+        elif kind == CONTROL:
+            masters.control(channel, a, b)
     for key, (count, _) in now.items():
         if count:
             started[key] = started.get(key, 0) + count

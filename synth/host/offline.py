@@ -29,6 +29,8 @@ LIMIT_FADE_S = 1.0
 ALL_NOTES_OFF = 123
 
 Progress = Callable[[float, float], None]
+# Asked with rising frames, gives the events before each that it has not yet given (EVENT, absolute frames, ascending)
+EventSource = Callable[[int], np.ndarray]
 
 
 class EngineLike(Protocol):
@@ -93,7 +95,7 @@ class Rendering:
 
 def render(
     engine: EngineLike,
-    events: np.ndarray,
+    events: np.ndarray | EventSource,
     span: Span,
     rate_hz: int,
     sink: AudioSink,
@@ -105,27 +107,32 @@ def render(
     """Plays `events` (EVENT array, absolute frames, ascending) and writes the frames of `span`.
 
     The engine's latency is taken out. stem_sinks: one per part of the engine, or none.
+    events: or a source of them, which is asked block by block, for a span that ends at a given frame.
     progress: called with (seconds done, most seconds) after every block.
 
     Raises RuntimeError if the engine gives a number that is not finite.
     """
     began = time.perf_counter()
     latency = engine.latency_samples
-    events = _until(events, span)
-    starts_at = events["frame"]
+    last_release = None
+    if callable(events):
+        source = events
+    else:
+        events = _until(events, span)
+        last_release = _last_release(events, rate_hz)
+        source = _pieces(events)
     out = np.zeros((block, 2))
     stems = np.zeros((len(stem_sinks), block, 2)) if stem_sinks else None
     hard_stop = span.end + span.most_tail
     stop = hard_stop
     fade = _fade_out(span, rate_hz)
-    tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz), _last_release(events, rate_hz)) if span.automatic else None
+    tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz), last_release) if span.automatic else None
     peak = 0.0
     written = 0
     at = 0
     while at - latency < stop:
         frames = min(block, stop + latency - at)
-        first, behind = np.searchsorted(starts_at, (at, at + frames))
-        due = events[first:behind].copy()
+        due = source(at + frames)
         due["frame"] -= at
         heard = out[:frames]
         if stems is not None and frames != stems.shape[1]:
@@ -157,6 +164,18 @@ def render(
         if progress is not None:
             progress(max(0, at - latency) / rate_hz, stop / rate_hz)
     return Rendering(written, peak, time.perf_counter() - began)
+
+
+def _pieces(events: np.ndarray) -> EventSource:
+    """The events of an array, piece by piece, as copies."""
+    given = 0
+
+    def source(until: int) -> np.ndarray:
+        nonlocal given
+        first, given = given, int(np.searchsorted(events["frame"], until))
+        return events[first:given].copy()
+
+    return source
 
 
 def _until(events: np.ndarray, span: Span) -> np.ndarray:

@@ -14,7 +14,6 @@ Everything here is without the F0 before and the F7 behind a message.
 
 from __future__ import annotations
 
-import math
 import struct
 
 from synth.engine.events import PARAMETER, TUNING
@@ -67,10 +66,9 @@ def of_tuning(key: int, value: float, at_once: bool) -> bytes:
     """The message of a TUNING event: the standard's single note change where that says it exactly, else our own."""
     if not 0 <= key < 128:
         raise ValueError(f"a key must lie between 0 and 127, got {key}")
-    steps = value * _FINE
-    # 7F 7F 7F stands for no change
-    if math.isfinite(value) and steps == int(steps) and 0 <= steps < 128 * _FINE - 1:
-        pitch = divmod(int(steps), _FINE)
+    # 7F 7F 7F, the last of all pitches, stands for no change
+    if 0.0 <= value < 128.0 - 1.0 / _FINE and (value * _FINE).is_integer():
+        pitch = divmod(int(value * _FINE), _FINE)
         change = (1, key, pitch[0], pitch[1] >> 7, pitch[1] & 0x7F)
         if at_once:
             return bytes((REAL_TIME, ALL_DEVICES, TUNING_STANDARD, NOTE_CHANGE, 0, *change))

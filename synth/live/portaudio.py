@@ -138,6 +138,20 @@ class PortAudioOutput:
         atexit.unregister(_library()._exit_handler)
 
 
+def check_output(device: str | int | None, rate_hz: float) -> str:
+    """The name of the output that is meant. Raises DeviceError where there is none or it refuses the rate."""
+    sd = _library()
+    found = find_device(device)
+    name = f"{found['name']} ({found['host_api']})"
+    channels = min(2, found["channels"])
+    try:
+        with _silence():
+            sd.check_output_settings(device=found["index"], channels=channels, dtype="float32", samplerate=rate_hz)
+    except sd.PortAudioError as error:
+        raise DeviceError(_refusal(sd, found, name, channels, rate_hz, error)) from None
+    return name
+
+
 def open_output(
     deck: Deck, device: str | int | None, rate_hz: float, block: int, latency: str | float = "low"
 ) -> PortAudioOutput:

@@ -20,7 +20,7 @@ from synth.engine.events import (
     decode,
 )
 from synth.host import sysex
-from synth.host.midi import Song, _merge, song_from_file
+from synth.host.midi import Song, _merge, _Zones, song_from_file
 from synth.host.smf import Track, parse
 
 from .midibytes import header, off, on, tempo, track
@@ -259,3 +259,45 @@ def test_pressure_and_exclusive_messages_come_in_their_order() -> None:
         (24000, NOTE_OFF, 0, 60, 64, 0.0),
         (24000, NOTE_OFF, 0, 61, 64, 0.0),
     ]
+
+
+def control(channel: int, controller: int, value: int) -> tuple[int, bytes]:
+    return 0, bytes((0xB0 | channel, controller, value))
+
+
+def test_notes_of_a_zone_are_its_masters() -> None:
+    notes = [(0, on(60, channel=3)), (480, off(60, channel=3)), (0, on(62, channel=9)), (480, off(62, channel=9))]
+    data = header() + track((0, b"\xc0\x05"), (0, b"\xc3\x07"), *notes)
+    assert song(data).channels == {(3, 7): 1, (9, 0): 1}
+    by_option = song_from_file(parse(data), RATE_HZ, mpe=True)
+    assert by_option.channels == {(0, 5): 2}
+    assert by_option.keys == {(0, 5): {60, 62}}
+    zone = [control(0, 101, 0), control(0, 100, 6), control(0, 6, 4)]
+    by_message = song(header() + track(*zone, (0, b"\xc0\x05"), (0, b"\xc3\x07"), *notes))
+    assert by_message.channels == {(0, 5): 1, (9, 0): 1}
+    assert {int(e["channel"]) for e in by_message.events if e["kind"] == NOTE_ON} == {3, 9}
+
+
+def test_zones_are_the_engines() -> None:
+    from synth.engine.engine import Engine
+    from synth.engine.events import make_events
+    from synth.preset import load_preset
+
+    engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{43}])
+    engine.prepare(44100.0, 64)
+    zones = _Zones(False)
+    rng = np.random.default_rng(4)
+    seen = set()
+    for _ in range(300):
+        channel = int(rng.choice([0, 15, 3]))
+        number, value = int(rng.choice([98, 121])), int(rng.integers(17))
+        messages = [(101, 0), (100, int(rng.choice([0, 6, 6]))), (6, value)]
+        if rng.integers(4) == 0:
+            messages.insert(int(rng.integers(3)), (number, 0))
+        for a, b in messages:
+            zones.control(channel, a, b)
+        engine.process(make_events([(0, CONTROL, channel, a, b) for a, b in messages]), np.zeros((64, 2)))
+        masters = [zones.master(c) for c in range(16)]
+        assert engine._state.channels["master"].tolist() == masters
+        seen.add(tuple(masters))
+    assert len(seen) > 20
