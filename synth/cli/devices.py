@@ -31,7 +31,7 @@ def _look() -> dict[str, Any]:
     """outputs: as portaudio.devices; midi_inputs: names in the order of their numbers; jack: the server, or None; the
     reasons why there is nothing.
     """
-    from synth.live import jackclient, midiports, portaudio
+    from synth.live import jackserver, midiports, portaudio
     from synth.live.errors import DeviceError
 
     found: dict[str, Any] = {"outputs": [], "outputs_missing": None, "midi_system": None, "midi_inputs": []}
@@ -44,7 +44,7 @@ def _look() -> dict[str, Any]:
     found["midi_missing"] = why_none or None
     found["midi_inputs"] = midiports.port_names()
     try:
-        found["jack"] = {"rate_hz": jackclient.server_rate()}
+        found["jack"] = {"rate_hz": jackserver.server_rate()}
     except DeviceError as reason:
         found["jack"] = None
         found["jack_missing"] = str(reason)

@@ -226,9 +226,9 @@ class Session:
         """The output's name, and self.rate_hz: what can be known of it before a minute is spent on preparations."""
         settings = self._settings
         if settings.jack is not None:
-            from synth.live import jackclient
+            from synth.live import jackserver
 
-            server_hz = jackclient.server_rate()
+            server_hz = jackserver.server_rate()
             self.rate_hz = settings.rate_hz or server_hz
             if self.rate_hz != server_hz:
                 raise DeviceError(f"the JACK server runs at {server_hz} Hz, got --rate {self.rate_hz}: leave --rate out")

@@ -469,7 +469,7 @@ def test_none_of_a_flood_is_lost_and_memory_does_not_grow(keys: Keys, listen) ->
 
 
 def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_server, monkeypatch) -> None:
-    first = jack_server(fresh=True)
+    first = jack_server()
     monkeypatch.setenv("JACK_DEFAULT_SERVER", first.name)
     monkeypatch.setenv("JACK_NO_START_SERVER", "1")
     sender = Keys(first)
@@ -486,7 +486,7 @@ def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_serv
         assert said[-1] == "the JACK server has ended; MIDI waits for it to come back"
         assert kept.plain()[1:] == [(NOTE_OFF, 0, 60, 64)]
         inputs.poll()
-        second = jack_server(fresh=True)
+        second = jack_server()
         monkeypatch.setenv("JACK_DEFAULT_SERVER", second.name)
         sender = Keys(second)
         sender("open", "keys")
