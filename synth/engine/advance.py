@@ -34,8 +34,6 @@ from synth.engine.layout import (
     CHECK_EVERY,
     CORE,
     FIRST_QUANTUM,
-    FRAME,
-    FRAMES,
     NO_FINGER,
     QUANTA,
     QUANTUM,
@@ -43,6 +41,7 @@ from synth.engine.layout import (
     STEP,
     STRETCH,
     TASK,
+    UNTIL,
 )
 from synth.engine.output import collect
 from synth.engine.strings import damp, finger_done, sleep
@@ -70,7 +69,9 @@ def _work_on(core: int, desk: int, s: int, _: int) -> None:
     if kind == BEGIN:
         _begin_quantum(core, desk, s, 0)
     elif kind == STRETCH:
-        _advance_string(core, desk, s, task[FRAME], task[FRAMES])
+        me = state_of(core).sounding[s]
+        _advance_string(core, desk, s, me.reached, task[UNTIL] - me.reached)
+        me.reached = task[UNTIL]
     else:
         for k in range(task[QUANTA]):
             _begin_quantum(core, desk, s, k)

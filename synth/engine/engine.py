@@ -210,7 +210,7 @@ class Engine:
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
         if self.mpe:
-            set_zone(self._core.ctypes.data, LOWER, MOST_MEMBERS)
+            set_zone(self._core.ctypes.data, self._desk.ctypes.data, LOWER, MOST_MEMBERS)
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""

@@ -210,6 +210,7 @@ SOUNDING = np.dtype(
         ("direct_to", "i8"),
         ("row_from", "i8"),  # steps of the span that its row holds: of a string that woke or fell asleep not all
         ("row_to", "i8"),
+        ("reached", "i8"),  # frames of a quantum with events that it has gone through
         ("mode_steps", "i8"),  # work done
         ("unsolved", "i8"),  # calls in which a contact problem was not solved
         ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
@@ -345,10 +346,10 @@ class State(NamedTuple):
 
 #: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
 WHOLE, BEGIN, STRETCH = range(3)
-#: places in Shared.task: one of these; number of the span's first quantum; quanta; first frame and frames of a stretch;
-#: addresses of what does it, `advance.entries`
-TASK, FIRST_QUANTUM, QUANTA, FRAME, FRAMES, WORK_ON, STEP = range(7)
-N_TASK = 7
+#: places in Shared.task: one of these; number of the span's first quantum; quanta; frame of the quantum up to which a
+#: stretch goes; addresses of what does it, `advance.entries`
+TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP = range(6)
+N_TASK = 6
 
 
 class Shared(NamedTuple):

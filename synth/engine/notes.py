@@ -30,9 +30,11 @@ from synth.engine.layout import (
     PRESS,
     RATIO,
     SQUARE,
+    UNTIL,
+    WORK_ON,
 )
 from synth.engine.strings import damp, let_go, pluck
-from synth.engine.views import bank_of, settings_of, state_of
+from synth.engine.views import bank_of, call_back, settings_of, shared_of, state_of
 from synth.engine.zones import CONFIGURATION, LOWER, MOST_MEMBERS, UPPER, manager_of, master_of, yielded
 
 #: widest pitch bend that can be asked for [semitones], and what members of an MPE zone and other channels begin with
@@ -44,11 +46,13 @@ _manager_of, _master_of, _yielded = njit(**CORE)(manager_of), njit(**CORE)(maste
 
 
 @njit(**CORE)
-def touches(event) -> bool:
-    """Whether an event may touch a string at its very frame: notes, pedal, silence, a zone that begins or ends."""
-    if event.kind == CONTROL:
-        return event.a == 64 or event.a == 6 or event.a >= 120
-    return event.kind == NOTE_ON or event.kind == NOTE_OFF
+def catch_up(core: int, desk: int, s: int) -> None:
+    """Let a string that is about to be touched go on to the frame of the event."""
+    shared = shared_of(core)
+    me = state_of(core).sounding[s]
+    if me.awake and me.reached < shared.task[UNTIL]:
+        call_back(shared.task[WORK_ON], core, desk, s, 0)
+    me.reached = shared.task[UNTIL]
 
 
 @njit(**CORE)
@@ -68,9 +72,9 @@ def handle(core: int, desk: int, event) -> None:
     if kind == NOTE_ON and event.b > 0:
         _note_on(core, desk, c, event.a, event.b)
     elif kind == NOTE_OFF or kind == NOTE_ON:
-        _note_off(core, c, event.a)
+        _note_off(core, desk, c, event.a)
     elif kind == CONTROL:
-        _control(core, c, event.a, event.b)
+        _control(core, desk, c, event.a, event.b)
     elif kind == BEND:
         state.channels[c].bend_raw = max(-1.0, min(1.0, event.a / 8192.0))
     elif kind == PROGRAM:
@@ -132,8 +136,9 @@ def _note_on(core: int, desk: int, c: int, note: int, velocity: int) -> None:
     position = bank.positions[chosen]
     s = position.string
     me = state.sounding[s]
+    catch_up(core, desk, s)
     if not me.awake or me.stolen:
-        _make_room(core)
+        _make_room(core, desk)
     if not me.awake:
         state.counters[AWAKE] += 1
         state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
@@ -190,7 +195,7 @@ def _choose_position(core: int, p: int, c: int, note: int) -> int:
 
 
 @njit(**CORE)
-def _make_room(core: int) -> None:
+def _make_room(core: int, desk: int) -> None:
     """Where as many strings sound as are allowed, the quietest is cut."""
     bank, state, settings = bank_of(core), state_of(core), settings_of(core)
     sounding = 0
@@ -206,6 +211,7 @@ def _make_room(core: int) -> None:
             if me.level < other.level or (me.level == other.level and me.plucked_at < other.plucked_at):
                 quietest = s
     if sounding >= settings.polyphony and quietest >= 0:
+        catch_up(core, desk, quietest)
         state.sounding[quietest].stolen = 1
         state.sounding[quietest].held = 0
         state.sounding[quietest].sustained = 0
@@ -215,18 +221,19 @@ def _make_room(core: int) -> None:
 
 
 @njit(**CORE)
-def _note_off(core: int, c: int, note: int) -> None:
+def _note_off(core: int, desk: int, c: int, note: int) -> None:
     bank, state = bank_of(core), state_of(core)
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if me.held and me.channel == c and me.note == note:
             me.held = 0
             me.sustained = pedal(core, c)
+            catch_up(core, desk, s)
             let_go(core, s)
 
 
 @njit(**CORE)
-def _release_all(core: int, c: int) -> None:
+def _release_all(core: int, desk: int, c: int) -> None:
     bank, state = bank_of(core), state_of(core)
     for s in range(bank.strings.size):
         me = state.sounding[s]
@@ -234,11 +241,12 @@ def _release_all(core: int, c: int) -> None:
             if me.held:
                 me.sustained = pedal(core, me.channel)
             me.held = 0
+            catch_up(core, desk, s)
             let_go(core, s)
 
 
 @njit(**CORE)
-def _sustain(core: int, c: int, value: int) -> None:
+def _sustain(core: int, desk: int, c: int, value: int) -> None:
     bank, state = bank_of(core), state_of(core)
     state.channels[c].sustain = 1 if value >= 64 else 0
     if value < 64:
@@ -246,16 +254,18 @@ def _sustain(core: int, c: int, value: int) -> None:
             me = state.sounding[s]
             if me.sustained and belongs(core, me.channel, c) and not pedal(core, me.channel):
                 me.sustained = 0
+                catch_up(core, desk, s)
                 let_go(core, s)
 
 
 @njit(**CORE)
-def _silence(core: int, c: int) -> None:
+def _silence(core: int, desk: int, c: int) -> None:
     """All sound off: cut short what the channel, or its zone, sounds."""
     bank, state = bank_of(core), state_of(core)
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if me.awake and belongs(core, me.channel, c):
+            catch_up(core, desk, s)
             me.held = 0
             me.sustained = 0
             me.phase = 0
@@ -263,7 +273,7 @@ def _silence(core: int, c: int) -> None:
 
 
 @njit(**CORE)
-def _reset_controllers(core: int, c: int) -> None:
+def _reset_controllers(core: int, desk: int, c: int) -> None:
     """Of a channel, or of a whole zone by its master, as the recommended practice RP-015 has it: levels, pan, program and
     sound controllers stay."""
     bank, state = bank_of(core), state_of(core)
@@ -275,7 +285,7 @@ def _reset_controllers(core: int, c: int) -> None:
             channel.rpn = RPN_NONE
             channel.bend_raw = 0.0
             channel.pressure = 0.0
-            _sustain(core, k, 0)
+            _sustain(core, desk, k, 0)
     for s in range(bank.strings.size):
         if belongs(core, state.sounding[s].channel, c):
             state.sounding[s].key_pressure = 0.0
@@ -296,7 +306,7 @@ def _bend_range(core: int, c: int, semitones: float, cents: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def set_zone(core: int, zone: int, members: int) -> None:
+def set_zone(core: int, desk: int, zone: int, members: int) -> None:
     """Begin, change or end an MPE zone, LOWER or UPPER; the other one yields. Its channels begin anew."""
     state = state_of(core)
     channels = state.channels
@@ -307,11 +317,12 @@ def set_zone(core: int, zone: int, members: int) -> None:
         master = _master_of(c, state.zones[LOWER], state.zones[UPPER])
         if master == channels[c].master and master != manager:
             continue
-        _sustain(core, c, 0)
+        _sustain(core, desk, c, 0)
         for s in range(state.sounding.size):
             if state.sounding[s].channel == c:
                 state.sounding[s].held = 0
                 state.sounding[s].sustained = 0
+                catch_up(core, desk, s)
                 let_go(core, s)
         channels[c].bend_range = PLAIN_BEND if master == c else MEMBER_BEND
         channels[c].bend_raw = 0.0
@@ -340,7 +351,7 @@ def _bound(core: int, c: int, first: int, end: int, value: int) -> None:
 
 
 @njit(**CORE)
-def _control(core: int, c: int, controller: int, value: int) -> None:
+def _control(core: int, desk: int, c: int, controller: int, value: int) -> None:
     bank, state = bank_of(core), state_of(core)
     channel = state.channels[c]
     value = min(max(value, 0), 127)
@@ -357,7 +368,7 @@ def _control(core: int, c: int, controller: int, value: int) -> None:
         channel.pan = max(-1.0, (value - 64) / 63.0)
         _claim(core, c)
     elif controller == 64:
-        _sustain(core, c, value)
+        _sustain(core, desk, c, value)
     elif controller == 68:
         channel.legato = 1 if value >= 64 else 0
     elif controller == 74:
@@ -375,13 +386,13 @@ def _control(core: int, c: int, controller: int, value: int) -> None:
     elif controller == 6 and channel.rpn == RPN_ZONE:
         for zone in range(2):
             if c == _manager_of(zone):
-                set_zone(core, zone, min(value, MOST_MEMBERS))
+                set_zone(core, desk, zone, min(value, MOST_MEMBERS))
     elif controller == 120:
-        _silence(core, c)
+        _silence(core, desk, c)
     elif controller == 121:
-        _reset_controllers(core, c)
+        _reset_controllers(core, desk, c)
     elif controller >= 123:
-        _release_all(core, c)
+        _release_all(core, desk, c)
 
 
 @njit(**CORE)

@@ -1,10 +1,10 @@
 """The native core: everything between an event and a sample, without the interpreter, locks or allocation.
 
-Time counts from the start of the stream in frames of the output. Strings advance in quanta of QUANTUM frames, cut at
-the frames of events and nowhere else, so that the host's block size changes nothing. A quantum is computed when all of
-its events are known, which costs QUANTUM frames of latency. Quanta without an event inside are worked off several at a
-time, as a span: string by string, each through the whole span, and then the mix. What is decided once per quantum is
-decided at the same quanta whatever the span.
+Time counts from the start of the stream in frames of the output. Strings advance in quanta of QUANTUM frames, each cut
+at the frames of the events that touch it and nowhere else, so that the host's block size changes nothing. A quantum is
+computed when all of its events are known, which costs QUANTUM frames of latency. Quanta without an event inside are worked
+off several at a time, as a span: string by string, each through the whole span, and then the mix. What is decided once per
+quantum is decided at the same quanta whatever the span.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from synth.engine.layout import (
     BEGIN,
     CORE,
     FIRST_QUANTUM,
-    FRAME,
-    FRAMES,
     HEIGHT,
     N_DROPPED,
     NO_FINGER,
@@ -33,10 +31,11 @@ from synth.engine.layout import (
     RING,
     STRETCH,
     TASK,
+    UNTIL,
     WHOLE,
 )
 from synth.engine.mix import mix_span
-from synth.engine.notes import handle, touches
+from synth.engine.notes import handle
 from synth.engine.team import rouse, share_out
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
@@ -160,36 +159,24 @@ def _run_strings(core: int, desk: int, frames: int) -> None:
 
 @njit(**CORE)
 def _quantum_with_events(core: int, desk: int, start: int) -> None:
-    """One quantum, cut at the frames of those of its events that touch strings. What the others set is looked at when a
-    string is touched, or at the start of a quantum: they wait for the next cut, in their order."""
+    """One quantum with its events. A string goes on to an event's frame if the event touches it (`notes.catch_up`), and
+    at last all go to the quantum's end."""
     state, shared = state_of(core), shared_of(core)
     shared.task[TASK] = BEGIN
     _run_strings(core, desk, 1)
     awake = 0
     for s in range(state.sounding.size):
         awake += state.sounding[s].awake
+        state.sounding[s].reached = 0
     state.counters[AWAKE] = awake
+    shared.task[TASK], shared.task[UNTIL] = STRETCH, 0
     taken = 0
-    frame = 0
-    shared.task[TASK] = STRETCH
-    while frame < QUANTUM:
-        while taken < state.counters[PENDING] and state.pending[taken].frame <= start + frame:
-            handle(core, desk, state.pending[taken])
-            taken += 1
-        until = QUANTUM
-        for i in range(taken, state.counters[PENDING]):
-            if state.pending[i].frame >= start + QUANTUM:
-                break
-            if touches(state.pending[i]):
-                until = state.pending[i].frame - start
-                break
-        shared.task[FRAME] = frame
-        shared.task[FRAMES] = until - frame
-        _run_strings(core, desk, until - frame)
-        frame = until
     while taken < state.counters[PENDING] and state.pending[taken].frame < start + QUANTUM:
+        shared.task[UNTIL] = max(shared.task[UNTIL], state.pending[taken].frame - start)
         handle(core, desk, state.pending[taken])
         taken += 1
+    shared.task[UNTIL] = QUANTUM
+    _run_strings(core, desk, QUANTUM)
     left = state.counters[PENDING] - taken
     for i in range(left):
         _copy_event(state.pending[i + taken], state.pending[i])
