@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -490,7 +491,7 @@ class Session:
         while not self._left_behind and time.monotonic() < deadline and not stop.wait(0.5):
             refused: list[str] = []
             # Looking for devices may wait for the dead one, too.
-            if not self._answers(lambda refused=refused: self._reopen(refused)):
+            if not self._answers(partial(self._reopen, refused)):
                 self._left_behind = True
                 break
             if refused:

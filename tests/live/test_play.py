@@ -20,8 +20,8 @@ import pytest
 import soundfile
 
 from synth import cli
-
 from tests.host.midibytes import header, track
+
 from .jackkit import JackServer
 
 ROOT = Path(__file__).resolve().parents[2]
