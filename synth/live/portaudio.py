@@ -138,6 +138,11 @@ class PortAudioOutput:
         atexit.unregister(_library()._exit_handler)
 
 
+def abandoned() -> bool:
+    """Whether a stream had to be left as it was: PortAudio then cannot look for devices any more, it would wait for ever."""
+    return bool(_ABANDONED)
+
+
 def check_output(device: str | int | None, rate_hz: float) -> str:
     """The name of the output that is meant. Raises DeviceError where there is none or it refuses the rate."""
     sd = _library()

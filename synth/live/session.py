@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -477,22 +478,42 @@ class Session:
         """Tries to open the output again; whether it sounds."""
         name = self._output.name
         kept = "; the recording is kept" if self._settings.record is not None else ""
-        self._line.say(f"{name}: the audio output has gone{kept}; trying for {RETRY_S:g} s to open it again")
+        self._line.say(f"{name}: the audio output has gone{kept}")
         self._close_output()
+        if self._settings.jack is None:
+            from synth.live import portaudio
+
+            if portaudio.abandoned():
+                self._line.say(
+                    f"{name}: the audio output has not come back: PortAudio cannot leave it; start synth play anew"
+                )
+                return False
         reason = "it does not answer"
         deadline = time.monotonic() + RETRY_S
         # Never two outputs on one deck: one that does not close may come back.
         while not self._left_behind and time.monotonic() < deadline and not stop.wait(0.5):
-            try:
-                self._output = self._open_output()
-                self._output.start()
-            except DeviceError as error:
-                reason = str(error)
+            refused: list[str] = []
+            # Looking for devices may wait for the dead one, too.
+            if not self._answers(partial(self._reopen, refused)):
+                self._left_behind = True
+                break
+            if refused:
+                reason = refused[0]
                 continue
             self._line.say(f"{name}: the audio output is back")
             return True
         self._line.say(f"{name}: the audio output has not come back: {reason}")
         return False
+
+    def _reopen(self, refused: list[str]) -> None:
+        """Opens the output again; `refused` gets the reason if that fails."""
+        try:
+            output = self._open_output()
+            output.start()
+        except DeviceError as error:
+            refused.append(str(error))
+            return
+        self._output = output
 
     def _make_report(self) -> LiveReport:
         meters, told, settings = self.deck.meters(), self.engine.report(), self._settings
