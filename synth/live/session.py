@@ -63,7 +63,7 @@ class SessionSettings:
 
     preset, channel_presets, settings, tuning, keyboard, bindings, mpe: as in RenderSettings.
     made: presets that the program has made, by the names that stand for them in `preset`.
-    song: MIDI file to play.  sources: (source of events, frame of its end or None) to play besides.
+    song: MIDI file to play.
     device: name or number of an output; None: the default.  jack: name of the client if JACK itself is the output.
     rate_hz: None: the JACK server's, else 44100.
     latency: 'low', 'high' or seconds.  ahead: blocks that a thread keeps ready.
@@ -211,7 +211,14 @@ class Session:
             from synth.live.recorder import Recorder
 
             stack.enter_context(
-                Recorder(self.deck, wav=self.files[0], mid=self.files[1], rate_hz=self.rate_hz, bit_depth=settings.bit_depth)
+                Recorder(
+                    self.deck,
+                    wav=self.files[0],
+                    mid=self.files[1],
+                    rate_hz=self.rate_hz,
+                    bit_depth=settings.bit_depth,
+                    say=self._line.say,
+                )
             )
         if song is not None:
             events = parts.played_events(song.events, casting)

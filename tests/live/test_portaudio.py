@@ -18,7 +18,8 @@ from .deckkit import offline
 from .jackkit import Capture, JackServer
 
 PORTS = ("PortAudio:out_0", "PortAudio:out_1")
-SECONDS = 1.5
+SECONDS = 2.0
+LEAD = 22050
 #: a machine that stalls loses blocks whatever we do: then once more
 ATTEMPTS = 4
 
@@ -33,14 +34,15 @@ def engine() -> Engine:
 def _rows() -> list[list[int]]:
     rng = np.random.default_rng(7)
     rows: list[list[int]] = []
-    for frame in np.sort(rng.integers(0, int(44100 * (SECONDS - 0.5)), 40)):
+    for frame in np.sort(rng.integers(0, int(44100 * (SECONDS - 1.0)), 40)):
         note = int(rng.choice([36, 43, 48]))
         kind = int(rng.choice([NOTE_ON, NOTE_ON, NOTE_OFF, CONTROL]))
         a, b = (
             (int(rng.choice([10, 11, 64])), int(rng.integers(128))) if kind == CONTROL else (note, int(rng.integers(1, 128)))
         )
         rows.append([int(frame), kind, 0, a, b])
-    return [[0, NOTE_ON, 0, 48, 100], *rows]
+    # silence first: the recorder finds the ports when the stream has started
+    return [[LEAD, NOTE_ON, 0, 48, 100], *([LEAD + frame, *rest] for frame, *rest in rows)]
 
 
 def _play(server: JackServer, folder: Path, block: int, **job) -> tuple[np.ndarray, dict, bool]:
