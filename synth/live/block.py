@@ -17,7 +17,7 @@ from synth.engine.layout import CORE, SPARE
 from synth.engine.process import process
 from synth.engine.views import state_of
 from synth.live import desk as d
-from synth.live.desk import copy_event, desk_of
+from synth.live.desk import copy_event, desk_of, stems_of
 from synth.live.native import monotonic_ns, thread_ns
 
 #: bandwidth of the loop that smooths the callbacks' times [Hz]
@@ -85,7 +85,7 @@ def render_block(address: int, given: int, frames: int) -> None:
     count = _gather(address, given, start, frames)
     events = desk.block[:count]
     mix = desk.mix[:frames]
-    process(desk.core, desk.desk, events, mix, desk.stems[:, :frames])
+    process(desk.core, desk.desk, events, mix, stems_of(address, frames))
     for i in range(count):
         if events[i].kind == NOTE_ON and events[i].b > 0:
             words[d.NOTE], words[d.VELOCITY], words[d.CHANNEL] = events[i].a, events[i].b, events[i].channel

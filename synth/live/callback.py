@@ -81,7 +81,7 @@ def _copy_ready(address: int, out) -> None:
     store(words, d.AHEAD_TAKEN, at + there)
 
 
-@njit("void(int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def render_ahead(address: int) -> None:
     """Keep Desk.ahead_frames of sound ready until Desk.words[ENDING]."""
     desk = desk_of(address)

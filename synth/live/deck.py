@@ -94,6 +94,8 @@ class Deck:
         self._events_lost = 0
         self._blocks_seen = 0
         self._thread: threading.Thread | None = None
+        if ahead:
+            render_ahead.compile("void(int64)")
         self._warm_up()
         self._desk, self._table = d.new_desk(
             *engine.addresses,
@@ -134,7 +136,7 @@ class Deck:
     @property
     def stems(self) -> bool:
         """Whether every part is rendered by itself as well."""
-        return self._desk.stems.shape[0] > 0
+        return self._desk.parts > 0
 
     def set_device_latency(self, seconds: float) -> None:
         """What a device says of its own latency, for `meters`, where its callback does not."""

@@ -14,7 +14,7 @@ from numba import njit
 from synth.engine.atomics import load, store
 from synth.engine.bank import aligned
 from synth.engine.events import EVENT
-from synth.engine.layout import CORE, F8, FIELDS, I8, LINE_F8, F8x2, F8x3, fields
+from synth.engine.layout import CORE, F8, FIELDS, I8, LINE_F8, F8x2, fields
 from synth.engine.views import opener, table
 
 #: events that can wait at a time, in each ring
@@ -82,6 +82,7 @@ class Desk(NamedTuple):
     desk: int
     rate_hz: float
     channels: int  # of the device
+    parts: int  # whose stems are wanted, or 0
     origin_ns: int  # where this clock begins
     ahead_frames: int  # of sound that a thread keeps ready; 0: there is none
     ahead_block: int  # frames that it renders at a time
@@ -94,7 +95,7 @@ class Desk(NamedTuple):
     given: Annotated[np.ndarray, EVENT, 1]  # what the device itself brings with a block; `frame` counts from its start
     block: Annotated[np.ndarray, EVENT, 1]
     mix: F8x2  # (MOST_FRAMES, 2)
-    stems: F8x3  # (parts or 0, MOST_FRAMES, 2)
+    stems: F8  # see `stems_of`
     tape: F8x2  # (TAPE, 2)
     ready: F8x2  # sound rendered ahead
 
@@ -128,6 +129,7 @@ def new_desk(
         desk,
         rate_hz,
         channels,
+        parts,
         origin_ns,
         ahead_frames,
         ahead_block,
@@ -140,7 +142,7 @@ def new_desk(
         aligned(BLOCK_EVENTS, EVENT),
         aligned(BLOCK_EVENTS, EVENT),
         aligned((MOST_FRAMES, 2)),
-        aligned((parts, MOST_FRAMES, 2)),
+        aligned(parts * MOST_FRAMES * 2),
         aligned((TAPE if recording else 1, 2)),
         aligned((ready, 2)),
     )
@@ -155,6 +157,13 @@ def copy_event(event, to) -> None:
     to.a = event.a
     to.b = event.b
     to.value = event.value
+
+
+@njit(**CORE)
+def stems_of(address: int, frames: int):
+    """(parts or 0, frames, 2): every part by itself in a block of so many frames."""
+    desk = desk_of(address)
+    return desk.stems[: desk.parts * frames * 2].reshape((desk.parts, frames, 2))
 
 
 @njit("boolean(int64, int64, int64, int64, int64, int64, float64)", cache=True, nogil=True)

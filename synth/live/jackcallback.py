@@ -20,7 +20,7 @@ from synth.engine.layout import CORE, FIELDS, I8, LINE_F8, U1, I8x2, fields
 from synth.engine.views import opener, table
 from synth.live import desk as d
 from synth.live.block import render_block, tick
-from synth.live.desk import desk_of
+from synth.live.desk import desk_of, stems_of
 from synth.live.native import monotonic_ns, pointer
 
 #: bytes of system-exclusive messages that can wait, each with LENGTH bytes that tell how many it has
@@ -139,7 +139,7 @@ def _process(count: int, address: int) -> int:
         until = min(frames, done + d.MOST_FRAMES)
         taken, given = _give(address, notes, messages, taken, done, until)
         render_block(jack.deck, given, until - done)
-        mix, stems = desk_of(jack.deck).mix, desk_of(jack.deck).stems
+        mix, stems = desk_of(jack.deck).mix, stems_of(jack.deck, until - done)
         for i in range(until - done):
             left[done + i] = np.float32(mix[i, 0])
             right[done + i] = np.float32(mix[i, 1])

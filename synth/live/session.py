@@ -10,6 +10,7 @@ Whatever happens in between, what was recorded is a valid file afterwards, and t
 from __future__ import annotations
 
 import gc
+import math
 import threading
 import time
 from collections import deque
@@ -54,6 +55,8 @@ PATIENCE_S = 3.0
 QUIET_DBFS = -80.0
 QUIET_FOR_S = 0.5
 LONGEST_TAIL_S = 60.0
+#: loads that are told apart, in thousandths of a block; the last stands for all above
+LOAD_BINS = 4001
 SUSTAIN, EXPRESSION, ALL_SOUND_OFF, ALL_NOTES_OFF = 64, 11, 120, 123
 
 
@@ -146,7 +149,8 @@ class Session:
         self._stack = ExitStack()
         self._players: list[Player] = []
         self._inputs: Any = None
-        self._loads: list[float] = []
+        self._loads = np.zeros(LOAD_BINS, np.int64)
+        self._sparing = False
         self._worst = 0.0
         self._recent: deque[float] = deque(maxlen=10)
         self._loud_at = 0
@@ -439,7 +443,8 @@ class Session:
     def _look(self) -> Meters:
         """Reads the meters and shows them."""
         meters = self.deck.meters()
-        self._loads.append(meters.load_median)
+        self._loads[min(int(meters.load_median * 1000.0), LOAD_BINS - 1)] += 1
+        self._say_sparing(meters.spare_db > -math.inf)
         self._recent.append(meters.load_worst)
         self._worst = max(self._worst, meters.load_worst)
         if meters.peak >= db_to_gain(QUIET_DBFS):
@@ -459,6 +464,16 @@ class Session:
             )
         )
         return meters
+
+    def _say_sparing(self, sparing: bool) -> None:
+        if sparing == self._sparing:
+            return
+        self._sparing = sparing
+        if not sparing:
+            self._line.say("the load is bearable again: all strings ring as long as they do")
+            return
+        kept = "; a take rendered again will have all of them" if self._settings.record is not None else ""
+        self._line.say(f"the load is high: the faintest strings that nobody holds are let die away{kept}")
 
     def _fade(self, stop: Stop) -> None:
         """Lets go of all notes and turns the expression down, both as events, so that a recorded take has them, too."""
@@ -547,7 +562,7 @@ class Session:
             xruns=meters.xruns,
             late_ours=meters.late_ours,
             late_machine=meters.late_others,
-            load_median=float(np.median(self._loads)) if self._loads else 0.0,
+            load_median=int(np.searchsorted(np.cumsum(self._loads), 0.5 * self._loads.sum())) / 1000.0,
             load_worst=max(self._worst, meters.load_worst),
             events=meters.events,
             events_lost=meters.events_lost,

@@ -148,7 +148,7 @@ def test_a_second_signal_ends_at_once_with_a_valid_take(playing, tmp_path) -> No
 
 @pytest.mark.parametrize("how", [[], ["--jack", "instrument"]], ids=["portaudio", "jack"])
 def test_a_server_that_dies_leaves_the_take_and_exit_1(playing, jack_server, tmp_path, how: list[str]) -> None:
-    server = jack_server(fresh=True)
+    server = jack_server()
     running = playing(tmp_path, "--play", SONG, *how, server=server)
     server.kill()
     out, err = running.communicate(timeout=PATIENCE_S)
