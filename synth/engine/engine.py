@@ -271,6 +271,11 @@ class Engine:
         return int(self._state.sounding["awake"].sum())
 
     @property
+    def events_dropped(self) -> int:
+        """Events that found the queue full."""
+        return int(self._state.counters[layout.N_DROPPED])
+
+    @property
     def expressions(self) -> dict[int, int]:
         """Channels whose volume and expression count for a part now, with the value of controller 11 there."""
         channels = {int(part["channel"]) for part in self._state.part_state}

@@ -46,6 +46,16 @@ def decode(status: int, data1: int, data2: int) -> tuple[int, int, int, int]:
     return 0, 0, 0, 0
 
 
+def copy_event(event, to) -> None:
+    """An element of an EVENT array into another. Plain Python that numba compiles as it stands."""
+    to.frame = event.frame
+    to.kind = event.kind
+    to.channel = event.channel
+    to.a = event.a
+    to.b = event.b
+    to.value = event.value
+
+
 def make_events(rows) -> np.ndarray:
     """EVENT array from rows (frame, kind, channel, a[, b[, value]])."""
     out = np.zeros(len(rows), EVENT)

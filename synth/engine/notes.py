@@ -22,10 +22,13 @@ from synth.engine.expression import MOST_RETUNING, belongs, pedal, timbre_of
 from synth.engine.layout import (
     AWAKE,
     CORE,
+    GAIN,
+    HEIGHT,
     MOST_AWAKE,
     N_NOTES,
     N_STOLEN,
     N_TAKEN,
+    NO_FINGER,
     PARAMETER_RANGES,
     PRESS,
     RATIO,
@@ -47,7 +50,7 @@ _manager_of, _master_of, _yielded = njit(**CORE)(manager_of), njit(**CORE)(maste
 
 @njit(**CORE)
 def catch_up(core: int, desk: int, s: int) -> None:
-    """Let a string that is about to be touched go on to the frame of the event."""
+    """Let a string that is about to be touched go on to the frame of the event: before anything changes that it reads."""
     shared = shared_of(core)
     me = state_of(core).sounding[s]
     if me.awake and me.reached < shared.task[UNTIL]:
@@ -62,7 +65,7 @@ def handle(core: int, desk: int, event) -> None:
     if kind == PARAMETER:
         if 0 <= c < state.parameters.shape[0] and 0 <= event.a < state.parameters.shape[1]:
             if math.isfinite(event.value):
-                _set_parameter(core, c, event.a, event.value)
+                _set_parameter(core, desk, c, event.a, event.value)
         return
     if kind == TUNING:
         _tune(core, event.a, event.value, event.b)
@@ -89,9 +92,15 @@ def handle(core: int, desk: int, event) -> None:
 
 
 @njit(**CORE)
-def _set_parameter(core: int, p: int, index: int, value: float) -> None:
+def _set_parameter(core: int, desk: int, p: int, index: int, value: float) -> None:
+    bank, state = bank_of(core), state_of(core)
+    if index != GAIN and index != HEIGHT:  # what a finger already at work is yet to read
+        for s in range(bank.strings.size):
+            me = state.sounding[s]
+            if bank.strings[s].part == p and me.awake and me.phase != NO_FINGER:
+                catch_up(core, desk, s)
     low, high = PARAMETER_RANGES[index]
-    state_of(core).parameters[p, index] = min(max(value, low), high)
+    state.parameters[p, index] = min(max(value, low), high)
 
 
 @njit(**CORE)
@@ -226,9 +235,9 @@ def _note_off(core: int, desk: int, c: int, note: int) -> None:
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if me.held and me.channel == c and me.note == note:
+            catch_up(core, desk, s)
             me.held = 0
             me.sustained = pedal(core, c)
-            catch_up(core, desk, s)
             let_go(core, s)
 
 
@@ -238,10 +247,10 @@ def _release_all(core: int, desk: int, c: int) -> None:
     for s in range(bank.strings.size):
         me = state.sounding[s]
         if (me.held or me.sustained) and belongs(core, me.channel, c):
+            catch_up(core, desk, s)
             if me.held:
                 me.sustained = pedal(core, me.channel)
             me.held = 0
-            catch_up(core, desk, s)
             let_go(core, s)
 
 
@@ -253,8 +262,8 @@ def _sustain(core: int, desk: int, c: int, value: int) -> None:
         for s in range(bank.strings.size):
             me = state.sounding[s]
             if me.sustained and belongs(core, me.channel, c) and not pedal(core, me.channel):
-                me.sustained = 0
                 catch_up(core, desk, s)
+                me.sustained = 0
                 let_go(core, s)
 
 
@@ -320,9 +329,9 @@ def set_zone(core: int, desk: int, zone: int, members: int) -> None:
         _sustain(core, desk, c, 0)
         for s in range(state.sounding.size):
             if state.sounding[s].channel == c:
+                catch_up(core, desk, s)
                 state.sounding[s].held = 0
                 state.sounding[s].sustained = 0
-                catch_up(core, desk, s)
                 let_go(core, s)
         channels[c].bend_range = PLAIN_BEND if master == c else MEMBER_BEND
         channels[c].bend_raw = 0.0
@@ -334,7 +343,7 @@ def set_zone(core: int, desk: int, zone: int, members: int) -> None:
 
 
 @njit(**CORE)
-def _bound(core: int, c: int, first: int, end: int, value: int) -> None:
+def _bound(core: int, desk: int, c: int, first: int, end: int, value: int) -> None:
     """Set live parameters of the parts that a channel plays from a controller's value."""
     bank, state = bank_of(core), state_of(core)
     x = value / 127.0
@@ -343,11 +352,11 @@ def _bound(core: int, c: int, first: int, end: int, value: int) -> None:
         row = bank.bindings[i]
         if bank.plays[leader, row.part]:
             if row.curve == RATIO:
-                _set_parameter(core, row.part, row.index, row.low * (row.high / row.low) ** x)
+                _set_parameter(core, desk, row.part, row.index, row.low * (row.high / row.low) ** x)
             elif row.curve == SQUARE:
-                _set_parameter(core, row.part, row.index, row.low + (row.high - row.low) * x * x)
+                _set_parameter(core, desk, row.part, row.index, row.low + (row.high - row.low) * x * x)
             else:
-                _set_parameter(core, row.part, row.index, row.low + (row.high - row.low) * x)
+                _set_parameter(core, desk, row.part, row.index, row.low + (row.high - row.low) * x)
 
 
 @njit(**CORE)
@@ -357,7 +366,7 @@ def _control(core: int, desk: int, c: int, controller: int, value: int) -> None:
     value = min(max(value, 0), 127)
     x = value / 127.0
     if 0 <= controller < 128 and bank.bound[controller + 1] > bank.bound[controller]:
-        _bound(core, c, bank.bound[controller], bank.bound[controller + 1], value)
+        _bound(core, desk, c, bank.bound[controller], bank.bound[controller + 1], value)
     elif controller == 7:  # unity at the power-up value of 100; the curve is the recommended 40 log₁₀
         channel.volume = (127.0 * x / 100.0) ** 2
         _claim(core, c)

@@ -13,6 +13,7 @@ from numba import njit
 
 from synth.dsp.denormals import enable_ftz, restore
 from synth.dsp.limiter import LOOKAHEAD
+from synth.engine.events import copy_event
 from synth.engine.expression import approach, control_share
 from synth.engine.layout import (
     AWAKE,
@@ -41,6 +42,8 @@ from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
 #: a step under a finger takes about so many times as long as one in flight
 FINGER_COST = 2
+
+_copy_event = njit(**CORE)(copy_event)
 
 
 @njit(cache=True, nogil=True)
@@ -81,16 +84,6 @@ def _queue_events(core: int, now: int, events) -> None:
         _copy_event(events[i], state.pending[at])
         state.pending[at].frame += now
         state.counters[PENDING] = at + 1
-
-
-@njit(**CORE)
-def _copy_event(event, to) -> None:
-    to.frame = event.frame
-    to.kind = event.kind
-    to.channel = event.channel
-    to.a = event.a
-    to.b = event.b
-    to.value = event.value
 
 
 @njit(**CORE)

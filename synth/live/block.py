@@ -32,6 +32,9 @@ RISE_DB, FALL_DB = 20.0, 5.0
 LEAST_DB, MOST_DB = -100.0, -26.0
 #: the mean load follows the loads of blocks with this time constant [s]
 LOAD_S = 0.3
+#: times that a reader looks at the clock before it takes what it sees, a block wrong at most: who changes the clock may
+#: be a thread that this one keeps from running
+PATIENCE = 1000
 
 
 @njit(**CORE)
@@ -57,8 +60,10 @@ def tick(address: int, played: int, delay: int, now_ns: int) -> None:
         omega = min(0.5, 2.0 * math.pi * CLOCK_HZ * frames / desk.rate_hz)
         levels[d.CLOCK_NS] = predicted + math.sqrt(2.0) * omega * error
         levels[d.FRAME_NS] += omega * omega * error / frames
-    words[d.CLOCK_FRAME] = played
-    words[d.DELAY] = delay
+    store(words, d.CLOCK_FRAME, played)
+    store(words, d.CLOCK_TIME, int(levels[d.CLOCK_NS]))
+    store(words, d.CLOCK_STEP, int(d.STEP * levels[d.FRAME_NS]))
+    store(words, d.DELAY, delay)
     store(words, d.CLOCK, changes + 2)
 
 
@@ -66,13 +71,15 @@ def tick(address: int, played: int, delay: int, now_ns: int) -> None:
 def frame_at(address: int, time_ns: int) -> int:
     """Frame of the stream at which an event that arrives at a time sounds (the engine's latency follows)."""
     desk = desk_of(address)
-    words, levels = desk.words, desk.levels
-    while True:
+    words = desk.words
+    frame = 0
+    for _ in range(PATIENCE):
         changes = load(words, d.CLOCK)
-        since = float(time_ns - desk.origin_ns) - levels[d.CLOCK_NS]
-        frame = words[d.CLOCK_FRAME] + words[d.DELAY] + math.floor(since / levels[d.FRAME_NS])
+        since = float(time_ns - desk.origin_ns - load(words, d.CLOCK_TIME))
+        frame = load(words, d.CLOCK_FRAME) + load(words, d.DELAY) + math.floor(since * d.STEP / load(words, d.CLOCK_STEP))
         if changes % 2 == 0 and load(words, d.CLOCK) == changes:
-            return int(frame)
+            break
+    return int(frame)
 
 
 @njit(**CORE)
@@ -138,6 +145,7 @@ def _gather(address: int, given: int, start: int, frames: int) -> int:
         event.frame = frame
         last = frame
         count += 1
+    words[d.GIVEN_LOST] += given - brought
     store(words, d.SCORE_TAKEN, scored)
     store(words, d.ARRIVALS_TAKEN, arrived)
     return count

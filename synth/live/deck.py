@@ -221,10 +221,6 @@ class Deck:
             self.send(CONTROL, channel, 64, 0)
             self.send(CONTROL, channel, ALL_NOTES_OFF)
 
-    def count_xrun(self) -> None:
-        """A block that the device reports as missed by another way than its callback."""
-        self._desk.words[d.XRUNS] += 1
-
     def meters(self) -> Meters:
         """What has happened; loads and peak since the last call."""
         words, levels = self._desk.words, self._desk.levels
@@ -254,7 +250,7 @@ class Deck:
             last_velocity=int(words[d.VELOCITY]),
             last_channel=int(words[d.CHANNEL]),
             events=int(words[d.GIVEN]),
-            events_lost=self._events_lost,
+            events_lost=self._events_lost + int(words[d.GIVEN_LOST]) + self.engine.events_dropped,
             recording_lost=int(words[d.TAPE_LOST]) + int(words[d.LOG_LOST]),
             device_latency_s=float(levels[d.DEVICE_S]),
             spare_db=float(levels[d.SPARE_DB]) if levels[d.SPARE_DB] > LEAST_DB else -math.inf,

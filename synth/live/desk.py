@@ -14,6 +14,7 @@ from numba import njit
 from synth.engine.atomics import load, store
 from synth.engine.bank import aligned
 from synth.engine.events import EVENT
+from synth.engine.events import copy_event as _copy_event
 from synth.engine.layout import CORE, F8, FIELDS, I8, LINE_F8, F8x2, fields
 from synth.engine.views import opener, table
 
@@ -27,6 +28,8 @@ MOST_FRAMES = 4096
 TAPE = 1 << 20
 #: blocks whose load is kept
 LOADS = 8192
+#: parts of a nanosecond in which the time of a frame is told to other threads
+STEP = 2.0**32
 
 #: places in Desk.words, a cache line apart: what was written to and read from the rings …
 (
@@ -46,31 +49,35 @@ LOADS = 8192
     PLAYED,
     GIVEN,
     # what was lost: blocks that the device missed; blocks late because of us, because of others; late calls; events of the
-    # log, frames of the tape
+    # log, frames of the tape; events that the device brought beyond what a block takes
     XRUNS,
     LATE_OURS,
     LATE_OTHERS,
     STALLS,
     LOG_LOST,
     TAPE_LOST,
+    GIVEN_LOST,
     # switches: 1 records; 1 spares under load; 1 asks for the peak to begin anew; 1 ends the thread that renders ahead
     RECORDING,
     ADAPTIVE,
     PEAK_SEEN,
     ENDING,
-    # the clock's number of changes, odd while it changes, and its frame; frames between an event and its place
+    # the clock's number of changes, odd while it changes; its frame, the time of that frame [ns since ORIGIN] and of a
+    # frame [2^−32 ns]; frames between an event and its place
     CLOCK,
     CLOCK_FRAME,
+    CLOCK_TIME,
+    CLOCK_STEP,
     DELAY,
     # note, velocity, channel of the last note
     NOTE,
     VELOCITY,
     CHANNEL,
-) = range(0, 30 * LINE_F8, LINE_F8)
-N_WORDS = 30 * LINE_F8
+) = range(0, 33 * LINE_F8, LINE_F8)
+N_WORDS = 33 * LINE_F8
 
-#: places in Desk.levels: time of the clock's frame [ns since ORIGIN] and ns per frame; peak since it was seen; mean load;
-#: the device's own latency [s]; load of the latest block
+#: places in Desk.levels: the clock's own time of its frame [ns since ORIGIN] and ns per frame; peak since it was seen;
+#: mean load; the device's own latency [s]; the level below which strings are spared [dBFS]
 CLOCK_NS, FRAME_NS, PEAK, MEAN_LOAD, DEVICE_S, SPARE_DB = range(6)
 N_LEVELS = 6
 
@@ -102,6 +109,7 @@ class Desk(NamedTuple):
 
 FIELDS[Desk] = fields(Desk)
 desk_of = opener(Desk)
+copy_event = njit(**CORE)(_copy_event)
 
 
 def new_desk(
@@ -121,6 +129,7 @@ def new_desk(
     words[RECORDING] = int(recording)
     levels = aligned(N_LEVELS)
     levels[FRAME_NS] = 1e9 / rate_hz
+    words[CLOCK_STEP] = int(STEP * 1e9 / rate_hz)
     ready = 1
     while ready < 2 * ahead_frames:
         ready *= 2
@@ -147,16 +156,6 @@ def new_desk(
         aligned((ready, 2)),
     )
     return made, table(made)
-
-
-@njit(**CORE)
-def copy_event(event, to) -> None:
-    to.frame = event.frame
-    to.kind = event.kind
-    to.channel = event.channel
-    to.a = event.a
-    to.b = event.b
-    to.value = event.value
 
 
 @njit(**CORE)

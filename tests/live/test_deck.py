@@ -32,6 +32,11 @@ def govern(address, seconds):
     native.govern(address, seconds)
 
 
+@njit
+def brought_block(address, given, frames):
+    native.render_block(address, given, frames)
+
+
 def _engine(*names: str, **settings) -> Engine:
     engine = Engine([load_preset(name) for name in names], **settings)
     engine.prepare(RATE, 512)
@@ -211,7 +216,7 @@ def test_rendered_ahead_it_sounds_the_same(tanpura: Engine, twin: Engine) -> Non
         pieces = []
         for _ in range(100):
             deadline = time.monotonic() + 10.0
-            while deck.frame < (len(pieces) + 1) * 256 and time.monotonic() < deadline:
+            while deck._desk.words[d.AHEAD] < (len(pieces) + 1) * 256 and time.monotonic() < deadline:
                 time.sleep(0.0005)
             pieces.append(card.ask(256))
         played = np.concatenate(pieces)
@@ -294,7 +299,7 @@ def test_a_thousand_program_changes_and_panics(mixed: Engine) -> None:
 
 
 def test_under_load_quiet_strings_are_spared(tanpura: Engine) -> None:
-    deck = Deck(tanpura, adaptive=True)
+    deck = Deck(tanpura)  # not adaptive: what this machine is busy with does not matter
     card = Card(deck)
     deck.schedule(make_events([(i, NOTE_ON, 0, note, 15) for i, note in enumerate((36, 43, 48, 48))]))
     deck.schedule(make_events([(100, NOTE_OFF, 0, note) for note in (36, 43, 48)]))
@@ -323,3 +328,31 @@ def test_under_load_quiet_strings_are_spared(tanpura: Engine) -> None:
     assert deck.meters().strings < 4
     pretend(0.1, 100.0)
     assert deck.meters().spare_db == -math.inf and tanpura.spare == 0.0
+
+
+def test_an_adaptive_deck_looks_at_its_load(tanpura: Engine) -> None:
+    for adaptive in (False, True):
+        deck = Deck(tanpura, adaptive=adaptive)
+        deck._desk.levels[d.MEAN_LOAD] = 1e6
+        Card(deck).ask(256)
+        assert (deck.meters().spare_db > -math.inf) == adaptive
+
+
+def test_what_a_device_brings_beyond_a_block_is_counted(tanpura: Engine) -> None:
+    deck = Deck(tanpura)
+    for _ in range(d.BLOCK_EVENTS - 2):
+        assert deck.send(CONTROL, 0, 1, 1, time_ns=time.monotonic_ns() - 10**9)
+    tick(deck.address, 0, 256, time.monotonic_ns())
+    for event in deck._desk.given[:5]:
+        event["frame"], event["kind"], event["a"] = 255, CONTROL, 1
+    brought_block(deck.address, 5, 256)
+    assert deck.meters().events == d.BLOCK_EVENTS
+    assert deck.meters().events_lost == 3
+
+
+def test_a_clock_that_is_caught_changing_keeps_nobody_waiting(tanpura: Engine) -> None:
+    deck = Deck(tanpura)
+    begin = time.monotonic_ns()
+    tick(deck.address, 0, 256, begin)
+    deck._desk.words[d.CLOCK] += 1
+    assert deck.at(begin) == 256
