@@ -230,14 +230,14 @@ def asked_by_signals(stop: Any) -> Iterator[Callable[[], None]]:
 
     SIGHUP that is ignored (nohup) stays so.
     """
-    numbers = [signal.SIGINT, signal.SIGTERM]
+    handlers = {signal.SIGINT: stop.ask, signal.SIGTERM: stop.ask}
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
-    before = {number: signal.getsignal(number) for number in numbers}
+        handlers[signal.SIGHUP] = stop.ask_once
+    before = {number: signal.getsignal(number) for number in handlers}
 
     def begin() -> None:
-        for number in numbers:
-            signal.signal(number, stop.ask)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
     try:
         yield begin

@@ -26,7 +26,7 @@ from synth.live import jackcallback as jc
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
 from synth.live.jackserver import NAME, library, open_client, playback
-from synth.live.patience import CALL_S, joined
+from synth.live.patience import CALL_S, Worker
 
 #: what JACK-Client leaves out
 _LATENCY = """
@@ -223,16 +223,17 @@ def _end(
         client._ptr = library()._ffi.NULL
         return
     words[jc.PLAYING] = 0
-    closing = threading.Thread(target=client.close, name="synth-jack-close", daemon=True)
+    closing = Worker(client.close, "synth-jack-close")
+    closed = True
     try:
         closing.start()
-        joined(closing, CALL_S)
+        closed = closing.ended(CALL_S)
     except RuntimeError:  # the interpreter is ending, and starts no threads any more
         if words[jc.GONE]:
             client._ptr = library()._ffi.NULL
         else:
             client.close()
-    if closing.is_alive():
+    if not closed:
         _abandoned.append(keep)
         return
     words[jc.ENDING] = 1

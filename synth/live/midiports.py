@@ -21,7 +21,7 @@ from typing import Any
 
 from synth.live.errors import MidiPortError
 from synth.live.midistream import ArrivalClock, MidiStream, Sink
-from synth.live.patience import joined
+from synth.live.patience import Worker
 from synth.live.stderr import silenced
 
 CLIENT = "jawari"
@@ -301,7 +301,7 @@ class MidiInputs:
         self._before: dict[str, PortCount] = {}
         self._lock = threading.Lock()
         self._end = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     @property
     def system(self) -> str:
@@ -360,7 +360,7 @@ class MidiInputs:
             self.close()
             raise
         self._end.clear()
-        self._thread = threading.Thread(target=self._listen, name="midi in", daemon=True)
+        self._thread = Worker(self._listen, "midi in")
         self._thread.start()
 
     def poll(self) -> None:
@@ -464,7 +464,7 @@ class MidiInputs:
         thread, self._thread = self._thread, None
         try:
             if thread is not None:
-                joined(thread)
+                thread.ended()
         finally:
             for port in self._all():
                 self._drop(port)

@@ -12,29 +12,45 @@ CALL_S = 3.0
 LEAVE_S = 2.0 * CALL_S + 2.0
 
 
-def joined(thread: threading.Thread, seconds: float | None = None) -> bool:
-    """Waits for a thread (None: as long as it takes); whether it has ended.
+class Worker(threading.Thread):
+    """A thread that can be waited for whatever happens meanwhile.
 
-    An exception meanwhile, like a signal's, is raised only afterwards: whoever waits is about to take down what the thread
-    works on.
+    (`Thread.join` that is left by an exception may take the thread for ended.)
     """
-    deadline = None if seconds is None else time.monotonic() + seconds
-    raised: BaseException | None = None
-    while thread.is_alive():
-        left = None if deadline is None else deadline - time.monotonic()
-        if left is not None and left <= 0.0:
-            break
+
+    def __init__(self, work: Callable[[], object], name: str) -> None:
+        super().__init__(target=work, name=name, daemon=True)
+        self._done = threading.Event()
+
+    def run(self) -> None:
         try:
-            thread.join(left)
-        except BaseException as error:
-            raised = raised or error
-    if raised is not None:
-        raise raised
-    return not thread.is_alive()
+            super().run()
+        finally:
+            self._done.set()
+
+    def ended(self, seconds: float | None = None) -> bool:
+        """Whether it ends in this time (None: it is waited for as long as it takes).
+
+        An exception meanwhile, like a signal's, is raised only afterwards: whoever waits is about to take down what the
+        thread works on.
+        """
+        deadline = None if seconds is None else time.monotonic() + seconds
+        raised: BaseException | None = None
+        while not self._done.is_set():
+            left = None if deadline is None else deadline - time.monotonic()
+            if left is not None and left <= 0.0:
+                break
+            try:
+                self._done.wait(left)
+            except BaseException as error:
+                raised = raised or error
+        if raised is not None:
+            raise raised
+        return self._done.is_set()
 
 
 def answers(call: Callable[[], object], seconds: float) -> bool:
     """Whether a call returns in this time; if not, it is left to itself, in a thread of its own."""
-    thread = threading.Thread(target=call, name="synth-device", daemon=True)
-    thread.start()
-    return joined(thread, seconds)
+    worker = Worker(call, "synth-device")
+    worker.start()
+    return worker.ended(seconds)

@@ -16,7 +16,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from synth.host.audiofile import AudioWriter, container_of
-from synth.live.patience import joined
+from synth.live.patience import Worker
 from synth.live.take import TakeFile
 from synth.targets import is_special
 
@@ -105,7 +105,7 @@ class Recorder:
             raise ValueError(f"{wav}: the sound and the take need two names; give another to one of them")
         self._buffer = np.zeros((_BUFFER_FRAMES, 2))
         self._end = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     @property
     def seconds(self) -> float:
@@ -122,7 +122,7 @@ class Recorder:
                 if self._take is not None:
                     self._take.discard()
                 raise
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread = Worker(self._run, "recorder")
         self._thread.start()
         return self
 
@@ -224,7 +224,7 @@ class Recorder:
             return
         self._end.set()
         try:
-            joined(thread)
+            thread.ended()
         finally:
             try:
                 self._drain_audio()

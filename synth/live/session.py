@@ -122,6 +122,10 @@ class Stop:
         """Asks to end; a signal's handler may call it."""
         (self._at_once if self._asked.is_set() else self._asked).set()
 
+    def ask_once(self, *_: object) -> None:
+        """Asks to end, however often it is called: a terminal that is closed says so in several ways."""
+        self._asked.set()
+
     @property
     def asked(self) -> bool:
         return self._asked.is_set()
@@ -404,7 +408,7 @@ class Session:
 
         def on_key(key: str) -> None:
             if key == QUIT:
-                stop.ask()
+                stop.ask_once()
 
         channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
         for text in HELP:

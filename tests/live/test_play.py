@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -184,7 +185,7 @@ Recorder.close = interrupted
 def test_the_fade_leaves_a_bound_expression_alone(playing, tmp_path) -> None:
     running = playing(tmp_path, "--play", SONG, "--cc", "11=pluck.position", *QUIET)
     running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    err = running.communicate(timeout=PATIENCE_S)[1]
     assert running.returncode == 0, err
     assert not len(controls_of(tmp_path / "take.mid", EXPRESSION))
     events = read_song(tmp_path / "take.mid", 44100).events
@@ -199,20 +200,43 @@ def test_the_fade_leaves_a_bound_expression_alone(playing, tmp_path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_a_terminal_that_is_closed_ends_it_and_leaves_the_take(jack_server, tmp_path) -> None:
+    import fcntl
     import pty
+    import termios
 
-    server = jack_server()
-    pid, terminal = pty.fork()
-    if pid == 0:
-        try:
-            os.chdir(tmp_path)
-            with open("code", "w") as told:
-                fate = command("play", "--play", SONG, "--record", "take.wav", "--keys", *QUIET)
-                done = subprocess.run(fate, env=environment(server), preexec_fn=reset) 
-                told.write(str(done.returncode))
-        finally:
-            os._exit(0)
-    raise NotImplementedError
+    master, slave = pty.openpty()
+
+    def own_the_terminal() -> None:
+        os.setsid()
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+    running = subprocess.Popen(
+        command("play", "--play", SONG, "--record", "take.wav", "--keys", *QUIET),
+        cwd=tmp_path,
+        env=environment(jack_server()),
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        preexec_fn=own_the_terminal,
+    )
+    os.close(slave)
+    said = b""
+    try:
+        deadline = time.monotonic() + PATIENCE_S
+        while not any(path.stat().st_size > 6 * 44100 for path in tmp_path.glob(".take.wav.*")):
+            assert running.poll() is None and time.monotonic() < deadline, said
+            if select.select([master], [], [], 0.05)[0]:
+                said += os.read(master, 4096)
+        os.close(master)  # the kernel sends SIGHUP, and nothing can be written to the terminal any more
+        assert running.wait(PATIENCE_S) == 0
+    finally:
+        running.kill()
+        running.wait()
+    assert b"REC 0:0" in said
+    assert sorted(os.listdir(tmp_path)) == ["take.mid", "take.wav"]
+    taken = np.abs(samples(tmp_path / "take.wav")).max(axis=1)
+    assert taken.max() > 0.01 * 2**31 and taken[-256:].max() < 1e-4 * 2**31
 
 
 @pytest.mark.parametrize("how", [[], ["--jack", "instrument"]], ids=["portaudio", "jack"])
