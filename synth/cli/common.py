@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import math
+import os
+import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from synth.schemes import LAWS
@@ -217,3 +221,38 @@ def hearing_signals(work: Callable[[], Any]) -> Any:
     if raised:
         raise raised[0]
     return returned[0]
+
+
+@contextmanager
+def asked_by_signals(stop: Any) -> Iterator[Callable[[], None]]:
+    """Signals that end the program, also that its terminal is closed, ask `stop` (a Stop) to end instead of raising; but
+    only from when what this gives is called: until then they do what they did before, and interrupt.
+
+    SIGHUP that is ignored (nohup) stays so.
+    """
+    handlers = {signal.SIGINT: stop.ask, signal.SIGTERM: stop.ask}
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        handlers[signal.SIGHUP] = stop.ask_once
+    before = {number: signal.getsignal(number) for number in handlers}
+
+    def begin() -> None:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+    try:
+        yield begin
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def print_unless_gone(text: str) -> None:
+    """Prints, unless the terminal has gone: then nothing is printed any more, and nothing fails for it."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

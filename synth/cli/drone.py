@@ -9,7 +9,17 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from synth.cli.common import MOST_BLOCK, QUALITIES, ProgressLine, add_threads, number, rate, seconds_or
+from synth.cli.common import (
+    MOST_BLOCK,
+    QUALITIES,
+    ProgressLine,
+    add_threads,
+    asked_by_signals,
+    number,
+    print_unless_gone,
+    rate,
+    seconds_or,
+)
 
 if TYPE_CHECKING:
     from synth.live.drone import Cycle
@@ -219,7 +229,6 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
 
 
 def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
-    from synth.cli.play import asked_by_signals
     from synth.live.drone import Drone
     from synth.live.presetfile import write_preset
     from synth.live.session import Session, SessionSettings, Stop
@@ -247,10 +256,11 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     preset_file = ""
     if options.record is not None:
         preset_file = str(Path(options.record).with_suffix(".toml"))
-        check_target(preset_file)
+        for path in (options.record, preset_file):
+            check_target(path)
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
-    with Session(settings, line) as session, asked_by_signals(stop), Terminal() as terminal:
+    with asked_by_signals(stop) as begin, Session(settings, line, begin) as session, Terminal() as terminal:
         drone = Drone(strings, cycle, session.rate_hz, duration_s=options.duration, fade_s=_fade(options))
         keys = TanpuraKeys(drone, line.say, stop.ask)
         session.add_player(DronePlayer(drone, terminal, keys))
@@ -264,7 +274,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
         write_preset(strings.preset, preset_file)
         session.report.files.append(preset_file)
     if options.json:
-        print(json.dumps(session.report.as_dict(), indent=2, allow_nan=False))
+        print_unless_gone(json.dumps(session.report.as_dict(), indent=2, allow_nan=False))
     elif not options.quiet:
-        print("\n".join(session.report.lines()))
+        print_unless_gone("\n".join(session.report.lines()))
     return 1 if session.report.ended == "device" else 0

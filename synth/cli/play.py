@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
-from synth.cli.common import MOST_BLOCK, add_controllers, add_instruments, add_physics, add_threads, number, seconds_or
+from synth.cli.common import (
+    MOST_BLOCK,
+    add_controllers,
+    add_instruments,
+    add_physics,
+    add_threads,
+    asked_by_signals,
+    number,
+    print_unless_gone,
+    seconds_or,
+)
 
 
 def add(commands: Any) -> None:
@@ -146,9 +153,12 @@ def _play(options: argparse.Namespace) -> int:
     )
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
-    with Session(settings, line) as session, asked_by_signals(stop):
+    with asked_by_signals(stop) as begin, Session(settings, line, begin) as session:
         if options.measure_latency:
+            line.say("measuring; Ctrl-C breaks off")
             measured = session.measure_latency(stop)
+            if measured is None:
+                raise KeyboardInterrupt
             _print(options, measured.as_dict(), measured.lines())
             return 0
         line.say("playing; Ctrl-C ends")
@@ -160,17 +170,6 @@ def _play(options: argparse.Namespace) -> int:
 
 def _print(options: argparse.Namespace, values: dict[str, Any], lines: list[str]) -> None:
     if options.json:
-        print(json.dumps(values, indent=2, allow_nan=False))
+        print_unless_gone(json.dumps(values, indent=2, allow_nan=False))
     elif not options.quiet:
-        print("\n".join(lines))
-
-
-@contextmanager
-def asked_by_signals(stop: Any) -> Iterator[None]:
-    """SIGINT and SIGTERM ask `stop` (a Stop) to end instead of raising."""
-    before = {number: signal.signal(number, stop.ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for which, handler in before.items():
-            signal.signal(which, handler)
+        print_unless_gone("\n".join(lines))

@@ -282,6 +282,12 @@ class Engine:
         return {c: round(127.0 * math.sqrt(self._state.channels[c]["expression"])) for c in sorted(channels)}
 
     @property
+    def gains(self) -> list[float]:
+        """The live parameter output.gain of every part as it is now."""
+        self._prepared()
+        return self._state.parameters[:, layout.GAIN].tolist()
+
+    @property
     def latency_samples(self) -> int:
         """Frames from an event to the moment the string feels it."""
         return layout.QUANTUM + LATENCY_FRAMES + (LOOKAHEAD if self.limiter else 0)

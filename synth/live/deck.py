@@ -256,6 +256,16 @@ class Deck:
             spare_db=float(levels[d.SPARE_DB]) if levels[d.SPARE_DB] > LEAST_DB else -math.inf,
         )
 
+    @property
+    def tape_frames(self) -> int:
+        """Frames of sound that wait for `drain_audio` at most."""
+        return self._desk.tape.shape[0]
+
+    @property
+    def tape_lost(self) -> int:
+        """Frames of sound for which there was no room there: they are missing where it was full."""
+        return int(self._desk.words[d.TAPE_LOST])
+
     def drain_events(self) -> np.ndarray:
         """What the engine was given since the last call: EVENT, `frame` counted from the start of the stream."""
         self._check_recording()

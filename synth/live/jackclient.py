@@ -26,9 +26,7 @@ from synth.live import jackcallback as jc
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
 from synth.live.jackserver import NAME, library, open_client, playback
-
-#: a server that has died may never answer [s]
-PATIENCE_S = 3.0
+from synth.live.patience import CALL_S, Worker
 
 #: what JACK-Client leaves out
 _LATENCY = """
@@ -135,16 +133,18 @@ class JackOutput:
         words[jc.PLAYING] = 0
         begun = int(words[jc.PERIODS])
         waited = threading.Event()
-        for _ in range(int(PATIENCE_S / 0.002)):
+        for _ in range(int(CALL_S / 0.002)):
             if not self.alive or words[jc.PERIODS] >= begun + 2:
                 return
             waited.wait(0.002)
 
     def close(self) -> None:
         """Take the client off the server; within seconds also from a server that has died. May be called again."""
-        if self.alive:
-            self.stop()
-        self._end()
+        try:
+            if self.alive:
+                self.stop()
+        finally:
+            self._end()
 
 
 def open_output(
@@ -223,16 +223,17 @@ def _end(
         client._ptr = library()._ffi.NULL
         return
     words[jc.PLAYING] = 0
-    closing = threading.Thread(target=client.close, name="synth-jack-close", daemon=True)
+    closing = Worker(client.close, "synth-jack-close")
+    closed = True
     try:
         closing.start()
-        closing.join(PATIENCE_S)
+        closed = closing.ended(CALL_S)
     except RuntimeError:  # the interpreter is ending, and starts no threads any more
         if words[jc.GONE]:
             client._ptr = library()._ffi.NULL
         else:
             client.close()
-    if closing.is_alive():
+    if not closed:
         _abandoned.append(keep)
         return
     words[jc.ENDING] = 1

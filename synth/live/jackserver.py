@@ -70,7 +70,8 @@ def open_client(name: str, server: str | None) -> Any:
         status = error.status
         if status.server_failed or (status.failure and not status.invalid_option):
             raise DeviceError(
-                f"no JACK server answers (name: {shown}): start one, like jackd -d alsa, or choose another --device"
+                f"no JACK server answers (name: {shown}): start one, like jackd -d alsa or QjackCtl, or with PipeWire begin "
+                "the command with pw-jack; without --jack the default output is used"
             ) from None
         raise DeviceError(f"the JACK server {shown!r} takes no client {name!r}: {status}") from None
 

@@ -119,8 +119,9 @@ def quickest_note(engine: Engine) -> tuple[int, int, int, float]:
 
 def measure(
     deck: Deck, engine: Engine, output: Any, stop: Waits, send: Callable[[bytes], None] | None, path: str, block: int
-) -> Latency:
-    """Plucks the quickest note PLUCKS times and looks when it comes. The deck records, the output runs.
+) -> Latency | None:
+    """Plucks the quickest note PLUCKS times and looks when it comes; None if it was broken off. The deck records, the output
+    runs.
 
     send: takes a MIDI message to where the session listens; None: notes go to the deck itself, as from its thread of MIDI.
     Raises ValueError where nothing is heard.
@@ -150,8 +151,10 @@ def measure(
         _give(deck, send, bytes((0x90 | channel, note, VELOCITY)))
         # Where the device is in the sound at that moment.
         now = deck.at(sent_ns) - deck.delay_frames
-        stop.wait(LISTEN_S)
+        broken_off = stop.wait(LISTEN_S)
         _give(deck, send, bytes((0x80 | channel, note, 64)))
+        if broken_off:
+            break
         sound = np.abs(tape.drain()).max(axis=1, initial=0.0)
         events = deck.drain_events()
         given = events["frame"][events["kind"] == NOTE_ON]
@@ -167,6 +170,8 @@ def measure(
         placed.append(int(given[0]) - now)
         moved.append(begin + first - now)
         peaked.append(begin + peak - now)
+    if stop.wait(0.0):
+        return None
     if not moved:
         raise ValueError(
             f"none of {PLUCKS} plucks of {midi_to_note(note)} was heard; does the device run? see synth devices"

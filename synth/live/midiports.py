@@ -11,17 +11,18 @@ from __future__ import annotations
 import os
 import re
 import socket
-import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from synth.live.errors import MidiPortError
 from synth.live.midistream import ArrivalClock, MidiStream, Sink
+from synth.live.patience import Worker
+from synth.live.stderr import silenced
 
 CLIENT = "jawari"
 VIRTUAL = "jawari"
@@ -78,6 +79,31 @@ def midi_system(backend: str | None = None) -> tuple[str, str]:
     return system.name, ""
 
 
+def check_ports(names: Sequence[str], backend: str | None = None) -> None:
+    """Raises MidiPortError where one of the names (see MidiInputs) means no port that there is. Opens none."""
+    if not names or means_none(names):
+        return
+    try:
+        system = _System(backend)
+    except _NoMidiSystem as reason:
+        raise MidiPortError(_not_without_system(names, reason)) from None
+    try:
+        there = system.names()
+    finally:
+        system.close()
+    for name in names:
+        find_port(name, there)
+
+
+def means_none(names: Sequence[str]) -> bool:
+    """Whether names of ports (see MidiInputs) say that there is to be no MIDI at all."""
+    return [name.strip().lower() for name in names] == ["none"]
+
+
+def _not_without_system(names: Sequence[str], reason: Exception) -> str:
+    return f"the MIDI port {names[0]!r} cannot be opened: {reason}"
+
+
 def find_port(wanted: str, names: Sequence[str]) -> int:
     """Number of the port that `wanted` means: a number, the whole name, or a part of just one name, case aside.
 
@@ -124,7 +150,7 @@ class _System:
             apis = [api for api in apis if api == wanted[backend.lower()]]
         for api in apis:
             # Both ALSA and JACK say on standard error, in many lines, that they are not there.
-            with _without_stderr(), suppress(rtmidi.RtMidiError):
+            with silenced(), suppress(rtmidi.RtMidiError):
                 self.api = api
                 self.name = _API_NAMES[api]
                 self._lister = self._client()
@@ -170,7 +196,7 @@ class _System:
         return client
 
     def close(self) -> None:
-        with _without_stderr():
+        with silenced():
             self._lister.delete()
 
 
@@ -203,25 +229,6 @@ def _answers(path: str) -> bool:
     return True
 
 
-@contextmanager
-def _without_stderr() -> Iterator[None]:
-    """What libraries write to standard error meanwhile is lost."""
-    try:
-        sys.stderr.flush()
-        kept = os.dup(2)
-    except (OSError, ValueError, AttributeError):
-        yield
-        return
-    try:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 2)
-        os.close(nowhere)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-
-
 class _Port:
     """An open port."""
 
@@ -250,7 +257,7 @@ class _Port:
 
     def close(self) -> None:
         self.stream.release(time.monotonic_ns())
-        with _without_stderr():
+        with silenced():
             self.client.delete()
 
 
@@ -279,7 +286,7 @@ class MidiInputs:
     ) -> None:
         if channel is not None and not 1 <= channel <= 16:
             raise MidiPortError(f"the MIDI channel must lie between 1 and 16, got {channel}")
-        self._off = [name.strip().lower() for name in names] == ["none"]
+        self._off = means_none(names)
         self._names = list(names)
         self._sink, self._say = sink, say
         self._virtual_name = virtual
@@ -294,7 +301,7 @@ class MidiInputs:
         self._before: dict[str, PortCount] = {}
         self._lock = threading.Lock()
         self._end = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     @property
     def system(self) -> str:
@@ -336,7 +343,7 @@ class MidiInputs:
             self._system = _System(self._backend)
         except _NoMidiSystem as reason:
             if self._names:
-                raise MidiPortError(f"the MIDI port {self._names[0]!r} cannot be opened: {reason}") from None
+                raise MidiPortError(_not_without_system(self._names, reason)) from None
             self._say(f"no MIDI system: {reason}")
             return
         try:
@@ -353,7 +360,7 @@ class MidiInputs:
             self.close()
             raise
         self._end.clear()
-        self._thread = threading.Thread(target=self._listen, name="midi in", daemon=True)
+        self._thread = Worker(self._listen, "midi in")
         self._thread.start()
 
     def poll(self) -> None:
@@ -402,7 +409,7 @@ class MidiInputs:
         assert self._system is not None
         plain = _plain(name)
         try:
-            with _without_stderr():
+            with silenced():
                 client = self._system.open(name, number)
         except (MidiPortError, self._system.errors) as problem:
             if must:
@@ -422,7 +429,7 @@ class MidiInputs:
         if self._virtual_name is None or self._system is None:
             return
         try:
-            with _without_stderr():
+            with silenced():
                 client = self._system.open_virtual(self._virtual_name)
         except self._system.errors as problem:
             self._say(f"no MIDI port of its own: {problem}")
@@ -454,14 +461,16 @@ class MidiInputs:
     def close(self) -> None:
         """Lets go of what is held, closes all ports. May be called again."""
         self._end.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        for port in self._all():
-            self._drop(port)
-        if self._system is not None:
-            self._system.close()
-            self._system = None
+        thread, self._thread = self._thread, None
+        try:
+            if thread is not None:
+                thread.ended()
+        finally:
+            for port in self._all():
+                self._drop(port)
+            if self._system is not None:
+                self._system.close()
+                self._system = None
 
 
 def _plain(name: str) -> str:

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import atexit
-import os
-import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 from synth.live.callback import portaudio_callback
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
+from synth.live.patience import CALL_S, answers
+from synth.live.stderr import silenced
 
 INSTALL = "pip install 'jawari[live]'"
 #: rates that are offered where a device refuses one [Hz]
 RATES_HZ = (44100, 48000, 88200, 96000)
-#: how long a device may take to stop [s]
-PATIENCE_S = 3.0
 _ABANDONED: list[Any] = []
 
 
 def devices() -> list[dict[str, Any]]:
     """Audio outputs: index, name, host_api, channels, default_rate_hz, latency_s (the lowest it claims), default."""
     sd = _library()
-    with _silence():
+    with silenced():
         sd._terminate()
         sd._initialize()
     apis = sd.query_hostapis()
@@ -97,7 +93,7 @@ class PortAudioOutput:
     def start(self) -> None:
         self._deck.start_ahead()
         try:
-            with _silence():
+            with silenced():
                 self._stream.start()
         except _library().PortAudioError as error:
             raise DeviceError(f"{self.name}: the audio output does not start: {_reason(error)}") from None
@@ -121,11 +117,10 @@ class PortAudioOutput:
 
     def _bounded(self, work: Callable[[Any], None]) -> None:
         """Do something with the stream, but do not wait for ever: devices that were pulled out may never answer."""
-        thread = threading.Thread(target=work, args=(self._stream,), daemon=True)
-        with _silence():
-            thread.start()
-            thread.join(PATIENCE_S)
-        if thread.is_alive():
+        stream = self._stream
+        with silenced():
+            returned = answers(lambda: work(stream), CALL_S)
+        if not returned:
             self._abandon()
 
     def _abandon(self) -> None:
@@ -150,7 +145,7 @@ def check_output(device: str | int | None, rate_hz: float) -> str:
     name = f"{found['name']} ({found['host_api']})"
     channels = min(2, found["channels"])
     try:
-        with _silence():
+        with silenced():
             sd.check_output_settings(device=found["index"], channels=channels, dtype="float32", samplerate=rate_hz)
     except sd.PortAudioError as error:
         raise DeviceError(_refusal(sd, found, name, channels, rate_hz, error)) from None
@@ -171,7 +166,7 @@ def open_output(
     callback = portaudio_callback()
     deck.set_channels(channels)
     try:
-        with _silence():
+        with silenced():
             stream = sd._StreamBase(
                 kind="output",
                 samplerate=rate_hz,
@@ -193,7 +188,7 @@ def open_output(
 def _refusal(sd: Any, found: dict[str, Any], name: str, channels: int, rate_hz: float, error: Exception) -> str:
     def takes(rate: float) -> bool:
         try:
-            with _silence():
+            with silenced():
                 sd.check_output_settings(device=found["index"], channels=channels, dtype="float32", samplerate=rate)
         except sd.PortAudioError:
             return False
@@ -213,7 +208,7 @@ def _reason(error: Exception) -> str:
 def _library() -> Any:
     """The module sounddevice, initialised. Raises DeviceError where it or PortAudio is missing."""
     try:
-        with _silence():
+        with silenced():
             import sounddevice
     except ImportError:
         raise DeviceError(f"live sound needs the package sounddevice: {INSTALL}") from None
@@ -222,22 +217,3 @@ def _library() -> Any:
             "live sound needs the library PortAudio: apt-get install libportaudio2, or brew install portaudio"
         ) from None
     return sounddevice
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """What ALSA and JACK print on standard error while they look for devices is left out."""
-    sys.stderr.flush()
-    try:
-        kept = os.dup(2)
-    except OSError:  # there is no standard error
-        yield
-        return
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nothing, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nothing)

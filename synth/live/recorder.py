@@ -8,14 +8,15 @@ depth) the first frames, as many as were recorded, are the same samples; the tak
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Protocol, Self
 
 import numpy as np
 
 from synth.host.audiofile import AudioWriter, container_of
+from synth.live.patience import Worker
 from synth.live.take import TakeFile
 from synth.targets import is_special
 
@@ -43,6 +44,12 @@ class Drained(Protocol):
     @property
     def engine(self) -> Played: ...
 
+    @property
+    def tape_frames(self) -> int: ...
+
+    @property
+    def tape_lost(self) -> int: ...
+
     def meters(self) -> Lost: ...
 
     def drain_events(self) -> np.ndarray: ...
@@ -61,7 +68,8 @@ class Recorder:
     they are: after a crash they hold all but the last DRAIN_EVERY_S seconds or so. (Not so a FLAC file, whose length is
     written at its end: `flac -dF` reads what there is.) Memory does not grow with the recording.
 
-    frames, events: what is recorded so far.
+    frames, events: what is recorded so far.  kept: the files that have got their names; nothing played, none.
+    Sound that the deck could not keep while the disk stood still is silence in the file: both files share the stream's time.
     Raises OSError and ValueError, before anything is recorded, where a file cannot be written.
     """
 
@@ -77,11 +85,15 @@ class Recorder:
     ) -> None:
         self.frames = 0
         self.events = 0
+        self.kept: list[str] = []
         self._deck = deck
         self._say = say
         self._rate_hz = rate_hz
         self._to_cut = deck.engine.latency_samples
-        self._drained = 0
+        self._taken = 0  # frames off the deck's tape
+        self._drained = 0  # frames of the stream that they, and the silence for what the tape lost, amount to
+        self._lost = 0
+        self._gaps: deque[tuple[int, int]] = deque()  # (frame of the tape before which frames are missing, how many)
         self._sound: AudioWriter | None = None
         if wav is not None:
             if str(wav) == "-" or is_special(wav):
@@ -93,7 +105,7 @@ class Recorder:
             raise ValueError(f"{wav}: the sound and the take need two names; give another to one of them")
         self._buffer = np.zeros((_BUFFER_FRAMES, 2))
         self._end = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     @property
     def seconds(self) -> float:
@@ -110,7 +122,7 @@ class Recorder:
                 if self._take is not None:
                     self._take.discard()
                 raise
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread = Worker(self._run, "recorder")
         self._thread.start()
         return self
 
@@ -121,17 +133,42 @@ class Recorder:
 
     def _drain_audio(self) -> None:
         """All the sound there is; what cannot be written is drained as well, for the deck counts what stays behind."""
-        while (frames := self._deck.drain_audio(self._buffer)) > 0:
-            cut = min(max(self._to_cut - self._drained, 0), frames)
-            self._drained += frames
-            if self._sound is None or cut == frames:
-                continue
-            try:
-                self._sound.write(self._buffer[cut:frames])
-                self.frames += frames - cut
-            except Exception as problem:  # soundfile has errors of its own
-                self._complain(self._sound.path, problem)
-                self._close_sound()
+        frames = -1
+        while frames:
+            frames = self._deck.drain_audio(self._buffer)
+            lost = self._deck.tape_lost
+            if lost > self._lost:
+                # The tape was full until now, so what is missing would have followed what it held.
+                self._gaps.append((self._taken + self._deck.tape_frames, lost - self._lost))
+                self._lost = lost
+            begin = 0
+            while self._gaps and self._gaps[0][0] <= self._taken + frames:
+                place, missing = self._gaps.popleft()
+                self._keep_sound(self._buffer[begin : place - self._taken])
+                begin = place - self._taken
+                self._keep_silence(missing)
+            self._keep_sound(self._buffer[begin:frames])
+            self._taken += frames
+
+    def _keep_silence(self, frames: int) -> None:
+        """Silence for frames that are missing: what follows stands where the take's events say."""
+        nothing = np.zeros((min(frames, _BUFFER_FRAMES), 2))
+        for begin in range(0, frames, _BUFFER_FRAMES):
+            self._keep_sound(nothing[: frames - begin])
+
+    def _keep_sound(self, sound: np.ndarray) -> None:
+        """The stream's next frames."""
+        frames = len(sound)
+        cut = min(max(self._to_cut - self._drained, 0), frames)
+        self._drained += frames
+        if self._sound is None or cut == frames:
+            return
+        try:
+            self._sound.write(sound[cut:])
+            self.frames += frames - cut
+        except Exception as problem:  # soundfile has errors of its own
+            self._complain(self._sound.path, problem)
+            self._close_sound()
 
     def _keep_events(self, events: np.ndarray) -> None:
         if self._take is None:
@@ -153,6 +190,7 @@ class Recorder:
             return
         try:
             sound.__exit__(None, None, None)
+            self.kept.append(sound.path)
         except Exception as problem:
             self._say(f"{sound.path}: the recording could not be kept ({problem})")
 
@@ -162,39 +200,56 @@ class Recorder:
             return
         try:
             take.close(self._drained)
+            self.kept.append(take.path)
         except OSError as problem:
             self._say(f"{take.path}: the take could not be kept ({problem.strerror or problem})")
         if take.left_out:
             self._say(f"{take.path}: {take.left_out} events that MIDI cannot say are left out")
 
+    def _discard(self) -> None:
+        """Nothing has been played: a file of that name, from before, stays what it is."""
+        sound, self._sound = self._sound, None
+        take, self._take = self._take, None
+        try:
+            if sound is not None:
+                sound.__exit__(ValueError, None, None)  # what is not whole is removed
+        finally:
+            if take is not None:
+                take.discard()
+
     def close(self) -> None:
         """Takes what is left in the deck and gives the files their names. May be called again."""
-        if self._thread is None:
+        thread, self._thread = self._thread, None
+        if thread is None:
             return
         self._end.set()
-        self._thread.join()
-        self._thread = None
         try:
-            with suppress(KeyboardInterrupt):
+            thread.ended()
+        finally:
+            try:
                 self._drain_audio()
                 events = self._deck.drain_events()
                 # A deck that still plays has got further meanwhile.
                 self._keep_events(events[events["frame"] < self._drained])
-            self._say_what_is_missing()
-        finally:
-            self._close_sound()
-            self._close_take()
+                self._say_what_is_missing()
+            finally:
+                if self._drained:
+                    try:
+                        self._close_sound()
+                    finally:
+                        self._close_take()
+                else:
+                    self._discard()
 
     def _say_what_is_missing(self) -> None:
-        """A disk that stood still for longer than the deck's tape lasts leaves a gap, behind which take and sound differ."""
+        """A disk that stood still for longer than the deck's tape lasts leaves a gap."""
         lost = self._deck.meters().recording_lost
-        if lost:
-            name = (
-                self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
-            )
-            self._say(
-                f"{name}: {lost} frames or events are missing, for the disk was too slow; the take renders without the gap"
-            )
+        if not lost:
+            return
+        name = self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
+        missing = [f"{self._lost} frames of sound, silent in the file"] if self._lost else []
+        missing += [f"{lost - self._lost} events"] if lost > self._lost else []
+        self._say(f"{name}: the disk was too slow: {' and '.join(missing)} are missing")
 
     def __exit__(self, *_: object) -> None:
         self.close()

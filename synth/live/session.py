@@ -16,7 +16,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -25,20 +25,24 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from synth.engine.engine import Engine
-from synth.engine.events import CONTROL
+from synth.engine.events import CONTROL, PARAMETER
+from synth.engine.layout import GAIN
 from synth.host import midi, parts, scala
 from synth.host.bindings import Binding, check_parts
 from synth.live.deck import Deck, Meters
-from synth.live.errors import DeviceError
+from synth.live.errors import DeviceError, MidiPortError
+from synth.live.patience import LEAVE_S, answers
 from synth.live.player import Player, from_events
 from synth.live.report import LiveReport
 from synth.live.status import Status, StatusLine
+from synth.live.stderr import give_back
 from synth.preset import Preset
 from synth.targets import check_target
 from synth.units import db_to_gain, midi_to_hz, midi_to_note
 
 if TYPE_CHECKING:
     from synth.live.latency import Latency
+    from synth.live.recorder import Recorder
 
 #: how often the session looks after everything [s]
 LOOK_S = 0.05
@@ -49,8 +53,6 @@ FADE_STEPS = 50
 #: a device that has asked for nothing for so long is gone; so long it is tried again [s]
 DEAD_AFTER_S = 2.0
 RETRY_S = 5.0
-#: a device that is closed must answer in this time [s]
-PATIENCE_S = 3.0
 #: what is played from a file ends when the output has stayed this quiet for so long, or after so long [s]
 QUIET_DBFS = -80.0
 QUIET_FOR_S = 0.5
@@ -120,6 +122,10 @@ class Stop:
         """Asks to end; a signal's handler may call it."""
         (self._at_once if self._asked.is_set() else self._asked).set()
 
+    def ask_once(self, *_: object) -> None:
+        """Asks to end, however often it is called: a terminal that is closed says so in several ways."""
+        self._asked.set()
+
     @property
     def asked(self) -> bool:
         return self._asked.is_set()
@@ -140,12 +146,15 @@ class Stop:
 class Session:
     """See the module's docstring. Entered, everything is prepared and open but not yet sounding.
 
+    opened: called when it is, before `with` goes on: from then on nothing should be raised from outside, so that the session
+    ends in order.
     Raises ValueError (DeviceError, MidiPortError, PresetError, …) for what cannot be used, OSError for files.
     """
 
-    def __init__(self, settings: SessionSettings, line: StatusLine) -> None:
+    def __init__(self, settings: SessionSettings, line: StatusLine, opened: Callable[[], None] = lambda: None) -> None:
         self._settings = settings
         self._line = line
+        self._opened = opened
         self._stack = ExitStack()
         self._players: list[Player] = []
         self._inputs: Any = None
@@ -157,6 +166,9 @@ class Session:
         self._prepare_s = 0.0
         self._ended = "stopped"
         self._left_behind = False
+        self._outputs: list[Any] = []  # that are or were open
+        self._output_lock = threading.Lock()
+        self._recorder: Recorder | None = None
         self._block = settings.block
         self.files: list[str] = []
         self.report: LiveReport | None = None
@@ -164,6 +176,7 @@ class Session:
     def __enter__(self) -> Self:
         with self._stack as stack:
             self._open(stack)
+            self._opened()
             self._stack = stack.pop_all()
         return self
 
@@ -173,12 +186,15 @@ class Session:
             self.files = [settings.record, str(Path(settings.record).with_suffix(".mid"))]
             for path in self.files:
                 check_target(path)
-        self._line.say(f"output: {self._check_output()}")
+        # All that can be wrong with files and names comes before any device is touched, and that before the preparations.
+        self.rate_hz = self._choose_rate()
         casting, song = self._cast()
         self._labels = [part.preset for part in casting.parts] if song is None else [part.label for part in casting.parts]
         presets = parts.load_presets([part.preset for part in casting.parts], settings.settings, settings.made)
         check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
         note_hz, only_notes = self._tuning()
+        self._check_inputs()
+        self._line.say(f"output: {self._check_output()}")
         self._line.say(f"preparing {', '.join(dict.fromkeys(part.preset for part in casting.parts))} …")
         began = time.perf_counter()
         engine = Engine(
@@ -196,9 +212,9 @@ class Session:
             bindings=settings.bindings,
             mpe=settings.mpe,
         )
-        stack.callback(engine.close)
-        engine.prepare(self.rate_hz, 4096)
+        stack.callback(self._close_engine)
         self.engine = engine
+        engine.prepare(self.rate_hz, 4096)
         self.deck = Deck(
             engine,
             record=settings.record is not None or settings.measure_latency,
@@ -211,19 +227,19 @@ class Session:
         self._line.say(f"prepared in {self._prepare_s:.1f} s")
         self._output = self._open_output()
         stack.callback(self._close_output)
+        self._outputs.append(self._output)
         if settings.record is not None:
             from synth.live.recorder import Recorder
 
-            stack.enter_context(
-                Recorder(
-                    self.deck,
-                    wav=self.files[0],
-                    mid=self.files[1],
-                    rate_hz=self.rate_hz,
-                    bit_depth=settings.bit_depth,
-                    say=self._line.say,
-                )
+            self._recorder = Recorder(
+                self.deck,
+                wav=self.files[0],
+                mid=self.files[1],
+                rate_hz=self.rate_hz,
+                bit_depth=settings.bit_depth,
+                say=self._line.say,
             )
+            stack.enter_context(self._recorder)
         if song is not None:
             events = parts.played_events(song.events, casting)
             end = round(song.length_s * self.rate_hz) + engine.latency_samples
@@ -234,21 +250,37 @@ class Session:
         """Music to be played from the beginning of the stream; before `run`."""
         self._players.append(player)
 
+    def _choose_rate(self) -> int:
+        """The rate that is asked for [Hz], where JACK is the output its server's. Raises DeviceError."""
+        settings = self._settings
+        if settings.jack is None:
+            return settings.rate_hz or 44100
+        from synth.live import jackserver
+
+        server_hz = jackserver.server_rate()
+        if settings.rate_hz not in (None, server_hz):
+            raise DeviceError(f"the JACK server runs at {server_hz} Hz, got --rate {settings.rate_hz}: leave --rate out")
+        return server_hz
+
     def _check_output(self) -> str:
-        """The output's name, and self.rate_hz: what can be known of it before a minute is spent on preparations."""
+        """The output's name: what can be known of it before a minute is spent on preparations."""
         settings = self._settings
         if settings.jack is not None:
-            from synth.live import jackserver
-
-            server_hz = jackserver.server_rate()
-            self.rate_hz = settings.rate_hz or server_hz
-            if self.rate_hz != server_hz:
-                raise DeviceError(f"the JACK server runs at {server_hz} Hz, got --rate {self.rate_hz}: leave --rate out")
             return f"JACK client {settings.jack}, {self.rate_hz} Hz"
         from synth.live import portaudio
 
-        self.rate_hz = settings.rate_hz or 44100
         return f"{portaudio.check_output(settings.device, self.rate_hz)}, {self.rate_hz} Hz, blocks of {settings.block}"
+
+    def _check_inputs(self) -> None:
+        """Raises MidiPortError where a port that is asked for is not there."""
+        if not self._listens or not self._settings.midi_in:
+            return
+        from synth.live.midiports import check_ports
+
+        try:
+            check_ports(self._settings.midi_in)
+        except MidiPortError as error:
+            raise MidiPortError(f"--midi-in: {error}") from None
 
     def _cast(self) -> tuple[parts.Casting, midi.Song | None]:
         settings = self._settings
@@ -320,14 +352,12 @@ class Session:
 
     def _close_output(self) -> None:
         if not self._left_behind:
-            self._left_behind = not self._answers(self._output.close)
+            self._left_behind = not answers(self._output.close, LEAVE_S)
 
-    def _answers(self, call: Callable[[], None]) -> bool:
-        """Whether the call returns: a device whose server has died may wait for ever, and is then left to itself."""
-        thread = threading.Thread(target=call, name="synth-device", daemon=True)
-        thread.start()
-        thread.join(PATIENCE_S)
-        return not thread.is_alive()
+    def _close_engine(self) -> None:
+        # A device that does not answer may still ask for sound.
+        if not self._left_behind:
+            self.engine.close()
 
     def _open_inputs(self, stack: ExitStack) -> None:
         settings = self._settings
@@ -367,7 +397,7 @@ class Session:
 
     def _finish(self) -> None:
         gc.unfreeze()
-        self._answers(self._output.stop)
+        answers(self._output.stop, LEAVE_S)
         self._line.clear()
         self.report = self._make_report()
 
@@ -378,15 +408,16 @@ class Session:
 
         def on_key(key: str) -> None:
             if key == QUIT:
-                stop.ask()
+                stop.ask_once()
 
         channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
         for text in HELP:
             self._line.say(text)
         stack.enter_context(Keyboard(self.deck.send, on_key, channel=channel))
 
-    def measure_latency(self, stop: Stop) -> Latency:
-        """Instead of `run`: how long it takes from an event to its sound. Raises ValueError where nothing is heard."""
+    def measure_latency(self, stop: Stop) -> Latency | None:
+        """Instead of `run`: how long it takes from an event to its sound; None: it was asked to end meanwhile. Raises
+        ValueError where nothing is heard."""
         from synth.live import latency
 
         jack = self._settings.jack is not None
@@ -408,7 +439,7 @@ class Session:
             gc.unfreeze()
             if loop is not None:
                 loop.delete()
-            self._answers(self._output.stop)
+            answers(self._output.stop, LEAVE_S)
 
     def _play(self, stop: Stop) -> str:
         settings = self._settings
@@ -461,6 +492,7 @@ class Session:
                 velocity=meters.last_velocity,
                 recorded_s=recorded_s,
                 spare_db=meters.spare_db,
+                events_lost=self._events_lost(meters),
             )
         )
         return meters
@@ -476,16 +508,21 @@ class Session:
         self._line.say(f"the load is high: the faintest strings that nobody holds are let die away{kept}")
 
     def _fade(self, stop: Stop) -> None:
-        """Lets go of all notes and turns the expression down, both as events, so that a recorded take has them, too."""
+        """Lets go of all notes and turns the level down, both as events, so that a recorded take has them, too."""
         self._send_all(SUSTAIN, 0)
         self._send_all(ALL_NOTES_OFF, 0)
-        before = self.engine.expressions
+        # Only there: a part obeys the channel that was last to set its level.
+        expressions, gains = self.engine.expressions, self.engine.gains
         for step in range(1, FADE_STEPS + 1):
             if self.engine.silent or stop.wait_at_once(FADE_S / FADE_STEPS) or not self._output.alive:
                 break
-            # Only there: a part obeys the channel that was last to set its level.
-            for channel, expression in before.items():
-                self.deck.send(CONTROL, channel, EXPRESSION, round((1.0 - step / FADE_STEPS) * expression))
+            left = 1.0 - step / FADE_STEPS
+            if EXPRESSION in self._settings.bindings:  # it is the player's, and means something else
+                for part, gain in enumerate(gains):
+                    self.deck.send(PARAMETER, part, GAIN, 0, left**2 * gain)
+            else:
+                for channel, expression in expressions.items():
+                    self.deck.send(CONTROL, channel, EXPRESSION, round(left * expression))
             self._look()
         self._send_all(ALL_SOUND_OFF, 0)
         # Until that is heard: a block until it is placed, the engine's latency, the block at the device.
@@ -516,8 +553,10 @@ class Session:
         while not self._left_behind and time.monotonic() < deadline and not stop.wait(0.5):
             refused: list[str] = []
             # Looking for devices may wait for the dead one, too.
-            if not self._answers(partial(self._reopen, refused)):
-                self._left_behind = True
+            if not answers(partial(self._reopen, refused), LEAVE_S):
+                with self._output_lock:
+                    self._left_behind = True
+                give_back()
                 break
             if refused:
                 reason = refused[0]
@@ -528,14 +567,28 @@ class Session:
         return False
 
     def _reopen(self, refused: list[str]) -> None:
-        """Opens the output again; `refused` gets the reason if that fails."""
+        """Opens the output again; `refused` gets the reason if that fails. Too late, it leaves everything as it is."""
         try:
             output = self._open_output()
-            output.start()
-        except DeviceError as error:
-            refused.append(str(error))
-            return
-        self._output = output
+            try:
+                with self._output_lock:
+                    late = self._left_behind
+                    if not late:
+                        self._output = output
+                        self._outputs.append(output)
+                if late:
+                    output.close()
+                else:
+                    output.start()
+            except Exception:
+                output.close()
+                raise
+        except Exception as error:  # PortAudio has errors of its own
+            refused.append(str(error) or type(error).__name__)
+
+    def _events_lost(self, meters: Meters) -> int:
+        """Events that found no room on their way to the engine, in the output's own rings as well."""
+        return meters.events_lost + sum(getattr(output, "messages_lost", 0) for output in self._outputs)
 
     def _make_report(self) -> LiveReport:
         meters, told, settings = self.deck.meters(), self.engine.report(), self._settings
@@ -565,7 +618,7 @@ class Session:
             load_median=int(np.searchsorted(np.cumsum(self._loads), 0.5 * self._loads.sum())) / 1000.0,
             load_worst=max(self._worst, meters.load_worst),
             events=meters.events,
-            events_lost=meters.events_lost,
+            events_lost=self._events_lost(meters),
             recording_lost=meters.recording_lost,
             stolen=int(told.stolen),
             taken_over=int(told.taken_over),
@@ -575,4 +628,9 @@ class Session:
         )
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._stack.__exit__(kind, error, trace)
+        try:
+            self._stack.__exit__(kind, error, trace)
+        finally:
+            if self.report is not None:
+                # Now it is known what could be kept.
+                self.report = replace(self.report, files=[] if self._recorder is None else list(self._recorder.kept))

@@ -20,7 +20,7 @@ METER_LOW_DBFS = -60.0
 @dataclass(frozen=True)
 class Status:
     """What the line shows. Loads are shares of a block's time; peak is linear; note −1: none yet; recorded_s None: no
-    recording. held_db: level below which strings are spared, −inf: none are.
+    recording. spare_db: level below which strings are spared, −inf: none are. events_lost: since the start.
     """
 
     load_median: float
@@ -32,6 +32,7 @@ class Status:
     velocity: int
     recorded_s: float | None
     spare_db: float = -math.inf
+    events_lost: int = 0
 
 
 def status_text(status: Status, width: int) -> str:
@@ -48,9 +49,10 @@ def status_text(status: Status, width: int) -> str:
         f"{midi_to_note(status.note)} v{status.velocity}".ljust(8) if status.note >= 0 else "",
         f"sparing below {status.spare_db:.0f} dB" if status.spare_db > -math.inf else "",
         "" if status.recorded_s is None else f"REC {clock_text(status.recorded_s)}",
+        f"{status.events_lost} lost" if status.events_lost else "",
     ]
     # In the order in which they go where the terminal is narrow.
-    for dispensable in (4, 6, 5, 2, 3, 7, 1):
+    for dispensable in (4, 6, 5, 2, 3, 7, 8, 1):
         text = "  ".join(piece for piece in pieces if piece)
         if len(text) <= width:
             return text
@@ -102,5 +104,5 @@ class StatusLine:
         try:
             self._stream.write(text)
             self._stream.flush()
-        except OSError:  # the terminal has gone; the music has not
+        except (OSError, ValueError):  # the terminal has gone, or the stream was closed; the music has not
             self._on, self._quiet = False, True

@@ -19,14 +19,17 @@ LATENCY = 150
 
 
 class ToneDeck:
-    """`play(frames, events)` puts sound and events where a recorder drains them: a ramp that names its frame."""
+    """`play(frames, events)` puts sound and events where a recorder drains them: a ramp that names its frame. Of sound, no
+    more than tape_frames wait."""
 
-    def __init__(self) -> None:
+    def __init__(self, tape_frames: int = 1 << 20) -> None:
         self.engine = SimpleNamespace(latency_samples=LATENCY)
         self.frame = 0
         self.recording_lost = 0
+        self.tape_frames = tape_frames
+        self.tape_lost = 0
         self._lock = threading.Lock()
-        self._taken = 0
+        self._tape = np.zeros((0, 2))
         self._events: list[np.ndarray] = []
 
     @staticmethod
@@ -41,13 +44,17 @@ class ToneDeck:
         with self._lock:
             if events is not None:
                 self._events.append(events)
+            kept = min(frames, self.tape_frames - len(self._tape))
+            self._tape = np.concatenate((self._tape, self.sound(self.frame, self.frame + kept)))
+            self.tape_lost += frames - kept
+            self.recording_lost += frames - kept
             self.frame += frames
 
     def drain_audio(self, buffer: np.ndarray) -> int:
         with self._lock:
-            count = min(len(buffer), self.frame - self._taken)
-            buffer[:count] = self.sound(self._taken, self._taken + count)
-            self._taken += count
+            count = min(len(buffer), len(self._tape))
+            buffer[:count] = self._tape[:count]
+            self._tape = self._tape[count:]
             return count
 
     def drain_events(self) -> np.ndarray:

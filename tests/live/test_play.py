@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -20,6 +21,9 @@ import pytest
 import soundfile
 
 from synth import cli
+from synth.engine.events import CONTROL, PARAMETER
+from synth.engine.layout import GAIN
+from synth.host.midi import read_song
 from tests.host.midibytes import header, track
 
 from .jackkit import JackServer
@@ -27,6 +31,7 @@ from .jackkit import JackServer
 ROOT = Path(__file__).resolve().parents[2]
 SONG = str(ROOT / "presets" / "demos" / "bassline.mid")
 PATIENCE_S = 240  # kernels may have to be compiled
+EXPRESSION = 11
 QUIET = ["--no-virtual-port", "--midi-in", "none"]
 
 
@@ -39,6 +44,11 @@ def environment(server: JackServer | None) -> dict[str, str]:
         server.env if server is not None else dict(os.environ, JACK_DEFAULT_SERVER="jawari-nobody", JACK_NO_START_SERVER="1")
     )
     return dict(base, PYTHONPATH=str(ROOT))
+
+
+def patched(patch: str, *arguments: str) -> list[str]:
+    """The command in a program of which the patch has changed something before."""
+    return [sys.executable, "-c", f"{patch}\nimport sys\nfrom synth.cli import main\nsys.exit(main())", *arguments]
 
 
 def synth(server: JackServer | None, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -59,12 +69,12 @@ def is_beginning(path: Path, whole: Path) -> bool:
 
 @pytest.fixture
 def playing(jack_server) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """playing(folder, …, server=None): `synth play …` that has recorded its first second to take.wav."""
+    """playing(folder, …, server=None, patch=""): `synth play …` that has recorded its first second to take.wav."""
     begun: list[subprocess.Popen[str]] = []
 
-    def begin(folder: Path, *arguments: str, server: JackServer | None = None) -> subprocess.Popen[str]:
+    def begin(folder: Path, *arguments: str, server: JackServer | None = None, patch: str = "") -> subprocess.Popen[str]:
         running = subprocess.Popen(
-            command("play", *arguments, "--record", "take.wav", "--json"),
+            patched(patch, "play", *arguments, "--record", "take.wav", "--json"),
             cwd=folder,
             env=environment(server or jack_server()),
             stdout=subprocess.PIPE,
@@ -131,19 +141,102 @@ def test_a_signal_fades_and_keeps_the_take(playing, tmp_path, how: signal.Signal
     assert is_beginning(tmp_path / "take.wav", tmp_path / "again.wav")
 
 
+def controls_of(path: Path, controller: int) -> np.ndarray:
+    events = read_song(path, 44100).events
+    return events[(events["kind"] == CONTROL) & (events["a"] == controller)]
+
+
 def test_a_second_signal_ends_at_once_with_a_valid_take(playing, tmp_path) -> None:
-    running = playing(tmp_path, "-p", "fretted-bass", "--play", SONG, *QUIET)
+    # A fade that nobody waits for to the end.
+    running = playing(tmp_path, "--play", SONG, *QUIET, patch="from synth.live import session\nsession.FADE_S = 1e6")
     running.send_signal(signal.SIGINT)
-    time.sleep(0.2)  # two signals of a kind that wait are one
-    running.send_signal(signal.SIGINT)
+    running.send_signal(signal.SIGTERM)
     out, err = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 0 and "Traceback" not in err
     report = json.loads(out)
     recorded = samples(tmp_path / "take.wav")
     assert sorted(os.listdir(tmp_path)) == ["take.mid", "take.wav"]
     assert len(recorded) <= round(report["played_s"] * 44100)
+    assert not len(controls_of(tmp_path / "take.mid", EXPRESSION))
     assert synth(None, tmp_path, "render", "take.mid", "-o", "again.wav", "--quiet", "--tail", "1").returncode == 0
     assert is_beginning(tmp_path / "take.wav", tmp_path / "again.wav")
+
+
+def test_a_signal_while_the_recording_is_closed_loses_nothing(playing, tmp_path) -> None:
+    patch = """
+import signal
+from synth.live.recorder import Recorder
+close = Recorder.close
+def interrupted(recorder):
+    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(signal.SIGTERM)
+    close(recorder)
+    signal.raise_signal(signal.SIGINT)
+Recorder.close = interrupted
+"""
+    running = playing(tmp_path, "--play", SONG, *QUIET, patch=patch)
+    running.send_signal(signal.SIGTERM)
+    out, err = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode == 0 and "Traceback" not in err, err
+    assert json.loads(out)["files"] == ["take.wav", "take.mid"]
+    assert sorted(os.listdir(tmp_path)) == ["take.mid", "take.wav"]
+
+
+def test_the_fade_leaves_a_bound_expression_alone(playing, tmp_path) -> None:
+    running = playing(tmp_path, "--play", SONG, "--cc", "11=pluck.position", *QUIET)
+    running.send_signal(signal.SIGINT)
+    err = running.communicate(timeout=PATIENCE_S)[1]
+    assert running.returncode == 0, err
+    assert not len(controls_of(tmp_path / "take.mid", EXPRESSION))
+    events = read_song(tmp_path / "take.mid", 44100).events
+    gains = events["value"][(events["kind"] == PARAMETER) & (events["a"] == GAIN)]
+    assert len(gains) > 1 and (np.diff(gains) < 0.0).all()
+    taken = np.abs(samples(tmp_path / "take.wav")).max(axis=1)
+    assert taken.max() > 0.01 * 2**31 and taken[-256:].max() < 1e-4 * 2**31
+    arguments = ["--cc", "11=pluck.position", "-o", "again.wav", "--quiet", "--tail", "1"]
+    assert synth(None, tmp_path, "render", "take.mid", *arguments).returncode == 0
+    assert is_beginning(tmp_path / "take.wav", tmp_path / "again.wav")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+def test_a_terminal_that_is_closed_ends_it_and_leaves_the_take(jack_server, tmp_path) -> None:
+    import fcntl
+    import pty
+    import termios
+
+    master, slave = pty.openpty()
+
+    def own_the_terminal() -> None:
+        os.setsid()
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+    running = subprocess.Popen(
+        command("play", "--play", SONG, "--record", "take.wav", "--keys", *QUIET),
+        cwd=tmp_path,
+        env=environment(jack_server()),
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        preexec_fn=own_the_terminal,
+    )
+    os.close(slave)
+    said = b""
+    try:
+        deadline = time.monotonic() + PATIENCE_S
+        while not any(path.stat().st_size > 6 * 44100 for path in tmp_path.glob(".take.wav.*")):
+            assert running.poll() is None and time.monotonic() < deadline, said
+            if select.select([master], [], [], 0.05)[0]:
+                said += os.read(master, 4096)
+        os.close(master)  # the kernel sends SIGHUP, and nothing can be written to the terminal any more
+        assert running.wait(PATIENCE_S) == 0
+    finally:
+        running.kill()
+        running.wait()
+    assert b"REC 0:0" in said
+    assert sorted(os.listdir(tmp_path)) == ["take.mid", "take.wav"]
+    taken = np.abs(samples(tmp_path / "take.wav")).max(axis=1)
+    assert taken.max() > 0.01 * 2**31 and taken[-256:].max() < 1e-4 * 2**31
 
 
 @pytest.mark.parametrize("how", [[], ["--jack", "instrument"]], ids=["portaudio", "jack"])
@@ -186,6 +279,27 @@ def test_latency_is_measured_through_a_midi_port(jack_server, tmp_path, how: lis
     assert told["peak"]["median_ms"] > told["placed"]["median_ms"] + told["engine_ms"] + told["draw_ms"]
 
 
+@pytest.mark.parametrize("how", [[], ["--jack"]], ids=["portaudio", "jack"])
+def test_a_measurement_can_be_broken_off(jack_server, tmp_path, how: list[str]) -> None:
+    server = jack_server()
+    running = subprocess.Popen(
+        command("play", "-p", "tanpura", "--measure-latency", *how),
+        cwd=tmp_path,
+        env=environment(server),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert running.stderr is not None
+        assert any(line.startswith("synth: measuring") for line in running.stderr)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=PATIENCE_S)
+    finally:
+        running.kill()
+    assert (running.returncode, out, err) == (130, "", "synth: interrupted\n")
+
+
 def refused(done: subprocess.CompletedProcess[str], folder: Path, *said: str) -> None:
     assert done.returncode == 2 and done.stdout == ""
     last = done.stderr.splitlines()[-1]
@@ -202,7 +316,34 @@ def test_devices_that_are_not_there_or_refuse(jack_server, tmp_path) -> None:
     refused(synth(server, tmp_path, "play", "--device", "77", *record), tmp_path, "--device '77'")
     refused(synth(server, tmp_path, "play", "-r", "96000", *record), tmp_path, "refuses 96000 Hz", "--rate 44100")
     refused(synth(server, tmp_path, "play", "-r", "96000", "--jack", *record), tmp_path, "44100 Hz", "--rate")
-    refused(synth(None, tmp_path, "play", "--jack", *record), tmp_path, "no JACK server answers")
+    none = synth(None, tmp_path, "play", "--jack", *record)
+    refused(none, tmp_path, "no JACK server answers", "start one, like jackd -d", "without --jack")
+
+
+def test_files_and_ports_are_judged_before_the_device(jack_server, tmp_path) -> None:
+    """The device does not exist either."""
+    organ = ["--device", "organ"]
+    for arguments, problem in [
+        (["play", "-p", "nothing.toml"], "nothing.toml"),
+        (["play", "--tuning", "nothing.scl"], "nothing.scl"),
+        (["play", "--play", "nothing.mid"], "nothing.mid"),
+        (["play", "--record", "nowhere/take.wav"], "nowhere/take.wav: there is no directory nowhere"),
+        (["play", "--midi-in", "harmonium"], "--midi-in: the"),
+        (["drone", "--record", "nowhere/take.wav"], "nowhere/take.wav: there is no directory nowhere"),
+        (["drone", "-p", "nothing.toml"], "nothing.toml"),
+    ]:
+        refused(synth(None, tmp_path, *arguments, *organ), tmp_path, problem)
+
+
+def test_a_midi_port_that_is_not_there_leaves_an_earlier_take(jack_server, tmp_path) -> None:
+    server = jack_server()
+    (tmp_path / "take.wav").write_bytes(b"of yesterday")
+    for how in ([], ["--jack"]):
+        done = synth(server, tmp_path, "play", "--midi-in", "harmonium", "--record", "take.wav", *how)
+        assert done.returncode == 2
+        (said,) = done.stderr.splitlines()  # nothing has been prepared, let alone opened
+        assert said.startswith("synth: error: --midi-in: there is no MIDI port 'harmonium'; there are ")
+        assert os.listdir(tmp_path) == ["take.wav"] and (tmp_path / "take.wav").read_bytes() == b"of yesterday"
 
 
 def test_no_device_at_all(tmp_path) -> None:

@@ -181,13 +181,71 @@ def test_events_behind_the_last_recorded_frame_are_left_out(tmp_path: Path) -> N
     assert read_song(tmp_path / "take.mid", RATE_HZ).events["frame"].max() == 1000
 
 
-def test_a_gap_in_the_recording_is_said(tmp_path: Path) -> None:
+def test_events_that_are_missing_are_said(tmp_path: Path) -> None:
     deck = ToneDeck()
     said: list[str] = []
     with Recorder(deck, tmp_path / "take.wav", None, RATE_HZ, say=said.append):
         deck.play(1000)
         deck.recording_lost = 7
-    assert len(said) == 1 and "take.wav: 7 frames or events are missing" in said[0]
+    assert len(said) == 1 and said[0].endswith("take.wav: the disk was too slow: 7 events are missing")
+
+
+def test_where_nothing_was_played_an_earlier_take_stays(tmp_path: Path) -> None:
+    wav, mid = tmp_path / "take.wav", tmp_path / "take.mid"
+    wav.write_bytes(b"sound of yesterday")
+    mid.write_bytes(b"take of yesterday")
+    with pytest.raises(RuntimeError, match="refused"), Recorder(ToneDeck(), wav, mid, RATE_HZ) as recorder:
+        raise RuntimeError("the device refused")
+    assert recorder.kept == []
+    assert (wav.read_bytes(), mid.read_bytes()) == (b"sound of yesterday", b"take of yesterday")
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_sound_that_is_lost_is_silence_and_what_follows_stands_in_its_place(tmp_path: Path, monkeypatch) -> None:
+    # A disk that stands still: what is drained is drained when the test says so.
+    monkeypatch.setattr("synth.live.recorder.DRAIN_EVERY_S", 1e6)
+    deck, said = ToneDeck(tape_frames=40_000), []
+    with Recorder(deck, tmp_path / "take.wav", tmp_path / "take.mid", RATE_HZ, say=said.append) as recorder:
+        deck.play(10_000)
+        recorder._drain_audio()
+        deck.play(30_000)
+        deck.play(45_000)  # 35 000 of them are lost
+        recorder._drain_audio()
+        deck.play(7_000, make_events([(90_000, NOTE_ON, 0, 60, 1)]))
+        deck.play(50_000)  # 17 000, at the end
+    sound = ToneDeck.sound(0, 142_000)
+    sound[50_000:85_000] = 0.0
+    sound[125_000:] = 0.0
+    recorded, _ = soundfile.read(tmp_path / "take.wav")
+    assert np.array_equal(recorded, sound[LATENCY:])
+    assert read_song(tmp_path / "take.mid", RATE_HZ).events["frame"].tolist() == [90_000, 142_000, 142_000]
+    assert len(said) == 1 and "52000 frames of sound, silent in the file are missing" in said[0]
+
+
+def test_a_deck_whose_sound_is_not_taken_in_time(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("synth.live.recorder.DRAIN_EVERY_S", 1e6)
+    engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{48}])
+    engine.prepare(RATE_HZ, 4096)
+    deck = Deck(engine, record=True)
+    card = Card(deck)
+    behind = deck.tape_frames + 20_000
+    again = behind + 30_000
+    events = make_events([(0, NOTE_ON, 0, 48, 100), (9000, CONTROL, 0, 120, 0), (again, NOTE_ON, 0, 48, 90)])
+    with Recorder(deck, tmp_path / "take.wav", tmp_path / "take.mid", RATE_HZ, "16") as recorder:
+        assert deck.schedule(events) == len(events)
+        while deck.frame < behind:
+            card.ask(min(4096, behind - deck.frame))
+        assert deck.tape_lost == 20_000
+        recorder._drain_audio()
+        while deck.frame < again + 20_000:
+            card.ask(256)
+        total = deck.frame
+    recorded, _ = soundfile.read(tmp_path / "take.wav", dtype="int16")
+    assert len(recorded) == total - engine.latency_samples
+    sounding = np.flatnonzero(np.abs(recorded).max(axis=1) > 50)
+    second = sounding[sounding > 100_000]
+    # The take says when; the string answers while the finger draws it.
+    assert len(sounding) > len(second) > 0 and again <= second[0] < again + 2000
 
 
 def _recording(tmp_path: Path, **more) -> subprocess.Popen:

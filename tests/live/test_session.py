@@ -2,17 +2,24 @@
 
 import io
 import math
+import os
 import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from synth.cli.play import asked_by_signals
+from synth.cli.common import asked_by_signals
 from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host import parts
+from synth.live import stderr
 from synth.live.latency import Span, quickest_note
+from synth.live.patience import CALL_S, LEAVE_S, Worker, answers
 from synth.live.player import AHEAD_S, Player, from_events
-from synth.live.session import Stop
+from synth.live.session import Session, SessionSettings, Stop
 from synth.live.status import Status, StatusLine, clock_text, status_text
 
 RATE_HZ = 44100
@@ -109,6 +116,7 @@ def test_the_line_says_all_where_there_is_room() -> None:
     text = status_text(PLAYING, 200)
     for said in ("load  12/ 31 %", "2 xruns", "3 strings", "-6.0 dB", "C3 v96", "REC 1:05"):
         assert said in text
+    assert "lost" not in text and "3 lost" in status_text(replace(PLAYING, events_lost=3), 200)
     assert "sparing" not in text and "sparing below -80 dB" in status_text(PLAYING_SPARED, 200)
 
 
@@ -179,16 +187,174 @@ def test_a_terminal_that_goes_away_ends_nothing() -> None:
     line.clear()
 
 
-def test_the_first_signal_asks_the_second_insists() -> None:
-    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.getsignal(number) for number in numbers]
+    yield
+    now = [signal.signal(number, handler) for number, handler in zip(numbers, before, strict=True)]
+    assert now == before
+
+
+def test_the_first_signal_asks_the_second_insists(handlers) -> None:
     stop = Stop()
     assert not stop.wait(0.0)
-    with asked_by_signals(stop):
-        signal.raise_signal(signal.SIGTERM)
-        assert stop.asked and not stop.at_once and stop.wait(60.0)
+    with asked_by_signals(stop) as begin:
+        begin()
+        for _ in range(2):
+            signal.raise_signal(signal.SIGHUP)  # the terminal is closed
+            assert stop.asked and not stop.at_once and stop.wait(60.0)
         signal.raise_signal(signal.SIGINT)
         assert stop.at_once and stop.wait_at_once(60.0)
-    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+        signal.raise_signal(signal.SIGTERM)
+
+
+def test_before_the_session_is_open_a_signal_interrupts(handlers) -> None:
+    stop = Stop()
+    with pytest.raises(KeyboardInterrupt), asked_by_signals(stop):
+        signal.raise_signal(signal.SIGINT)
+    assert not stop.asked
+
+
+def test_nohup_is_obeyed() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        stop = Stop()
+        with asked_by_signals(stop) as begin:
+            begin()
+            signal.raise_signal(signal.SIGHUP)
+            assert not stop.asked
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_an_exception_does_not_cut_the_waiting_for_a_thread_short() -> None:
+    waiting, interrupted, go_on = threading.Event(), threading.Event(), threading.Event()
+    done: list[str] = []
+
+    def interrupt(*_: object) -> None:
+        interrupted.set()
+        raise InterruptedError("told once the thread has ended")
+
+    def work() -> None:
+        waiting.wait()
+        while not interrupted.wait(0.05):
+            os.kill(os.getpid(), signal.SIGUSR1)
+        go_on.wait(0.3)
+        done.append("work")
+
+    worker = Worker(work, "work")
+    wait = worker._done.wait
+
+    def wait_and_tell(seconds: float | None) -> bool:
+        waiting.set()
+        return wait(seconds)
+
+    worker._done.wait = wait_and_tell
+    before = signal.signal(signal.SIGUSR1, interrupt)
+    try:
+        worker.start()
+        with pytest.raises(InterruptedError):
+            worker.ended()
+        assert done == ["work"]
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+def test_who_does_not_answer_is_left_to_himself() -> None:
+    end = threading.Event()
+    assert not answers(end.wait, 0.05)
+    end.set()
+    assert answers(end.wait, 60.0)
+    # Who waits for an output to be left allows for its stopping and its closing.
+    assert LEAVE_S > 2 * CALL_S
+
+
+def where_errors_go() -> tuple[int, int]:
+    found = os.fstat(2)
+    return found.st_dev, found.st_ino
+
+
+def test_standard_error_comes_back_however_two_silences_overlap(capfd) -> None:
+    here = where_errors_go()
+    first, second = stderr.silenced(), stderr.silenced()
+    first.__enter__()
+    second.__enter__()
+    assert where_errors_go() != here
+    first.__exit__(None, None, None)
+    assert where_errors_go() != here
+    second.__exit__(None, None, None)
+    assert where_errors_go() == here
+
+
+def test_standard_error_is_taken_back_from_who_does_not_return(capfd) -> None:
+    here = where_errors_go()
+    with stderr.silenced():
+        stderr.give_back()
+        assert where_errors_go() == here
+        with stderr.silenced():
+            assert where_errors_go() != here
+        assert where_errors_go() == here
+    assert where_errors_go() == here
+
+
+class Output:
+    """An output that notes what is done to it."""
+
+    name, alive, latency_s = "fake", True, 0.0
+
+    def __init__(self, fails: Exception | None = None, messages_lost: int = 0) -> None:
+        self.done: list[str] = []
+        self.messages_lost = messages_lost
+        self._fails = fails
+
+    def start(self) -> None:
+        self.done.append("start")
+        if self._fails is not None:
+            raise self._fails
+
+    def close(self) -> None:
+        self.done.append("close")
+
+
+def reopened(output: Output, *, late: bool = False) -> tuple[Session, list[str]]:
+    session = Session(SessionSettings(), StatusLine(quiet=True))
+    session._output = None
+    session._open_output = lambda: output
+    session._left_behind = late
+    refused: list[str] = []
+    session._reopen(refused)
+    return session, refused
+
+
+def test_an_output_that_comes_back_sounds() -> None:
+    output = Output()
+    session, refused = reopened(output)
+    assert session._output is output and output.done == ["start"] and not refused
+
+
+def test_an_output_that_comes_back_too_late_makes_no_sound() -> None:
+    output = Output()
+    session, refused = reopened(output, late=True)
+    assert session._output is None and output.done == ["close"] and not refused
+
+
+def test_an_output_that_does_not_start_is_closed_whatever_the_library_raises() -> None:
+    output = Output(fails=RuntimeError("PortAudio not initialized"))
+    _, refused = reopened(output)
+    assert output.done == ["start", "close"] and refused == ["PortAudio not initialized"]
+
+
+def test_what_outputs_lose_is_counted_with_what_the_deck_loses() -> None:
+    session, _ = reopened(Output(messages_lost=3))
+    session._open_output = lambda: Output(messages_lost=4)
+    session._reopen([])
+    assert session._events_lost(SimpleNamespace(events_lost=10)) == 17
+    without = Output()
+    del without.messages_lost
+    session._open_output = lambda: without
+    session._reopen([])
+    assert session._events_lost(SimpleNamespace(events_lost=10)) == 17
 
 
 def test_spans_of_times() -> None:
