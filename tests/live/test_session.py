@@ -10,8 +10,9 @@ import pytest
 from synth.cli.play import asked_by_signals
 from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host import parts
+from synth.host.eventsource import from_events
 from synth.live.latency import Span, quickest_note
-from synth.live.player import AHEAD_S, Player, from_events
+from synth.live.player import AHEAD_S, Player
 from synth.live.session import Stop
 from synth.live.status import Status, StatusLine, clock_text, status_text
 
