@@ -382,7 +382,7 @@ class Session:
         channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
         for text in HELP:
             self._line.say(text)
-        stack.enter_context(Keyboard(self.deck.send, on_key, channel=channel))
+        stack.enter_context(Keyboard(self.deck.send, self.deck.panic, on_key, channel=channel))
 
     def measure_latency(self, stop: Stop) -> Latency:
         """Instead of `run`: how long it takes from an event to its sound. Raises ValueError where nothing is heard."""

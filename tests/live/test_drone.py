@@ -1,11 +1,8 @@
 """The tanpura's cycle: the same for the same seed however it is asked, hours without drift, in tune, and what one hears."""
 
 import json
-import os
-import pty
 import subprocess
 import sys
-import termios
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +22,7 @@ from synth.live.pegs import Pegs, Strings, tuned
 from synth.live.presetfile import preset_text
 from synth.live.swara import RATIOS, frequency_of, name_of, ratio_of
 from synth.live.tanpura_keys import DronePlayer, TanpuraKeys
-from synth.live.terminal import Terminal, keys_of
+from synth.live.terminal import Terminal
 from synth.measures import band_levels_db, click_ratios, sounding_fundamental
 from synth.preset import load_preset, parse_preset
 from synth.units import cents, midi_to_hz
@@ -302,7 +299,7 @@ def test_live_sounds_as_the_file(engine: Engine, strings: Strings, tmp_path: Pat
     card = Card(deck)
     drone = Drone(strings, cycle, RATE, duration_s=6.0, fade_s=1.0)
     said: list[str] = []
-    with Terminal() as terminal:
+    with Terminal(-1) as terminal:
         player = DronePlayer(drone, terminal, TanpuraKeys(drone, said.append, lambda: None))
         blocks = []
         while not player.over(deck):
@@ -332,23 +329,6 @@ def test_keys_change_what_comes(strings: Strings) -> None:
         keys.press("]")
         keys.press("S")
     assert drone.pegs.cents[1] == 50.0 and "--sa must lie between" in said[-1]
-
-
-def test_keys_of_a_terminal() -> None:
-    assert keys_of("a\x1b[A\x1b[1;5Cb\x1bOD \x1b[") == (["a", "up", "b", "left", " "], "\x1b[")
-    master, slave = pty.openpty()
-    try:
-        before = termios.tcgetattr(slave)
-        with open(slave, closefd=False) as stream, Terminal(stream) as terminal:
-            assert terminal.is_one and terminal.keys() == []
-            os.write(master, b"f\x1b")
-            assert terminal.keys() == ["f"]
-            os.write(master, "é\x1b[D".encode())
-            assert terminal.keys() == ["é", "left"]
-        assert termios.tcgetattr(slave) == before
-    finally:
-        os.close(master)
-        os.close(slave)
 
 
 @pytest.mark.parametrize(
