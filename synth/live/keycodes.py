@@ -19,8 +19,8 @@ ESCAPE_S = 0.05
 #: a sequence is no longer than so many characters
 MOST_CHARACTERS = 64
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
-_SEQUENCE = re.compile(r"\x1b(?:\[(?P<digits>[0-9:;<=>?]*)[ -/]*(?P<end>[@-~])|O(?P<ss3>.))")
-_INCOMPLETE = re.compile(r"\x1b(?:\[[0-9:;<=>?]*[ -/]*|O)?\Z")
+_SEQUENCE = re.compile(r"\x1b(?:\[(?P<digits>[ -?]*)(?P<end>[@-~])|O(?P<ss3>.))")
+_BEGINNING = re.compile(r"\x1b(?:\[[ -?]*|O)")
 _NUMBERS = re.compile(r"[0-9:;]*")
 _SHIFT, _CONTROL = 1, 4
 
@@ -65,12 +65,13 @@ class KeyDecoder:
                 key = _key_of(found)
                 if key is not None:
                     yield key
-            elif _INCOMPLETE.match(self._text) and now - self._text_at < ESCAPE_S:
-                if len(self._text) > MOST_CHARACTERS:
-                    self._text = ""
+                continue
+            beginning = _BEGINNING.match(self._text)
+            length = beginning.end() if beginning is not None else 1
+            if length == len(self._text) <= MOST_CHARACTERS and now - self._text_at < ESCAPE_S:
                 return  # more may follow
-            else:
-                self._text = self._text[1:]
+            self._text = self._text[length:]
+            if beginning is None:
                 yield Key(ESCAPE)
 
 

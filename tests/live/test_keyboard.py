@@ -128,6 +128,38 @@ def test_escape_is_a_key_and_a_beginning() -> None:
     assert board.keys == ["up", QUIT, QUIT, QUIT] and board.keyboard.velocity == 96
 
 
+@pytest.mark.parametrize(
+    "sequence",
+    [
+        "[1<2;3u",
+        "[<u",
+        "[;;u",
+        "[:u",
+        "[1=2A",
+        "[97;1:?u",
+        "[55296u",
+        "[1114112u",
+        "[-1u",
+        "[1\x1b[<A",
+        "[" + "9" * 5000 + "u",
+        "[1;" + "9" * 5000 + "A",
+        "O~",
+    ],
+)
+def test_sequences_that_mean_nothing_are_left_out(sequence: str) -> None:
+    board = Board()
+    assert board.at(1.0, f"\x1b{sequence}") == [] and board.keys == [] and board.panics == 0
+    assert board.at(1.5, "a") == [(NOTE_ON, 0, 48, 96)]
+
+
+def test_a_sequence_without_an_end_is_not_kept_for_ever() -> None:
+    board = Board()
+    for k in range(100):
+        board.at(1.0 + 0.01 * k, "\x1b[" if k == 0 else "1" * 100)
+    # its beginning has been dropped, and what follows are keys
+    assert set(board.keys) <= {"1"} and board.keys
+
+
 def test_half_a_character_waits_for_the_other_half() -> None:
     board = Board()
     board.keyboard.feed("é".encode()[:1], 0.0)
