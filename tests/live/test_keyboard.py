@@ -220,6 +220,18 @@ def test_a_terminal_is_played_and_given_back_as_it_was(terminal) -> None:
         os.read(master, 100)  # nothing was shown
 
 
+def test_who_gets_the_terminal_back_has_let_go_of_the_keys(terminal) -> None:
+    master, slave = terminal
+    before = termios.tcgetattr(slave)
+    rows: list[tuple] = []
+    with Keyboard(lambda *row: rows.append(row[:3]) is None, nothing, input=slave, hold_s=600.0, key_up=False):
+        os.write(master, b"a")
+        wait_for(lambda: rows == [(NOTE_ON, 0, 48)])
+        termios.tcsetattr(slave, termios.TCSANOW, before)  # somebody else has it
+        wait_for(lambda: rows[1:] == [(NOTE_OFF, 0, 48)])
+        assert not termios.tcgetattr(slave)[3] & (termios.ECHO | termios.ICANON)
+
+
 def test_key_up_is_asked_for_and_taken_back(terminal, monkeypatch) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
     master, slave = terminal

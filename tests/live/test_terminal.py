@@ -190,6 +190,7 @@ def test_a_job_in_the_background_leaves_the_terminal_alone(program: str, shells:
     # It is ended by its own kind of end, which closes the terminal; were it stopped meanwhile, the shell would say so.
     shell.tell(int(signal.SIGINT), "wait")
     assert shell.told() == f"ended {-signal.SIGINT}" and shell.as_before
+    os.set_blocking(shell.slave, False)
     assert os.read(shell.slave, 10) == b"7\n"
 
 
