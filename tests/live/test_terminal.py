@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import queue
+import select
 import signal
 import subprocess
 import sys
@@ -112,6 +113,11 @@ class Shell:
     def told(self) -> str:
         """The next line from the shell or its job."""
         return self._told.get(timeout=PATIENCE_S)
+
+    def shown(self) -> bytes:
+        """What the terminal was sent next."""
+        assert select.select([self.master], [], [], PATIENCE_S)[0], "nothing was shown"
+        return os.read(self.master, 100)
 
     def foreground(self) -> None:
         """What `fg` does to a stopped job."""
@@ -222,13 +228,13 @@ def test_ctrl_z_and_key_up(shells: list[Shell]) -> None:
     """A terminal that tells of keys going up leaves Ctrl-Z to the program, and must not tell the shell of them."""
     shell = Shell(WITH_KEYBOARD)
     shells.append(shell)
-    assert shell.told() == "ready" and os.read(shell.master, 100) == b"\x1b[>11u"
+    assert shell.told() == "ready" and shell.shown() == b"\x1b[>11u"
     shell.tell("wait")
     os.write(shell.master, b"\x1b[122;5u")
     assert shell.told() == f"stopped {int(signal.SIGTSTP)}"
-    assert os.read(shell.master, 100) == b"\x1b[<u" and shell.as_before
+    assert shell.shown() == b"\x1b[<u" and shell.as_before
     shell.foreground()
-    assert os.read(shell.master, 100) == b"\x1b[>11u"
+    assert shell.shown() == b"\x1b[>11u"
     shell.tell("wait")
     os.write(shell.master, b"\x1b[92;5u")
     assert shell.told() == f"ended {-signal.SIGQUIT}" and shell.as_before
