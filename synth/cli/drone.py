@@ -234,7 +234,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
     from synth.live.tanpura_keys import HELP, DronePlayer, TanpuraKeys, strings_text
-    from synth.live.terminal import Terminal
+    from synth.live.terminal import terminal_at
     from synth.targets import check_target
 
     settings = SessionSettings(
@@ -260,7 +260,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
             check_target(path)
     line = StatusLine(quiet=options.quiet)
     stop = Stop()
-    with asked_by_signals(stop) as begin, Session(settings, line, begin) as session, Terminal() as terminal:
+    with asked_by_signals(stop) as begin, Session(settings, line, begin) as session, terminal_at() as terminal:
         drone = Drone(strings, cycle, session.rate_hz, duration_s=options.duration, fade_s=_fade(options))
         keys = TanpuraKeys(drone, line.say, stop.ask)
         session.add_player(DronePlayer(drone, terminal, keys))

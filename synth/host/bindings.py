@@ -9,10 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from synth.engine.parameters import Binding
     from synth.preset import Preset
-
-#: (part or None for all that the channel plays, id, value at 0, value at 127), None for the ends of its range
-Binding = tuple[int | None, str, float | None, float | None]
 
 
 def parse_bindings(texts: Sequence[str]) -> dict[int, list[Binding]]:

@@ -13,8 +13,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from synth.engine.controllers import ALL_NOTES_OFF
 from synth.engine.events import CONTROL, EVENT, NOTE_ON
 from synth.host.audiofile import AudioSink
+from synth.host.eventsource import EventSource, from_events
 from synth.units import db_to_gain
 
 # An automatic tail ends when the output has stayed this quiet for this long, or at the limit.
@@ -26,11 +28,8 @@ LONGEST_AUTO_TAIL_S = 60.0
 # Where a tail is cut while strings still ring, it is faded: over this time, or (at the automatic limit) this.
 FADE_S = 0.02
 LIMIT_FADE_S = 1.0
-ALL_NOTES_OFF = 123
 
 Progress = Callable[[float, float], None]
-# Asked with rising frames, gives the events before each that it has not yet given (EVENT, absolute frames, ascending)
-EventSource = Callable[[int], np.ndarray]
 
 
 class EngineLike(Protocol):
@@ -120,7 +119,7 @@ def render(
     else:
         events = _until(events, span)
         last_release = _last_release(events, rate_hz)
-        source = _pieces(events)
+        source = from_events(events)
     out = np.zeros((block, 2))
     stems = np.zeros((len(stem_sinks), block, 2)) if stem_sinks else None
     hard_stop = span.end + span.most_tail
@@ -164,18 +163,6 @@ def render(
         if progress is not None:
             progress(max(0, at - latency) / rate_hz, stop / rate_hz)
     return Rendering(written, peak, time.perf_counter() - began)
-
-
-def _pieces(events: np.ndarray) -> EventSource:
-    """The events of an array, piece by piece, as copies."""
-    given = 0
-
-    def source(until: int) -> np.ndarray:
-        nonlocal given
-        first, given = given, int(np.searchsorted(events["frame"], until))
-        return events[first:given].copy()
-
-    return source
 
 
 def _until(events: np.ndarray, span: Span) -> np.ndarray:

@@ -8,17 +8,20 @@ from contextlib import ExitStack, closing, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from synth.engine.events import NOTE_OFF, NOTE_ON
 from synth.host import audiofile, offline, parts, scala
-from synth.host.bindings import Binding, check_parts
+from synth.host.bindings import check_parts
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
 from synth.schemes import energy_warning
 from synth.targets import is_special
-from synth.units import db_to_gain, gain_to_db, midi_to_hz, midi_to_note
+from synth.units import db_to_gain, gain_to_db, midi_to_note
+
+if TYPE_CHECKING:
+    from synth.engine.parameters import Binding
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
@@ -175,10 +178,10 @@ def render_file(
     risk = energy_warning(settings.scheme, settings.restitution, internal_hz, "--internal-rate", settings.rate_hz)
     if risk is not None:
         note(risk)
-    note_hz = None
+    note_hz = silent = None
     if settings.tuning is not None or settings.keyboard is not None:
-        note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)
-    events, untuned = _playable(song, casting, note_hz)
+        note_hz, silent = scala.playable_frequencies(settings.tuning, settings.keyboard)
+    events, untuned = _playable(song, casting, silent)
 
     outputs = _Outputs(settings, casting.parts, span)
     engine = _engine(settings, song, casting, note_hz) if casting.parts else _Silence()
@@ -256,16 +259,11 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     return span
 
 
-def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> tuple[np.ndarray, list[dict[str, Any]]]:
-    """The events that parts play, and the notes whose keys the tuning leaves silent (their frequency is NaN).
-
-    Silent keys get their ordinary frequency in `note_hz` afterwards: the engine never sees a NaN.
-    """
+def _playable(song: Song, casting: parts.Casting, silent: np.ndarray | None) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    """The events that parts play, and the notes whose keys the tuning leaves silent ((128,) bool; None: no tuning)."""
     events = parts.played_events(song.events, casting)
-    if note_hz is None:
+    if silent is None:
         return events, []
-    silent = np.isnan(note_hz)
-    note_hz[silent] = [midi_to_hz(float(key)) for key in np.flatnonzero(silent)]
     is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF))
     dropped = is_note & silent[np.where(is_note, events["a"], 0)]
     lost = events[dropped & (events["kind"] == NOTE_ON)]

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, RESET_CONTROLLERS, SUSTAIN
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, EVENT, NOTE_ON, make_events
 from synth.live import desk as d
@@ -27,7 +28,6 @@ from synth.live.callback import render_ahead
 
 #: priority of the thread that renders ahead, where it may have one
 PRIORITY = 60
-ALL_SOUND_OFF, RESET_CONTROLLERS, ALL_NOTES_OFF = 120, 121, 123
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class Deck:
     def release(self) -> None:
         """Let go of everything that is held."""
         for channel in range(16):
-            self.send(CONTROL, channel, 64, 0)
+            self.send(CONTROL, channel, SUSTAIN, 0)
             self.send(CONTROL, channel, ALL_NOTES_OFF)
 
     def meters(self) -> Meters:

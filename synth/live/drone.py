@@ -22,6 +22,8 @@ from synth.preset import Preset
 CYCLE_S = (1.0, 60.0)
 VELOCITIES = (1, 127)
 JIVA_UM = (0.0, 50.0)
+#: relative gaps, and how many times the smallest the largest may be
+GAPS = (0.001, 1000.0)
 MOST_GAP_RATIO = 20.0
 #: the gap after the kharaj, where the others are 1
 LINGER = 1.6
@@ -101,11 +103,15 @@ class Cycle:
             if not low <= value <= high:
                 raise ValueError(f"{option} must lie between {low:g} and {high:g}{unit}, got {value:g}")
         if self.spacing:
-            least = min(self.spacing)
-            if not (least > 0.0 and max(self.spacing) <= MOST_GAP_RATIO * least):
+            low, high = GAPS
+            for gap in self.spacing:
+                if not low <= gap <= high:  # NaN fails, too
+                    raise ValueError(f"--spacing must be numbers from {low:g} to {high:g}, got {gap:g}")
+            least, most = min(self.spacing), max(self.spacing)
+            if most > MOST_GAP_RATIO * least:
                 raise ValueError(
-                    f"--spacing must be numbers above 0, the largest at most {MOST_GAP_RATIO:g} times the smallest, got "
-                    + ",".join(f"{gap:g}" for gap in self.spacing)
+                    f"--spacing: the largest number must be at most {MOST_GAP_RATIO:g} times the smallest, "
+                    f"got {least:g} and {most:g}"
                 )
 
     def gaps(self, strings: int) -> tuple[float, ...]:
@@ -203,13 +209,6 @@ class Drone:
         elif paused and not self.paused and self.strokes:
             self._soon.append((self._given, NOTE_OFF, 0, self.strings.keys[(self.strokes - 1) % len(self._gaps)], 64, 0.0))
         self.paused = paused
-
-    def fade_out(self, seconds: float) -> None:
-        """End it: fade to silence from now on, and `end` is set to the frame after."""
-        if self.end is None or self._fade is None or self._given < self._fade[0]:
-            silent = self._given + round(seconds * self.rate_hz)
-            self.end = silent + round(SETTLE_S * self.rate_hz)
-            self._fade_between(self._given, silent)
 
     # --- events
 

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from synth.engine.controllers import ALL_SOUND_OFF
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, NOTE_ON, decode
 from synth.live.deck import Deck
@@ -32,7 +33,6 @@ QUIET_FOR_S = 0.03
 #: a note that is not heard in so long is lost; so long a string may take to fall silent [s]
 LISTEN_S = 0.3
 SILENT_WITHIN_S = 3.0
-ALL_SOUND_OFF = 120
 #: python-rtmidi's numbers of the systems that MidiInputs names
 _API_OF = {"CoreMIDI": 1, "ALSA": 2, "JACK": 3, "Windows MM": 4}
 

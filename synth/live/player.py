@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from synth.engine.events import EVENT
+from synth.host.eventsource import EventSource
 
 #: how far ahead of the stream events are given to the deck [s]
 AHEAD_S = 2.0
-
-#: asked with rising frames, it gives the events before each that it has not yet given: EVENT, ascending, frames of the
-#: stream
-EventSource = Callable[[int], np.ndarray]
 
 
 class Schedule(Protocol):
@@ -53,15 +49,3 @@ class Player:
     def over(self, deck: Schedule) -> bool:
         """Whether the end is past and all has been given."""
         return self.end is not None and not len(self._waiting) and self._asked > self.end and deck.frame >= self.end
-
-
-def from_events(events: np.ndarray) -> EventSource:
-    """The events of a song (EVENT, ascending) as a source: the song begins with the stream."""
-    given = 0
-
-    def source(until: int) -> np.ndarray:
-        nonlocal given
-        first, given = given, int(np.searchsorted(events["frame"], until))
-        return events[first:given].copy()
-
-    return source

@@ -24,23 +24,26 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, EXPRESSION, SUSTAIN
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, PARAMETER
 from synth.engine.layout import GAIN
 from synth.host import midi, parts, scala
-from synth.host.bindings import Binding, check_parts
+from synth.host.bindings import check_parts
+from synth.host.eventsource import from_events
 from synth.live.deck import Deck, Meters
 from synth.live.errors import DeviceError, MidiPortError
 from synth.live.patience import LEAVE_S, answers
-from synth.live.player import Player, from_events
+from synth.live.player import Player
 from synth.live.report import LiveReport
 from synth.live.status import Status, StatusLine
 from synth.live.stderr import give_back
 from synth.preset import Preset
 from synth.targets import check_target
-from synth.units import db_to_gain, midi_to_hz, midi_to_note
+from synth.units import db_to_gain, midi_to_note
 
 if TYPE_CHECKING:
+    from synth.engine.parameters import Binding
     from synth.live.latency import Latency
     from synth.live.recorder import Recorder
 
@@ -59,7 +62,6 @@ QUIET_FOR_S = 0.5
 LONGEST_TAIL_S = 60.0
 #: loads that are told apart, in thousandths of a block; the last stands for all above
 LOAD_BINS = 4001
-SUSTAIN, EXPRESSION, ALL_SOUND_OFF, ALL_NOTES_OFF = 64, 11, 120, 123
 
 
 @dataclass(frozen=True)
@@ -313,10 +315,7 @@ class Session:
         settings = self._settings
         if settings.tuning is None and settings.keyboard is None:
             return None, None
-        note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)
-        silent = np.isnan(note_hz)
-        # The engine never sees a NaN: it prepares no string for a silent key.
-        note_hz[silent] = [midi_to_hz(float(key)) for key in np.flatnonzero(silent)]
+        note_hz, silent = scala.playable_frequencies(settings.tuning, settings.keyboard)
         return note_hz, {int(key) for key in np.flatnonzero(~silent)}
 
     def _notes(
@@ -413,7 +412,7 @@ class Session:
         channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
         for text in HELP:
             self._line.say(text)
-        stack.enter_context(Keyboard(self.deck.send, on_key, channel=channel))
+        stack.enter_context(Keyboard(self.deck.send, self.deck.panic, on_key, channel=channel))
 
     def measure_latency(self, stop: Stop) -> Latency | None:
         """Instead of `run`: how long it takes from an event to its sound; None: it was asked to end meanwhile. Raises

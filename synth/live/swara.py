@@ -9,7 +9,7 @@ import math
 import re
 from fractions import Fraction
 
-from synth.units import midi_to_hz, note_to_midi
+from synth.units import midi_to_hz, note_to_midi, read_ratio
 
 #: Sa up to the Sa above; komal is flat, tivra sharp, shuddh neither
 RATIOS = {
@@ -39,8 +39,8 @@ def ratio_of(text: str) -> float:
     if words in RATIOS:
         return float(RATIOS[words])
     try:
-        ratio = float(Fraction(words))
-    except (ValueError, ZeroDivisionError, OverflowError):
+        ratio = read_ratio(words)
+    except ValueError:
         ratio = math.nan
     if not 1.0 <= ratio <= 2.0:
         raise ValueError(f"must be a swara such as Pa, Ma, Ni, komal-Ni, or a ratio from 1 to 2 such as 3/2, got {text!r}")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from synth.engine.controllers import ALL_NOTES_OFF
 from synth.engine.events import (
     BEND,
     CONTROL,
@@ -34,7 +35,6 @@ _LONGEST_DELTA = (1 << 28) - 1
 _LENGTH_AT, _TRACK_AT = 18, 22
 # A chunk's length has 32 bits.
 _MOST_BYTES = (1 << 32) - (1 << 20)
-_ALL_NOTES_OFF = 123
 _MOST_ENDS = 256
 
 
@@ -144,7 +144,7 @@ class TakeFile:
                     body += self._delta(end) + bytes((0x80 | channel, note, 64))
             # A reader may take a long rest at the end for an error; this is there, and says nothing new.
             for channel in sorted(self._channels):
-                body += self._delta(end) + bytes((0xB0 | channel, _ALL_NOTES_OFF, 0))
+                body += self._delta(end) + bytes((0xB0 | channel, ALL_NOTES_OFF, 0))
             self._put(bytes(body))
         finally:
             file, self._file = self._file, None

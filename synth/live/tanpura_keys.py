@@ -8,7 +8,7 @@ from dataclasses import replace
 from synth.live.drone import CYCLE_S, Drone, live_limits, other_first
 from synth.live.player import Player, Schedule
 from synth.live.swara import RATIOS
-from synth.live.terminal import Terminal
+from synth.live.terminal import KeySource
 from synth.units import cents, gain_to_db, hz_to_midi, midi_to_hz, midi_to_note
 
 #: first strings in the order in which a key goes through them
@@ -85,7 +85,7 @@ class TanpuraKeys:
 class DronePlayer(Player):
     """Plays a drone, which obeys the keys of a terminal."""
 
-    def __init__(self, drone: Drone, terminal: Terminal, keys: TanpuraKeys) -> None:
+    def __init__(self, drone: Drone, terminal: KeySource, keys: TanpuraKeys) -> None:
         super().__init__(drone.events, drone.end, drone.rate_hz, ahead_s=AHEAD_S)
         self._terminal, self._keys = terminal, keys
 

@@ -15,10 +15,11 @@ import pytest
 from synth.cli.common import asked_by_signals
 from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host import parts
+from synth.host.eventsource import from_events
 from synth.live import stderr
 from synth.live.latency import Span, quickest_note
 from synth.live.patience import CALL_S, LEAVE_S, Worker, answers
-from synth.live.player import AHEAD_S, Player, from_events
+from synth.live.player import AHEAD_S, Player
 from synth.live.session import Session, SessionSettings, Stop
 from synth.live.status import Status, StatusLine, clock_text, status_text
 
