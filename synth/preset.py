@@ -280,9 +280,13 @@ class Body(Table):
 
 
 class Mapping_(Table):
-    """How many strings may sound at once."""
+    """How many strings may sound at once, and what pressure on the keys does."""
 
     polyphony: int = Field(24, ge=1, le=256)
+    #: how far the bridge is raised (negative: lowered) under a string at full channel or key pressure
+    pressure_um: Annotated[Scaled, _range(-200.0, 50.0)] = 0.0
+    #: how far the tension of a string rises at full pressure
+    pressure_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
 
 
 class Preset(Table):
@@ -302,6 +306,12 @@ class Preset(Table):
     output: Output = Output()
     body: Body = Body()
     mapping: Mapping_ = Mapping_()
+
+    @model_validator(mode="after")
+    def _pressure_moves_a_bridge(self) -> Preset:
+        if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
+            raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
+        return self
 
     def with_setting(self, key: str, value: str) -> Preset:
         """The preset with one value replaced: `key` is a path such as ``pluck.position`` or ``string.0.notes``.

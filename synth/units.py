@@ -32,6 +32,18 @@ def midi_to_note(number: int) -> str:
     return f"{_NAMES[semitone]}{octave - 1}"
 
 
+def read_ratio(text: str) -> float:
+    """A ratio of whole numbers ("3/2") or a number ("1.5"), which may be infinite or NaN. Raises ValueError.
+
+    In no more time than the text is long, whatever it says.
+    """
+    numerator, slash, denominator = text.partition("/")
+    try:
+        return int(numerator) / int(denominator) if slash else float(text)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise ValueError(f"must be a ratio such as 3/2 or a number such as 1.5, got {text!r}") from None
+
+
 def midi_to_hz(note: float, a4_hz: float = 440.0) -> float:
     """Equal-tempered frequency [Hz] of a MIDI note number, fractional ones too (60.5: a quarter tone up)."""
     return _positive("a4_hz", a4_hz) * 2.0 ** ((note - 69.0) / 12.0)

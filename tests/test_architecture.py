@@ -1,5 +1,5 @@
 """Imports go one way only: units → physics, solver, dsp → measures, exact → plan, preset → compile, case → scene → methods
-→ simulation → engine → host → cli.
+→ simulation → engine → host → live → cli.
 """
 
 import ast
@@ -23,6 +23,7 @@ FLOORS = (
     {"simulation"},
     {"engine"},
     {"host", "tune"},
+    {"live"},
     {"cli"},
     {"__main__"},
 )

@@ -14,6 +14,7 @@ import pytest
 import soundfile
 
 from synth import cli
+from synth.cli import common, presets, render
 from tests.host.midibytes import header, off, on, track
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -141,7 +142,7 @@ def test_wrong_usage_is_one_line_and_exit_2(tmp_path, monkeypatch, capsys, argum
 
 
 def test_normalize_takes_a_level_or_none() -> None:
-    joined = cli._joined_normalize
+    joined = render.joined_normalize
     assert joined(["--normalize", "a.mid"]) == ["--normalize=-1", "a.mid"]
     assert joined(["a.mid", "--normalize"]) == ["a.mid", "--normalize=-1"]
     assert joined(["--normalize", "-3", "a.mid"]) == ["--normalize=-3", "a.mid"]
@@ -154,7 +155,7 @@ def test_how_a_command_ends(monkeypatch, capfd, error, code: int) -> None:
     def fail(_: object) -> int:
         raise error
 
-    monkeypatch.setattr(cli, "_list_presets", fail)
+    monkeypatch.setattr(presets, "_list_presets", fail)
     keep = os.dup(1)
     try:
         assert cli.main(["presets"]) == code
@@ -170,7 +171,7 @@ def test_termination_ends_with_143_and_restores_the_handler(monkeypatch) -> None
         return 0
 
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(cli, "_list_presets", stop)
+    monkeypatch.setattr(presets, "_list_presets", stop)
     assert cli.main(["presets"]) == 143
     assert signal.getsignal(signal.SIGTERM) is before
 
@@ -300,12 +301,12 @@ def test_signals_are_heard_while_a_kernel_runs() -> None:
     over, ran = threading.Event(), []
     threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
-        cli._hearing_signals(lambda: ran.append(threading.current_thread()) or over.wait(30.0))
+        common.hearing_signals(lambda: ran.append(threading.current_thread()) or over.wait(30.0))
     over.set()
     assert ran != [threading.main_thread()]
-    assert cli._hearing_signals(lambda: 3) == 3
+    assert common.hearing_signals(lambda: 3) == 3
     with pytest.raises(ValueError, match="no"):
-        cli._hearing_signals(lambda: int("no"))
+        common.hearing_signals(lambda: int("no"))
 
 
 def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path) -> None:

@@ -31,7 +31,7 @@ def test_a_changed_kernel_has_another_folder(tmp_path: Path) -> None:
     shutil.copytree(PACKAGE, tmp_path / "synth", ignore=shutil.ignore_patterns("__pycache__"))
     first = folder(tmp_path, tmp_path / "cache")
     assert folder(tmp_path, tmp_path / "cache") == first
-    with open(tmp_path / "synth" / "cli.py", "a") as file:
+    with open(tmp_path / "synth" / "cli" / "render.py", "a") as file:
         file.write("\n# no kernel\n")
     assert folder(tmp_path, tmp_path / "cache") == first
     with open(tmp_path / "synth" / "solver" / "lcp.py", "a") as file:

@@ -68,3 +68,16 @@ def test_frequencies_must_be_positive(bad):
 def test_gain_must_not_be_negative(bad):
     with pytest.raises(ValueError, match="gain must be >= 0"):
         units.gain_to_db(bad)
+
+
+@pytest.mark.parametrize(
+    ("text", "ratio"), [("3/2", 1.5), (" 9 / 8 ", 1.125), ("1.25", 1.25), ("2", 2.0), ("1e999", math.inf)]
+)
+def test_ratios(text, ratio):
+    assert units.read_ratio(text) == ratio
+
+
+@pytest.mark.parametrize("text", ["", "/", "1/0", "1.5/2", "x", "1/2/3", "9" * 400 + "/1", "1/" + "9" * 9999])
+def test_what_is_no_ratio(text):
+    with pytest.raises(ValueError, match="ratio such as 3/2"):
+        units.read_ratio(text)

@@ -14,9 +14,12 @@ import numpy as np
 from numba import cfunc, njit
 
 from synth.engine.coefficients import (
+    LN_1000,
+    damping,
     grip_of,
     lags_of,
     matrix_of,
+    omega_of,
     out_lags_of,
     refresh,
     rest_state,
@@ -24,23 +27,24 @@ from synth.engine.coefficients import (
     shapes_of,
     weights_of,
 )
+from synth.engine.expression import bend_of, follow, height_of
 from synth.engine.flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.layout import (
     BEGIN,
     CHECK_EVERY,
     CORE,
     FIRST_QUANTUM,
-    FRAME,
-    FRAMES,
     NO_FINGER,
     QUANTA,
     QUANTUM,
+    SPARE,
     STEP,
     STRETCH,
     TASK,
+    UNTIL,
 )
 from synth.engine.output import collect
-from synth.engine.strings import finger_done, sleep
+from synth.engine.strings import damp, finger_done, sleep
 from synth.engine.views import bank_of, call_back, scratch_of, settings_of, shared_of, state_of
 from synth.solver.blocks import CERTIFY_FROM, BlockWork, advance_blocks, fly_blocks, forget, press_blocks
 from synth.solver.fingers import advance_under_finger
@@ -53,6 +57,8 @@ from synth.solver.vectors import FAST, dot
 PRUNE_BELOW = 1e-8
 #: …and, where it may be moved by a contact again, when it moves no point of the string further than this [m]
 PRUNE_WITHIN_M = 1e-9
+#: T60 of a string that is spared [s]
+SPARE_S = 0.1
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
 
@@ -63,7 +69,9 @@ def _work_on(core: int, desk: int, s: int, _: int) -> None:
     if kind == BEGIN:
         _begin_quantum(core, desk, s, 0)
     elif kind == STRETCH:
-        _advance_string(core, desk, s, task[FRAME], task[FRAMES])
+        me = state_of(core).sounding[s]
+        _advance_string(core, desk, s, me.reached, task[UNTIL] - me.reached)
+        me.reached = task[UNTIL]
     else:
         for k in range(task[QUANTA]):
             _begin_quantum(core, desk, s, k)
@@ -94,8 +102,9 @@ def _begin_quantum(core: int, desk: int, s: int, k: int) -> None:
     """What is decided about an awake string at the start of quantum k of the span."""
     state, shared = state_of(core), shared_of(core)
     me = state.sounding[s]
-    bend = shared.bends[k, me.channel]
-    height = shared.heights[k, bank_of(core).strings[s].part]
+    follow(core, s)
+    bend = bend_of(core, s, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
+    height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if me.bend != bend or me.height != height:
         _follow_controls(core, s, bend, height)
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
@@ -104,7 +113,7 @@ def _begin_quantum(core: int, desk: int, s: int, k: int) -> None:
 
 @njit(**CORE)
 def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
-    """Take over the pitch bend of the channel and the obstacle height of the part."""
+    """Take over another pitch bend and obstacle height."""
     me = state_of(core).sounding[s]
     me.bend = bend
     me.height = height
@@ -224,7 +233,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
         for k in range(c):
             u[k] = dot(shapes[k], q)
             vc[k] = dot(shapes[k], v)
-    certified = 1 if hold and c >= CERTIFY_FROM and me.bend == 0.0 else 0
+    certified = 1 if hold and c >= CERTIFY_FROM else 0
     work = BlockWork(
         scratch.block, scratch.block_u[: (c + 1) * BLOCK].reshape(c + 1, BLOCK), forces, scratch.near,
         state.looked[coff : coff + c], state.until[coff : coff + c], state.margin[coff : coff + c],
@@ -238,7 +247,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
         me.certain = 1
     dt = 1.0 / (settings.rate_hz * fixed.factor)
     record = scratch.record.reshape(-1)[: blocks * BLOCK * c].reshape(blocks * BLOCK, c)
-    omega = bank.omega[model.off : model.off + cap]
+    omega = omega_of(core, s)
     if fingered:
         bad = advance_under_finger(
             blocks, settings.law, cap, dt, settings.restitution, rows, omega, shapes, eta, lags, certified, q, v, u, vc,
@@ -344,10 +353,15 @@ def _check(core: int, desk: int, s: int) -> None:
     if me.level < SLEEP_BELOW:
         sleep(core, s)
         return
-    if not settings.economy or me.bend != 0.0 or settings.law != EXACT_HOLD:
-        return  # the amplitudes below are those of the model's own ω, and of v = q̇
+    if me.level < state.meters[SPARE] and not me.held and me.hand < LN_1000 / SPARE_S:
+        damp(core, s, SPARE_S)
+        return
+    if not settings.economy or settings.law != EXACT_HOLD:
+        return  # the amplitudes below are those of v = q̇
+    omega = omega_of(core, s)[:n]
+    dt = 1.0 / (settings.rate_hz * fixed.factor)
     for j in range(n):
-        scratch.sigma[j] = sigma[j] + me.hand
+        scratch.sigma[j] = damping(sigma[j], me.hand, omega[j] * dt if me.bend != 0.0 else 0.0)
     sigma = scratch.sigma[:n]
     amplitude = scratch.amplitude
     if not me.free:  # what is certain to be out of reach stays so until something touches the string
@@ -380,14 +394,14 @@ def _nothing_in_reach(core: int, desk: int, s: int) -> bool:
     me = state.sounding[s]
     fixed = bank.strings[s]
     model = bank.models[me.model]
-    n, off, m_off = me.n, fixed.off, model.off
+    n, off = me.n, fixed.off
     for k in range(model.contacts):
         if state.eta[fixed.coff + k] >= 0.0:
             return False
     amplitude = scratch.amplitude[:n]
     if model.contacts:
         q, v = state.q[off : off + n], state.v[off : off + n]
-        amplitudes(bank.omega[m_off : m_off + n], scratch.sigma[:n], q, v, amplitude)
+        amplitudes(omega_of(core, s)[:n], scratch.sigma[:n], q, v, amplitude)
     shapes = shapes_of(core, s)
     for k in range(model.contacts):
         if reach(shapes[k], amplitude) >= -0.999 * state.eta[fixed.coff + k]:

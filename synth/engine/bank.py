@@ -32,6 +32,7 @@ from synth.engine.layout import (
     State,
 )
 from synth.engine.team import N_WORDS
+from synth.preset import at_note
 from synth.solver.blocks import make_lags, make_rows, padded_rows
 from synth.solver.lanes import BLOCK, ROWS, padded
 from synth.solver.laws import EXACT_HOLD, coefficients
@@ -42,9 +43,19 @@ PENDING_EVENTS = 1 << 14
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def build_bank(
-    parts: Sequence[CompiledPart], channels: Sequence[int], program_map: np.ndarray, rate_hz: float, law: int
+    parts: Sequence[CompiledPart],
+    channels: Sequence[int],
+    program_map: np.ndarray,
+    rate_hz: float,
+    law: int,
+    pitch: np.ndarray,
+    bindings: Sequence[tuple],
 ) -> Bank:
-    """The Bank of these parts, part p played by MIDI channel channels[p]."""
+    """The Bank of these parts, part p played by MIDI channel channels[p].
+
+    pitch     (128,) of every key as compiled, in semitones
+    bindings  rows (controller, part, index, low, high)
+    """
     models: list[tuple] = []
     strings: list[tuple] = []
     positions: list[tuple] = []
@@ -116,6 +127,7 @@ def build_bank(
                     bus_of[1] if factor > 1 else -1,
                     len(strings) * span * QUANTUM,
                     fade,
+                    1e-6 * at_note(preset.mapping.pressure_um, string.positions[0].note),
                 )
             )
             row += _padded(span * QUANTUM * factor)
@@ -192,6 +204,7 @@ def build_bank(
                 db_to_gain(preset.body.direct_db),
                 body_off,
                 n_body,
+                1e-2 * preset.mapping.pressure_cents,
             )
         )
         body_off += n_body
@@ -201,6 +214,8 @@ def build_bank(
         np.concatenate([np.zeros(0), *arrays], out=whole)
         return whole
 
+    by_controller = sorted(bindings, key=lambda row: row[0])
+    rows = [(part, index, layout.PARAMETER_CURVES[index], low, high) for _, part, index, low, high in by_controller]
     return Bank(
         np.array(models, layout.MODEL),
         np.array(strings, layout.STRING),
@@ -208,6 +223,10 @@ def build_bank(
         np.array(part_rows, layout.PART),
         np.array(buses, layout.BUS),
         np.ascontiguousarray(program_map, dtype=np.int64),
+        np.array([[(of_channel == p).any() for p in range(len(parts))] for of_channel in program_map], np.int64),
+        np.array(pitch, dtype=np.float64),
+        np.array(rows, layout.BINDING),
+        np.searchsorted([row[0] for row in by_controller], np.arange(129)).astype(np.int64),
         **{name: join(arrays) for name, arrays in flat.items()},
         taps=join(taps),
         body=np.concatenate(bodies, axis=1) if bodies else np.zeros((3, 0)),
@@ -285,8 +304,11 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
     channels["volume"] = channels["expression"] = 1.0
     channels["bend_range"] = 2.0
     channels["rpn"] = 0x3FFF
+    channels["timbre"] = 64
+    channels["master"] = np.arange(16)
     part_state = aligned(n_parts, layout.PART_STATE)
     part_state["left"] = part_state["right"] = 1.0
+    part_state["channel"] = bank.parts["channel"]
     quiet = aligned(bank.buses.size, np.int64)
     quiet[:] = bank.buses["n_taps"]
     limiter = limiter_state(2)
@@ -295,6 +317,9 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         channels,
         part_state,
         parameters.copy(),
+        aligned(128),
+        aligned(2, np.int64),
+        aligned(modes),
         aligned(modes),
         aligned(modes),
         aligned(ROWS * modes),
@@ -323,7 +348,7 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
         aligned(PENDING_EVENTS, EVENT),
         aligned((n_parts + 1, 128), np.int64),
         aligned(layout.N_COUNTERS, np.int64),
-        aligned(1),
+        aligned(layout.N_METERS),
         aligned(_end(bank.buses["off"], bank.buses["n_taps"] + span * QUANTUM * bank.buses["factor"])),
         quiet,
         aligned((3, max(1, bank.body.shape[1]))),
@@ -361,7 +386,6 @@ def new_scratch(bank: Bank) -> Scratch:
     return Scratch(
         aligned(steps + 1),
         aligned(2 * steps),
-        aligned(modes),
         aligned(modes),
         aligned(modes),
         aligned(modes),

@@ -31,6 +31,18 @@ def rows_of(core: int, s: int):
 
 
 @njit(inline="always")
+def omega_of(core: int, s: int):
+    """(cap,) angular frequencies of a string's modes as it is now: its model's, or bent."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    model = bank.models[me.model]
+    if me.bend != 0.0:
+        own = bank.strings[s].off
+        return state.omega[own : own + model.cap]
+    return bank.omega[model.off : model.off + model.cap]
+
+
+@njit(inline="always")
 def shapes_of(core: int, s: int):
     """(C, cap) mode shapes at the contacts."""
     bank, state = bank_of(core), state_of(core)
@@ -107,6 +119,12 @@ def _set_coefficients(core: int, desk: int, s: int) -> None:
 
 
 @njit(**CORE)
+def damping(sigma: float, hand: float, turn: float) -> float:
+    """σ of a mode under a hand; `turn` = ω dt. Bent above half the internal rate, it would be heard mirrored: it is cut."""
+    return sigma + hand + (LN_1000 / CUT_S if turn > math.pi else 0.0)
+
+
+@njit(**CORE)
 def _alter(core: int, desk: int, s: int) -> None:
     """Coefficients of a string under a damping hand or a pitch bend."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(desk)
@@ -116,18 +134,18 @@ def _alter(core: int, desk: int, s: int) -> None:
     n, c, m_off = model.n, model.contacts, model.off
     dt = 1.0 / (settings.rate_hz * fixed.factor)
     # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
+    omega = state.omega[fixed.off : fixed.off + model.cap]
+    omega[n:] = 1.0  # divided by
     bend_ratio = 2.0 ** (me.bend / 12.0)
     added = (bend_ratio * bend_ratio - 1.0) * bank.omega[m_off] * bank.omega[m_off]
     for j in range(n):
         w = bank.omega[m_off + j]
         more = added * (j + 1.0) * (j + 1.0) if j < model.own else (bend_ratio * bend_ratio - 1.0) * w * w
-        scratch.omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
-        scratch.sigma[j] = bank.sigma[m_off + j] + me.hand
-        if scratch.omega[j] * dt > math.pi:  # bent above half the internal rate, where it would be heard mirrored
-            scratch.sigma[j] += LN_1000 / CUT_S
+        omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
+        scratch.sigma[j] = damping(bank.sigma[m_off + j], me.hand, omega[j] * dt)
     rows = rows_of(core, s)
     rows[:6, n:] = 0.0
-    step_coefficients(settings.law, scratch.omega[:n], scratch.sigma[:n], model.mu, dt, rows)
+    step_coefficients(settings.law, omega[:n], scratch.sigma[:n], model.mu, dt, rows)
     fill_rows(rows)
     if c == 0:
         return
@@ -199,7 +217,7 @@ def _couple_finger(core: int, desk: int, s: int) -> None:
     model = bank.models[me.model]
     c, cap = model.contacts, model.cap
     me.finger_own = fill_grip(
-        settings.law, rows_of(core, s), bank.omega[model.off : model.off + cap], shapes_of(core, s),
+        settings.law, rows_of(core, s), omega_of(core, s), shapes_of(core, s),
         state.finger_weights[fixed.off : fixed.off + cap].reshape(1, cap), weights_of(core, s, 0, 2), 1,
         state.finger_coupling[fixed.coff : fixed.coff + c], scratch.q[:cap], scratch.v[:cap], scratch.block,
         grip_of(core, s, 0, 2),

@@ -28,32 +28,19 @@ from synth.engine.advance import entries
 from synth.engine.bank import build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.events import EVENT
 from synth.engine.layout import Bank, Scratch, Settings, Shared, State
-from synth.engine.process import CONTROL_S, process
+from synth.engine.notes import set_zone
+from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
+from synth.engine.process import process
 from synth.engine.team import Team, cores
 from synth.engine.views import table
-from synth.preset import BridgeObstacle, Preset, playable_range
+from synth.engine.zones import LOWER, MOST_MEMBERS
+from synth.preset import Preset, playable_range
 from synth.solver.laws import law_of
-from synth.units import db_to_gain, midi_to_note
+from synth.units import db_to_gain, hz_to_midi, midi_to_note
 
-GAIN_SMOOTHING_S = 0.015
 DC_BLOCK_HZ = 8.0
 #: the limiter holds the mix this far below full scale, where every file format can hold it [dBFS]
 CEILING_DB = -0.1
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A live parameter of a part: `index` is the `a` of a PARAMETER event, the part its `channel`."""
-
-    part: int
-    index: int
-    id: str
-    name: str
-    unit: str
-    minimum: float
-    maximum: float
-    default: float
-    smoothing_s: float
 
 
 class Unplayed(NamedTuple):
@@ -89,6 +76,9 @@ class Engine:
     program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
                  on every channel
     note_hz      (128,) frequencies that replace the presets' equal temperament
+    bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
+                 all, id, value at 0, value at 127), None for the parameter's own range
+    mpe          begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
     threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     Raises ValueError (PresetError among them) for what cannot be played.
     """
@@ -109,6 +99,8 @@ class Engine:
         economy: bool | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
         threads: int | str = 1,
+        bindings: Bindings | None = None,
+        mpe: bool = False,
     ) -> None:
         if not parts:
             raise ValueError("an engine needs at least one preset")
@@ -146,6 +138,8 @@ class Engine:
         self._only_notes = only_notes
         self.rate_hz = 0.0
         self.threads = threads
+        self.mpe = mpe
+        self._bindings = bound_rows(bindings or {}, self.parts)
         self._bank: Bank | None = None
         self._team: Team | None = None
 
@@ -175,7 +169,9 @@ class Engine:
             compiled.append(cache[key])
         self.compiled = tuple(compiled)
         law = law_of(self.scheme)
-        bank = build_bank(compiled, self._channels, self.program_map, self.rate_hz, law)
+        bank = build_bank(
+            compiled, self._channels, self.program_map, self.rate_hz, law, self._compiled_pitch(), self._bindings
+        )
         polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
         self._settings = Settings(
             law,
@@ -213,6 +209,17 @@ class Engine:
         # a channel begins with the lowest program that it has a part for
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
+        if self.mpe:
+            set_zone(self._core.ctypes.data, self._desk.ctypes.data, LOWER, MOST_MEMBERS)
+
+    def _compiled_pitch(self) -> np.ndarray:
+        """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""
+        pitch = np.arange(128.0)
+        if self.note_hz is not None:
+            given = np.flatnonzero(np.isfinite(self.note_hz) & (np.asarray(self.note_hz) > 0.0))
+            pitch[given] = [hz_to_midi(float(self.note_hz[key])) for key in given]
+        return pitch
+
     def _make_team(self) -> None:
         """Start the workers, as many as there are threads beside the caller's and strings for them."""
         bank = self._prepared()
@@ -244,9 +251,7 @@ class Engine:
         self._prepared()
         room = self._state.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
-            bigger = np.zeros(2 * (self._state.pending.size + events.size), EVENT)
-            bigger[: self._state.pending.size] = self._state.pending
-            self._set_queue(bigger)
+            self._grow_queue(2 * (self._state.pending.size + events.size))
         if out.ndim != 2 or out.shape[1] != 2 or out.dtype != np.float64 or not out.flags.c_contiguous:
             raise ValueError(f"out must be a contiguous (frames, 2) float64 array, got {out.shape} {out.dtype}")
         if stems is None:
@@ -254,6 +259,33 @@ class Engine:
         elif stems.shape != (len(self.parts), *out.shape):
             raise ValueError(f"stems must be ({len(self.parts)}, {out.shape[0]}, 2), got {stems.shape}")
         process(self._core.ctypes.data, self._desk.ctypes.data, events, out, stems)
+
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """What the native `process` takes as `core` and `desk`, valid until the next `prepare`."""
+        self._prepared()
+        return self._core.ctypes.data, self._desk.ctypes.data
+
+    @property
+    def strings_sounding(self) -> int:
+        return int(self._state.sounding["awake"].sum())
+
+    @property
+    def events_dropped(self) -> int:
+        """Events that found the queue full."""
+        return int(self._state.counters[layout.N_DROPPED])
+
+    @property
+    def expressions(self) -> dict[int, int]:
+        """Channels whose volume and expression count for a part now, with the value of controller 11 there."""
+        channels = {int(part["channel"]) for part in self._state.part_state}
+        return {c: round(127.0 * math.sqrt(self._state.channels[c]["expression"])) for c in sorted(channels)}
+
+    @property
+    def gains(self) -> list[float]:
+        """The live parameter output.gain of every part as it is now."""
+        self._prepared()
+        return self._state.parameters[:, layout.GAIN].tolist()
 
     @property
     def latency_samples(self) -> int:
@@ -275,24 +307,27 @@ class Engine:
         return not (self._state.sounding["awake"].any() or self._state.counters[layout.PENDING])
 
     @property
+    def spare(self) -> float:
+        """Output level (linear) below which a string that no key holds is damped away; 0: none is. `reset` sets it to 0."""
+        return float(self._state.meters[layout.SPARE])
+
+    @spare.setter
+    def spare(self, level: float) -> None:
+        if not 0.0 <= level < math.inf:
+            raise ValueError(f"the level below which strings are spared must be 0 or more, got {level:g}")
+        self._prepared()
+        self._state.meters[layout.SPARE] = level
+
+    def reserve(self, events: int) -> None:
+        """Room for at least so many events that wait, for callers of the native core, which cannot make any."""
+        self._prepared()
+        if events > self._state.pending.size:
+            self._grow_queue(events)
+
+    @property
     def parameters(self) -> list[Parameter]:
         """Live parameters of every part."""
-        out = []
-        for p, preset in enumerate(self.parts):
-            pluck = preset.pluck
-            rows: list[tuple[int, str, str, str, float, float]] = [
-                (layout.GAIN, "output.gain", "Level", "×", 1.0, GAIN_SMOOTHING_S),
-                (layout.PLUCK_POSITION, "pluck.position", "Pluck position from the saddle", "of L", pluck.position, 0.0),
-                (layout.PLUCK_AMOUNT, "pluck.amount", "Pluck displacement", "×", 1.0, 0.0),
-                (layout.PLUCK_WIDTH, "pluck.width", "Finger width", "mm", pluck.width_mm, 0.0),
-                (layout.RELEASE, "damping.release", "Damping time", "×", 1.0, 0.0),
-            ]
-            if isinstance(preset.obstacle, BridgeObstacle):
-                rows.append((layout.HEIGHT, "obstacle.height", "Bridge raised against the thread", "µm", 0.0, CONTROL_S))
-            for index, identity, name, unit, default, smoothing in rows:
-                low, high = layout.PARAMETER_RANGES[index]
-                out.append(Parameter(p, index, identity, name, unit, low, high, default, smoothing))
-        return out
+        return [parameter for p, preset in enumerate(self.parts) for parameter in parameters_of(p, preset)]
 
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
@@ -326,6 +361,11 @@ class Engine:
         for name, mine in self._state._asdict().items():
             mine[:] = fields[name]
 
+    def _grow_queue(self, size: int) -> None:
+        bigger = np.zeros(size, EVENT)
+        bigger[: self._state.pending.size] = self._state.pending
+        self._set_queue(bigger)
+
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
@@ -356,7 +396,7 @@ class Engine:
             unplayed.append(Unplayed(int(p), int(note), count, reason))
         limiter = LimiterState(state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels)
         return EngineReport(
-            float(state.meters[0]),
+            float(state.meters[layout.PEAK]),
             largest_reduction_db(limiter) if self.limiter else 0.0,
             int(state.sounding["awake"].sum()),
             int(counters[layout.MOST_AWAKE]),

@@ -89,6 +89,7 @@ STRING = np.dtype(
         ("direct_bus", "i8"),  # of the output rate; −1: that is its own rate
         ("direct", "i8"),  # where its outputs of a span at the output rate begin
         ("fade", "i8"),  # where what still fades begins
+        ("pressure_height", "f8"),  # obstacle raised by full pressure [m]
     ],
     align=True,
 )
@@ -100,6 +101,9 @@ GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT = range(6)
 N_PARAMETERS = 6
 #: smallest and largest value of each; events beyond are brought back inside
 PARAMETER_RANGES = ((0.0, 4.0), (0.02, 0.5), (0.0, 2.0), (0.5, 50.0), (0.1, 20.0), (-200.0, 50.0))
+#: how a controller runs through a range: evenly, evenly in ratios, or as its square (a level: the middle near unity)
+LINEAR, RATIO, SQUARE = range(3)
+PARAMETER_CURVES = (SQUARE, LINEAR, LINEAR, RATIO, RATIO, LINEAR)
 
 PART = np.dtype(
     [
@@ -120,12 +124,20 @@ PART = np.dtype(
         ("direct", "f8"),
         ("body_off", "i8"),
         ("body_n", "i8"),
+        ("pressure_bend", "f8"),  # tension at full pressure [semitones]
     ],
     align=True,
 )
 
 #: a bus: the internal rate of some strings of a part. Its line of n_taps + a span's steps begins at `off`
 BUS = np.dtype([("part", "i8"), ("factor", "i8"), ("taps", "i8"), ("n_taps", "i8"), ("off", "i8")], align=True)
+
+
+#: a controller that sets a live parameter of a part, at 0 to `low`, at 127 to `high`
+BINDING = np.dtype(
+    [("part", "i8"), ("index", "i8"), ("curve", "i8"), ("low", "f8"), ("high", "f8")],
+    align=True,
+)
 
 
 class Bank(NamedTuple):
@@ -137,6 +149,10 @@ class Bank(NamedTuple):
     parts: Annotated[np.ndarray, PART, 1]
     buses: Annotated[np.ndarray, BUS, 1]
     program_map: I8x2  # (16, 128) part or −1
+    plays: I8x2  # (16, parts) whether a channel plays a part under any program
+    pitch: F8  # (128,) of every key as compiled, in semitones
+    bindings: Annotated[np.ndarray, BINDING, 1]  # by controller
+    bound: I8  # (129,) where each controller's bindings begin
     omega: F8
     sigma: F8
     rows: F8
@@ -184,7 +200,7 @@ SOUNDING = np.dtype(
         ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
         ("channel", "i8"),
-        ("held", "i8"),
+        ("held", "i8"),  # by a key
         ("sustained", "i8"),
         ("stolen", "i8"),
         ("flying", "i8"),  # at the output rate
@@ -194,6 +210,7 @@ SOUNDING = np.dtype(
         ("direct_to", "i8"),
         ("row_from", "i8"),  # steps of the span that its row holds: of a string that woke or fell asleep not all
         ("row_to", "i8"),
+        ("reached", "i8"),  # frames of a quantum with events that it has gone through
         ("mode_steps", "i8"),  # work done
         ("unsolved", "i8"),  # calls in which a contact problem was not solved
         ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
@@ -205,6 +222,11 @@ SOUNDING = np.dtype(
         ("hand", "f8"),  # extra σ of the damping hand
         ("bend", "f8"),  # semitones in the coefficients
         ("height", "f8"),  # obstacle raised by [m]
+        ("retuned", "f8"),  # semitones of these by the tuning, smoothed, and where they go
+        ("retune_to", "f8"),
+        ("pressure", "f8"),  # 0 … 1, smoothed
+        ("key_pressure", "f8"),  # of its key alone
+        ("timbre", "f8"),  # of its note: −1 plucked in the middle … 1 by the bridge
         ("lift", "f8"),  # force of the one contact on the string at rest [N]
         ("rest", "f8"),  # output at rest, line included
         ("base", "f8"),  # output counted as zero; follows `rest`
@@ -231,6 +253,9 @@ CHANNEL = np.dtype(
         ("bend_raw", "f8"),  # −1 … 1
         ("bend_range", "f8"),
         ("bend", "f8"),  # smoothed, semitones
+        ("pressure", "f8"),  # 0 … 1
+        ("timbre", "i8"),  # controller 74
+        ("master", "i8"),  # of its MPE zone; itself outside of zones
     ],
     align=True,
 )
@@ -244,6 +269,7 @@ PART_STATE = np.dtype(
         ("hand", "f8"),
         ("height", "f8"),
         ("still", "i8"),  # nothing rings in its filters any more
+        ("channel", "i8"),  # whose volume, expression and pan count: the last one to play it or to set them
     ],
     align=True,
 )
@@ -262,6 +288,10 @@ PART_STATE = np.dtype(
 ) = range(9)
 N_COUNTERS = 9
 
+#: places in `meters`: largest output since reset; output level below which a string that no key holds is damped, 0: none is
+PEAK, SPARE = range(2)
+N_METERS = 2
+
 
 class State(NamedTuple):
     """Everything that changes while sounding."""
@@ -270,8 +300,11 @@ class State(NamedTuple):
     channels: Annotated[np.ndarray, CHANNEL, 1]
     part_state: Annotated[np.ndarray, PART_STATE, 1]
     parameters: F8x2  # (parts, N_PARAMETERS)
+    tuning: F8  # (128,) semitones of every key above Bank.pitch
+    zones: I8  # (2,) members of each MPE zone (`zones`), 0: there is none
     q: F8
     v: F8
+    omega: F8  # of bent strings
     rows: F8
     matrix: F8
     lags: F8
@@ -298,7 +331,7 @@ class State(NamedTuple):
     pending: Annotated[np.ndarray, EVENT, 1]
     unplayed: I8x2  # (parts + 1, 128); last row: channels without a part
     counters: I8
-    meters: F8  # peak
+    meters: F8
     lines: F8  # of every bus: the steps its decimator still needs, then those of a span
     quiet: I8  # (buses,) steps of nothing that the bus has seen last
     body: F8x2
@@ -313,10 +346,10 @@ class State(NamedTuple):
 
 #: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
 WHOLE, BEGIN, STRETCH = range(3)
-#: places in Shared.task: one of these; number of the span's first quantum; quanta; first frame and frames of a stretch;
-#: addresses of what does it, `advance.entries`
-TASK, FIRST_QUANTUM, QUANTA, FRAME, FRAMES, WORK_ON, STEP = range(7)
-N_TASK = 7
+#: places in Shared.task: one of these; number of the span's first quantum; quanta; frame of the quantum up to which a
+#: stretch goes; addresses of what does it, `advance.entries`
+TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP = range(6)
+N_TASK = 6
 
 
 class Shared(NamedTuple):
@@ -340,7 +373,6 @@ class Scratch(NamedTuple):
 
     path: F8
     out: F8  # (2 · steps of a quantum,)
-    omega: F8
     sigma: F8
     amplitude: F8
     q: F8
@@ -363,7 +395,7 @@ class Scratch(NamedTuple):
     near: I8
 
 
-def _fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
+def fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
     """Element type and dimensions of each field; numbers have 0."""
     out: dict[str, tuple[np.dtype, int]] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
@@ -374,5 +406,5 @@ def _fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
 
 #: what the arrays of each kind are
 FIELDS: dict[Any, dict[str, tuple[np.dtype, int]]] = {
-    kind: _fields(kind) for kind in (Bank, Settings, State, Shared, Scratch)
+    kind: fields(kind) for kind in (Bank, Settings, State, Shared, Scratch)
 }

@@ -106,7 +106,7 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
     bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
     part = bank.parts[p]
     me = state.part_state[p]
-    channel = state.channels[part.channel]
+    channel = state.channels[me.channel]
     level = channel.volume * channel.expression * state.parameters[p, GAIN] * settings.gain
     angle = 0.25 * math.pi * (1.0 + channel.pan)
     to_left = level * math.sqrt(2.0) * math.cos(angle)

@@ -1,31 +1,30 @@
 """The native core: everything between an event and a sample, without the interpreter, locks or allocation.
 
-Time counts from the start of the stream in frames of the output. Strings advance in quanta of QUANTUM frames, cut at
-the frames of events and nowhere else, so that the host's block size changes nothing. A quantum is computed when all of
-its events are known, which costs QUANTUM frames of latency. Quanta without an event inside are worked off several at a
-time, as a span: string by string, each through the whole span, and then the mix. What is decided once per quantum is
-decided at the same quanta whatever the span.
+Time counts from the start of the stream in frames of the output. Strings advance in quanta of QUANTUM frames, each cut
+at the frames of the events that touch it and nowhere else, so that the host's block size changes nothing. A quantum is
+computed when all of its events are known, which costs QUANTUM frames of latency. Quanta without an event inside are worked
+off several at a time, as a span: string by string, each through the whole span, and then the mix. What is decided once per
+quantum is decided at the same quanta whatever the span.
 """
 
 from __future__ import annotations
-
-import math
 
 from numba import njit
 
 from synth.dsp.denormals import enable_ftz, restore
 from synth.dsp.limiter import LOOKAHEAD
+from synth.engine.events import copy_event
+from synth.engine.expression import approach, control_share
 from synth.engine.layout import (
     AWAKE,
     BEGIN,
     CORE,
     FIRST_QUANTUM,
-    FRAME,
-    FRAMES,
     HEIGHT,
     N_DROPPED,
     NO_FINGER,
     NOW,
+    PEAK,
     PENDING,
     PRODUCED,
     QUANTA,
@@ -33,6 +32,7 @@ from synth.engine.layout import (
     RING,
     STRETCH,
     TASK,
+    UNTIL,
     WHOLE,
 )
 from synth.engine.mix import mix_span
@@ -40,10 +40,10 @@ from synth.engine.notes import handle
 from synth.engine.team import rouse, share_out
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
-#: pitch bend and obstacle height follow their controls with this time constant [s]
-CONTROL_S = 0.01
 #: a step under a finger takes about so many times as long as one in flight
 FINGER_COST = 2
+
+_copy_event = njit(**CORE)(copy_event)
 
 
 @njit(cache=True, nogil=True)
@@ -64,7 +64,7 @@ def process(core: int, desk: int, events, out, stems) -> None:
             _produce(core, desk, now + frames - QUANTUM)
             continue
         first = now + done - QUANTUM
-        state.meters[0] = max(state.meters[0], _copy_out(state.ring, first, out[done:until]))
+        state.meters[PEAK] = max(state.meters[PEAK], _copy_out(state.ring, first, out[done:until]))
         late = first - LOOKAHEAD if settings.limiter else first
         for p in range(stems.shape[0]):
             _copy_out(state.stems[p], late, stems[p, done:until])
@@ -84,16 +84,6 @@ def _queue_events(core: int, now: int, events) -> None:
         _copy_event(events[i], state.pending[at])
         state.pending[at].frame += now
         state.counters[PENDING] = at + 1
-
-
-@njit(**CORE)
-def _copy_event(event, to) -> None:
-    to.frame = event.frame
-    to.kind = event.kind
-    to.channel = event.channel
-    to.a = event.a
-    to.b = event.b
-    to.value = event.value
 
 
 @njit(**CORE)
@@ -162,28 +152,24 @@ def _run_strings(core: int, desk: int, frames: int) -> None:
 
 @njit(**CORE)
 def _quantum_with_events(core: int, desk: int, start: int) -> None:
-    """One quantum, cut at the frames of its events."""
+    """One quantum with its events. A string goes on to an event's frame if the event touches it (`notes.catch_up`), and
+    at last all go to the quantum's end."""
     state, shared = state_of(core), shared_of(core)
     shared.task[TASK] = BEGIN
     _run_strings(core, desk, 1)
     awake = 0
     for s in range(state.sounding.size):
         awake += state.sounding[s].awake
+        state.sounding[s].reached = 0
     state.counters[AWAKE] = awake
+    shared.task[TASK], shared.task[UNTIL] = STRETCH, 0
     taken = 0
-    frame = 0
-    shared.task[TASK] = STRETCH
-    while frame < QUANTUM:
-        while taken < state.counters[PENDING] and state.pending[taken].frame <= start + frame:
-            handle(core, desk, state.pending[taken])
-            taken += 1
-        until = QUANTUM
-        if taken < state.counters[PENDING]:
-            until = min(until, state.pending[taken].frame - start)
-        shared.task[FRAME] = frame
-        shared.task[FRAMES] = until - frame
-        _run_strings(core, desk, until - frame)
-        frame = until
+    while taken < state.counters[PENDING] and state.pending[taken].frame < start + QUANTUM:
+        shared.task[UNTIL] = max(shared.task[UNTIL], state.pending[taken].frame - start)
+        handle(core, desk, state.pending[taken])
+        taken += 1
+    shared.task[UNTIL] = QUANTUM
+    _run_strings(core, desk, QUANTUM)
     left = state.counters[PENDING] - taken
     for i in range(left):
         _copy_event(state.pending[i + taken], state.pending[i])
@@ -193,21 +179,13 @@ def _quantum_with_events(core: int, desk: int, start: int) -> None:
 @njit(**CORE)
 def _smooth_controls(core: int, k: int) -> None:
     """Bends and heights of quantum k of the span."""
-    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
-    share = 1.0 - math.exp(-QUANTUM / (CONTROL_S * settings.rate_hz))
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    share = control_share(core)
     for c in range(state.channels.size):
         channel = state.channels[c]
-        target = channel.bend_raw * channel.bend_range
-        if channel.bend != target:
-            channel.bend += share * (target - channel.bend)
-            if abs(channel.bend - target) < 1e-4:
-                channel.bend = target
+        channel.bend = approach(channel.bend, channel.bend_raw * channel.bend_range, share, 1e-4)
         shared.bends[k, c] = channel.bend
     for p in range(bank.parts.size):
         part = state.part_state[p]
-        target = 1e-6 * state.parameters[p, HEIGHT]
-        if part.height != target:
-            part.height += share * (target - part.height)
-            if abs(part.height - target) < 1e-10:
-                part.height = target
+        part.height = approach(part.height, 1e-6 * state.parameters[p, HEIGHT], share, 1e-10)
         shared.heights[k, p] = part.height

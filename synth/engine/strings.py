@@ -7,6 +7,7 @@ import math
 from numba import njit
 
 from synth.engine.coefficients import LN_1000, rest_state, set_rest
+from synth.engine.expression import bend_of, height_of, pluck_place, settle
 from synth.engine.flight import touch_down
 from synth.engine.layout import (
     CORE,
@@ -45,8 +46,10 @@ def wake(core: int, desk: int, s: int, model_index: int) -> None:
     me.flying = 0
     me.fade_at = me.fade_to = 0
     me.phase = NO_FINGER
-    me.bend = state.channels[me.channel].bend
-    me.height = state.part_state[fixed.part].height
+    settle(core, s)
+    master = state.channels[me.channel].master
+    me.bend = bend_of(core, s, state.channels[me.channel].bend, state.channels[master].bend)
+    me.height = height_of(core, s, state.part_state[fixed.part].height)
     set_rest(core, me, model)
     me.base = me.rest
     rest_state(core, me, model, scratch.q)
@@ -116,7 +119,7 @@ def draw(core: int, s: int, velocity: float, sounding: bool) -> None:
     model = bank.models[me.model]
     parameters = state.parameters[fixed.part]
     strength = velocity / 127.0
-    position = parameters[PLUCK_POSITION] + strength * part.position_hard
+    position = pluck_place(parameters[PLUCK_POSITION], me.timbre) + strength * part.position_hard
     width = 1e-3 * parameters[PLUCK_WIDTH] * (1.0 + strength * (part.width_hard - 1.0))
     distance = min(max(position * fixed.open_length, 0.02 * model.length), 0.5 * model.length)
     width = min(width, 1.5 * distance)

@@ -111,7 +111,8 @@ def _field(context: Any, builder: Any, opened: Opened, address: Any, name: str) 
     return array._getvalue()
 
 
-def _opener(kind: Any, skip: int) -> Any:
+def opener(kind: Any, skip: int = 0) -> Any:
+    """The function that opens the table of a NamedTuple in FIELDS, `skip` words from where the address points to."""
     opened = Opened(kind, skip)
 
     def open_table(typingctx, address):
@@ -121,9 +122,9 @@ def _opener(kind: Any, skip: int) -> Any:
 
 
 bank_of, state_of, shared_of, settings_of = (
-    _opener(kind, sum(map(_words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
+    opener(kind, sum(map(_words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
 )
-scratch_of = _opener(Scratch, 0)
+scratch_of = opener(Scratch)
 
 
 def _call_back(typingctx, function, core, desk, s, more):

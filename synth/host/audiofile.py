@@ -11,7 +11,7 @@ import struct
 import sys
 import tempfile
 from pathlib import Path
-from typing import BinaryIO, Protocol, Self
+from typing import Any, BinaryIO, Protocol, Self
 
 import numpy as np
 
@@ -24,6 +24,8 @@ _SUBTYPES = {"16": "PCM_16", "24": "PCM_24", "float": "FLOAT"}
 # A WAV header counts bytes in 32 bits; some room is left for the header itself.
 _LARGEST_WAV_BYTES = 2**32 - 2**16
 _COPY_FRAMES = 65536
+# Commands of libsndfile (sndfile.h), which soundfile has no names for.
+_SFC_SET_UPDATE_HEADER_AUTO, _SFC_RF64_AUTO_DOWNGRADE = 0x1061, 0x1210
 
 
 class AudioSink(Protocol):
@@ -90,7 +92,8 @@ class AudioWriter:
 
     path: file name or '-'.  container: 'wav', 'flac' or 'raw' (samples without a header, little-endian).
     bit_depth: '16', '24' or 'float'.  most_frames: an upper bound of the length, if known; decides on RF64.
-    seed: of the 16-bit dither.
+    seed: of the 16-bit dither.  growing: the length is not known, and what is written is to be readable at any time, also
+    if the program is killed: the header is kept right, a WAV file becomes an RF64 when it outgrows 4 GB.
 
     Raises ValueError for a combination that does not exist, OSError where the file cannot be made; both
     before anything is rendered.
@@ -106,6 +109,7 @@ class AudioWriter:
         bit_depth: str = "24",
         most_frames: int | None = None,
         seed: int = 0,
+        growing: bool = False,
     ) -> None:
         self.path = str(path)
         self.frames = 0
@@ -119,10 +123,11 @@ class AudioWriter:
         if not self._is_stream():
             check_target(self.path)
         most_bytes = (most_frames or 0) * channels * _BYTES_PER_SAMPLE[bit_depth]
-        self._big = container == "wav" and most_bytes > _LARGEST_WAV_BYTES
+        self._growing = growing and container == "wav"
+        self._big = self._growing or (container == "wav" and most_bytes > _LARGEST_WAV_BYTES)
         self._bytes_left: float = _LARGEST_WAV_BYTES if container == "wav" and not self._big else np.inf
         self._stream: BinaryIO | None = None
-        self._sound = None
+        self._sound: Any = None
         self._partial: str | None = None
 
     @property
@@ -164,6 +169,9 @@ class AudioWriter:
             format="FLAC" if self._container == "flac" else ("RF64" if self._big else "WAV"),
             subtype=_SUBTYPES[self._bit_depth],
         )
+        if self._growing:
+            for command in (_SFC_RF64_AUTO_DOWNGRADE, _SFC_SET_UPDATE_HEADER_AUTO):
+                soundfile._snd.sf_command(self._sound._file, command, soundfile._ffi.NULL, 1)
 
     def write(self, block: np.ndarray) -> None:
         """Appends (frames, channels) float64 samples."""

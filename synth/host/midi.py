@@ -2,8 +2,8 @@
 
 Formats 0 and 1 are one sequence: all tracks are merged and share one tempo map (set_tempo of every track
 counts, as sequencers disagree on where they put it). The tracks of a format 2 file are independent sequences,
-each with its own tempo; they are played one after the other. SysEx, meta events other than tempo and end of
-track, and key or channel pressure are passed over.
+each with its own tempo; they are played one after the other. Of SysEx, tunings and this program's own messages are
+read (`sysex`); meta events other than tempo and end of track are passed over.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from synth.engine.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.engine import zones
+from synth.engine.events import BEND, CONTROL, EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PRESSURE, PROGRAM
+from synth.host import sysex
 from synth.host.smf import MidiError, MidiFile, Track, read_file
 
 __all__ = ["PERCUSSION_CHANNEL", "MidiError", "Song", "read_song", "song_from_file"]
@@ -32,9 +34,10 @@ class Song:
 
     events: EVENT array, `frame` counted from the song's start and ascending; channels are 0…15. Simultaneous
         events keep the file's order (tracks in order), but a note-off that ends an earlier note comes before
-        a note-on of the same key.
+        a note-on of the same key. This program's own takes keep theirs.
     rate_hz: frames per second of `frame`.  length_s: the song's end (end of track) in seconds.
-    channels: (channel, program) → number of notes, for those that have notes.  notes: their sum.
+    channels: (channel, program) → number of notes, for those that have notes; those of an MPE zone are its master's.
+    notes: their sum.
     keys: (channel, program) → the MIDI notes that occur.
     warnings: what was odd about the file, one line each.
     """
@@ -48,28 +51,32 @@ class Song:
     warnings: tuple[str, ...]
 
 
-def read_song(path: str | Path, rate_hz: int) -> Song:
+def read_song(path: str | Path, rate_hz: int, mpe: bool = False) -> Song:
     """Reads a Standard MIDI File (format 0, 1 or 2). Raises MidiError with one line naming the file, what is
     wrong, a remedy.
     """
-    return song_from_file(read_file(path), rate_hz)
+    return song_from_file(read_file(path), rate_hz, mpe)
 
 
-def song_from_file(file: MidiFile, rate_hz: int) -> Song:
-    """The song of a parsed file at `rate_hz`: seconds are rounded to the nearest frame."""
+def song_from_file(file: MidiFile, rate_hz: int, mpe: bool = False) -> Song:
+    """The song of a parsed file at `rate_hz`: seconds are rounded to the nearest frame. mpe: it begins with an MPE zone of
+    all channels."""
     sequences = [[track] for track in file.tracks] if file.format == 2 else [file.tracks]
     warnings = list(file.warnings)
     pieces: list[np.ndarray] = []
     seconds: list[np.ndarray] = []
     tally: dict[tuple[int, int], Counter[int]] = {}
     programs = [0] * 16
+    masters = _Zones(mpe)
     start_s = 0.0
     endless = 0
     for tracks in sequences:
         clock = _Clock(file, tracks, warnings)
         tick, events = _merge(tracks)
         end_s = _end_s(clock, tracks, tick, warnings)
-        order, still_on = _order_and_count(tick, events, programs, tally)
+        order, still_on = _order_and_count(tick, events, programs, masters, tally)
+        if any(track.take for track in tracks):
+            order = np.arange(len(events))
         time_s = np.minimum(clock.seconds(tick), end_s)[order]
         endless += len(still_on)
         offs = np.zeros(len(still_on), EVENT)
@@ -90,6 +97,29 @@ def song_from_file(file: MidiFile, rate_hz: int) -> Song:
     if len(events):
         events["frame"] = np.rint(np.concatenate(seconds) * rate_hz).astype(np.int64)
     return Song(events, rate_hz, start_s, channels, keys, notes, tuple(dict.fromkeys(warnings)))
+
+
+class _Zones:
+    """Which channels of a song are members of an MPE zone, whose notes are its master's."""
+
+    def __init__(self, mpe: bool) -> None:
+        self._members = [zones.MOST_MEMBERS if mpe else 0, 0]
+        self._numbers = [[0x7F, 0x7F] for _ in range(16)]  # controllers 101 and 100 of every channel
+
+    def master(self, channel: int) -> int:
+        return zones.master_of(channel, *self._members)
+
+    def control(self, channel: int, controller: int, value: int) -> None:
+        numbers = self._numbers[channel]
+        if controller in (100, 101):
+            numbers[101 - controller] = value
+        elif controller in (98, 99, 121):
+            numbers[:] = 0x7F, 0x7F
+        elif controller == 6 and numbers == [0, zones.CONFIGURATION]:
+            for zone in (zones.LOWER, zones.UPPER):
+                if channel == zones.manager_of(zone):
+                    self._members[zone] = min(value, zones.MOST_MEMBERS)
+                    self._members[1 - zone] = zones.yielded(self._members[zone], self._members[1 - zone])
 
 
 class _Clock:
@@ -130,20 +160,41 @@ def _merge(tracks: list[Track]) -> tuple[np.ndarray, np.ndarray]:
     kind[message == 0x8] = NOTE_OFF
     kind[message == 0x9] = NOTE_ON
     kind[(message == 0x9) & (data2 == 0)] = NOTE_OFF
+    kind[message == 0xA] = KEY_PRESSURE
     kind[message == 0xB] = CONTROL
     kind[message == 0xC] = PROGRAM
+    kind[message == 0xD] = PRESSURE
     kind[message == 0xE] = BEND
-    wanted = np.flatnonzero(kind)
-    wanted = wanted[np.argsort(tick[wanted], kind="stable")]
-    events = np.zeros(len(wanted), EVENT)
-    events["kind"] = kind[wanted]
-    events["channel"] = status[wanted] & 0x0F
-    bend = message[wanted] == 0xE
-    events["a"] = np.where(bend, data1[wanted] + 128 * data2[wanted] - 8192, data1[wanted])
+    events = np.zeros(len(tick), EVENT)
+    events["kind"] = kind
+    events["channel"] = status & 0x0F
+    bend, pressure = message == 0xE, message == 0xD
+    events["a"] = np.where(bend, data1 + 128 * data2 - 8192, np.where(pressure, 0, data1))
     # A note-on of velocity 0 stands for a note-off of release velocity 64.
-    silent_on = (message[wanted] == 0x9) & (data2[wanted] == 0)
-    events["b"] = np.where(bend, 0, np.where(silent_on, 64, data2[wanted]))
-    return tick[wanted], events
+    silent_on = (message == 0x9) & (data2 == 0)
+    events["b"] = np.where(bend, 0, np.where(pressure, data1, np.where(silent_on, 64, data2)))
+    exclusive_tick, exclusive_place, exclusive = _exclusive(tracks)
+    tick = np.concatenate((tick, exclusive_tick))
+    place = np.concatenate((np.arange(len(events), dtype=np.float64), exclusive_place))
+    events = np.concatenate((events, exclusive))
+    order = np.lexsort((place, tick))
+    return tick[order], events[order]
+
+
+def _exclusive(tracks: list[Track]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(ticks, places among the channel messages of all tracks, EVENT array) of what system exclusive messages say."""
+    ticks: list[int] = []
+    places: list[float] = []
+    rows: list[tuple] = []
+    before = 0
+    for track in tracks:
+        for place, tick, body in track.sysex:
+            said = sysex.events_of(body)
+            rows += [(0, *row) for row in said]
+            ticks += [tick] * len(said)
+            places += [before + place - 0.5] * len(said)
+        before += len(track.ticks)
+    return np.array(ticks, np.int64), np.array(places), np.array(rows, EVENT)
 
 
 def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[str]) -> float:
@@ -160,7 +211,11 @@ def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[
 
 
 def _order_and_count(
-    tick: np.ndarray, events: np.ndarray, programs: list[int], tally: dict[tuple[int, int], Counter[int]]
+    tick: np.ndarray,
+    events: np.ndarray,
+    programs: list[int],
+    masters: _Zones,
+    tally: dict[tuple[int, int], Counter[int]],
 ) -> tuple[np.ndarray, list[tuple[int, int]]]:
     """Puts note-offs before note-ons at the same tick, counts notes by (channel, program), finds notes
     without an end.
@@ -168,7 +223,8 @@ def _order_and_count(
     A note-off at the tick of a note-on of its key ends the note that sounded before, if one did, and moves in
     front of that note-on: else a repeated note would be cut by the end of its forerunner. If none sounded
     before, it ends the new note, whose
-    length is zero: a pluck, which has to stay. `programs` (16) and `tally` ((channel, program) → notes) are updated.
+    length is zero: a pluck, which has to stay. `programs` (16), `masters` and `tally` ((channel, program) → notes) are
+    updated.
 
     Returns (order of the events, [(channel, note)] still on at the end).
     """
@@ -181,9 +237,10 @@ def _order_and_count(
         events["kind"].tolist(),
         events["channel"].tolist(),
         events["a"].tolist(),
+        events["b"].tolist(),
         strict=True,
     )
-    for place, (at, kind, channel, a) in enumerate(rows):
+    for place, (at, kind, channel, a, b) in enumerate(rows):
         if at != now_tick:
             for key, (count, _) in now.items():
                 if count:
@@ -191,7 +248,8 @@ def _order_and_count(
             now.clear()
             now_tick = at
         if kind == NOTE_ON:
-            tally.setdefault((channel, programs[channel]), Counter())[a] += 1
+            leader = masters.master(channel)
+            tally.setdefault((leader, programs[leader]), Counter())[a] += 1
             now.setdefault(channel << 7 | a, [0, place])[0] += 1
         elif kind == NOTE_OFF:
             key = channel << 7 | a
@@ -203,6 +261,8 @@ def _order_and_count(
                 now[key][0] -= 1
         elif kind == PROGRAM:
             programs[channel] = a
+        elif kind == CONTROL:
+            masters.control(channel, a, b)
     for key, (count, _) in now.items():
         if count:
             started[key] = started.get(key, 0) + count

@@ -13,8 +13,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from synth.engine.controllers import ALL_NOTES_OFF
 from synth.engine.events import CONTROL, EVENT, NOTE_ON
 from synth.host.audiofile import AudioSink
+from synth.host.eventsource import EventSource, from_events
 from synth.units import db_to_gain
 
 # An automatic tail ends when the output has stayed this quiet for this long, or at the limit.
@@ -26,7 +28,6 @@ LONGEST_AUTO_TAIL_S = 60.0
 # Where a tail is cut while strings still ring, it is faded: over this time, or (at the automatic limit) this.
 FADE_S = 0.02
 LIMIT_FADE_S = 1.0
-ALL_NOTES_OFF = 123
 
 Progress = Callable[[float, float], None]
 
@@ -93,7 +94,7 @@ class Rendering:
 
 def render(
     engine: EngineLike,
-    events: np.ndarray,
+    events: np.ndarray | EventSource,
     span: Span,
     rate_hz: int,
     sink: AudioSink,
@@ -105,27 +106,32 @@ def render(
     """Plays `events` (EVENT array, absolute frames, ascending) and writes the frames of `span`.
 
     The engine's latency is taken out. stem_sinks: one per part of the engine, or none.
+    events: or a source of them, which is asked block by block, for a span that ends at a given frame.
     progress: called with (seconds done, most seconds) after every block.
 
     Raises RuntimeError if the engine gives a number that is not finite.
     """
     began = time.perf_counter()
     latency = engine.latency_samples
-    events = _until(events, span)
-    starts_at = events["frame"]
+    last_release = None
+    if callable(events):
+        source = events
+    else:
+        events = _until(events, span)
+        last_release = _last_release(events, rate_hz)
+        source = from_events(events)
     out = np.zeros((block, 2))
     stems = np.zeros((len(stem_sinks), block, 2)) if stem_sinks else None
     hard_stop = span.end + span.most_tail
     stop = hard_stop
     fade = _fade_out(span, rate_hz)
-    tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz), _last_release(events, rate_hz)) if span.automatic else None
+    tail = _TailEnd(span.end, round(QUIET_FOR_S * rate_hz), last_release) if span.automatic else None
     peak = 0.0
     written = 0
     at = 0
     while at - latency < stop:
         frames = min(block, stop + latency - at)
-        first, behind = np.searchsorted(starts_at, (at, at + frames))
-        due = events[first:behind].copy()
+        due = source(at + frames)
         due["frame"] -= at
         heard = out[:frames]
         if stems is not None and frames != stems.shape[1]:

@@ -8,10 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from synth.engine.events import PARAMETER, TUNING
 from synth.host.midi import PERCUSSION_CHANNEL
+
+if TYPE_CHECKING:
+    from synth.preset import Preset
 
 BASS_PRESET = "fretted-bass"
 MELODY_PRESET = "jawari-harp"
@@ -75,14 +80,7 @@ def cast(
     left_out: dict[int, int] = {}
     players: dict[tuple[int, int], tuple[int, str]] = {}
     for (channel, program), count in sorted(channels.items()):
-        if channel in by_channel:
-            chosen = by_channel[channel]
-        elif channel == PERCUSSION_CHANNEL:
-            chosen = LEFT_OUT
-        elif preset is not None:
-            chosen = preset
-        else:
-            chosen = BASS_PRESET if program in BASS_PROGRAMS else MELODY_PRESET
+        chosen = _choose(channel, program, preset, by_channel)
         if chosen == LEFT_OUT:
             left_out[channel] = left_out.get(channel, 0) + count
             continue
@@ -95,3 +93,84 @@ def cast(
     for (channel, program), player in players.items():
         program_map[channel, program] = index[player]
     return Casting(parts, program_map, left_out)
+
+
+def cast_live(
+    preset: str | None = None,
+    by_channel: Mapping[int, str] | None = None,
+    *,
+    only_channel: int | None = None,
+    song: Casting | None = None,
+) -> Casting:
+    """Gives every channel and program a preset, chosen as by `cast`: one part per preset, which all its channels share.
+
+    only_channel: all others are left out.  song: the parts of a song, which keep their channels and programs; where one
+    has the preset that another channel wants, it plays for that, too. Raises ValueError where nothing is left to play.
+    """
+    by_channel = by_channel or {}
+    parts = list(song.parts) if song is not None else []
+    program_map = song.program_map.copy() if song is not None else np.full((16, 128), -1, dtype=np.int64)
+    for channel in range(16) if only_channel is None else [only_channel]:
+        for program in np.flatnonzero(program_map[channel] < 0):
+            chosen = _choose(channel, int(program), preset, by_channel)
+            if chosen == LEFT_OUT:
+                continue
+            fits = [number for number, part in enumerate(parts) if part.preset == chosen]
+            if not fits:
+                fits = [len(parts)]
+                parts.append(Part(channel, chosen, 0))
+            own = [number for number in fits if parts[number].channel == channel]
+            program_map[channel, program] = (own or fits)[0]
+    if not parts:
+        raise ValueError("no channel has a preset: --map leaves all of them out; give one a preset, such as --map 1=tanpura")
+    return Casting(tuple(parts), program_map, song.left_out if song is not None else {})
+
+
+def played_events(events: np.ndarray, casting: Casting) -> np.ndarray:
+    """Those of a song's events (EVENT) that are not on channels left out."""
+    of_channel = ~np.isin(events["kind"], (PARAMETER, TUNING))
+    return events[~(of_channel & np.isin(events["channel"], list(casting.left_out)))]
+
+
+def notes_of_parts(keys: Mapping[tuple[int, int], set[int]], casting: Casting) -> list[set[int]]:
+    """The MIDI notes that every part has to play, from those of every (channel, program)."""
+    wanted: list[set[int]] = [set() for _ in casting.parts]
+    for (channel, program), notes in keys.items():
+        part = casting.program_map[channel, program]
+        if part >= 0:
+            wanted[part] |= notes
+    return wanted
+
+
+def load_presets(
+    names: Sequence[str],
+    settings: Sequence[tuple[str | None, str, str]],
+    made: Mapping[str, Preset] | None = None,
+) -> dict[str, Preset]:
+    """Presets by name or file with `settings` applied: (preset or None for all, dotted key, value). Raises ValueError.
+
+    made: presets that the program has made, by the names that stand for them.
+    """
+    made = made or {}
+    # Imported late: it loads pydantic, and a wrong file name should not wait for that.
+    from synth.preset import load_preset
+
+    names = list(dict.fromkeys(names))
+    presets = {name: made[name] if name in made else load_preset(name) for name in names}
+    for only, key, value in settings:
+        if only is not None and only not in presets:
+            raise ValueError(f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}")
+        for name in names if only is None else [only]:
+            presets[name] = presets[name].with_setting(key, value)
+    return presets
+
+
+def _choose(channel: int, program: int, preset: str | None, by_channel: Mapping[int, str]) -> str:
+    """The preset of a channel and program, or LEFT_OUT."""
+    if channel in by_channel:
+        return by_channel[channel]
+    if channel == PERCUSSION_CHANNEL:
+        return LEFT_OUT
+    if preset is not None:
+        return preset
+    return BASS_PRESET if program in BASS_PROGRAMS else MELODY_PRESET

@@ -8,16 +8,20 @@ from contextlib import ExitStack, closing, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from synth.engine.events import NOTE_OFF, NOTE_ON
 from synth.host import audiofile, offline, parts, scala
+from synth.host.bindings import check_parts
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
 from synth.schemes import energy_warning
 from synth.targets import is_special
-from synth.units import db_to_gain, gain_to_db, midi_to_hz, midi_to_note
+from synth.units import db_to_gain, gain_to_db, midi_to_note
+
+if TYPE_CHECKING:
+    from synth.engine.parameters import Binding
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
@@ -33,6 +37,8 @@ class RenderSettings:
     channel_presets: channel 0…15 → preset or 'none', before `preset`.
     settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
     threads: how many compute, or 'auto': one per processor.
+    bindings: controller → live parameters it sets, see `bindings.parse_bindings`.
+    mpe: begin with an MPE zone of all channels.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
     normalize_dbfs: peak to scale to, or None.
     """
@@ -62,6 +68,8 @@ class RenderSettings:
     seed: int = 0
     tuning: str | None = None
     keyboard: str | None = None
+    bindings: dict[int, list[Binding]] = field(default_factory=dict)
+    mpe: bool = False
 
 
 @dataclass
@@ -157,7 +165,7 @@ def render_file(
         warnings.append(text)
         warn(text)
 
-    song = read_song(settings.midi, settings.rate_hz)
+    song = read_song(settings.midi, settings.rate_hz, settings.mpe)
     for warning in song.warnings:
         note(f"{settings.midi}: {warning}")
     span = _span(settings, song)
@@ -170,10 +178,10 @@ def render_file(
     risk = energy_warning(settings.scheme, settings.restitution, internal_hz, "--internal-rate", settings.rate_hz)
     if risk is not None:
         note(risk)
-    note_hz = None
+    note_hz = silent = None
     if settings.tuning is not None or settings.keyboard is not None:
-        note_hz = scala.note_frequencies(settings.tuning, settings.keyboard)
-    events, untuned = _playable(song, casting, note_hz)
+        note_hz, silent = scala.playable_frequencies(settings.tuning, settings.keyboard)
+    events, untuned = _playable(song, casting, silent)
 
     outputs = _Outputs(settings, casting.parts, span)
     engine = _engine(settings, song, casting, note_hz) if casting.parts else _Silence()
@@ -251,16 +259,11 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     return span
 
 
-def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> tuple[np.ndarray, list[dict[str, Any]]]:
-    """The events that parts play, and the notes whose keys the tuning leaves silent (their frequency is NaN).
-
-    Silent keys get their ordinary frequency in `note_hz` afterwards: the engine never sees a NaN.
-    """
-    events = song.events[~np.isin(song.events["channel"], list(casting.left_out))]
-    if note_hz is None:
+def _playable(song: Song, casting: parts.Casting, silent: np.ndarray | None) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    """The events that parts play, and the notes whose keys the tuning leaves silent ((128,) bool; None: no tuning)."""
+    events = parts.played_events(song.events, casting)
+    if silent is None:
         return events, []
-    silent = np.isnan(note_hz)
-    note_hz[silent] = [midi_to_hz(float(key)) for key in np.flatnonzero(silent)]
     is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF))
     dropped = is_note & silent[np.where(is_note, events["a"], 0)]
     lost = events[dropped & (events["kind"] == NOTE_ON)]
@@ -278,19 +281,11 @@ def _playable(song: Song, casting: parts.Casting, note_hz: np.ndarray | None) ->
 
 
 def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> Any:
-    # Imported late: these load numba, and a wrong file name should not wait for that.
-    from synth.preset import load_preset
-
-    names = list(dict.fromkeys(part.preset for part in casting.parts))
-    presets = {name: load_preset(name) for name in names}
-    for only, key, value in settings.settings:
-        if only is not None and only not in presets:
-            raise ValueError(f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}")
-        for name in names if only is None else [only]:
-            presets[name] = presets[name].with_setting(key, value)
-
+    presets = parts.load_presets([part.preset for part in casting.parts], settings.settings)
+    # Imported late: it loads numba, and a wrong file name should not wait for that.
     from synth.engine.engine import Engine
 
+    check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
     return Engine(
         [presets[part.preset] for part in casting.parts],
         casting.program_map,
@@ -302,19 +297,11 @@ def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_h
         gain_db=settings.gain_db,
         max_polyphony=settings.polyphony,
         note_hz=note_hz,
-        only_notes=_notes_of_parts(song, casting),
+        only_notes=parts.notes_of_parts(song.keys, casting),
         threads=settings.threads,
+        bindings=settings.bindings,
+        mpe=settings.mpe,
     )
-
-
-def _notes_of_parts(song: Song, casting: parts.Casting) -> list[set[int]]:
-    """The MIDI notes that every part has to play: no more are prepared."""
-    wanted: list[set[int]] = [set() for _ in casting.parts]
-    for (channel, program), keys in song.keys.items():
-        part = casting.program_map[channel, program]
-        if part >= 0:
-            wanted[part] |= keys
-    return wanted
 
 
 class _Silence:

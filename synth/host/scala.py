@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+
+from synth.units import midi_to_hz, read_ratio
 
 MIDDLE_C = 60
 MIDDLE_C_HZ = 440.0 * 2.0 ** (-9.0 / 12.0)
@@ -63,6 +64,19 @@ def note_frequencies(scale_path: str | Path | None, keyboard_path: str | Path | 
         if cents is not None:
             note_hz[key] = keyboard.reference_hz * 2.0 ** ((cents - reference) / 1200.0)
     return note_hz
+
+
+def playable_frequencies(
+    scale_path: str | Path | None, keyboard_path: str | Path | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(128,) Hz of every MIDI note, all of them finite, and (128,) bool: the keys that are to be silent.
+
+    Those have their ordinary frequency: an engine never sees a NaN. Raises ScalaError.
+    """
+    note_hz = note_frequencies(scale_path, keyboard_path)
+    silent = np.isnan(note_hz)
+    note_hz[silent] = [midi_to_hz(float(key)) for key in np.flatnonzero(silent)]
+    return note_hz, silent
 
 
 def _key_cents(scale: Scale, keyboard: Keyboard, key: int) -> float | None:
@@ -159,9 +173,9 @@ def _pitch_cents(path: str | Path, number: int, text: str) -> float:
             if math.isfinite(cents):
                 return cents
         else:
-            ratio = Fraction(text.split("!")[0].replace(" /", "/").replace("/ ", "/").split()[0])
-            if ratio > 0:
+            ratio = read_ratio(text.split("!")[0].replace(" /", "/").replace("/ ", "/").split()[0])
+            if 0.0 < ratio < math.inf:
                 return 1200.0 * math.log2(ratio)
-    except (ValueError, ZeroDivisionError, OverflowError):
+    except (ValueError, IndexError):
         pass
     raise ScalaError(f"{path}, line {number}: {text!r} is no pitch; write cents with a point (701.955) or a ratio (3/2)")

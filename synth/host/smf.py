@@ -14,6 +14,9 @@ from pathlib import Path
 
 SMPTE_FRAMES_PER_SECOND = {24: 24.0, 25: 25.0, 29: 30000.0 / 1001.0, 30: 30.0}
 
+#: A meta event (sequencer-specific) that this program's takes begin with: simultaneous events are in their order.
+TAKE_MARK = b"\xff\x7f\x04\x7dJW\x03"
+
 # System common messages have no place in a file, but some hold them: skipped with their data.
 _SYSTEM_DATA_BYTES = {0xF1: 1, 0xF2: 2, 0xF3: 1}
 
@@ -27,8 +30,9 @@ class Track:
     """One track, its channel messages in file order as parallel lists.
 
     ticks: time since the track's start; status: status byte (0x80…0xEF); data1, data2: data bytes (data2 is 0
-    where the message has one). tempos: (tick, microseconds per quarter note). end_tick: time of the track's
-    end.
+    where the message has one). tempos: (tick, microseconds per quarter note). sysex: (place, tick, body without F0 and
+    F7), `place` being how many channel messages come before; one sent in several packets has the tick of the last.
+    end_tick: time of the track's end. take: whether this program recorded it, and simultaneous events are in their order.
     """
 
     ticks: list[int] = field(default_factory=list)
@@ -36,7 +40,9 @@ class Track:
     data1: list[int] = field(default_factory=list)
     data2: list[int] = field(default_factory=list)
     tempos: list[tuple[int, int]] = field(default_factory=list)
+    sysex: list[tuple[int, int, bytes]] = field(default_factory=list)
     end_tick: int = 0
+    take: bool = False
 
 
 @dataclass(frozen=True)
@@ -158,6 +164,7 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
     ticks, statuses, data1, data2 = track.ticks, track.status, track.data1, track.data2
     tick = at = 0
     running = 0
+    packets: bytearray | None = None  # of a system exclusive message that has not ended
     length = len(body)
     event_at = 0
     try:
@@ -205,11 +212,23 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
                     break
                 if kind == 0x51 and size >= 3:
                     track.tempos.append((tick, int.from_bytes(payload[:3], "big")))
+                if kind == TAKE_MARK[1] and payload == TAKE_MARK[3:]:
+                    track.take = True
             elif status in (0xF0, 0xF7):
                 size, at = _variable_length(body, at)
+                packet = body[at : at + size]
                 at += size
                 if at > length:
                     raise IndexError
+                # A message may come in packets: the first behind F0, the others behind F7. F7 without a message that
+                # waits is an escape, whose bytes are no system exclusive.
+                if status == 0xF0:
+                    packets = bytearray(packet)
+                elif packets is not None:
+                    packets += packet
+                if packets is not None and packets.endswith(b"\xf7"):
+                    track.sysex.append((len(ticks), tick, bytes(packets[:-1])))
+                    packets = None
             else:
                 at += _SYSTEM_DATA_BYTES.get(status, 0)
                 if at > length:

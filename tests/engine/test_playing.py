@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from synth.engine import layout
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM
 from synth.measures import click_ratios, sounding_fundamental
 from synth.units import cents
 
@@ -207,11 +208,40 @@ def test_note_off_damps_as_asked(free):
 
 
 def test_release_parameter_scales_the_damping(free):
-    from synth.engine.events import PARAMETER
-
     free.reset()
     play(free, [(0, PARAMETER, 0, layout.RELEASE, 0, 4.0), (0, NOTE_ON, 0, 50, 110), (5000, NOTE_OFF, 0, 50)], 6000)
     assert free._state.sounding["hand"][2] == pytest.approx(math.log(1000.0) / 0.8)
+
+
+def test_a_note_off_counts_from_its_frame_on(free):
+    """The finger lets go 6 ms after the note-on; the hand comes then, or with a later note-off."""
+
+    def played(off: int) -> np.ndarray:
+        free.reset()
+        return play(free, [(0, NOTE_ON, 0, 50, 110), (off, NOTE_OFF, 0, 50)], 3000)
+
+    sounds = [played(off) for off in range(256, 288)]
+    same = [np.abs(a - b).max() < 1e-9 for a, b in pairwise(sounds)]
+    assert same == sorted(same, reverse=True)
+    assert abs(256 + sum(same) - 0.006 * RATE_HZ) <= 1.0
+
+
+def test_a_parameter_counts_from_its_frame_on():
+    """The damping time is read when the finger has let go, 6 ms after the note-on."""
+    made = engine(FREE)
+
+    def played(at: int) -> np.ndarray:
+        made.reset()
+        return play(
+            made, [(0, NOTE_ON, 0, 50, 110), (100, NOTE_OFF, 0, 50), (at, PARAMETER, 0, layout.RELEASE, 0, 0.2)], 3000
+        )
+
+    early, late = played(101), played(2000)
+    sounds = [played(at) for at in range(256, 288)]
+    heeded = [np.abs(sound - early).max() < 1e-9 for sound in sounds]
+    ignored = [np.abs(sound - late).max() < 1e-9 for sound in sounds]
+    assert ignored == [not yes for yes in heeded] == sorted(ignored)
+    assert abs(256 + sum(heeded) - 0.006 * RATE_HZ) <= 1.0
 
 
 def test_zero_length_note_still_sounds(free):

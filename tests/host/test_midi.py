@@ -5,10 +5,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import njit
 
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PROGRAM
-from synth.host.midi import Song, song_from_file
-from synth.host.smf import parse
+from synth.engine.events import (
+    BEND,
+    CONTROL,
+    KEY_PRESSURE,
+    NOTE_OFF,
+    NOTE_ON,
+    PARAMETER,
+    PRESSURE,
+    PROGRAM,
+    TUNING,
+    decode,
+)
+from synth.host import sysex
+from synth.host.midi import Song, _merge, _Zones, song_from_file
+from synth.host.smf import Track, parse
 
 from .midibytes import header, off, on, tempo, track
 
@@ -121,10 +134,6 @@ def test_bend_control_and_program_values() -> None:
     ]
 
 
-def test_pressure_is_passed_over() -> None:
-    assert len(song(header() + track((0, b"\xa0\x3c\x40"), (0, b"\xd0\x40"))).events) == 0
-
-
 def test_notes_are_counted_by_channel_and_program() -> None:
     data = header() + track((0, on(60)), (0, b"\xc0\x21"), (10, on(61)), (0, on(62)), (0, on(36, channel=9)), (5, off(60)))
     result = song(data)
@@ -205,3 +214,90 @@ def test_three_hundred_thousand_events() -> None:
     assert result.notes == 150_000
     assert len(result.events) == 300_001
     assert result.length_s == pytest.approx(150_000 * 15 / 960, rel=1e-12)
+
+
+def test_every_message_is_read_as_decode_reads_it() -> None:
+    data = [0, 1, 64, 127]
+    messages = [
+        (status, first, second if not 0xC0 <= status < 0xE0 else 0)
+        for status in range(0x80, 0xF0)
+        for first in data
+        for second in data
+    ]
+    ticks = list(range(len(messages)))
+    whole = Track(ticks, *(list(column) for column in zip(*messages, strict=True)), end_tick=ticks[-1])
+    _, events = _merge([whole])
+    assert [tuple(int(e[name]) for name in ("kind", "channel", "a", "b")) for e in events] == [
+        decode(*message) for message in messages
+    ]
+    assert {decode(status, 1, 1)[0] for status in range(0x80)} | {
+        decode(status, 1, 1)[0] for status in range(0xF0, 256)
+    } == {0}
+
+
+def test_decode_compiles_as_it_is() -> None:
+    compiled = njit(decode)
+    for status in range(0x70, 0x100):
+        for data in ((0, 0), (5, 0), (127, 127)):
+            assert compiled(status, *data) == decode(status, *data)
+
+
+def test_pressure_and_exclusive_messages_come_in_their_order() -> None:
+    half = sysex.of_tuning(60, 60.5, True) + b"\xf7"
+    quarter = sysex.of_parameter(1, 3, 0.1) + b"\xf7"
+    first = track((0, on(60)), (0, b"\xf0" + bytes((len(half),)) + half), (0, b"\xd0\x40"), (480, off(60)))
+    second = track((0, on(61)), (0, b"\xf0" + bytes((len(quarter),)) + quarter), (0, b"\xa0\x3d\x20"), (480, off(61)))
+    events = song(header(1, 2) + first + second).events
+    rows = [tuple(e[name].item() for name in ("frame", "kind", "channel", "a", "b", "value")) for e in events]
+    assert rows == [
+        (0, NOTE_ON, 0, 60, 64, 0.0),
+        (0, TUNING, 0, 60, 1, 60.5),
+        (0, PRESSURE, 0, 0, 64, 0.0),
+        (0, NOTE_ON, 0, 61, 64, 0.0),
+        (0, PARAMETER, 1, 3, 0, 0.1),
+        (0, KEY_PRESSURE, 0, 61, 32, 0.0),
+        (24000, NOTE_OFF, 0, 60, 64, 0.0),
+        (24000, NOTE_OFF, 0, 61, 64, 0.0),
+    ]
+
+
+def control(channel: int, controller: int, value: int) -> tuple[int, bytes]:
+    return 0, bytes((0xB0 | channel, controller, value))
+
+
+def test_notes_of_a_zone_are_its_masters() -> None:
+    notes = [(0, on(60, channel=3)), (480, off(60, channel=3)), (0, on(62, channel=9)), (480, off(62, channel=9))]
+    data = header() + track((0, b"\xc0\x05"), (0, b"\xc3\x07"), *notes)
+    assert song(data).channels == {(3, 7): 1, (9, 0): 1}
+    by_option = song_from_file(parse(data), RATE_HZ, mpe=True)
+    assert by_option.channels == {(0, 5): 2}
+    assert by_option.keys == {(0, 5): {60, 62}}
+    zone = [control(0, 101, 0), control(0, 100, 6), control(0, 6, 4)]
+    by_message = song(header() + track(*zone, (0, b"\xc0\x05"), (0, b"\xc3\x07"), *notes))
+    assert by_message.channels == {(0, 5): 1, (9, 0): 1}
+    assert {int(e["channel"]) for e in by_message.events if e["kind"] == NOTE_ON} == {3, 9}
+
+
+def test_zones_are_the_engines() -> None:
+    from synth.engine.engine import Engine
+    from synth.engine.events import make_events
+    from synth.preset import load_preset
+
+    engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{43}])
+    engine.prepare(44100.0, 64)
+    zones = _Zones(False)
+    rng = np.random.default_rng(4)
+    seen = set()
+    for _ in range(300):
+        channel = int(rng.choice([0, 15, 3]))
+        number, value = int(rng.choice([98, 121])), int(rng.integers(17))
+        messages = [(101, 0), (100, int(rng.choice([0, 6, 6]))), (6, value)]
+        if rng.integers(4) == 0:
+            messages.insert(int(rng.integers(3)), (number, 0))
+        for a, b in messages:
+            zones.control(channel, a, b)
+        engine.process(make_events([(0, CONTROL, channel, a, b) for a, b in messages]), np.zeros((64, 2)))
+        masters = [zones.master(c) for c in range(16)]
+        assert engine._state.channels["master"].tolist() == masters
+        seen.add(tuple(masters))
+    assert len(seen) > 20

@@ -9,7 +9,11 @@ import pytest
 import soundfile
 
 from synth.host import render as job
+from synth.host import sysex
+from synth.host.bindings import parse_bindings
 from synth.host.render import RenderSettings, render_file
+from synth.measures import sounding_fundamental
+from synth.units import cents
 
 from .fake_engine import FakeEngine
 from .midibytes import header, off, on, track
@@ -156,3 +160,48 @@ def test_clipped_samples_of_mix_and_stems_are_counted_apart(tmp_path, engine) ->
     assert "stems" in both.lines()[-1] and "full scale" in both.lines()[-2]
     loose = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), bit_depth="float", tail=0.0))
     assert (loose.clipped_samples, loose.clipped_stem_samples) == (0, 0)
+
+
+def test_controllers_zones_and_exclusive_messages_reach_the_engine(tmp_path) -> None:
+    """What --cc and --mpe ask for and what the file says in system exclusive messages changes the sound as it should."""
+
+    def rendered(name: str, *events: tuple[int, bytes], **more) -> np.ndarray:
+        path = tmp_path / f"{name}.mid"
+        notes = [(96, on(43, 100, channel=3)), (480, off(43, channel=3))]
+        path.write_bytes(header() + track(*events, *notes))
+        out = str(tmp_path / f"{name}.wav")
+        settings = RenderSettings(str(path), out, preset="tanpura", quality="draft", tail=0.0, bit_depth="float", **more)
+        report = render_file(settings)
+        assert report.notes == 1 and not report.unplayed
+        return soundfile.read(out)[0]
+
+    def exclusive(message: bytes) -> tuple[int, bytes]:
+        return 0, b"\xf0" + bytes((len(message) + 1,)) + message + b"\xf7"
+
+    def change(channel: int, controller: int, value: int) -> tuple[int, bytes]:
+        return 0, bytes((0xB0 | channel, controller, value))
+
+    plain = rendered("plain")
+    assert plain.any()
+    # by a bound controller, and by the parameter message of a take: of part 0, though it stands on no channel
+    quiet = rendered("bound", change(3, 20, 0), bindings=parse_bindings(["20=output.gain:0.5:1"]))
+    said = rendered("said", exclusive(sysex.of_parameter(0, 0, 0.5)))
+    settled = slice(12000, None)  # 18 time constants of the level
+    np.testing.assert_allclose(quiet[settled], 0.5 * plain[settled], atol=1e-6)
+    np.testing.assert_array_equal(said, quiet)
+    # the master's level is the zone's
+    zone = rendered("zone", change(0, 7, 50), mpe=True)
+    np.testing.assert_allclose(zone[settled], 0.25 * plain[settled], atol=1e-6)
+    np.testing.assert_allclose(rendered("no-zone", change(0, 7, 50)), plain)
+    # a tuning
+    tuned = rendered("tuned", exclusive(sysex.of_tuning(43, 44.0, True)))
+    pitches = [sounding_fundamental(x[8000:, 0], 44100, hz) for x, hz in ((plain, 98.0), (tuned, 103.8))]
+    assert abs(cents(pitches[1], pitches[0]) - 100.0) < 2.0
+
+
+def test_a_binding_that_no_part_has_is_refused(tmp_path, song) -> None:
+    settings = RenderSettings(
+        song, str(tmp_path / "o.wav"), preset="fretted-bass", bindings=parse_bindings(["1=obstacle.height"])
+    )
+    with pytest.raises(ValueError, match=r"--cc: controller 1 is bound to obstacle\.height"):
+        render_file(settings)

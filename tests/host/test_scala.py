@@ -1,9 +1,14 @@
 """Scala tunings against values worked out by hand."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from synth.host.scala import ScalaError, note_frequencies
+from synth.host.scala import ScalaError, note_frequencies, playable_frequencies
+from synth.units import midi_to_hz
 
 MIDDLE_C_HZ = 261.6255653005986  # 440 · 2^(−9/12)
 
@@ -79,6 +84,8 @@ def test_trailing_keys_of_a_mapping_may_be_left_out(write) -> None:
         ("x\n2\n-3/2\n2/1\n", "is no pitch"),
         ("x\n1\n1/1\n", "must be above 1/1"),
         ("x\n1\nnan.\n", "is no pitch"),
+        ("x\n1\ninf\n", "is no pitch"),
+        ("x\n1\n ! a comment\n", "is no pitch"),
     ],
 )
 def test_scales_that_cannot_be_used(write, text: str, problem: str) -> None:
@@ -99,6 +106,22 @@ def test_scales_that_cannot_be_used(write, text: str, problem: str) -> None:
 def test_mappings_that_cannot_be_used(write, text: str, problem: str) -> None:
     with pytest.raises(ScalaError, match=problem):
         note_frequencies(write("just.scl", JUST), write("bad.kbm", text))
+
+
+def test_a_pitch_takes_no_longer_than_its_text(write) -> None:
+    # In another process: what computes such a number can be ended by nothing else.
+    program = "import sys; from synth.host.scala import note_frequencies; note_frequencies(sys.argv[1])"
+    words = [sys.executable, "-c", program, str(write("bad.scl", "x\n1\n1e999999999\n"))]
+    done = subprocess.run(words, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "line 3: '1e999999999' is no pitch" in done.stderr
+
+
+def test_silent_keys_have_a_frequency_and_are_said_to_be_silent(write) -> None:
+    note_hz, silent = playable_frequencies(
+        write("just.scl", JUST), write("white.kbm", "2\n50\n70\n60\n60\n261.6\n1\n0\nx\n")
+    )
+    assert list(np.flatnonzero(~silent)) == list(range(50, 71, 2))
+    assert note_hz[60] == 261.6 and note_hz[61] == midi_to_hz(61) and np.isfinite(note_hz).all()
 
 
 def test_a_missing_file() -> None:

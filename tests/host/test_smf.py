@@ -63,6 +63,23 @@ def test_a_file_wrapped_in_riff() -> None:
     assert messages(b"RIFF" + len(body).to_bytes(4, "little") + body) == [(3, 0x90, 61, 64)]
 
 
+def test_system_exclusive_in_one_piece_and_in_packets() -> None:
+    data = header() + track(
+        (0, on(60)),
+        (10, b"\xf0\x03\x7e\x01\xf7"),
+        (0, b"\xf0\x02\x41\x10"),
+        (5, b"\xf7\x01\x42"),
+        (5, b"\xf7\x02\x43\xf7"),
+        (0, b"\xf7\x03\xf3\x01\xf7"),  # an escape: a song select
+        (0, off(60)),
+        (0, b"\xf0\x02\x01\x02"),  # never ended
+        (0, b"\xf0\x02\x05\xf7"),
+    )
+    (only,) = parse(data).tracks
+    assert only.sysex == [(1, 10, b"\x7e\x01"), (1, 20, b"\x41\x10\x42\x43"), (2, 20, b"\x05")]
+    assert only.ticks == [0, 20]
+
+
 def test_a_track_without_end_of_track_ends_with_its_bytes() -> None:
     assert messages(header() + track((3, on(61)), end=None)) == [(3, 0x90, 61, 64)]
 

@@ -1,0 +1,258 @@
+"""What the commands share: kinds of values, options of the physics, a line that shows progress, signals."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+from synth.schemes import LAWS
+
+RATES_HZ = (44100, 48000, 88200, 96000)
+QUALITIES = ("draft", "standard", "fine", "reference")
+MOST_BLOCK = 4096
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line; the usage is a --help away."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"synth: error: {message} (see {self.prog} --help)\n")
+
+
+def number(kind: Callable[[str], float], low: float, high: float, unit: str = "") -> Callable[[str], float]:
+    """An option's type: a number of `kind` (int or float) from `low` to `high`, said with its `unit`."""
+    what = "a whole number" if kind is int else "a number"
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        # Written so that NaN fails too.
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"must be {what} from {low:.12g} to {high:.12g}{unit}, got {text!r}")
+        return value
+
+    return parse
+
+
+def rate(text: str) -> int:
+    """An option's type: one of RATES_HZ."""
+    if text not in [str(rate) for rate in RATES_HZ]:
+        allowed = ", ".join(map(str, RATES_HZ))
+        raise argparse.ArgumentTypeError(f"must be one of {allowed} Hz, got {text!r}")
+    return int(text)
+
+
+def tail(text: str) -> float | str:
+    """An option's type: seconds, or 'auto'."""
+    return text if text == "auto" else number(float, 0, 3600, " s (or auto)")(text)
+
+
+def threads(text: str) -> int | str:
+    """An option's type: how many threads, or 'auto'."""
+    return text if text == "auto" else int(number(int, 1, 256, " (or auto)")(text))
+
+
+def setting(text: str) -> tuple[str | None, str, str]:
+    """An option's type: (preset or None for all, dotted key, value) of [PRESET:]KEY=VALUE."""
+    key, equals, value = text.partition("=")
+    only, colon, rest = key.rpartition(":")
+    if not equals or not rest.strip():
+        raise argparse.ArgumentTypeError(f"must be KEY=VALUE or PRESET:KEY=VALUE, got {text!r}")
+    return (only.strip() if colon else None), rest.strip(), value.strip()
+
+
+def note_number(text: str) -> int:
+    """The MIDI number of 'C3' or '48'. Raises ValueError."""
+    from synth.units import note_to_midi
+
+    number = int(text) if text.isdecimal() else note_to_midi(text)
+    if not 0 <= number <= 127:
+        raise ValueError(f"note must be MIDI 0 to 127 (C-1 to G9), got {text!r}")
+    return number
+
+
+def seconds_or(*words: str) -> Callable[[str], float | str]:
+    """An option's type: one of the words, or seconds up to 10."""
+
+    def parse(text: str) -> float | str:
+        return text if text in words else number(float, 0, 10, f" s (or {' or '.join(words)})")(text)
+
+    return parse
+
+
+def add_physics(group: Any, default_rate: int | None = 44100) -> None:
+    """Options that every command with a rate and a quality has."""
+    group.add_argument(
+        "-r", "--rate", type=rate, default=default_rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"
+    )
+    group.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    group.add_argument("--scheme", choices=tuple(LAWS), default="exact-hold", help="how contact is computed")
+    group.add_argument(
+        "--internal-rate",
+        type=number(int, 44100, 50_000_000, " Hz"),
+        metavar="HZ",
+        help="rate of the string model, a multiple of --rate (default: chosen by --quality)",
+    )
+
+
+def add_instruments(group: Any) -> None:
+    """Options that every command with presets on MIDI channels has."""
+    group.add_argument("-p", "--preset", metavar="PRESET", help="preset (name or .toml file) for all channels")
+    group.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="CH=PRESET,…",
+        help="presets of single channels (1 to 16); none leaves a channel out",
+    )
+    add_settings(group)
+    group.add_argument("--polyphony", type=number(int, 1, 1024), metavar="N", help="most strings that sound at once")
+    group.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
+    group.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
+
+
+def add_settings(group: Any) -> None:
+    """--set, as a list of (preset or None, key, value) in `settings`."""
+    group.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=setting,
+        dest="settings",
+        metavar="[PRESET:]KEY=VALUE",
+        help="change a value of the preset, such as pluck.position=0.2; may be repeated",
+    )
+
+
+def add_controllers(group: Any) -> None:
+    """--cc and --mpe."""
+    group.add_argument(
+        "--cc",
+        action="append",
+        default=[],
+        metavar="N=PARAMETER[:AT_0:AT_127]",
+        help="controller N sets a live parameter, such as 74=pluck.position; may be repeated",
+    )
+    group.add_argument("--mpe", action="store_true", help="begin with an MPE zone: every note has a channel of its own")
+
+
+def add_threads(group: Any) -> None:
+    """--threads."""
+    group.add_argument(
+        "--threads",
+        type=threads,
+        default="auto",
+        metavar="N",
+        help="how many compute, or auto (default): one per processor (no effect on the sound)",
+    )
+
+
+def warner(quiet: bool) -> Callable[[str], None]:
+    """What says a line on standard error, or nothing."""
+
+    def warn(text: str) -> None:
+        if not quiet:
+            print(f"synth: {text}", file=sys.stderr)
+
+    return warn
+
+
+class ProgressLine:
+    """One line on the terminal that overwrites itself, at most ten times a second."""
+
+    def __init__(self, on: bool) -> None:
+        self._on = on
+        self._began: float | None = None
+        self._shown = 0.0
+        self._width = 0
+
+    def show(self, done_s: float, total_s: float) -> None:
+        now = time.monotonic()
+        if self._began is None:
+            self._began = now
+        if not self._on or now - self._shown < 0.1:
+            return
+        self._shown = now
+        speed = done_s / max(now - self._began, 1e-9)
+        percent = 100.0 * done_s / total_s if total_s > 0.0 else 100.0
+        self._write(f"{percent:3.0f} %  {done_s:.1f} of at most {total_s:.1f} s  {speed:.1f}× real time")
+
+    def _write(self, text: str) -> None:
+        sys.stderr.write("\r" + text.ljust(self._width))
+        sys.stderr.flush()
+        self._width = len(text)
+
+    def __enter__(self) -> ProgressLine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._width:
+            self._write("")
+            sys.stderr.write("\r")
+
+
+def hearing_signals(work: Callable[[], Any]) -> Any:
+    """What `work` returns or raises. Meanwhile the main thread hears signals, which no compiled kernel does; one that ends
+    the program leaves the work behind.
+    """
+    returned: list[Any] = []
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            returned.append(work())
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join()
+    if raised:
+        raise raised[0]
+    return returned[0]
+
+
+@contextmanager
+def asked_by_signals(stop: Any) -> Iterator[Callable[[], None]]:
+    """Signals that end the program, also that its terminal is closed, ask `stop` (a Stop) to end instead of raising; but
+    only from when what this gives is called: until then they do what they did before, and interrupt.
+
+    SIGHUP that is ignored (nohup) stays so.
+    """
+    handlers = {signal.SIGINT: stop.ask, signal.SIGTERM: stop.ask}
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        handlers[signal.SIGHUP] = stop.ask_once
+    before = {number: signal.getsignal(number) for number in handlers}
+
+    def begin() -> None:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+    try:
+        yield begin
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def print_unless_gone(text: str) -> None:
+    """Prints, unless the terminal has gone: then nothing is printed any more, and nothing fails for it."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

@@ -1,0 +1,280 @@
+"""`synth drone`: a tanpura that is played for as long as one likes, live or to a file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from synth.cli.common import (
+    MOST_BLOCK,
+    QUALITIES,
+    ProgressLine,
+    add_threads,
+    asked_by_signals,
+    number,
+    print_unless_gone,
+    rate,
+    seconds_or,
+)
+
+if TYPE_CHECKING:
+    from synth.live.drone import Cycle
+    from synth.live.pegs import Strings
+
+FILE_S = 300.0
+FADE_S = 5.0
+LONGEST_S = 7 * 24 * 3600.0
+
+
+def add(commands: Any) -> None:
+    parser = commands.add_parser(
+        "drone",
+        help="a tanpura's drone, live or to a file",
+        allow_abbrev=False,
+        description="Plays the cycle of a tanpura until q or Ctrl-C, or writes it to a file (-o). In a terminal ? lists the "
+        "keys that tune and change it while it sounds. It never repeats, and the same --seed gives the same drone.",
+    )
+    tuning = parser.add_argument_group("tuning")
+    tuning.add_argument(
+        "--sa", default="C3", metavar="NOTE|HZ", help="the middle strings' Sa, G2 to F3 or hertz (default C3)"
+    )
+    tuning.add_argument(
+        "--first",
+        default="Pa",
+        metavar="SWARA",
+        help="first string: Pa (default), Ma, Ni, komal-Ni, …, a ratio (3/2), or none",
+    )
+    tuning.add_argument(
+        "--strings", type=number(int, 4, 5), default=4, metavar="4|5", help="5: one more after the first, see --second"
+    )
+    tuning.add_argument("--second", metavar="SWARA", help="the fifth string's swara (default Ni)")
+    tuning.add_argument(
+        "--tuning", choices=("just", "equal"), default="just", help="just intonation (default) or equal steps"
+    )
+    tuning.add_argument(
+        "--cents", type=_numbers, default=(), metavar="C,…", help="tune every string by so many cents: --cents=-2,0,2,0"
+    )
+
+    cycle = parser.add_argument_group("playing")
+    tempo = cycle.add_mutually_exclusive_group()
+    tempo.add_argument("--cycle", type=number(float, 1, 60, " s"), metavar="SEC", help="duration of a cycle (default 5.5)")
+    tempo.add_argument("--bpm", type=number(float, 3, 300), metavar="N", help="or strokes per minute")
+    cycle.add_argument(
+        "--spacing", type=_numbers, default=(), metavar="G,…", help="relative gaps after each string (default 1,1,1,1.6)"
+    )
+    cycle.add_argument(
+        "--human", type=number(float, 0, 1), default=0.4, metavar="X", help="how much strokes vary, 0 to 1 (default 0.4)"
+    )
+    cycle.add_argument(
+        "--velocity", type=number(float, 1, 127), default=64.0, metavar="N", help="mean velocity (default 64)"
+    )
+    cycle.add_argument(
+        "--jiva", type=number(float, 0, 50, " µm"), metavar="UM", help="height of the thread (default 3): the buzz"
+    )
+    cycle.add_argument("--seed", type=number(int, 0, 2**32 - 1), default=0, metavar="N", help="of the variation (default 0)")
+    cycle.add_argument("-p", "--preset", default="tanpura", metavar="PRESET", help="a tanpura of your own (.toml)")
+
+    out = parser.add_argument_group("to a file")
+    out.add_argument("-o", "--output", metavar="FILE", help="write a .wav or .flac (- for standard output), do not play")
+    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the ending of the file's name")
+    out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="default 24; 16 is dithered")
+
+    live = parser.add_argument_group("live")
+    live.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of one (see synth devices)")
+    live.add_argument("--jack", nargs="?", const="jawari", metavar="NAME", help="be a JACK client (of this name)")
+    live.add_argument(
+        "--block", type=number(int, 16, MOST_BLOCK), default=512, metavar="N", help="frames per block (default 512)"
+    )
+    live.add_argument(
+        "--latency",
+        type=seconds_or("low", "high"),
+        default="high",
+        metavar="low|high|SEC",
+        help="asked of the device (default high)",
+    )
+    live.add_argument(
+        "--record", metavar="TAKE.wav", help="record what sounds, the events to TAKE.mid and the strings to TAKE.toml"
+    )
+
+    both = parser.add_argument_group("sound and reports")
+    both.add_argument(
+        "--duration",
+        type=number(float, 0.1, LONGEST_S, " s"),
+        metavar="SEC",
+        help=f"how long (default: a file {FILE_S:g} s, live: on)",
+    )
+    both.add_argument(
+        "--fade",
+        type=number(float, 0, 3600, " s"),
+        metavar="SEC",
+        help=f"fade-out at the end (default {FADE_S:g}, at most a quarter)",
+    )
+    both.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+    both.add_argument("-r", "--rate", type=rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000")
+    both.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    add_threads(both)
+    both.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    both.add_argument("--json", action="store_true", help="closing report as JSON")
+    parser.set_defaults(run=_drone)
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be numbers with commas between them, got {text!r}") from None
+
+
+def _drone(options: argparse.Namespace) -> int:
+    _check(options)
+    strings, cycle = _strings(options), _cycle(options)
+    cycle.gaps(len(strings.keys))
+    return _to_file(options, strings, cycle) if options.output is not None else _live(options, strings, cycle)
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.device is not None and options.jack is not None:
+        raise ValueError("--device belongs to PortAudio, --jack is an output of its own: give one of them")
+    if options.output is not None:
+        for name in ("device", "jack", "record"):
+            if getattr(options, name) is not None:
+                raise ValueError(f"--{name} belongs to live playing; leave it out, or -o")
+    elif options.format is not None:
+        raise ValueError("--format belongs to a file; give -o FILE, or leave it out")
+    if options.record is not None and not options.record.lower().endswith(".wav"):
+        raise ValueError(f"--record must be a .wav file, got {options.record!r}")
+    if options.second is not None and options.strings == 4:
+        raise ValueError("--second is the fifth string's swara; add --strings 5")
+    if options.fade is not None and options.fade > _duration(options):
+        raise ValueError(f"--fade must not be longer than --duration {_duration(options):g} s, got {options.fade:g} s")
+
+
+def _duration(options: argparse.Namespace) -> float:
+    """How long it plays [s]."""
+    if options.duration is not None:
+        return options.duration
+    return FILE_S if options.output is not None else math.inf
+
+
+def _fade(options: argparse.Namespace) -> float:
+    """How long it fades at the end [s]."""
+    return min(FADE_S, 0.25 * _duration(options)) if options.fade is None else options.fade
+
+
+def _strings(options: argparse.Namespace) -> Strings:
+    """The preset, tuned. Raises ValueError naming the option."""
+    from synth.live.pegs import Pegs, tuned
+    from synth.live.swara import frequency_of, ratio_of
+    from synth.preset import load_preset
+
+    def read(option: str, text: str, reader: Any) -> Any:
+        try:
+            return reader(text)
+        except ValueError as error:
+            raise ValueError(f"--{option}: {error}") from None
+
+    pegs = Pegs(
+        read("preset", options.preset, load_preset),
+        read("sa", options.sa, frequency_of),
+        None if options.first.strip().lower() == "none" else read("first", options.first, ratio_of),
+        read("second", options.second or "Ni", ratio_of) if options.strings == 5 else None,
+        options.tuning == "equal",
+        options.cents,
+    )
+    return tuned(pegs, options.jiva)
+
+
+def _cycle(options: argparse.Namespace) -> Cycle:
+    from synth.live.drone import Cycle
+
+    strokes = options.strings - (options.first.strip().lower() == "none")
+    seconds = 5.5 if options.cycle is None else options.cycle
+    if options.bpm is not None:
+        seconds = 60.0 * strokes / options.bpm
+        if not 1.0 <= seconds <= 60.0:
+            raise ValueError(
+                f"--bpm {options.bpm:g} makes a cycle of {seconds:.3g} s, which must last 1 to 60 s; "
+                f"take {strokes:g} to {60 * strokes:g}"
+            )
+    return Cycle(seconds, options.spacing, options.human, options.velocity, options.seed)
+
+
+def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
+    from synth.live.dronefile import FileSettings, write
+
+    settings = FileSettings(
+        options.output,
+        _duration(options),
+        _fade(options),
+        rate_hz=options.rate or 44100,
+        quality=options.quality,
+        gain_db=options.gain,
+        threads=options.threads,
+        container=options.format,
+        bit_depth=options.bit_depth,
+        seed=options.seed,
+    )
+    with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
+        report = write(strings, cycle, settings, progress=line.show)
+    where = sys.stderr if options.output == "-" else sys.stdout
+    if options.json:
+        print(json.dumps(report.as_dict(), indent=2, allow_nan=False), file=where)
+    elif not options.quiet:
+        print(report.line(), file=where)
+    return 0
+
+
+def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
+    from synth.live.drone import Drone
+    from synth.live.presetfile import write_preset
+    from synth.live.session import Session, SessionSettings, Stop
+    from synth.live.status import StatusLine
+    from synth.live.tanpura_keys import HELP, DronePlayer, TanpuraKeys, strings_text
+    from synth.live.terminal import terminal_at
+    from synth.targets import check_target
+
+    settings = SessionSettings(
+        preset=strings.preset.name,
+        made={strings.preset.name: strings.preset},
+        quality=options.quality,
+        threads=1 if options.threads == "auto" else options.threads,
+        gain_db=options.gain,
+        device=options.device,
+        jack=options.jack,
+        rate_hz=options.rate,
+        block=options.block,
+        latency=options.latency,
+        midi_in=("none",),
+        virtual_port=False,
+        record=options.record,
+        duration_s=options.duration,
+    )
+    preset_file = ""
+    if options.record is not None:
+        preset_file = str(Path(options.record).with_suffix(".toml"))
+        for path in (options.record, preset_file):
+            check_target(path)
+    line = StatusLine(quiet=options.quiet)
+    stop = Stop()
+    with asked_by_signals(stop) as begin, Session(settings, line, begin) as session, terminal_at() as terminal:
+        drone = Drone(strings, cycle, session.rate_hz, duration_s=options.duration, fade_s=_fade(options))
+        keys = TanpuraKeys(drone, line.say, stop.ask)
+        session.add_player(DronePlayer(drone, terminal, keys))
+        line.say(f"{strings_text(drone)}, a cycle of {cycle.cycle_s:.2f} s, jiva {drone.jiva_um:g} µm; Ctrl-C ends")
+        if terminal.is_one:
+            line.say(HELP)
+        session.run(stop)
+    assert session.report is not None
+    if options.record is not None:
+        # with it, `synth render TAKE.mid -p TAKE.toml` plays the take again
+        write_preset(strings.preset, preset_file)
+        session.report.files.append(preset_file)
+    if options.json:
+        print_unless_gone(json.dumps(session.report.as_dict(), indent=2, allow_nan=False))
+    elif not options.quiet:
+        print_unless_gone("\n".join(session.report.lines()))
+    return 1 if session.report.ended == "device" else 0

@@ -1,0 +1,175 @@
+"""`synth play`: the presets live, by MIDI keyboard, by the computer's keys or from a file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from synth.cli.common import (
+    MOST_BLOCK,
+    add_controllers,
+    add_instruments,
+    add_physics,
+    add_threads,
+    asked_by_signals,
+    number,
+    print_unless_gone,
+    seconds_or,
+)
+
+
+def add(commands: Any) -> None:
+    parser = commands.add_parser(
+        "play",
+        help="play live: MIDI keyboard, computer keyboard or a MIDI file",
+        allow_abbrev=False,
+        description="Plays until Ctrl-C. Listens to every MIDI input and offers one of its own, jawari. Without -p, General "
+        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp.",
+    )
+    what = parser.add_argument_group("instruments")
+    add_instruments(what)
+
+    sound = parser.add_argument_group("sound (see `synth devices`)")
+    sound.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of one")
+    sound.add_argument(
+        "--jack",
+        nargs="?",
+        const="jawari",
+        metavar="NAME",
+        help="be a JACK client (of this name), with MIDI and audio ports",
+    )
+    sound.add_argument(
+        "--block", type=number(int, 16, MOST_BLOCK), default=256, metavar="N", help="frames per block (default 256)"
+    )
+    sound.add_argument(
+        "--latency", type=seconds_or("low", "high"), default="low", metavar="low|high|SEC", help="asked of the device"
+    )
+    sound.add_argument(
+        "--ahead",
+        type=number(int, 0, 64),
+        default=0,
+        metavar="N",
+        help="render N blocks ahead: later, but safer (default 0)",
+    )
+    sound.add_argument(
+        "--adaptive",
+        action="store_true",
+        help="when the processor is too slow, spare the faintest strings instead of dropping out",
+    )
+    sound.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+
+    how = parser.add_argument_group("computation")
+    add_physics(how, default_rate=None)
+    add_threads(how)
+
+    control = parser.add_argument_group("control")
+    control.add_argument(
+        "--midi-in",
+        action="append",
+        default=[],
+        metavar="NAME|N",
+        help="MIDI input (default: all); repeatable; none for none",
+    )
+    add_controllers(control)
+    control.add_argument("--midi-channel", type=number(int, 1, 16), metavar="N", help="listen to this channel only")
+    control.add_argument("--no-virtual-port", action="store_true", help="offer no MIDI port of our own")
+    control.add_argument(
+        "--keys",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="play on the computer's keyboard (default: on a terminal)",
+    )
+    control.add_argument("--play", metavar="SONG.mid", help="play this file; without other inputs asked for it ends with it")
+
+    out = parser.add_argument_group("recording and reports")
+    out.add_argument("--record", metavar="TAKE.wav", help="record the sound, and the events to TAKE.mid")
+    out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="of the recording (default 24)")
+    out.add_argument("--duration", type=number(float, 0.01, 1e6, " s"), metavar="SEC", help="stop after this time")
+    out.add_argument("--measure-latency", action="store_true", help="measure the time from event to sound, and end")
+    out.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    out.add_argument("--json", action="store_true", help="closing report as JSON")
+    parser.set_defaults(run=_play)
+
+
+def _play(options: argparse.Namespace) -> int:
+    # What can be judged without loading anything comes first.
+    if options.device is not None and options.jack is not None:
+        raise ValueError("--device belongs to PortAudio, --jack is an output of its own: give one of them")
+    if options.measure_latency and (options.play or options.record):
+        raise ValueError("--measure-latency plays by itself: leave --play and --record out")
+    if options.record is not None and not options.record.lower().endswith(".wav"):
+        raise ValueError(f"--record must be a .wav file, got {options.record!r}")
+    keys = options.keys
+    if keys is not False:
+        from synth.live.keyboard import Keyboard
+
+        if keys is None:
+            # Where a file is played, the terminal is nobody's instrument unless asked for.
+            keys = not options.play and not options.measure_latency and Keyboard.available() and sys.stderr.isatty()
+        elif not Keyboard.available():
+            raise ValueError("--keys: standard input is no terminal in the foreground; run it there or connect MIDI")
+
+    from synth.host.parts import parse_channel_map
+
+    channel_presets = parse_channel_map(options.map)
+    from synth.host.bindings import parse_bindings
+
+    bindings = parse_bindings(options.cc)
+    from synth.live.session import Session, SessionSettings, Stop
+    from synth.live.status import StatusLine
+
+    settings = SessionSettings(
+        preset=options.preset,
+        channel_presets=channel_presets,
+        settings=options.settings,
+        tuning=options.tuning,
+        keyboard=options.kbm,
+        bindings=bindings,
+        mpe=options.mpe,
+        polyphony=options.polyphony,
+        quality=options.quality,
+        scheme=options.scheme,
+        internal_rate_hz=options.internal_rate,
+        threads=options.threads,
+        gain_db=options.gain,
+        song=options.play,
+        device=options.device,
+        jack=options.jack,
+        rate_hz=options.rate,
+        block=options.block,
+        latency=options.latency,
+        ahead=options.ahead,
+        adaptive=options.adaptive,
+        midi_in=tuple(options.midi_in),
+        midi_channel=None if options.midi_channel is None else options.midi_channel - 1,
+        virtual_port=not options.no_virtual_port,
+        keys=keys,
+        record=options.record,
+        bit_depth=options.bit_depth,
+        duration_s=options.duration,
+        measure_latency=options.measure_latency,
+    )
+    line = StatusLine(quiet=options.quiet)
+    stop = Stop()
+    with asked_by_signals(stop) as begin, Session(settings, line, begin) as session:
+        if options.measure_latency:
+            line.say("measuring; Ctrl-C breaks off")
+            measured = session.measure_latency(stop)
+            if measured is None:
+                raise KeyboardInterrupt
+            _print(options, measured.as_dict(), measured.lines())
+            return 0
+        line.say("playing; Ctrl-C ends")
+        session.run(stop)
+    assert session.report is not None
+    _print(options, session.report.as_dict(), session.report.lines())
+    return 1 if session.report.ended == "device" else 0
+
+
+def _print(options: argparse.Namespace, values: dict[str, Any], lines: list[str]) -> None:
+    if options.json:
+        print_unless_gone(json.dumps(values, indent=2, allow_nan=False))
+    elif not options.quiet:
+        print_unless_gone("\n".join(lines))

@@ -1,0 +1,171 @@
+"""`synth render`: a MIDI file to an audio file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from synth.cli.common import (
+    MOST_BLOCK,
+    ProgressLine,
+    add_controllers,
+    add_instruments,
+    add_physics,
+    add_threads,
+    number,
+    tail,
+    warner,
+)
+
+
+def add(commands: Any) -> None:
+    parser = commands.add_parser(
+        "render",
+        help="a MIDI file to an audio file",
+        allow_abbrev=False,
+        description="Renders a Standard MIDI File. Without -p, General MIDI basses go to fretted-bass, "
+        "everything else to jawari-harp; percussion (channel 10) is left out.",
+    )
+    parser.add_argument("midi", metavar="IN.mid")
+    parser.add_argument("-o", "--output", metavar="FILE", help="audio file to write; - for standard output")
+    what = parser.add_argument_group("instruments")
+    add_instruments(what)
+    add_controllers(what)
+
+    how = parser.add_argument_group("computation")
+    add_physics(how)
+    how.add_argument(
+        "--restitution",
+        type=number(float, 0, 1),
+        metavar="E",
+        help="restitution of the Moreau–Jean schemes, 0 (default) to 1",
+    )
+    how.add_argument(
+        "--block",
+        type=number(int, 1, MOST_BLOCK),
+        default=1024,
+        metavar="N",
+        help="frames per block (no effect on the sound)",
+    )
+    add_threads(how)
+    how.add_argument(
+        "--seed",
+        type=number(int, 0, 2**32 - 1),
+        default=0,
+        metavar="N",
+        help="for whatever is random (default 0)",
+    )
+
+    level = parser.add_argument_group("level")
+    level.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+    level.add_argument(
+        "--normalize",
+        type=number(float, -96, 0, " dBFS"),
+        metavar="DBFS",
+        help="scale so that the peak is there; =-1 if no level is given",
+    )
+    level.add_argument("--no-limiter", action="store_true", help="let peaks go above full scale")
+
+    out = parser.add_argument_group("output")
+    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the ending of the file's name")
+    out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="default 24; 16 is dithered")
+    out.add_argument(
+        "--tail",
+        type=tail,
+        metavar="SEC",
+        help="seconds after the end, or auto (default): until it is quiet",
+    )
+    out.add_argument("--start", type=number(float, 0, 1e6, " s"), default=0.0, metavar="SEC", help="where to begin")
+    out.add_argument("--end", type=number(float, 0, 1e6, " s"), metavar="SEC", help="where to end")
+    out.add_argument("--stems", metavar="DIR", help="write every part to a file of its own, too")
+    out.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    out.add_argument("--json", action="store_true", help="report as JSON")
+    parser.set_defaults(run=_render)
+
+
+def _render(options: argparse.Namespace) -> int:
+    # What can be judged without reading or loading anything comes first.
+    if options.restitution is not None and options.scheme == "exact-hold":
+        raise ValueError("--restitution belongs to the Moreau–Jean schemes; add --scheme moreau-jean")
+    if options.internal_rate is not None and options.internal_rate % options.rate:
+        raise ValueError(
+            f"--internal-rate must be a multiple of --rate ({options.rate} Hz), got {options.internal_rate}; "
+            f"take {max(1, round(options.internal_rate / options.rate)) * options.rate}"
+        )
+    if options.output is None and options.stems is None:
+        raise ValueError("there is nothing to write; give -o OUT.wav or --stems DIR")
+    from synth.host.parts import parse_channel_map
+
+    channel_presets = parse_channel_map(options.map)
+    from synth.host.bindings import parse_bindings
+
+    bindings = parse_bindings(options.cc)
+    from synth.host.render import RenderSettings, render_file
+
+    settings = RenderSettings(
+        midi=options.midi,
+        output=options.output,
+        preset=options.preset,
+        channel_presets=channel_presets,
+        settings=options.settings,
+        rate_hz=options.rate,
+        block=options.block,
+        threads=options.threads,
+        quality=options.quality,
+        scheme=options.scheme,
+        restitution=0.0 if options.restitution is None else options.restitution,
+        internal_rate_hz=options.internal_rate,
+        limiter=not options.no_limiter,
+        gain_db=options.gain,
+        polyphony=options.polyphony,
+        normalize_dbfs=options.normalize,
+        tail=options.tail,
+        stems=options.stems,
+        container=options.format,
+        bit_depth=options.bit_depth,
+        start_s=options.start,
+        end_s=options.end,
+        seed=options.seed,
+        tuning=options.tuning,
+        keyboard=options.kbm,
+        bindings=bindings,
+        mpe=options.mpe,
+    )
+
+    with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
+        report = render_file(settings, warn=warner(options.quiet), progress=line.show)
+    # With the sound on standard output, words go to standard error.
+    where = sys.stderr if options.output == "-" else sys.stdout
+    if options.json:
+        print(json.dumps(report.as_dict(), indent=2, allow_nan=False), file=where)
+    elif not options.quiet:
+        print("\n".join(report.lines()), file=where)
+    return 0
+
+
+def joined_normalize(arguments: list[str]) -> list[str]:
+    """`--normalize -3` and a bare `--normalize` as one word: argparse would take a file name for the
+    level.
+    """
+    joined: list[str] = []
+    at = 0
+    while at < len(arguments):
+        word = arguments[at]
+        at += 1
+        if word == "--normalize":
+            level = "-1"
+            if at < len(arguments):
+                try:
+                    float(arguments[at])
+                except ValueError:
+                    pass
+                else:
+                    level = arguments[at]
+                    at += 1
+            word = f"--normalize={level}"
+        joined.append(word)
+        if word == "--":
+            return joined + arguments[at:]
+    return joined

@@ -1,0 +1,76 @@
+"""`synth simulate`: one string by its case file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from synth.cli.common import QUALITIES, hearing_signals, number, warner
+from synth.schemes import SCHEMES
+
+
+def add(commands: Any) -> None:
+    parser = commands.add_parser(
+        "simulate",
+        help="one string by its case file: motion, forces and energy as arrays",
+        allow_abbrev=False,
+        description="Computes a case file (TOML) and writes an .npz file; options replace its values.",
+    )
+    parser.add_argument("case", metavar="CASE", help="a .toml file, or a case of the program by name: tanpura, bass, hard/…")
+    parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
+    parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
+    parser.add_argument(
+        "--restitution", type=number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
+    )
+    parser.add_argument("--stiffness", type=number(float, 0, 1e30), metavar="K", help="of a compliant contact, N/m^α")
+    parser.add_argument("--exponent", type=number(float, 1, 100), metavar="A", help="α of a compliant contact")
+    parser.add_argument("--quality", choices=QUALITIES, help="rate and modes as `synth render` would choose them")
+    parser.add_argument("--rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
+    parser.add_argument("--output-rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
+    parser.add_argument("--modes", type=number(int, 1, 100_000), metavar="N", help="number of modes")
+    parser.add_argument(
+        "--substeps", type=number(int, 1, 64), metavar="K", help="of exact-hold: the contact force changes K times a step"
+    )
+    parser.add_argument(
+        "--tail-modes",
+        choices=("lumped", "static", "none"),
+        dest="tail",
+        help="of exact-hold: what stands for modes left out",
+    )
+    parser.add_argument("--duration", type=number(float, 1e-9, 1e6, " s"), metavar="SEC", help="how long")
+    parser.add_argument("--ledger", action="store_true", default=None, help="keep the energy ledger too")
+    parser.add_argument("--json", action="store_true", help="summary as JSON")
+    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.set_defaults(run=_simulate)
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from synth.simulation import simulate
+    from synth.targets import check_target
+
+    names = (
+        "scheme", "restitution", "stiffness", "exponent", "quality", "rate", "output_rate", "modes", "substeps", "tail",
+        "duration", "ledger",
+    )  # fmt: skip
+    overrides = {name: value for name in names if (value := getattr(options, name)) is not None}
+
+    def work() -> Any:
+        import numpy as np
+
+        with np.errstate(all="ignore"):  # what is not finite the summary says
+            return simulate(options.case, warn=warner(options.quiet), **overrides)
+
+    check_target(options.output)
+    result = hearing_signals(work)
+    result.save(options.output)
+    summary = result.summary
+    if options.json:
+        print(json.dumps(summary, indent=2, allow_nan=False))
+    elif not options.quiet:
+        print(f"{options.output}: " + ", ".join(f"{key} {_brief(value)}" for key, value in summary.items()))
+    return 0
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

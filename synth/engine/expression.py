@@ -1,0 +1,135 @@
+"""What a player does to a sounding string beside plucking it: bend, tuning, pressure, and MPE's zones.
+
+Bends of channels and heights of parts are smoothed once for all strings (`process`); what is a string's own, its tuning
+and the pressure on it, is smoothed here. All of it reaches the string at the borders of quanta.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from synth.engine.layout import CORE, HEIGHT, PARAMETER_RANGES, QUANTUM
+from synth.engine.views import bank_of, settings_of, state_of
+from synth.engine.zones import manager_of
+
+#: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
+CONTROL_S = 0.01
+#: no string is ever bent further than this [semitones]
+MOST_BEND = 96.0
+#: no key is tuned further away from its compiled pitch [semitones]
+MOST_RETUNING = 24.0
+#: pluck position, as a share of the open length, of the brightest and of the darkest timbre
+BRIGHT, DARK = 0.05, 0.5
+
+_manager_of = njit(**CORE)(manager_of)
+
+
+@njit(**CORE)
+def control_share(core: int) -> float:
+    """Share of the way that a smoothed control goes in a quantum."""
+    return 1.0 - math.exp(-QUANTUM / (CONTROL_S * settings_of(core).rate_hz))
+
+
+@njit(**CORE)
+def approach(now: float, target: float, share: float, close: float) -> float:
+    """The next value of a smoothed control, which arrives when it is as close as that."""
+    if now == target:
+        return now
+    now += share * (target - now)
+    return target if abs(now - target) < close else now
+
+
+@njit(**CORE)
+def belongs(core: int, c: int, to: int) -> bool:
+    """Whether what is said on channel `to` is said to channel c: itself, or the master of its zone."""
+    return c == to or state_of(core).channels[c].master == to
+
+
+@njit(**CORE)
+def pedal(core: int, c: int) -> int:
+    """Whether the sustain pedal of channel c or of its zone is down."""
+    channels = state_of(core).channels
+    return channels[c].sustain | channels[channels[c].master].sustain
+
+
+@njit(**CORE)
+def _pressed(core: int, s: int) -> float:
+    """The pressure on a string, 0 … 1: of its channel, its zone and its key, as long as the key is held."""
+    state = state_of(core)
+    me = state.sounding[s]
+    if not me.held:
+        return 0.0
+    c = me.channel
+    master = state.channels[c].master
+    total = state.channels[c].pressure + me.key_pressure
+    if master != c:
+        total += state.channels[master].pressure
+    return min(1.0, total)
+
+
+@njit(**CORE)
+def settle(core: int, s: int) -> None:
+    """A silent string takes its tuning and pressure over at once."""
+    me = state_of(core).sounding[s]
+    me.retuned = me.retune_to
+    me.pressure = _pressed(core, s)
+
+
+@njit(**CORE)
+def follow(core: int, s: int) -> None:
+    """A sounding string's tuning and pressure over one quantum."""
+    me = state_of(core).sounding[s]
+    pressed = _pressed(core, s)
+    if me.retuned != me.retune_to or me.pressure != pressed:
+        share = control_share(core)
+        me.retuned = approach(me.retuned, me.retune_to, share, 1e-4)
+        me.pressure = approach(me.pressure, pressed, share, 1e-4)
+
+
+@njit(**CORE)
+def bend_of(core: int, s: int, of_channel: float, of_master: float) -> float:
+    """Semitones of a string: bends of its channel and its zone's master, tuning, pressure."""
+    state = state_of(core)
+    me = state.sounding[s]
+    bend = of_channel
+    if state.channels[me.channel].master != me.channel:
+        bend += of_master
+    bend += me.retuned + me.pressure * bank_of(core).parts[bank_of(core).strings[s].part].pressure_bend
+    return max(-MOST_BEND, min(MOST_BEND, bend))
+
+
+@njit(**CORE)
+def height_of(core: int, s: int, of_part: float) -> float:
+    """How far the obstacle is raised under a string [m]: with its part and by pressure, within the parameter's range."""
+    me = state_of(core).sounding[s]
+    low, high = PARAMETER_RANGES[HEIGHT]
+    height = of_part + me.pressure * bank_of(core).strings[s].pressure_height
+    return max(1e-6 * low, min(1e-6 * high, height))
+
+
+@njit(**CORE)
+def timbre_of(core: int, c: int) -> float:
+    """Controller 74 of a channel in a zone, added to its master's: −1 … 1; 0 outside of zones."""
+    state = state_of(core)
+    master = state.channels[c].master
+    if master == c:
+        zoned = False
+        for zone in range(2):
+            zoned = zoned or (c == _manager_of(zone) and state.zones[zone] > 0)
+        if not zoned:
+            return 0.0
+    value = state.channels[c].timbre - 64
+    if master != c:
+        value += state.channels[master].timbre - 64
+    return max(-1.0, value / 64.0) if value < 0 else min(1.0, value / 63.0)
+
+
+@njit(**CORE)
+def pluck_place(position: float, timbre: float) -> float:
+    """Where a note of some timbre is plucked, as a share of the open length, in ratios between bridge and middle."""
+    if timbre == 0.0:
+        return position
+    end = min(position, BRIGHT) if timbre > 0.0 else max(position, DARK)
+    return position * (end / position) ** abs(timbre)

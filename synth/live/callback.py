@@ -1,0 +1,107 @@
+"""What PortAudio calls for sound, and the thread that renders ahead of it: compiled, without the interpreter."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import carray, cfunc, njit
+
+from synth.engine.atomics import load, store
+from synth.engine.layout import CORE
+from synth.live import desk as d
+from synth.live.block import render_block, tick
+from synth.live.desk import desk_of
+from synth.live.native import monotonic_ns, nap, pointer
+
+#: paOutputUnderflow
+_UNDERFLOW = 4
+#: paContinue
+_CONTINUE = 0
+
+
+def _portaudio(_input: int, output: int, count: int, times: int, flags: int, address: int) -> int:
+    """PaStreamCallback; `address` of the Desk is its userData."""
+    now = monotonic_ns()
+    desk = desk_of(address)
+    words = desk.words
+    frames = int(count)
+    if flags & _UNDERFLOW:
+        words[d.XRUNS] += 1
+    # PaStreamCallbackTimeInfo: inputBufferAdcTime, currentTime, outputBufferDacTime [s]
+    when = carray(pointer(times), 3, np.float64)
+    desk.levels[d.DEVICE_S] = when[2] - when[1]
+    out = carray(pointer(output), (frames, desk.channels), np.float32)
+    played = words[d.PLAYED]
+    delay = desk.ahead_frames + desk.ahead_block if desk.ahead_frames > 0 else frames
+    tick(address, played, delay, now)
+    done = 0
+    while done < frames:
+        part = min(frames - done, d.MOST_FRAMES)
+        if desk.ahead_frames > 0:
+            _copy_ready(address, out[done : done + part])
+        else:
+            render_block(address, 0, part)
+            _convert(desk.mix[:part], out[done : done + part])
+        done += part
+    words[d.PLAYED] = played + frames
+    return _CONTINUE
+
+
+@njit(**CORE)
+def _convert(mix, out) -> None:
+    """float64 (frames, 2) to what the device takes: float32 (frames, channels), mono or the first two."""
+    if out.shape[1] == 1:
+        for i in range(out.shape[0]):
+            out[i, 0] = np.float32(0.5 * (mix[i, 0] + mix[i, 1]))
+        return
+    for i in range(out.shape[0]):
+        out[i, 0] = np.float32(mix[i, 0])
+        out[i, 1] = np.float32(mix[i, 1])
+        for k in range(2, out.shape[1]):
+            out[i, k] = np.float32(0.0)
+
+
+@njit(**CORE)
+def _copy_ready(address: int, out) -> None:
+    """Sound that was rendered ahead; silence and an xrun where it is not there."""
+    desk = desk_of(address)
+    words = desk.words
+    size = desk.ready.shape[0]
+    at = words[d.AHEAD_TAKEN]
+    there = min(out.shape[0], load(words, d.AHEAD) - at)
+    first = min(there, size - at % size)
+    _convert(desk.ready[at % size : at % size + first], out[:first])
+    _convert(desk.ready[: there - first], out[first:there])
+    if there < out.shape[0]:
+        out[there:] = np.float32(0.0)
+        words[d.XRUNS] += 1
+        words[d.LATE_OURS] += 1
+    store(words, d.AHEAD_TAKEN, at + there)
+
+
+@njit(cache=True, nogil=True)
+def render_ahead(address: int) -> None:
+    """Keep Desk.ahead_frames of sound ready until Desk.words[ENDING]."""
+    desk = desk_of(address)
+    words = desk.words
+    size = desk.ready.shape[0]
+    block = desk.ahead_block
+    pause_ns = int(0.25e9 * block / desk.rate_hz)
+    while load(words, d.ENDING) == 0:
+        at = words[d.AHEAD]
+        if at - load(words, d.AHEAD_TAKEN) + block > desk.ahead_frames:
+            nap(pause_ns)
+            continue
+        render_block(address, 0, block)
+        first = min(block, size - at % size)
+        desk.ready[at % size : at % size + first] = desk.mix[:first]
+        desk.ready[: block - first] = desk.mix[first:block]
+        store(words, d.AHEAD, at + block)
+
+
+@cache
+def portaudio_callback() -> Any:
+    """The compiled callback; to be kept as long as a stream uses its address."""
+    return cfunc("int32(int64, int64, uint64, int64, uint64, int64)", cache=True)(_portaudio)

@@ -1,0 +1,215 @@
+"""The memory that a live session's threads share: rings of events and of sound, a clock, meters. No locks.
+
+Every ring has one writer and one reader. Places count up for ever; element i lies at i modulo the ring's size, a power of
+two; the writer stores its place after the element, the reader its own after it has read.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from synth.engine.atomics import load, store
+from synth.engine.bank import aligned
+from synth.engine.events import EVENT
+from synth.engine.events import copy_event as _copy_event
+from synth.engine.layout import CORE, F8, FIELDS, I8, LINE_F8, F8x2, fields
+from synth.engine.views import opener, table
+
+#: events that can wait at a time, in each ring
+EVENTS = 16384
+#: events that one block takes; the rest waits for the next
+BLOCK_EVENTS = 4096
+#: frames that are rendered at a time
+MOST_FRAMES = 4096
+#: frames of output kept for whoever records: 24 s at 44.1 kHz
+TAPE = 1 << 20
+#: blocks whose load is kept
+LOADS = 8192
+#: parts of a nanosecond in which the time of a frame is told to other threads
+STEP = 2.0**32
+
+#: places in Desk.words, a cache line apart: what was written to and read from the rings …
+(
+    ARRIVED,
+    ARRIVALS_TAKEN,
+    SCORED,
+    SCORE_TAKEN,
+    LOGGED,
+    LOG_TAKEN,
+    TAPED,
+    TAPE_TAKEN,
+    AHEAD,
+    AHEAD_TAKEN,
+    # … frames and blocks rendered, frames handed to the device, events given to the engine
+    FRAMES,
+    BLOCKS,
+    PLAYED,
+    GIVEN,
+    # what was lost: blocks that the device missed; blocks late because of us, because of others; late calls; events of the
+    # log, frames of the tape; events that the device brought beyond what a block takes
+    XRUNS,
+    LATE_OURS,
+    LATE_OTHERS,
+    STALLS,
+    LOG_LOST,
+    TAPE_LOST,
+    GIVEN_LOST,
+    # switches: 1 records; 1 spares under load; 1 asks for the peak to begin anew; 1 ends the thread that renders ahead
+    RECORDING,
+    ADAPTIVE,
+    PEAK_SEEN,
+    ENDING,
+    # the clock's number of changes, odd while it changes; its frame, the time of that frame [ns since ORIGIN] and of a
+    # frame [2^−32 ns]; frames between an event and its place
+    CLOCK,
+    CLOCK_FRAME,
+    CLOCK_TIME,
+    CLOCK_STEP,
+    DELAY,
+    # note, velocity, channel of the last note
+    NOTE,
+    VELOCITY,
+    CHANNEL,
+) = range(0, 33 * LINE_F8, LINE_F8)
+N_WORDS = 33 * LINE_F8
+
+#: places in Desk.levels: the clock's own time of its frame [ns since ORIGIN] and ns per frame; peak since it was seen;
+#: mean load; the device's own latency [s]; the level below which strings are spared [dBFS]
+CLOCK_NS, FRAME_NS, PEAK, MEAN_LOAD, DEVICE_S, SPARE_DB = range(6)
+N_LEVELS = 6
+
+
+class Desk(NamedTuple):
+    """A session's shared memory behind one address."""
+
+    core: int  # the engine's tables
+    desk: int
+    rate_hz: float
+    channels: int  # of the device
+    parts: int  # whose stems are wanted, or 0
+    origin_ns: int  # where this clock begins
+    ahead_frames: int  # of sound that a thread keeps ready; 0: there is none
+    ahead_block: int  # frames that it renders at a time
+    words: I8
+    levels: F8
+    loads: F8x2  # (LOADS, 2) part of a block's time: by the wall clock, by the processor's
+    arrivals: Annotated[np.ndarray, EVENT, 1]  # `frame` is the time of arrival [ns]
+    score: Annotated[np.ndarray, EVENT, 1]  # `frame` counts from the start of the stream
+    log: Annotated[np.ndarray, EVENT, 1]
+    given: Annotated[np.ndarray, EVENT, 1]  # what the device itself brings with a block; `frame` counts from its start
+    block: Annotated[np.ndarray, EVENT, 1]
+    mix: F8x2  # (MOST_FRAMES, 2)
+    stems: F8  # see `stems_of`
+    tape: F8x2  # (TAPE, 2)
+    ready: F8x2  # sound rendered ahead
+
+
+FIELDS[Desk] = fields(Desk)
+desk_of = opener(Desk)
+copy_event = njit(**CORE)(_copy_event)
+
+
+def new_desk(
+    core: int,
+    desk: int,
+    rate_hz: float,
+    *,
+    channels: int,
+    origin_ns: int,
+    parts: int,
+    recording: bool,
+    ahead_frames: int,
+    ahead_block: int,
+) -> tuple[Desk, np.ndarray]:
+    """A Desk and its table; both are to be kept as long as anybody has the table's address."""
+    words = aligned(N_WORDS, np.int64)
+    words[RECORDING] = int(recording)
+    levels = aligned(N_LEVELS)
+    levels[FRAME_NS] = 1e9 / rate_hz
+    words[CLOCK_STEP] = int(STEP * 1e9 / rate_hz)
+    ready = 1
+    while ready < 2 * ahead_frames:
+        ready *= 2
+    made = Desk(
+        core,
+        desk,
+        rate_hz,
+        channels,
+        parts,
+        origin_ns,
+        ahead_frames,
+        ahead_block,
+        words,
+        levels,
+        aligned((LOADS, 2)),
+        aligned(EVENTS, EVENT),
+        aligned(EVENTS, EVENT),
+        aligned(EVENTS if recording else 1, EVENT),
+        aligned(BLOCK_EVENTS, EVENT),
+        aligned(BLOCK_EVENTS, EVENT),
+        aligned((MOST_FRAMES, 2)),
+        aligned(parts * MOST_FRAMES * 2),
+        aligned((TAPE if recording else 1, 2)),
+        aligned((ready, 2)),
+    )
+    return made, table(made)
+
+
+@njit(**CORE)
+def stems_of(address: int, frames: int):
+    """(parts or 0, frames, 2): every part by itself in a block of so many frames."""
+    desk = desk_of(address)
+    return desk.stems[: desk.parts * frames * 2].reshape((desk.parts, frames, 2))
+
+
+@njit("boolean(int64, int64, int64, int64, int64, int64, float64)", cache=True, nogil=True)
+def push_arrival(address: int, time_ns: int, kind: int, channel: int, a: int, b: int, value: float) -> bool:
+    """Put an event that came at a time into the ring; False: it is full."""
+    desk = desk_of(address)
+    at = load(desk.words, ARRIVED)
+    if at - load(desk.words, ARRIVALS_TAKEN) >= EVENTS:
+        return False
+    event = desk.arrivals[at % EVENTS]
+    event.frame, event.kind, event.channel, event.a, event.b, event.value = time_ns, kind, channel, a, b, value
+    store(desk.words, ARRIVED, at + 1)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def push_score(address: int, events) -> int:
+    """Put as many of these events (absolute frames, ascending) into the ring as there is room for; how many."""
+    desk = desk_of(address)
+    at = load(desk.words, SCORED)
+    count = min(events.size, EVENTS - (at - load(desk.words, SCORE_TAKEN)))
+    for i in range(count):
+        copy_event(events[i], desk.score[(at + i) % EVENTS])
+    store(desk.words, SCORED, at + count)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def pop_log(address: int, events) -> int:
+    """Take events out of the log into an array; how many."""
+    desk = desk_of(address)
+    at = load(desk.words, LOG_TAKEN)
+    count = min(events.size, load(desk.words, LOGGED) - at)
+    for i in range(count):
+        copy_event(desk.log[(at + i) % EVENTS], events[i])
+    store(desk.words, LOG_TAKEN, at + count)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def pop_tape(address: int, out) -> int:
+    """Take frames off the tape into an array (n, 2); how many."""
+    desk = desk_of(address)
+    at = load(desk.words, TAPE_TAKEN)
+    count = min(out.shape[0], load(desk.words, TAPED) - at)
+    for i in range(count):
+        out[i, 0] = desk.tape[(at + i) % TAPE, 0]
+        out[i, 1] = desk.tape[(at + i) % TAPE, 1]
+    store(desk.words, TAPE_TAKEN, at + count)
+    return count

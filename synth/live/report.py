@@ -1,0 +1,70 @@
+"""What a live session closes with."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from synth.live.status import clock_text
+
+
+@dataclass(frozen=True)
+class LiveReport:
+    """What was played. Loads are shares of a block's time; times in seconds.
+
+    ended: "stopped", "duration", "song" or "device" (the device went and did not come back).
+    xruns: blocks that the device missed.  late_ours, late_machine: blocks that took longer than they last, because of this
+    program's own work or because the machine ran something else meanwhile.
+    unplayed: dicts of part, note, count, reason.
+    """
+
+    output: str
+    rate_hz: int
+    block: int
+    device_latency_s: float
+    parts: list[str]
+    prepare_s: float
+    played_s: float
+    ended: str
+    notes: int
+    strings: int
+    xruns: int
+    late_ours: int
+    late_machine: int
+    load_median: float
+    load_worst: float
+    events: int
+    events_lost: int
+    recording_lost: int
+    stolen: int
+    taken_over: int
+    limiter_reduction_db: float
+    unplayed: list[dict[str, Any]]
+    files: list[str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """The closing lines."""
+        lost = sum(entry["count"] for entry in self.unplayed)
+        notes = f"{self.notes} note{'' if self.notes == 1 else 's'}" + (f" ({lost} not played)" if lost else "")
+        xruns = f"{self.xruns} xrun{'' if self.xruns == 1 else 's'}"
+        late = self.late_ours + self.late_machine
+        if late:
+            xruns += f" ({self.late_ours} of {late} late block{'' if late == 1 else 's'} ours, the others the machine's)"
+        lines = [
+            f"played {clock_text(self.played_s)}, {notes}, {xruns}, load {100.0 * self.load_median:.0f} % in the median, "
+            f"{100.0 * self.load_worst:.0f} % at worst"
+        ]
+        lines += [f"  not played: {e['count']} × {e['note']} ({e['part']}): {e['reason']}" for e in self.unplayed[:12]]
+        if self.stolen:
+            lines.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
+        if self.events_lost:
+            lines.append(f"  {self.events_lost} events were lost: too many came at a time")
+        if self.recording_lost:
+            lines.append(f"  the recording lacks {self.recording_lost} frames or events: the disk was too slow")
+        if self.files:
+            lines.append(f"  written: {', '.join(self.files)}")
+        return lines

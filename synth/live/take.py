@@ -1,0 +1,194 @@
+"""What was played, as a Standard MIDI File that is whole at any time.
+
+One tick is one frame: rate/4 ticks (or another such part) per quarter note at a tempo that makes it so. The file is written
+as it grows and not by mido, which keeps a song as objects: an hour of controllers would fill the memory. After every
+`append` it has its end of track and its length, so that a program that is killed leaves a take that can be read.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from synth.engine.controllers import ALL_NOTES_OFF
+from synth.engine.events import (
+    BEND,
+    CONTROL,
+    KEY_PRESSURE,
+    NOTE_OFF,
+    NOTE_ON,
+    PARAMETER,
+    PRESSURE,
+    PROGRAM,
+    TUNING,
+)
+from synth.host.smf import TAKE_MARK
+from synth.host.sysex import of_parameter, of_tuning
+from synth.targets import check_target
+
+_END_OF_TRACK = b"\x00\xff\x2f\x00"
+_EMPTY_TEXT = b"\xff\x01\x00"
+_LONGEST_DELTA = (1 << 28) - 1
+_LENGTH_AT, _TRACK_AT = 18, 22
+# A chunk's length has 32 bits.
+_MOST_BYTES = (1 << 32) - (1 << 20)
+_MOST_ENDS = 256
+
+
+def division_of(rate_hz: int) -> tuple[int, int]:
+    """(ticks per quarter note, microseconds per quarter note) that make a tick one frame. Raises ValueError."""
+    for part in (4, 5, 8, 2, 1, 10, 16, 20, 25, 32):
+        if rate_hz % part == 0 and rate_hz // part < 1 << 15:
+            return rate_hz // part, 1_000_000 // part
+    raise ValueError(
+        f"a take cannot be kept at {rate_hz} Hz: a MIDI file has no tick as long as a frame; take 44100 or 48000"
+    )
+
+
+class TakeFile:
+    """Writes `path` beside its place; `close` gives it its name.
+
+    events: how many are in it.  left_out: those that MIDI has no message for.
+    Raises OSError where it cannot be made, ValueError for a rate that no tick fits.
+    """
+
+    def __init__(self, path: str | Path, rate_hz: int) -> None:
+        self.path = str(path)
+        self.events = 0
+        self.left_out = 0
+        check_target(path)
+        division, tempo = division_of(rate_hz)
+        self._head = b"MThd\0\0\0\6\0\0\0\1" + division.to_bytes(2, "big") + b"MTrk\0\0\0\0"
+        self._start = b"\0\xff\x51\x03" + tempo.to_bytes(3, "big") + b"\0" + TAKE_MARK
+        target = Path(path)
+        self._partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+        self._file: int | None = None
+        self._at = _TRACK_AT  # where the end of track stands
+        self._tick = 0
+        self._held: Counter[tuple[int, int]] = Counter()
+        self._channels: set[int] = set()
+
+    def open(self) -> None:
+        """Makes the file. Raises OSError."""
+        self._file = os.open(self._partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
+        _write(self._file, self._head, 0)
+        self._put(self._start)
+
+    def append(self, events: np.ndarray) -> None:
+        """Adds events (EVENT array, frames absolute and ascending). Raises OSError; the file then ends before them."""
+        if not len(events):
+            return
+        body = bytearray()
+        before = self._tick
+        rows = zip(*(events[name].tolist() for name in ("frame", "kind", "channel", "a", "b", "value")), strict=True)
+        written = left_out = 0
+        for frame, kind, channel, a, b, value in rows:
+            message = _message(kind, channel, a, b, value)
+            if message is None:
+                left_out += 1
+                continue
+            body += self._delta(frame) + message
+            written += 1
+            if kind == NOTE_ON and b > 0:
+                self._held[channel, a] += 1
+            elif kind in (NOTE_ON, NOTE_OFF) and self._held[channel, a]:
+                self._held[channel, a] -= 1
+            if kind not in (PARAMETER, TUNING):
+                self._channels.add(channel)
+        try:
+            self._put(bytes(body))
+        except OSError:
+            self._tick = before
+            raise
+        self.events += written
+        self.left_out += left_out
+
+    def _delta(self, frame: int) -> bytes:
+        """The time up to `frame`, over as many empty texts as it takes."""
+        wait = max(frame - self._tick, 0)
+        self._tick += wait
+        rests = b""
+        while wait > _LONGEST_DELTA:
+            rests += _variable_length(_LONGEST_DELTA) + _EMPTY_TEXT
+            wait -= _LONGEST_DELTA
+        return rests + _variable_length(wait)
+
+    def _put(self, body: bytes) -> None:
+        """Writes over the end of track, and the end of track behind it."""
+        assert self._file is not None, "the take is not open"
+        if self._at + len(body) > _MOST_BYTES:
+            raise OSError(f"{self.path}: more events than a MIDI file holds (4 GB)")
+        try:
+            _write(self._file, body + _END_OF_TRACK, self._at)
+            self._at += len(body)
+        except OSError:
+            _write(self._file, _END_OF_TRACK, self._at)
+            os.ftruncate(self._file, self._at + len(_END_OF_TRACK))
+            raise
+        length = self._at + len(_END_OF_TRACK) - _TRACK_AT
+        _write(self._file, length.to_bytes(4, "big"), _LENGTH_AT)
+
+    def close(self, frames: int) -> None:
+        """Ends the take at `frames`, where all notes are let go, and gives the file its name. Raises OSError."""
+        if self._file is None:
+            return
+        try:
+            end = max(frames, self._tick)
+            body = bytearray()
+            for (channel, note), times in sorted(self._held.items()):
+                # A note that was struck several times is ended as often, as readers count.
+                for _ in range(min(times, _MOST_ENDS)):
+                    body += self._delta(end) + bytes((0x80 | channel, note, 64))
+            # A reader may take a long rest at the end for an error; this is there, and says nothing new.
+            for channel in sorted(self._channels):
+                body += self._delta(end) + bytes((0xB0 | channel, ALL_NOTES_OFF, 0))
+            self._put(bytes(body))
+        finally:
+            file, self._file = self._file, None
+            os.close(file)
+            os.replace(self._partial, self.path)
+
+    def discard(self) -> None:
+        """Closes and removes the file."""
+        file, self._file = self._file, None
+        if file is not None:
+            os.close(file)
+            self._partial.unlink(missing_ok=True)
+
+
+def _write(file: int, data: bytes, at: int) -> None:
+    os.lseek(file, at, os.SEEK_SET)
+    while data:
+        data = data[os.write(file, data) :]
+
+
+def _message(kind: int, channel: int, a: int, b: int, value: float) -> bytes | None:
+    """An event as it stands in a file; None if MIDI cannot say it."""
+    if kind == PARAMETER or kind == TUNING:
+        try:
+            body = of_parameter(channel, a, value) if kind == PARAMETER else of_tuning(a, value, bool(b))
+        except ValueError:
+            return None
+        return b"\xf0" + _variable_length(len(body) + 1) + body + b"\xf7"
+    if not 0 <= channel < 16:
+        return None
+    if kind == BEND:
+        return bytes((0xE0 | channel, a + 8192 & 0x7F, a + 8192 >> 7)) if -8192 <= a < 8192 else None
+    if not (0 <= a < 128 and 0 <= b < 128):
+        return None
+    if kind == PROGRAM:
+        return bytes((0xC0 | channel, a))
+    if kind == PRESSURE:
+        return bytes((0xD0 | channel, b))
+    status = {NOTE_OFF: 0x80, NOTE_ON: 0x90, KEY_PRESSURE: 0xA0, CONTROL: 0xB0}.get(kind)
+    return None if status is None else bytes((status | channel, a, b))
+
+
+def _variable_length(value: int) -> bytes:
+    out = bytes((value & 0x7F,))
+    while value := value >> 7:
+        out = bytes((value & 0x7F | 0x80,)) + out
+    return out

@@ -1,0 +1,76 @@
+"""Records JACK ports into an .npz; see `jackkit.Capture`. Nothing else runs in this process, and memory is there before."""
+
+import gc
+import json
+import sys
+import threading
+import time
+
+import jack
+import numpy as np
+
+wanted = json.loads(sys.argv[1])
+client = jack.Client("capture", no_start_server=True, servername=wanted["server"])
+inputs = [client.inports.register(f"in_{number}") for number in range(len(wanted["ports"]))]
+samples = np.zeros((len(inputs), int(wanted["seconds"] * client.samplerate)), np.float32)
+at = 0
+start = 0
+steady = True
+xruns = 0
+gone = threading.Event()
+
+
+@client.set_process_callback
+def process(frames):
+    global at, start, steady
+    now = client.last_frame_time
+    if at == 0:
+        start = now
+    elif (now - start) & 0xFFFFFFFF != at and at + frames <= samples.shape[1]:
+        steady = False
+    if at + frames <= samples.shape[1]:
+        for row, port in zip(samples, inputs, strict=True):
+            row[at : at + frames] = np.frombuffer(port.get_buffer(), np.float32)
+        at += frames
+
+
+@client.set_xrun_callback
+def xrun(delayed_us):
+    global xruns
+    xruns += 1
+
+
+@client.set_shutdown_callback
+def shutdown(status, reason):
+    gone.set()
+
+
+def connect():
+    missing = dict(zip(wanted["ports"], inputs, strict=True))
+    while missing and not gone.is_set():
+        for name in list(missing):
+            try:
+                client.connect(name, missing[name])
+            except jack.JackError:
+                continue
+            del missing[name]
+        time.sleep(0.005)
+    begun = at
+    while at < min(begun + 2 * client.blocksize, samples.shape[1]) and not gone.is_set():
+        time.sleep(0.001)  # until a whole period has come through the connections
+    print("connected", flush=True)
+
+
+jack.set_error_function(lambda text: None)  # ports that are not there yet
+gc.collect()
+gc.disable()
+client.activate()
+print("ready", flush=True)
+threading.Thread(target=connect, daemon=True).start()
+sys.stdin.readline()
+if not gone.is_set():
+    client.deactivate()
+np.savez(wanted["file"], samples=samples[:, :at], start=start, xruns=xruns, steady=steady)
+sys.stdout.flush()
+if not gone.is_set():
+    client.close()

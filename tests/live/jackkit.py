@@ -1,0 +1,227 @@
+"""A private JACK server with its dummy driver, and clients of it in processes of their own: one sends MIDI, one records."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+SHM = Path("/dev/shm")
+#: for a process or server that does not answer [s]
+PATIENCE_S = 20.0
+_numbers = count()
+
+
+def why_not() -> str:
+    """Why no server can be started here; empty if one can."""
+    if shutil.which("jackd") is None:
+        return "jackd is not installed (apt-get install jackd2)"
+    return ""
+
+
+class JackServer:
+    """A running jackd of its own name, to be used with `with`.
+
+    name     for `servername`
+    env      environment of a process whose clients are to find this server and to start none
+    frames, rate_hz   of the dummy driver
+    Raises RuntimeError, with what jackd said, where it does not start.
+    """
+
+    def __init__(self, frames: int = 256, rate_hz: int = 44100) -> None:
+        self.name = f"jawari-{os.getpid()}-{next(_numbers)}"
+        self.frames = frames
+        self.rate_hz = rate_hz
+        self.env = dict(os.environ, JACK_DEFAULT_SERVER=self.name, JACK_NO_START_SERVER="1")
+        self._ended = False
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            said = ""
+            for realtime in (["-R", "-P", "70"], ["-r"]):  # the first needs a permission
+                self._process = _jackd(self.name, *realtime, frames=frames, rate_hz=rate_hz)
+                if _answers(self._process, self.name, self.env):
+                    return
+                said = _terminate(self._process)
+            if "Too many servers" not in said or time.monotonic() > deadline:
+                raise RuntimeError(f"jackd does not start: {said[:500]}")
+            _free_places()
+            time.sleep(0.5)
+
+    def __enter__(self) -> JackServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def pause(self, seconds: float) -> None:
+        """Hold the server for a while: it misses its periods."""
+        self._process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self._process.send_signal(signal.SIGCONT)
+
+    def kill(self, how: signal.Signals = signal.SIGTERM) -> None:
+        """End the server and remove what it leaves behind. May be called again."""
+        if self._ended:
+            return
+        self._ended = True
+        segments = self._segments()
+        self._process.send_signal(how)
+        _terminate(self._process)
+        for path in [*segments, *SHM.glob(f"jack_{self.name}_*"), *SHM.glob(f"jack_sem.*_{self.name}_*")]:
+            with suppress(OSError):
+                path.unlink()
+        if how == signal.SIGKILL:
+            _free_place(self.name)
+
+    def _segments(self) -> set[Path]:
+        """Shared memory that the server itself has mapped; numbered, not named after it."""
+        try:
+            maps = Path(f"/proc/{self._process.pid}/maps").read_text().splitlines()
+        except OSError:
+            return set()
+        paths = {Path(line.split()[-1]) for line in maps if str(SHM) in line}
+        return {path for path in paths if path.name.startswith(f"jack-{os.getuid()}-")}
+
+
+def _jackd(name: str, *more: str, frames: int = 256, rate_hz: int = 44100) -> subprocess.Popen:
+    command = ["jackd", *more, "-n", name, "-p", "256", "-d", "dummy", "-r", str(rate_hz), "-p", str(frames)]
+    env = dict(os.environ, JACK_NO_AUDIO_RESERVATION="1")
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=env, text=True)
+
+
+def _answers(process: subprocess.Popen, name: str, env: dict[str, str]) -> bool:
+    """Wait until the server takes a client."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline and process.poll() is None:
+        look = [sys.executable, str(HERE / "jack_look.py"), name]
+        if subprocess.run(look, env=env, capture_output=True, timeout=PATIENCE_S).returncode == 0:
+            return True
+    return False
+
+
+def _terminate(process: subprocess.Popen) -> str:
+    """End a process that we have started; what it said."""
+    process.terminate()
+    try:
+        return process.communicate(timeout=5.0)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.communicate()[0]
+
+
+def _free_place(name: str) -> None:
+    """JACK has places for eight servers of a user. One that was killed keeps its own until another of its name ends well."""
+    again = _jackd(name, "-r")
+    _answers(again, name, dict(os.environ, JACK_NO_START_SERVER="1"))
+    _terminate(again)
+
+
+def _free_places() -> None:
+    """Free the places of servers that were killed with the tests that had started them."""
+    try:
+        registry = (SHM / "jack-shm-registry").read_bytes()
+    except OSError:
+        return
+    for owner, number in set(re.findall(rb"\bjawari-(\d+)-(\d+)\b", registry)):
+        if not Path(f"/proc/{int(owner)}").exists():
+            _free_place(f"jawari-{int(owner)}-{int(number)}")  # where that one lives on, jackd refuses
+
+
+class _Helper:
+    """A script of this folder in a process of its own, that says "ready" and does what it does until it reads a line."""
+
+    def __init__(self, script: str, server: JackServer, arguments: dict) -> None:
+        command = [sys.executable, str(HERE / script), json.dumps({"server": server.name, **arguments})]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=server.env, text=True
+        )
+        self._expect("ready")
+
+    def _expect(self, word: str) -> None:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline().strip()
+        if line != word:
+            self._process.kill()
+            raise RuntimeError(f"said {line!r} instead of {word!r}: {self._process.communicate()[1][-2000:]}")
+
+    def _end(self) -> None:
+        """Tell it to end and wait until it has."""
+        try:
+            _, complaint = self._process.communicate("\n", timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+            raise
+        if self._process.returncode != 0:
+            raise RuntimeError(complaint[-2000:])
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """samples: (ports, frames) float32 as they came; start: JACK's frame time of the first; xruns: while it recorded;
+    steady: whether JACK's time went on without a gap and no period was missed."""
+
+    samples: np.ndarray
+    start: int
+    xruns: int
+    steady: bool
+
+
+class Capture(_Helper):
+    """Records ports bit for bit from now on. They need not exist yet: each is connected when it can be.
+
+    ports     full names, like "jawari:out_left"
+    seconds   the most that is kept
+    """
+
+    def __init__(self, server: JackServer, ports: Sequence[str], folder: Path, seconds: float = 60.0) -> None:
+        self._file = folder / f"captured-{next(_numbers)}.npz"
+        super().__init__("jack_record.py", server, {"ports": list(ports), "file": str(self._file), "seconds": seconds})
+
+    def connected(self) -> None:
+        """Wait until every port is connected."""
+        self._expect("connected")
+
+    def stop(self) -> Recorded:
+        self._end()
+        with np.load(self._file) as file:
+            return Recorded(file["samples"], int(file["start"]), int(file["xruns"]), bool(file["steady"]))
+
+
+class Sender(_Helper):
+    """Sends MIDI messages at given frames after a start that lies a little ahead, through JACK, to a port.
+
+    rows: (frame, bytes), frames ascending, from the start on
+    """
+
+    def __init__(self, server: JackServer, port: str, rows: Iterable[tuple[int, bytes]], folder: Path) -> None:
+        self._file = folder / f"sent-{next(_numbers)}.json"
+        listed = [(frame, list(message)) for frame, message in rows]
+        super().__init__("jack_send.py", server, {"port": port, "rows": listed, "file": str(self._file)})
+
+    def done(self) -> list[int]:
+        """Wait until all is sent; JACK's frame time of every message."""
+        self._expect("sent")
+        self._end()
+        return json.loads(self._file.read_text())

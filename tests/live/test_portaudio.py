@@ -1,0 +1,125 @@
+"""Real PortAudio at a real server: what comes out of its ports is, bit for bit, the offline render of the same events."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from synth import Engine, load_preset
+from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
+
+from .conftest import StartServer
+from .deckkit import offline
+from .jackkit import Capture, JackServer
+
+PORTS = ("PortAudio:out_0", "PortAudio:out_1")
+SECONDS = 2.0
+LEAD = 22050
+#: a machine that stalls loses blocks whatever we do: then once more
+ATTEMPTS = 4
+
+
+@pytest.fixture(scope="module")
+def engine() -> Engine:
+    made = Engine([load_preset("tanpura")], quality="draft")
+    made.prepare(44100, 512)
+    return made
+
+
+def _rows() -> list[list[int]]:
+    rng = np.random.default_rng(7)
+    rows: list[list[int]] = []
+    for frame in np.sort(rng.integers(0, int(44100 * (SECONDS - 1.0)), 40)):
+        note = int(rng.choice([36, 43, 48]))
+        kind = int(rng.choice([NOTE_ON, NOTE_ON, NOTE_OFF, CONTROL]))
+        a, b = (
+            (int(rng.choice([10, 11, 64])), int(rng.integers(128))) if kind == CONTROL else (note, int(rng.integers(1, 128)))
+        )
+        rows.append([int(frame), kind, 0, a, b])
+    # silence first: the recorder finds the ports when the stream has started
+    return [[LEAD, NOTE_ON, 0, 48, 100], *([LEAD + frame, *rest] for frame, *rest in rows)]
+
+
+def _play(server: JackServer, folder: Path, block: int, **job) -> tuple[np.ndarray, dict, bool]:
+    """Captured samples (2, frames), what the player kept, whether nothing was lost on the way."""
+    file = folder / "played.npz"
+    settings = {"block": block, "rate": 44100, "rows": _rows(), "seconds": SECONDS, "busy": False, "send": False, "ahead": 0}
+    command = [sys.executable, "-m", "tests.live.play_events", json.dumps({**settings, **job, "file": str(file)})]
+    player = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=server.env, text=True)
+    assert player.stdout is not None
+    assert player.stdout.readline().strip() == "open"
+    capture = Capture(server, PORTS, folder)
+    try:
+        player.communicate("\n", timeout=60)
+        assert player.returncode == 0
+    finally:
+        player.kill()
+        recorded = capture.stop()
+    with np.load(file) as kept:
+        told = dict(kept)
+    whole = recorded.steady and recorded.xruns == 0 and told["xruns"] == 0 and told["stalls"] == 0
+    return recorded.samples, told, whole
+
+
+def _aligned(captured: np.ndarray, expected: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both from their first sound on, as long as both go."""
+    begin = [int(np.argmax(np.any(x != 0.0, axis=0))) for x in (captured, expected)]
+    length = min(captured.shape[1] - begin[0], expected.shape[1] - begin[1])
+    return captured[:, begin[0] :][:, :length], expected[:, begin[1] :][:, :length]
+
+
+def _check(server: JackServer, folder: Path, engine: Engine, block: int, **job) -> None:
+    for attempt in range(ATTEMPTS):
+        captured, told, whole = _play(server, folder, block, **job)
+        expected = offline(engine, told["events"], captured.shape[1]).astype(np.float32).T
+        heard, wanted = _aligned(captured, expected)
+        sounding = np.flatnonzero(np.any(heard != 0.0, axis=0))
+        assert sounding.size > 22050, "next to nothing was captured"
+        last = sounding[-1]  # the player stops somewhere in a block
+        if np.array_equal(heard[:, :last], wanted[:, :last]):
+            return
+        assert not whole or attempt < ATTEMPTS, "samples differ and nothing was lost"
+        if whole:
+            first = np.flatnonzero(np.any(heard[:, :last] != wanted[:, :last], axis=0))[0]
+            pytest.fail(f"sample {first} of {last} differs and nothing was lost")
+    pytest.fail(f"{ATTEMPTS} runs in a row lost blocks: {told['xruns']} xruns, {told['stalls']} stalls")
+
+
+@pytest.mark.parametrize("block", [64, 128, 256, 512])
+def test_scheduled_events_are_heard_as_offline(jack_server: StartServer, engine: Engine, tmp_path: Path, block: int) -> None:
+    _check(jack_server(block), tmp_path, engine, block)
+
+
+@pytest.mark.parametrize("job", [{"send": True}, {"send": True, "busy": True}, {"send": True, "busy": True, "ahead": 4}])
+def test_what_is_played_is_heard_as_offline(jack_server: StartServer, engine: Engine, tmp_path: Path, job: dict) -> None:
+    _check(jack_server(256), tmp_path, engine, 256, **job)
+
+
+def test_a_rate_that_the_server_does_not_run_at(jack_server: StartServer) -> None:
+    program = (
+        "from synth import Engine, load_preset\n"
+        "from synth.live.deck import Deck\n"
+        "from synth.live.portaudio import devices, open_output\n"
+        "print([d['host_api'] for d in devices()])\n"
+        "engine = Engine([load_preset('tanpura')], quality='draft', only_notes=[{48}])\n"
+        "engine.prepare(48000, 256)\n"
+        "for device in (None, 'nowhere', 99):\n"
+        "    try:\n"
+        "        open_output(Deck(engine), device, 48000, 256)\n"
+        "    except ValueError as error:\n"
+        "        print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=jack_server(256).env, capture_output=True, text=True, check=True, timeout=120
+    )
+    listed, rate, name, number = done.stdout.splitlines()
+    assert "JACK" in listed
+    assert "refuses 48000 Hz; it takes --rate 44100" in rate
+    assert "'nowhere': no such audio output; there are: " in name and "system" in name
+    assert "'99': no such audio output" in number
+    assert done.stderr == ""
