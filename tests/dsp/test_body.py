@@ -79,7 +79,7 @@ def test_bank_matches_scipy():
     assert np.max(np.abs(run(c, x) - expected)) < 1e-11 * np.max(np.abs(expected))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     blocks=st.lists(st.integers(0, 300), min_size=1, max_size=8),
     modes=st.integers(0, 19),

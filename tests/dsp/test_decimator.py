@@ -138,7 +138,7 @@ def test_kernel_matches_plain_convolution(factor):
     assert np.max(np.abs(run(x, 96000, factor) - expected)) <= bound
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     factor=st.sampled_from([1, 2, 3, 8, 24]),
     blocks=st.lists(st.integers(0, 300), min_size=1, max_size=8),

@@ -34,7 +34,7 @@ def delayed(x):
     return np.concatenate([np.zeros((lim.LOOKAHEAD, x.shape[1])), x])[: len(x)]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     seed=st.integers(0, 2**32 - 1),
     ceiling=st.sampled_from([1.0, 0.3, 0.891, 10.0]),
@@ -80,7 +80,7 @@ def test_it_returns_to_a_bitwise_delay_after_the_release():
     assert not np.array_equal(y, delayed(x))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(blocks=st.lists(st.integers(0, 700), min_size=1, max_size=12), seed=st.integers(0, 2**32 - 1))
 def test_any_split_gives_bitwise_the_same_samples_and_state(blocks, seed):
     x = bursts(seed, frames=sum(blocks))
