@@ -1,5 +1,5 @@
 """Imports go one way only: units → physics, solver, dsp → measures, exact → plan, preset → compile, case → scene → methods
-→ simulation → engine → host → live → cli.
+→ simulation → engine → host → live → author → cli.
 """
 
 import ast
@@ -24,6 +24,7 @@ FLOORS = (
     {"engine"},
     {"host", "tune"},
     {"live"},
+    {"author"},
     {"cli"},
     {"__main__"},
 )

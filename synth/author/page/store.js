@@ -204,6 +204,8 @@ export function createStore(api) {
       localStorage.setItem(THEME, theme);
       set({ theme });
     },
+    /** A reason at a field that the server was not asked about. */
+    refuse: (path, reason) => set({ errors: { ...state.errors, [path]: reason } }),
     clearError: (path) => {
       if (!(path in state.errors)) return;
       const errors = { ...state.errors };
