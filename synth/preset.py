@@ -368,7 +368,7 @@ def _to_2(data: dict[str, Any]) -> None:
     data["format"] = 2
 
 
-#: from each older format to the next: what changes, in words, and what does it in place (to plain data or a tomlkit document)
+#: from each older format to the next: what changes, in words, and what does it in place (to data or a tomlkit document)
 MIGRATIONS: dict[int, tuple[str, Callable[[dict[str, Any]], None]]] = {
     1: ("format 2 has remarks, the author's notes", _to_2),
 }
@@ -382,7 +382,9 @@ def format_of(data: Mapping[str, Any], origin: str) -> int:
     elif isinstance(version, bool) or not isinstance(version, int) or version < 1:
         problem = f"must be a whole number from 1 to {FORMAT}, got {version!r}"
     elif version > FORMAT:
-        problem = f"{int(version)} is newer than what this program reads, which is 1 to {FORMAT}: install a newer version of it"
+        problem = (
+            f"{int(version)} is newer than what this program reads, which is 1 to {FORMAT}: install a newer version of it"
+        )
     else:
         return int(version)
     raise PresetError(f"{origin}: format: {problem}", [("format", problem)])
