@@ -1,5 +1,184 @@
-// Waveform, spectrogram, partials, contacts and cost.
+// What the note is made of: waveform, spectrogram, partials, contacts; what it costs, and how far it is from converged.
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
-export function mount(element, { store, api }) {}
+import { h, noteName, number } from "./format.js";
+import { Figure, hertz, recolour, seconds, signed } from "./figure.js";
+import { contactTimeline, decays, deviations, empty, spectrogram, waveform } from "./pictures.js";
+import { mount as mountReference } from "./reference.js";
+
+const WAIT_MS = 200;
+const LENGTHS = [0.5, 1, 3, 6, 10];
+const CLOSER_S = 0.1;
+const DIFFERENCE_DB = 30;
+
+export function mount(element, { store, api }) {
+  let seconds_ = 3;
+  let log = false;
+  let compare = false;
+  let closer = false;
+  let shown = null;
+  let other = null;
+  let timer = 0;
+  let request = null;
+
+  // ---- head
+  const about = h("span", { class: "muted" });
+  const status = h("span", { class: "unit", role: "status" });
+  const length = h(
+    "select",
+    { "aria-label": "Length", onchange: () => ((seconds_ = Number(length.value)), ask()) },
+    ...LENGTHS.map((value) => h("option", { value, selected: value === seconds_ }, `${value} s`)),
+  );
+  const comparing = h("input", { type: "checkbox", onchange: () => ((compare = comparing.checked), ask()) });
+  const head = h(
+    "div",
+    { class: "analysis-head" },
+    h("h2", {}, "Analysis"),
+    about,
+    status,
+    h("span", { class: "spacer" }),
+    h("label", { class: "check", title: "The other of the two versions as outlines, and the difference of their spectrograms" }, comparing, "compare A with B"),
+    length,
+  );
+
+  // ---- figures
+  const wave = new Figure("Waveform", { height: 120 });
+  const spectrum = new Figure("Spectrogram", { height: 240 });
+  const logBox = h("input", { type: "checkbox", onchange: () => ((log = logBox.checked), draw()) });
+  spectrum.tools.append(h("label", { class: "check" }, logBox, "log"));
+  const cents = new Figure("Partials: measured against the model", { height: 180 });
+  const decay = new Figure("Decay: measured against the model", { height: 180 });
+  const contacts = new Figure("Contacts", { height: 160, margins: { left: 58 } });
+  const closerBox = h("input", { type: "checkbox", onchange: () => ((closer = closerBox.checked), draw()) });
+  contacts.tools.append(h("label", { class: "check" }, closerBox, `first ${seconds(CLOSER_S)}`));
+  const table = h("div", { class: "partials", tabindex: 0, role: "region", "aria-label": "Table of partials" });
+  const cost = h("dl", { class: "facts" });
+  const promise = h("p", { class: "muted promise" });
+  const reference = h("div", { class: "reference" });
+  element.append(
+    head,
+    h("div", { class: "plots" }, wave.element, spectrum.element, contacts.element, cents.element, decay.element),
+    h("details", { class: "fold" }, h("summary", {}, "Table of partials"), table),
+    h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), cost, promise, reference),
+  );
+  for (const figure of [wave, spectrum, cents, decay, contacts]) figure.show((pen, box) => empty(pen, box, "…"));
+  mountReference(reference, { store, api });
+
+  // ---- asking: after the last change of a drag, the newest question only
+  function ask() {
+    clearTimeout(timer);
+    timer = setTimeout(look, WAIT_MS);
+  }
+
+  async function look() {
+    request?.abort();
+    const { doc, note, velocity, which } = store.state;
+    if (!doc || !doc.notes.includes(note)) return;
+    const mine = (request = new AbortController());
+    const about_ = { note, velocity, which };
+    status.textContent = "computing…";
+    element.setAttribute("aria-busy", "true");
+    const get = (view, query) => store.view(view, query, { signal: mine.signal });
+    const opposite = which === "current" ? "saved" : "current";
+    try {
+      const whole = { ...about_, seconds: seconds_ };
+      const [analysis, second] = await Promise.all([
+        get("analysis", whole),
+        compare ? get("analysis", { ...whole, which: opposite }).catch((error) => (error.name === "AbortError" ? Promise.reject(error) : null)) : null,
+      ]);
+      shown = analysis;
+      other = second;
+      about.textContent = `${noteName(note)}, velocity ${velocity}${which === "saved" ? ", as saved" : ""}`;
+      status.textContent = "";
+      draw();
+      element.dispatchEvent(new CustomEvent("drawn", { detail: { revision: doc.revision, note } }));
+      facts(await get("cost", { note, which }));
+    } catch (error) {
+      if (error.name !== "AbortError") status.textContent = error.message;
+    } finally {
+      if (request === mine) element.removeAttribute("aria-busy");
+    }
+  }
+
+  // ---- drawing
+  function draw() {
+    if (!shown) return;
+    const { partials } = shown;
+    const span = shown.spectrogram.t_s.at(-1);
+    wave.show(waveform(shown.waveform, other?.waveform), `Waveform over ${seconds_} s, peak ${number(shown.peak_dbfs, 3)} dBFS`);
+    spectrum.show(
+      other
+        ? spectrogram(apart(shown.spectrogram, other.spectrogram), { log, difference: true })
+        : spectrogram(shown.spectrogram, { log, formant: shown.formant }),
+      describeFormant(shown.formant),
+    );
+    cents.show(deviations(partials, other?.partials), `Deviation of ${partials.length} partials from the model, in cents`);
+    decay.show(decays(partials, other?.partials), `Decay times of ${partials.length} partials, measured and of the model`);
+    const { labels, list } = shown.contacts;
+    contacts.element.hidden = labels.length === 0;
+    contacts.setHeight(Math.max(90, 46 + Math.min(20, labels.length) * (labels.length > 8 ? 9 : 18)));
+    const end = closer ? Math.min(CLOSER_S, span) : span;
+    contacts.show(
+      list.length ? contactTimeline(list, labels, span, end) : (pen, box) => empty(pen, box, "The string touches nothing"),
+      list.length ? `${list.length} contacts; hardest ${number(Math.max(...list.map((c) => c.peak_n)), 3)} N` : "No contacts",
+    );
+    table.replaceChildren(partialsTable(partials));
+  }
+
+  function describeFormant(formant) {
+    const known = (formant?.hz ?? []).map((hz, i) => [formant.t_s[i], hz]).filter(([, hz]) => hz !== null);
+    if (known.length < 2) return "Spectrogram";
+    return `Spectrogram; the buzz's formant goes from ${hertz(known[0][1])} to ${hertz(known.at(-1)[1])}`;
+  }
+
+  function partialsTable(partials) {
+    const row = (p) =>
+      h(
+        "tr",
+        {},
+        h("th", { scope: "row" }, String(p.number)),
+        ...[
+          number(p.model_hz, 6),
+          number(p.measured_hz, 6),
+          p.cents === null ? "–" : signed(p.cents, 3),
+          number(p.model_t60_s, 3),
+          number(p.measured_t60_s, 3),
+          number(p.level_db, 3),
+        ].map((text) => h("td", {}, text)),
+      );
+    const names = ["", "model, Hz", "measured, Hz", "cents", "model T60, s", "measured T60, s", "level, dB"];
+    return h(
+      "table",
+      {},
+      h("thead", {}, h("tr", {}, ...names.map((name) => h("th", { scope: "col" }, name)))),
+      h("tbody", {}, ...partials.map(row)),
+    );
+  }
+
+  function facts(found) {
+    const items = [
+      ["Real time", `${number(found.real_time_factor, 3)} ×`, "How many times faster than it sounds this note is computed on this machine, one core"],
+      ["Steps", `${number(found.rate_hz / 1000, 4)} kHz`, "Internal rate: how often the string's motion is solved in a second"],
+      ["Modes", String(found.modes), "Modes of vibration that are computed"],
+      ["Contacts", String(found.contacts), "Points that the string can touch"],
+    ];
+    cost.replaceChildren(...items.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))));
+    promise.textContent = [found.promise, found.reason].filter(Boolean).join(" – ");
+  }
+
+  store.on(["doc", "note", "velocity", "which"], ask);
+  store.on(["theme"], () => recolour());
+}
+
+/** Two spectrograms' difference, in bytes about 0 dB in the middle. */
+function apart(one, two) {
+  const scale = (one.high_db - one.low_db) / 255;
+  const rows = one.rows.map((row, i) =>
+    row.map((value, j) => {
+      const db = (value - (two.rows[i]?.[j] ?? 0)) * scale;
+      return Math.round(127.5 + (127.5 * Math.max(-DIFFERENCE_DB, Math.min(DIFFERENCE_DB, db))) / DIFFERENCE_DB);
+    }),
+  );
+  return { ...one, rows, low_db: -DIFFERENCE_DB, high_db: DIFFERENCE_DB };
+}
