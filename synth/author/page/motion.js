@@ -1,0 +1,211 @@
+// The string in slow motion over the drawing: play, time slider with the contact force over time, speed, which moment.
+// Points that are touched light up, with a bar as long as the force.
+
+import { h, number, s } from "./format.js";
+import { latest } from "./latest.js";
+
+const FRAMES = 480;
+/** How many periods of the note a film shows. */
+const PERIODS = 4;
+const SPEEDS = [50, 100, 200, 500, 1000, 2000];
+const MOMENTS = [
+  [0, "from the pluck"],
+  [0.1, "0.1 s later"],
+  [0.3, "0.3 s later"],
+  [1, "1 s later"],
+  [2, "2 s later"],
+];
+const BAR_PX = 46;
+const STRIP = { width: 1000, height: 24 };
+const SETTLE_MS = 350;
+
+const PLAY = "M6 3.5v13l10.5-6.5z";
+const PAUSE = "M6 4h3v12H6zM11.5 4h3v12h-3z";
+
+export function mount(element, { store, panels, redraw }) {
+  const icon = s("path", { class: "fill", d: PLAY });
+  const play = h("button", { type: "button", class: "icon play", id: "film-play", "aria-label": "Play in slow motion" }, s("svg", { viewBox: "0 0 20 20" }, icon));
+  const strip = s("svg", { class: "strip", viewBox: `0 0 ${STRIP.width} ${STRIP.height}`, preserveAspectRatio: "none", "aria-hidden": "true" });
+  const slider = h("input", { type: "range", min: 0, max: FRAMES - 1, step: 1, value: 0, id: "film-time", "aria-label": "Time in the film" });
+  const time = h("output", { class: "film-time", for: "film-time" }, "slow motion");
+  const force = h("output", { class: "film-force" });
+  const speed = h("select", { id: "film-speed", "aria-label": "Slowed down by" }, ...SPEEDS.map((x) => h("option", { value: x }, `1/${x}`)));
+  const moment = h("select", { id: "film-moment", "aria-label": "Moment" }, ...MOMENTS.map(([x, name]) => h("option", { value: x }, name)));
+  speed.value = 500;
+  element.append(play, h("div", { class: "film-slider" }, strip, slider), h("div", { class: "film-side" }, time, force, moment, speed));
+
+  const marks = Object.fromEntries(Object.keys(panels).map((name) => [name, makeMarks(panels[name])]));
+  let film = null;
+  let wanted = false;
+  let at = 0;
+  let playing = false;
+  let clock = 0;
+  let settle = 0;
+
+  const load = latest(async () => {
+    const { doc, note, velocity, which } = store.state;
+    if (doc === null || !wanted) return;
+    element.classList.add("waiting");
+    try {
+      const seconds = Number((PERIODS / frequency(note)).toPrecision(3));
+      const found = await store.view("motion", { note, velocity, which, seconds, frames: FRAMES, start_s: moment.value });
+      take(found);
+    } catch (error) {
+      film = null;
+      stop();
+      store.notify(error.message, "error");
+    } finally {
+      element.classList.remove("waiting");
+    }
+  });
+
+  function take(found) {
+    const total = found.frames.map((_, i) => found.force.reduce((sum, row) => sum + row[i], 0));
+    film = {
+      ...found,
+      extent: extremes(found.frames.flat()),
+      total,
+      peak: Math.max(...found.force.map((row) => Math.max(...row)), 0),
+    };
+    slider.max = found.frames.length - 1;
+    at = Math.min(at, found.frames.length - 1);
+    drawStrip();
+    redraw();
+  }
+
+  function drawStrip() {
+    const most = Math.max(...film.total, 1e-12);
+    const step = STRIP.width / (film.total.length - 1);
+    const points = film.total.map((now, i) => `${(i * step).toFixed(1)},${(STRIP.height - (STRIP.height - 2) * Math.sqrt(now / most)).toFixed(1)}`);
+    strip.replaceChildren(s("polygon", { points: `0,${STRIP.height} ${points.join(" ")} ${STRIP.width},${STRIP.height}` }));
+  }
+
+  function draw() {
+    if (film === null) {
+      for (const mark of Object.values(marks)) mark.hide();
+      return;
+    }
+    const first = Math.floor(at);
+    const second = Math.min(first + 1, film.frames.length - 1);
+    const part = at - first;
+    const line = film.x.map((x, i) => [x, film.frames[first][i] + part * (film.frames[second][i] - film.frames[first][i])]);
+    const touched = film.points.map((x, i) => ({ x, newton: film.force[i][Math.round(at)] }));
+    for (const mark of Object.values(marks)) mark.show(line, touched, film.peak);
+    const now = Number(moment.value) + at * film.dt_s;
+    time.textContent = `${(1000 * now).toFixed(2)} ms`;
+    const sum = film.total[Math.round(at)];
+    force.textContent = sum > 0 ? `${number(sum, 2)} N` : "free";
+    force.classList.toggle("lit", sum > 0);
+    slider.value = Math.round(at);
+    slider.setAttribute("aria-valuetext", `${time.textContent}, ${sum > 0 ? `contact ${number(sum, 2)} newton` : "no contact"}`);
+    slider.style.setProperty("--at", `${(100 * at) / (film.frames.length - 1)}%`);
+  }
+
+  function tick(now) {
+    if (!playing) return;
+    if (film !== null) {
+      const passed = Math.min(0.1, (now - clock) / 1000);
+      at += passed / Number(speed.value) / film.dt_s;
+      const last = film.frames.length - 1;
+      if (at > last) at %= last;
+      draw();
+    }
+    clock = now;
+    requestAnimationFrame(tick);
+  }
+
+  function start() {
+    wanted = true;
+    playing = true;
+    clock = performance.now();
+    icon.setAttribute("d", PAUSE);
+    play.setAttribute("aria-label", "Pause");
+    element.classList.add("playing");
+    if (film === null) load();
+    requestAnimationFrame(tick);
+  }
+
+  function stop() {
+    playing = false;
+    icon.setAttribute("d", PLAY);
+    play.setAttribute("aria-label", "Play in slow motion");
+    element.classList.remove("playing");
+  }
+
+  play.addEventListener("click", () => (playing ? stop() : start()));
+  slider.addEventListener("input", () => {
+    stop();
+    at = Number(slider.value);
+    wanted = true;
+    if (film === null) load();
+    else draw();
+  });
+  moment.addEventListener("change", () => {
+    wanted = true;
+    load();
+  });
+  // a film of what is no more is not shown; it comes anew once the hand rests
+  store.on(["doc", "note", "velocity", "which"], () => {
+    if (film === null && !wanted) return;
+    clearTimeout(settle);
+    settle = setTimeout(load, SETTLE_MS);
+  });
+  store.on(["note", "which"], () => {
+    film = null;
+    draw();
+  });
+
+  return { draw, film: () => film };
+}
+
+const frequency = (note) => 440 * 2 ** ((note - 69) / 12);
+
+function extremes(values) {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return [low, high];
+}
+
+/** The moving string, the lit points and the bars of force of one panel. */
+function makeMarks(panel) {
+  const string = s("polyline", { class: "string-moving" });
+  const lights = s("g", { class: "lights" });
+  const group = s("g", { class: "motion" }, lights, string);
+  return {
+    hide() {
+      group.remove();
+      panel.svg.classList.remove("moving");
+    },
+    show(line, touched, peak) {
+      if (group.parentNode !== panel.front) panel.front.append(group);
+      panel.svg.classList.add("moving");
+      string.setAttribute("points", panel.line(line));
+      lights.replaceChildren(
+        ...touched
+          .filter(({ x, newton }) => newton > 0 && panel.shows(x))
+          .flatMap(({ x, newton }) => {
+            const px = panel.X(x);
+            const py = panel.Y(heightAt(line, x));
+            const long = BAR_PX * Math.sqrt(newton / peak);
+            return [
+              s("line", { class: "force", x1: px, x2: px, y1: py + 5, y2: py + 5 + long }),
+              s("circle", { class: "light", cx: px, cy: py, r: 4.5 }),
+            ];
+          }),
+      );
+    },
+  };
+}
+
+/** Of a line of [x, mm] at x. */
+function heightAt(line, x) {
+  const after = line.findIndex(([place]) => place >= x);
+  if (after <= 0) return line[after === 0 ? 0 : line.length - 1][1];
+  const [x0, h0] = line[after - 1];
+  const [x1, h1] = line[after];
+  return h0 + ((h1 - h0) * (x - x0)) / (x1 - x0 || 1);
+}
