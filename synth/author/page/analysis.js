@@ -55,7 +55,7 @@ export function mount(element, { store, api }) {
   const closerBox = h("input", { type: "checkbox", onchange: () => ((closer = closerBox.checked), draw()) });
   contacts.tools.append(h("label", { class: "check" }, closerBox, `first ${seconds(CLOSER_S)}`));
   const table = h("div", { class: "partials", tabindex: 0, role: "region", "aria-label": "Table of partials" });
-  const cost = h("dl", { class: "facts" });
+  const cost = h("dl", { class: "tiles" });
   const promise = h("p", { class: "muted promise" });
   const reference = h("div", { class: "reference" });
   element.append(

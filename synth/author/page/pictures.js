@@ -274,3 +274,35 @@ function forceScale(pen, box, ramp, { high_db: hardest }) {
   for (const share of [0, 0.5, 1]) pen.fillText(number(share * hardest, 2), left + 14, y.at(share));
   pen.fillText("N, peak", left - 4, box.top + 4);
 }
+
+/**
+ * Points and a fitted line: {points: [[x, y]], line: [[x, y]], xName, yName, log (both axes), say(x, y) for the reading}.
+ * Points that the fit left aside, `aside`, are drawn hollow.
+ */
+export function fitted({ points, line, aside = [], xName, yName, log = false, say }) {
+  return (pen, box) => {
+    const colours = theme();
+    const all = [...points, ...line, ...aside].filter(([, y]) => Number.isFinite(y) && (!log || y > 0));
+    if (points.length === 0) return empty(pen, box, "No partial could be measured");
+    const [xs, ys] = [all.map(([x]) => x), all.map(([, y]) => y)];
+    const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const margin = 0.08 * (high - low) || 1;
+    const x = log ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
+    const y = log ? logarithmic(0.75 * low, 1.35 * high, box.bottom, box.top) : linear(low - margin, high + margin, box.bottom, box.top);
+    const xFormat = log ? (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) : short;
+    axes(pen, box, { x, y, xName, yName, xFormat });
+    pen.strokeStyle = colours.second;
+    pen.lineWidth = 1.75;
+    clipped(pen, box, () => polyline(pen, line.map(([v]) => v), line.map(([, v]) => v), x, y));
+    pen.strokeStyle = colours.muted;
+    pen.lineWidth = 1.25;
+    for (const [u, v] of aside) dot(pen, x.at(u), y.at(v), 3, false);
+    const places = points.map(([u, v]) => [x.at(u), y.at(v)]);
+    pen.fillStyle = colours.accent;
+    for (const place of places) dot(pen, ...place, 3.25);
+    return (px, py) => {
+      const i = nearest(places, px, py);
+      return i === null ? null : say(...points[i]);
+    };
+  };
+}
