@@ -1,20 +1,22 @@
 // The string in slow motion over the drawing: play, time slider with the contact force over time, speed, which moment.
-// Points that are touched light up, with a bar as long as the force.
+// Points that are touched light up, with a bar as long as the force. Time counts from the moment the finger lets go.
 
 import { h, number, s } from "./format.js";
 import { latest } from "./latest.js";
 
-const FRAMES = 480;
+const FRAMES = 400;
 /** How many periods of the note a film shows. */
 const PERIODS = 4;
 const SPEEDS = [50, 100, 200, 500, 1000, 2000];
 const MOMENTS = [
-  [0, "from the pluck"],
-  [0.1, "0.1 s later"],
-  [0.3, "0.3 s later"],
-  [1, "1 s later"],
-  [2, "2 s later"],
+  [0, "as it is let go"],
+  [0.1, "after 0.1 s"],
+  [0.3, "after 0.3 s"],
+  [1, "after 1 s"],
+  [2, "after 2 s"],
 ];
+/** A film of the release begins so much before it. */
+const LEAD_S = 0.0015;
 const BAR_PX = 46;
 const STRIP = { width: 1000, height: 24 };
 const SETTLE_MS = 350;
@@ -48,7 +50,8 @@ export function mount(element, { store, panels, redraw }) {
     element.classList.add("waiting");
     try {
       const seconds = Number((PERIODS / frequency(note)).toPrecision(3));
-      const found = await store.view("motion", { note, velocity, which, seconds, frames: FRAMES, start_s: moment.value });
+      const start = Math.max(0, drawSeconds(note) - LEAD_S) + Number(moment.value);
+      const found = await store.view("motion", { note, velocity, which, seconds, frames: FRAMES, start_s: start });
       take(found);
     } catch (error) {
       film = null;
@@ -59,14 +62,17 @@ export function mount(element, { store, panels, redraw }) {
     }
   });
 
+  /** How long the finger draws the string aside at a note. */
+  function drawSeconds(note) {
+    const given = store.value("pluck.draw_ms");
+    if (typeof given === "number") return given / 1000;
+    const notes = Object.keys(given).map(Number);
+    const nearest = notes.reduce((best, one) => (Math.abs(one - note) < Math.abs(best - note) ? one : best));
+    return given[nearest] / 1000;
+  }
+
   function take(found) {
-    const total = found.frames.map((_, i) => found.force.reduce((sum, row) => sum + row[i], 0));
-    film = {
-      ...found,
-      extent: extremes(found.frames.flat()),
-      total,
-      peak: Math.max(...found.force.map((row) => Math.max(...row)), 0),
-    };
+    film = { ...found, total: found.force.map((points) => points.reduce((sum, newton) => sum + newton, 0)) };
     slider.max = found.frames.length - 1;
     at = Math.min(at, found.frames.length - 1);
     drawStrip();
@@ -89,10 +95,10 @@ export function mount(element, { store, panels, redraw }) {
     const second = Math.min(first + 1, film.frames.length - 1);
     const part = at - first;
     const line = film.x.map((x, i) => [x, film.frames[first][i] + part * (film.frames[second][i] - film.frames[first][i])]);
-    const touched = film.points.map((x, i) => ({ x, newton: film.force[i][Math.round(at)] }));
-    for (const mark of Object.values(marks)) mark.show(line, touched, film.peak);
-    const now = Number(moment.value) + at * film.dt_s;
-    time.textContent = `${(1000 * now).toFixed(2)} ms`;
+    const touched = film.points.map(({ x }, i) => ({ x, newton: film.force[Math.round(at)][i] }));
+    const finger = film.finger[first] === null ? null : [film.finger_x, film.finger[first]];
+    for (const mark of Object.values(marks)) mark.show(line, touched, film.largest_n, finger);
+    time.textContent = `${number(1000 * (film.start_s + at * film.dt_s - film.release_s), 5)} ms`;
     const sum = film.total[Math.round(at)];
     force.textContent = sum > 0 ? `${number(sum, 2)} N` : "free";
     force.classList.toggle("lit", sum > 0);
@@ -160,30 +166,26 @@ export function mount(element, { store, panels, redraw }) {
 
 const frequency = (note) => 440 * 2 ** ((note - 69) / 12);
 
-function extremes(values) {
-  let low = Infinity;
-  let high = -Infinity;
-  for (const value of values) {
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  return [low, high];
-}
-
 /** The moving string, the lit points and the bars of force of one panel. */
 function makeMarks(panel) {
   const string = s("polyline", { class: "string-moving" });
   const lights = s("g", { class: "lights" });
-  const group = s("g", { class: "motion" }, lights, string);
+  const finger = s("circle", { class: "finger", r: 7 });
+  const group = s("g", { class: "motion" }, lights, string, finger);
   return {
     hide() {
       group.remove();
       panel.svg.classList.remove("moving");
     },
-    show(line, touched, peak) {
+    show(line, touched, peak, hand) {
       if (group.parentNode !== panel.front) panel.front.append(group);
       panel.svg.classList.add("moving");
       string.setAttribute("points", panel.line(line));
+      finger.setAttribute("visibility", hand !== null && panel.shows(hand[0]) ? "visible" : "hidden");
+      if (hand !== null) {
+        finger.setAttribute("cx", panel.X(hand[0]));
+        finger.setAttribute("cy", panel.Y(hand[1]) + 8);
+      }
       lights.replaceChildren(
         ...touched
           .filter(({ x, newton }) => newton > 0 && panel.shows(x))

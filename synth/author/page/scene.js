@@ -5,9 +5,9 @@ import { s } from "./format.js";
 /** What the whole-string panel shows: everything, with room above and below. */
 export function wholeView(drawing, film) {
   const [low, high] = drawing.extent_mm;
-  const swing = film ? Math.max(...film.extent.map(Math.abs)) : 0;
-  const top = Math.max(high, swing, 0.2);
-  const bottom = Math.min(low, -0.55 * top, film ? film.extent[0] : 0);
+  const [least, most] = film?.height_mm ?? [0, 0];
+  const top = Math.max(high, most, 0.2);
+  const bottom = Math.min(low, least, -0.55 * top);
   const x1 = drawing.open_length_m;
   return { x0: -0.012 * x1, x1: 1.015 * x1, y0: bottom - 0.14 * (top - bottom), y1: top + 0.14 * (top - bottom) };
 }
