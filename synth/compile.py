@@ -297,8 +297,12 @@ def compile_string(
     scheme: str = "exact-hold",
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
+    only_notes: set[int] | None = None,
 ) -> CompiledString:
-    """One physical string of a preset with all its positions. Raises PresetError naming the string."""
+    """One physical string of a preset with all its positions. Raises PresetError naming the string.
+
+    only_notes: of a neck only the positions of these, and the first two, by which the engine knows one.
+    """
     label = table.name or midi_to_note(note)
     try:
         gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
@@ -313,6 +317,8 @@ def compile_string(
         for fret in range(count + 1):
             if note + fret > 127:
                 break
+            if only_notes is not None and fret > 1 and note + fret not in only_notes:
+                continue
             string, obstacle, height = opened, whole, 0.0
             if neck:
                 speaking, obstacle = fretted(whole, fret, length)
@@ -369,7 +375,7 @@ def compile_preset(
     note_hz: np.ndarray | None = None,
     only_notes: set[int] | None = None,
 ) -> CompiledPart:
-    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted."""
+    """All strings of a preset; `only_notes` leaves out strings and frets none of whose notes is wanted."""
     strings = []
     neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
     for table in preset.string:
@@ -386,6 +392,7 @@ def compile_preset(
                     scheme=scheme,
                     internal_rate_hz=internal_rate_hz,
                     note_hz=note_hz,
+                    only_notes=only_notes,
                 )
             )
     return CompiledPart(preset, tuple(strings))

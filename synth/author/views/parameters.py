@@ -88,14 +88,22 @@ Numbers = float | dict[int, float]
 
 def describe(preset: Preset) -> list[dict[str, Any]]:
     """The controls of a preset; see the module's docstring."""
-    out = list(_of_table(preset, Preset, "", preset))
-    paths = {entry["path"] for entry in out}
-    for entry in out:
-        entry["instead_of"] = [path for path in entry["instead_of"] if path in paths]
+    out = []
+    for entry, table in _of_table(preset, Preset, "", preset):
+        name = entry["path"].rpartition(".")[2]
+        if getattr(table, name) in (None, ()) and (entry["optional"] or entry["instead_of"]):
+            entry["suggested"] = _suggestion(preset, table, name)
+        out.append(entry)
     return out
 
 
-def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> Iterator[dict[str, Any]]:
+def ranges(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
+    """(minimum, maximum) of every setting, by its path."""
+    return {entry["path"]: (entry["minimum"], entry["maximum"]) for entry, _ in _of_table(preset, Preset, "", preset)}
+
+
+def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> Iterator[tuple[dict[str, Any], Table]]:
+    """Every control of a table and of those within it, with the table that it stands in."""
     for name, field in kind.model_fields.items():
         if not prefix and name in NOT_SETTINGS:
             continue
@@ -105,7 +113,7 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
         if isinstance(value, Table) and get_origin(inner) is not tuple:
             yield from _of_table(preset, type(value), path, value)
             continue
-        yield _control(preset, kind, table, name, path, inner, metadata)
+        yield _control(preset, kind, table, name, path, inner, metadata), table
         if isinstance(value, tuple) and value and isinstance(value[0], Table):
             for index, item in enumerate(value):
                 yield from _of_table(preset, type(item), f"{path}.{index}", item)
@@ -179,8 +187,6 @@ def _control(
         entry.update(kind="list", **_list_item(get_args(inner)[0], table, name))
     else:
         entry.update(kind="anchored")
-    if getattr(table, name) in (None, ()) and (entry["optional"] or entry["instead_of"]):
-        entry["suggested"] = _suggestion(preset, table, name)
     return entry
 
 
