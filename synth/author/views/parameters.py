@@ -25,7 +25,7 @@ describe(preset) -> list of dicts, in the order of the file, one for every setti
     suggested  for what is absent: the value that sounds like what stands in its place; None where there is none
     instead_of paths of settings that exclude this one: an edit that sets it sets them to null as well
     together_with  paths that must be set, or absent, along with this one
-    choices   [{value, label, edit}] of a choice, edit: {path, value} that chooses it; else None
+    choices   [{value, label, edits}] of a choice, edits: the changes [{path, value}] that choose it, in one edit; else None
     new       of a list of tables: a valid item to append; else None
     live      heard at the next pluck without compiling anything (`engine.parameters`)
 
@@ -173,7 +173,7 @@ def _control(
         labels = CHOICES[kind, name]
         entry.update(kind="choice")
         entry["choices"] = [
-            {"value": value, "label": labels[value], "edit": {"path": path, "value": value}} for value in get_args(inner)
+            {"value": value, "label": labels[value], "edits": [{"path": path, "value": value}]} for value in get_args(inner)
         ]
     elif inner is bool:
         entry.update(kind="flag")
@@ -249,7 +249,7 @@ def _partners(pairs: tuple[tuple[str, str], ...], name: str) -> list[str]:
 
 
 def _obstacles(preset: Preset) -> list[dict[str, Any]]:
-    """The kinds of obstacle, each with an edit that changes over; the present one keeps its numbers."""
+    """The kinds of obstacle, each with the edits that change over; the present one keeps its numbers."""
     longest = max(at_note(table.length_m, note) for table in preset.string for note in table.notes)
     out = []
     for kind in KINDS:
@@ -258,7 +258,10 @@ def _obstacles(preset: Preset) -> list[dict[str, Any]]:
             value["positions_mm"], value["heights_mm"] = [round(500.0 * longest, 1)], [-1.0]
         if kind == preset.obstacle.kind:
             value = _plain(preset.obstacle.model_dump(exclude_unset=True))
-        out.append({"value": kind, "label": OBSTACLES[kind], "edit": {"path": "obstacle", "value": value}})
+        edits: list[dict[str, Any]] = [{"path": "obstacle", "value": value}]
+        if kind != "bridge" and preset.mapping.pressure_um != 0.0:  # there would be no bridge to move
+            edits.append({"path": "mapping.pressure_um", "value": None})
+        out.append({"value": kind, "label": OBSTACLES[kind], "edits": edits})
     return out
 
 

@@ -2,7 +2,7 @@
 
 The engine calls its strings' steps by address (`engine.advance.entries`). Here stands another function at that address,
 which has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
-cut them, so what sounds is what sounds without a tape (rests of less than a block, as where a finger lets go, go step by step).
+cut them, so what sounds is what sounds without a tape (rests of less than a block, where a finger lets go, go step by step).
 Strings do not fly and modes do not rest here, as at the quality `fine`: on the tape there is one string at one rate.
 """
 
