@@ -11,6 +11,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -105,16 +106,22 @@ def at_note(value: float | dict[int, float], note: float) -> float:
     return points[-1][1]
 
 
-def _range(low: float, high: float):
-    """Check a plain or anchored number against [low, high]."""
+@dataclass(frozen=True)
+class Between:
+    """A plain or anchored number lies in [low, high]."""
 
-    def check(value: float | dict[int, float]) -> float | dict[int, float]:
+    low: float
+    high: float
+
+    def __call__(self, value: float | dict[int, float]) -> float | dict[int, float]:
         for number in value.values() if isinstance(value, dict) else (value,):
-            if not low <= number <= high:
-                raise ValueError(f"must lie between {low:g} and {high:g}, got {number:g}")
+            if not self.low <= number <= self.high:
+                raise ValueError(f"must lie between {self.low:g} and {self.high:g}, got {number:g}")
         return value
 
-    return AfterValidator(check)
+
+def _range(low: float, high: float) -> AfterValidator:
+    return AfterValidator(Between(low, high))
 
 
 class Table(BaseModel):
