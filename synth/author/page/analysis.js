@@ -10,6 +10,8 @@ import { mount as mountReference } from "./reference.js";
 const WAIT_MS = 200;
 const LENGTHS = [0.5, 1, 3, 6, 10];
 const CLOSER_S = 0.1;
+// one time axis below the other
+const WIDE = { left: 58 };
 const DIFFERENCE_DB = 30;
 
 export function mount(element, { store, api }) {
@@ -43,17 +45,17 @@ export function mount(element, { store, api }) {
   );
 
   // ---- figures
-  const wave = new Figure("Waveform", { height: 120 });
-  const spectrum = new Figure("Spectrogram", { height: 240 });
+  const wave = new Figure("Waveform", { height: 110, margins: WIDE });
+  const spectrum = new Figure("Spectrogram", { height: 260, margins: WIDE });
   const logBox = h("input", { type: "checkbox", onchange: () => ((log = logBox.checked), draw()) });
   spectrum.tools.append(h("label", { class: "check" }, logBox, "log"));
   const cents = new Figure("Partials: measured against the model", { height: 180 });
   const decay = new Figure("Decay: measured against the model", { height: 180 });
-  const contacts = new Figure("Contacts", { height: 160, margins: { left: 58 } });
+  const contacts = new Figure("Contacts", { height: 160, margins: WIDE });
   const closerBox = h("input", { type: "checkbox", onchange: () => ((closer = closerBox.checked), draw()) });
   contacts.tools.append(h("label", { class: "check" }, closerBox, `first ${seconds(CLOSER_S)}`));
   const table = h("div", { class: "partials", tabindex: 0, role: "region", "aria-label": "Table of partials" });
-  const cost = h("dl", { class: "facts" });
+  const cost = h("dl", { class: "tiles" });
   const promise = h("p", { class: "muted promise" });
   const reference = h("div", { class: "reference" });
   element.append(
@@ -62,6 +64,7 @@ export function mount(element, { store, api }) {
     h("details", { class: "fold" }, h("summary", {}, "Table of partials"), table),
     h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), cost, promise, reference),
   );
+  for (const figure of [wave, spectrum, contacts]) figure.element.classList.add("wide");
   for (const figure of [wave, spectrum, cents, decay, contacts]) figure.show((pen, box) => empty(pen, box, "…"));
   mountReference(reference, { store, api });
 
@@ -105,12 +108,11 @@ export function mount(element, { store, api }) {
   function draw() {
     if (!shown) return;
     const { partials } = shown;
-    const span = shown.spectrogram.t_s.at(-1);
-    wave.show(waveform(shown.waveform, other?.waveform), `Waveform over ${seconds_} s, peak ${number(shown.peak_dbfs, 3)} dBFS`);
+    wave.show(waveform(shown.waveform, other?.waveform, seconds_), `Waveform over ${seconds_} s, peak ${number(shown.peak_dbfs, 3)} dBFS`);
     spectrum.show(
       other
-        ? spectrogram(apart(shown.spectrogram, other.spectrogram), { log, difference: true })
-        : spectrogram(shown.spectrogram, { log, formant: shown.formant }),
+        ? spectrogram(apart(shown.spectrogram, other.spectrogram), { log, difference: true, length_s: seconds_ })
+        : spectrogram(shown.spectrogram, { log, formant: shown.formant, length_s: seconds_ }),
       describeFormant(shown.formant),
     );
     cents.show(deviations(partials, other?.partials), `Deviation of ${partials.length} partials from the model, in cents`);
@@ -118,9 +120,9 @@ export function mount(element, { store, api }) {
     const { labels, list } = shown.contacts;
     contacts.element.hidden = labels.length === 0;
     contacts.setHeight(Math.max(90, 46 + Math.min(20, labels.length) * (labels.length > 8 ? 9 : 18)));
-    const end = closer ? Math.min(CLOSER_S, span) : span;
+    const end = closer ? Math.min(CLOSER_S, seconds_) : seconds_;
     contacts.show(
-      list.length ? contactTimeline(list, labels, span, end) : (pen, box) => empty(pen, box, "The string touches nothing"),
+      list.length ? contactTimeline(list, labels, end) : (pen, box) => empty(pen, box, "The string touches nothing"),
       list.length ? `${list.length} contacts; hardest ${number(Math.max(...list.map((c) => c.peak_n)), 3)} N` : "No contacts",
     );
     table.replaceChildren(partialsTable(partials));

@@ -85,7 +85,7 @@ export function recolour() {
 onScheme(recolour);
 
 /** Space for axes around the plot. */
-export function inset(width, height, { left = 46, right = 10, top = 8, bottom = 30 } = {}) {
+export function inset(width, height, { left = 46, right = 10, top = 8, bottom = 22 } = {}) {
   return { left, top, right: Math.max(left + 10, width - right), bottom: Math.max(top + 10, height - bottom) };
 }
 
@@ -108,10 +108,12 @@ export function axes(pen, box, { x, y, xName, yName, lines = true, xFormat = sho
     pen.textAlign = "center";
     pen.textBaseline = "top";
     const room = box.right - box.left;
+    const name = xName ? pen.measureText(xName).width + 6 : 0;
     for (const value of x.ticks(Math.max(2, room / 70))) {
       const at = crisp(x.at(value));
       line(at, lines ? box.top : box.bottom, at, box.bottom + 4);
-      pen.fillText(xFormat(value), at, box.bottom + 6);
+      const text = xFormat(value);
+      if (at + pen.measureText(text).width / 2 <= box.right - name) pen.fillText(text, at, box.bottom + 6);
     }
   }
   if (y) {
@@ -129,8 +131,8 @@ export function axes(pen, box, { x, y, xName, yName, lines = true, xFormat = sho
   pen.fillStyle = colours.muted;
   if (xName) {
     pen.textAlign = "right";
-    pen.textBaseline = "bottom";
-    pen.fillText(xName, box.right, box.bottom + 30);
+    pen.textBaseline = "top";
+    pen.fillText(xName, box.right, box.bottom + 6);
   }
   if (yName) {
     pen.translate(11, box.top);

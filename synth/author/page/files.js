@@ -158,7 +158,7 @@ export function mount(element, { store }) {
     const result = await store.importText(file.name, await file.text());
     if (result && !result.refused) store.notify(`${file.name} is imported; save it to keep it in the folder`);
   }
-  dropTarget((file) => /\.toml$/i.test(file.name), take, "Drop a preset (.toml) to import it, or a recording (.wav) to fit it");
+  dropTarget((file) => /\.toml$/i.test(file.name), take);
 
   function exportFile() {
     const link = h("a", { href: `/api/docs/${encodeURIComponent(doc().doc)}/export`, download: `${doc().name}.toml` });

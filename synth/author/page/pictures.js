@@ -5,14 +5,18 @@ import { differenceRamp, levelRamp, sample } from "./colour.js";
 import { axes, clipped, hertz, linear, logarithmic, polyline, seconds, short, signed, theme } from "./figure.js";
 import { number } from "./format.js";
 
+/** Width that a scale of colours takes at the right of a picture. */
+const SCALE = 58;
+
 const inside = (box, x, y) => x >= box.left && x <= box.right && y >= box.top && y <= box.bottom;
 
 /** wave {dt_s, low, high}: the lowest and highest sample of every dt_s; other likewise, drawn as an outline. */
-export function waveform(wave, other = null) {
+export function waveform(wave, other = null, length_s = wave.dt_s * wave.low.length) {
   const top = 1.05 * Math.max(1e-6, ...wave.high.map(Math.abs), ...wave.low.map(Math.abs), ...(other?.high ?? []).map(Math.abs));
-  return (pen, box) => {
+  return (pen, whole) => {
     const colours = theme();
-    const x = linear(0, wave.dt_s * wave.low.length, box.left, box.right);
+    const box = { ...whole, right: whole.right - SCALE };
+    const x = linear(0, length_s, box.left, box.right);
     const y = linear(-top, top, box.bottom, box.top);
     axes(pen, box, { x, y, xName: "s" });
     const area = ({ dt_s, low, high }) => {
@@ -71,24 +75,24 @@ function painted(image, ramp, y, height) {
 /**
  * image {t_s: [centres], hz: [rows' frequencies, equally far apart], rows: [[0…255 per time]], low_db, high_db}.
  *
- * formant: {t_s, hz} (null where there is none), drawn over it; log: frequency axis; high_hz: its end;
- * difference: the bytes are differences, low_db … high_db with 0 in the middle.
+ * formant: {t_s, hz} (null where there is none), drawn over it; log: frequency axis; high_hz: its end; length_s of the
+ * time axis; difference: the bytes are differences, low_db … high_db with 0 in the middle.
  */
-export function spectrogram(image, { formant = null, log = false, high_hz = 10000, difference = false } = {}) {
+export function spectrogram(image, { formant = null, log = false, high_hz = 10000, difference = false, length_s = null } = {}) {
   return (pen, box) => {
     const colours = theme();
     const ramp = difference ? differenceRamp(colours.dark) : levelRamp(colours.dark);
     const step = image.t_s.length > 1 ? image.t_s[1] - image.t_s[0] : 1;
     const [begin, end] = [Math.max(0, image.t_s[0] - step / 2), image.t_s.at(-1) + step / 2];
     const top = Math.min(high_hz, image.hz.at(-1));
-    const plot = { ...box, right: box.right - 58 };
-    const x = linear(begin, end, plot.left, plot.right);
+    const plot = { ...box, right: box.right - SCALE };
+    const x = linear(0, length_s ?? end, plot.left, plot.right);
     const y = log ? logarithmic(40, top, plot.bottom, plot.top) : linear(0, top, plot.bottom, plot.top);
     const height = Math.max(1, Math.round(plot.bottom - plot.top));
     pen.imageSmoothingEnabled = true;
     pen.imageSmoothingQuality = "high";
     const painting = painted(image, ramp, y, height);
-    pen.drawImage(painting, plot.left, plot.top, plot.right - plot.left, plot.bottom - plot.top);
+    clipped(pen, plot, () => pen.drawImage(painting, x.at(begin), plot.top, x.at(end) - x.at(begin), plot.bottom - plot.top));
     axes(pen, plot, { x, y, xName: "s", yName: "Hz", lines: false, yFormat: (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) });
     levelScale(pen, box, ramp, image, difference ? "dB apart" : "dB");
     if (formant) {
@@ -114,7 +118,7 @@ export function spectrogram(image, { formant = null, log = false, high_hz = 1000
 
 function levelScale(pen, box, ramp, { low_db, high_db }, unit) {
   const colours = theme();
-  const left = box.right - 46;
+  const left = box.right - SCALE + 12;
   const y = linear(low_db, high_db, box.bottom, box.top + 14);
   for (let line = Math.floor(y.to); line < y.from; line++) {
     pen.fillStyle = sample(ramp, (y.invert(line) - low_db) / (high_db - low_db));
@@ -215,11 +219,11 @@ export function empty(pen, box, words) {
 }
 
 /** contacts [{label, start_s, end_s, peak_n, impulse_ns}] in rows by label: when each point is touched, and how hard. */
-export function contactTimeline(contacts, labels, span_s, length_s = span_s) {
+export function contactTimeline(contacts, labels, length_s) {
   const hardest = Math.max(1e-9, ...contacts.map((c) => c.peak_n));
   return (pen, box) => {
     const colours = theme();
-    const plot = { ...box, right: box.right - 58 };
+    const plot = { ...box, right: box.right - SCALE };
     const ramp = levelRamp(colours.dark);
     const x = linear(0, length_s, plot.left, plot.right);
     const row = (plot.bottom - plot.top) / Math.max(1, labels.length);
@@ -257,7 +261,7 @@ export function contactTimeline(contacts, labels, span_s, length_s = span_s) {
 
 function forceScale(pen, box, ramp, { high_db: hardest }) {
   const colours = theme();
-  const left = box.right - 46;
+  const left = box.right - SCALE + 12;
   const y = linear(0, 1, box.bottom, box.top + 14);
   for (let line = Math.floor(y.to); line < y.from; line++) {
     pen.fillStyle = sample(ramp, 0.25 + 0.75 * Math.sqrt(y.invert(line)));
@@ -269,4 +273,36 @@ function forceScale(pen, box, ramp, { high_db: hardest }) {
   pen.textBaseline = "middle";
   for (const share of [0, 0.5, 1]) pen.fillText(number(share * hardest, 2), left + 14, y.at(share));
   pen.fillText("N, peak", left - 4, box.top + 4);
+}
+
+/**
+ * Points and a fitted line: {points: [[x, y]], line: [[x, y]], xName, yName, log (both axes), say(x, y) for the reading}.
+ * Points that the fit left aside, `aside`, are drawn hollow.
+ */
+export function fitted({ points, line, aside = [], xName, yName, log = false, say }) {
+  return (pen, box) => {
+    const colours = theme();
+    const all = [...points, ...line, ...aside].filter(([, y]) => Number.isFinite(y) && (!log || y > 0));
+    if (points.length === 0) return empty(pen, box, "No partial could be measured");
+    const [xs, ys] = [all.map(([x]) => x), all.map(([, y]) => y)];
+    const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const margin = 0.08 * (high - low) || 1;
+    const x = log ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
+    const y = log ? logarithmic(0.75 * low, 1.35 * high, box.bottom, box.top) : linear(low - margin, high + margin, box.bottom, box.top);
+    const xFormat = log ? (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) : short;
+    axes(pen, box, { x, y, xName, yName, xFormat });
+    pen.strokeStyle = colours.second;
+    pen.lineWidth = 1.75;
+    clipped(pen, box, () => polyline(pen, line.map(([v]) => v), line.map(([, v]) => v), x, y));
+    pen.strokeStyle = colours.muted;
+    pen.lineWidth = 1.25;
+    for (const [u, v] of aside) dot(pen, x.at(u), y.at(v), 3, false);
+    const places = points.map(([u, v]) => [x.at(u), y.at(v)]);
+    pen.fillStyle = colours.accent;
+    for (const place of places) dot(pen, ...place, 3.25);
+    return (px, py) => {
+      const i = nearest(places, px, py);
+      return i === null ? null : say(...points[i]);
+    };
+  };
 }

@@ -18,7 +18,7 @@ export function mount(element, { store, api }) {
   const bar = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Reference" });
   const said = h("span", { class: "unit", role: "status" });
   const result = h("div", { class: "reference-result", hidden: true });
-  const facts = h("dl", { class: "facts" });
+  const facts = h("dl", { class: "tiles" });
   const wave = new Figure("Output: filled as planned, outlined the reference", { height: 120 });
   const image = new Figure("Spectrogram: planned less reference", { height: 180 });
   result.append(facts, h("div", { class: "plots" }, wave.element, image.element));

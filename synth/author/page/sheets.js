@@ -73,12 +73,16 @@ export function menu(label, items, attributes = {}) {
   return h("span", { class: "menu-place" }, button, list);
 }
 
-/** Files dropped on the page: accept(file) -> whether it is wanted, take(file). A veil says `words` while one is over it. */
-export function dropTarget(accept, take, words) {
-  const veil = h("div", { class: "veil", hidden: true }, h("p", {}, words));
+const wanted = [];
+let veil = null;
+
+/** Files dropped anywhere on the page: the first that accept(file) wants goes to take(file). */
+export function dropTarget(accept, take) {
+  wanted.push({ accept, take });
+  if (veil !== null) return;
+  veil = h("div", { class: "veil", hidden: true }, h("p", {}, "Drop a preset (.toml) to import it, or a recording (.wav, .flac) to fit it"));
   document.body.append(veil);
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files");
-  // types of what is over the page are known before it is dropped, names are not
   document.addEventListener("dragover", (event) => {
     if (!hasFiles(event)) return;
     event.preventDefault();
@@ -91,7 +95,9 @@ export function dropTarget(accept, take, words) {
     veil.hidden = true;
     if (!hasFiles(event)) return;
     event.preventDefault();
-    const file = [...event.dataTransfer.files].find(accept);
-    if (file) take(file);
+    for (const file of event.dataTransfer.files) {
+      const taker = wanted.find((one) => one.accept(file));
+      if (taker) return taker.take(file);
+    }
   });
 }
