@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
+import math
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,15 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Mount, Route
+from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
 
+from synth.author.connection import Connection, Stage
 from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
+from synth.author.phrases import phrase
+from synth.author.voice import phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
 from synth.preset import PresetError
 
@@ -105,6 +110,20 @@ class Fields:
         return value
 
 
+def _number(query: Mapping[str, str], name: str, low: float, high: float, *, kind: type = int) -> Any:
+    """A number of the query. Raises Refused."""
+    try:
+        value = kind(query[name])
+    except KeyError:
+        raise Refused(400, f"{name}: missing") from None
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        what = "a whole number" if kind is int else "a number"
+        raise Refused(400, f"{name}: must be {what} from {low:g} to {high:g}, got {query[name][:40]!r}")
+    return value
+
+
 _KINDS = {str: "text", bool: "truth value", int: "whole number", list: "list", dict: "table"}
 
 
@@ -115,6 +134,9 @@ class App:
         self.desk = desk
         self.rate_hz = rate_hz
         self.quality = quality
+        self.stage = Stage()
+        self.kernels = "loading"
+        desk.listen(self.stage.tell)
 
     def asgi(self) -> Starlette:
         def on(path: str, handler: Handler, *methods: str) -> Route:
@@ -141,6 +163,8 @@ class App:
                 on(f"{doc}/duplicate", self._duplicate, "POST"),
                 on(f"{doc}/recover", self._recover, "POST"),
                 on(f"{doc}/export", self._export),
+                on(f"{doc}/sound.wav", self._sound),
+                WebSocketRoute("/ws/{doc}", self._connect),
             ],
             lifespan=self._lifespan,
         )
@@ -150,6 +174,7 @@ class App:
         tasks = [
             asyncio.create_task(self._every(AUTOSAVE_S, self.desk.autosave)),
             asyncio.create_task(self._every(LOOK_S, self.desk.look_at_disk)),
+            asyncio.create_task(self._warm_up()),
         ]
         try:
             yield
@@ -162,6 +187,13 @@ class App:
         while True:
             await asyncio.sleep(seconds)
             work()
+
+    async def _warm_up(self) -> None:
+        """Load (the first time compile) the kernels before anybody waits for them."""
+        await asyncio.to_thread(warm_up, self.rate_hz, self.quality)
+        self.kernels = "ready"
+        for connection in self.stage.connections:
+            connection.post({"type": "kernels", "kernels": self.kernels})
 
     # --- the page ---
 
@@ -178,6 +210,7 @@ class App:
                 "folder": str(self.desk.workspace.folder),
                 "quality": self.quality,
                 "rate_hz": self.rate_hz,
+                "kernels": self.kernels,
                 "presets": self.desk.presets(),
                 "opened": opened.id if opened is not None else None,
             }
@@ -262,6 +295,33 @@ class App:
         document = self._document(request)
         document.recover((await Fields.of(request)).get("take", bool))
         return self._told(document)
+
+    # --- sound ---
+
+    async def _connect(self, socket: WebSocket) -> None:
+        document = self.desk.documents.get(socket.path_params["doc"])
+        if document is None:
+            await socket.close(4404, "there is no such document")
+            return
+        await Connection(socket, document, self.stage, rate_hz=self.rate_hz, quality=self.quality).run()
+
+    async def _sound(self, request: Request) -> Response:
+        document = self._document(request)
+        query = request.query_params
+        preset = document.preset_of(query.get("which", "current"))
+        wanted = phrase(
+            query.get("phrase", "note"),
+            preset,
+            _number(query, "note", 0, 127),
+            _number(query, "velocity", 1, 127),
+            self.rate_hz,
+        )
+        seconds = float(_number(query, "seconds", 0, 60, kind=float)) if "seconds" in query else wanted.length_s
+
+        def render() -> bytes:
+            return phrase_wav(prepared_engine(preset, wanted.notes, self.rate_hz, self.quality), wanted, seconds)
+
+        return Response(await asyncio.to_thread(render), media_type="audio/wav")
 
     async def _export(self, request: Request) -> Response:
         document = self._document(request)

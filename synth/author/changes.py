@@ -63,9 +63,7 @@ def checked(text: str, origin: str) -> Preset:
             try:
                 string = make_string(preset, table, note, note_frequency(preset, table, note, None))
                 place = "obstacle"
-                obstacle = obstacle_of(preset, note, string.length_m)
-                if any(not 0.0 < x < string.length_m for x in obstacle.positions_m):
-                    raise ValueError(f"points must lie on the string, which is {1e3 * string.length_m:g} mm long")
+                obstacle_of(preset, note, string.length_m).check(string.length_m)
             except ValueError as error:
                 problems.append((place, str(error)))
     if problems:

@@ -152,6 +152,10 @@ class Document:
             raise ValueError(f"which: must be current or saved, got {which!r}")
         return self.preset if which == "current" else self.saved_preset
 
+    def text_of(self, which: str) -> str:
+        """The text of `preset_of`."""
+        return self.text if which == "current" else self.saved_text
+
     # --- edits ---
 
     def edit(self, wanted: Sequence[tuple[str, Any]], merge: str | None = None, label: str | None = None) -> None:

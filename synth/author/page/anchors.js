@@ -102,7 +102,7 @@ export function makeAnchors(parameter, { store, commit, refuse, labels }, single
       const text = JSON.stringify(value);
       if (text === drawn) return;
       drawn = text;
-      if (!table.dataset.seen) table.open = Object.keys(value).length <= 8;
+      if (!table.dataset.seen) table.open = Object.keys(value).length <= 5;
       table.dataset.seen = "yes";
       const focus = rows.contains(document.activeElement) ? document.activeElement.dataset.part : null;
       build();

@@ -15,6 +15,8 @@ const GROUPS = {
 };
 /** Groups that a step at random may change. */
 const SHUFFLED = ["string", "obstacle", "pluck", "damping", "output"];
+/** Tables that stand first in their group, last first. */
+const ORDER = ["nut", "string"];
 /** Lists of tables, one of which is shown at a time. */
 const TABS = ["string"];
 
@@ -117,7 +119,9 @@ export function mount(element, { store }) {
       });
       summary.append(one);
     }
-    for (const parameter of mine) {
+    // the strings themselves before what concerns all of them
+    const ordered = [...mine].sort((a, b) => ORDER.indexOf(b.path.split(".")[0]) - ORDER.indexOf(a.path.split(".")[0]));
+    for (const parameter of ordered) {
       if (parameter.kind === "list" && parameter.item === "table") {
         const rows = valueAt(data, parameter.path) ?? [];
         details.append(TABS.includes(parameter.path) ? makeTabs(parameter, rows) : makeRows(parameter, rows));

@@ -29,7 +29,7 @@ export function makeField(parameter, context) {
   const head = h("div", { class: "control-head" }, mark, name, h("span", { class: "control-entry" }, ...body.entry), back);
   const element = h(
     "div",
-    { class: `control control-${parameter.kind}`, "data-path": path, role: "group", "aria-labelledby": `${id}-name` },
+    { class: `control kind-${parameter.kind}`, "data-path": path, role: "group", "aria-labelledby": `${id}-name` },
     head,
     ...body.below,
     error,
@@ -48,6 +48,7 @@ export function makeField(parameter, context) {
       way = changed && !same(saved, fallback) ? saved : null;
       const target = changed ? saved : fallback;
       back.hidden = same(value, target) || (parameter.required && !changed);
+      back.classList.toggle("to-saved", changed);
       back.title = `Back to ${changed ? "saved" : "default"}: ${brief(target)}`;
       back.setAttribute("aria-label", `${label}: ${back.title.toLowerCase()}`);
       mark.classList.toggle("changed", changed);

@@ -38,7 +38,7 @@ export function mount(element, { store, panels, redraw }) {
 
   const marks = Object.fromEntries(Object.keys(panels).map((name) => [name, makeMarks(panels[name])]));
   let film = null;
-  let wanted = false;
+  let shown = false; // the still drawing stands until the film is played or its time is moved
   let at = 0;
   let playing = false;
   let clock = 0;
@@ -46,7 +46,7 @@ export function mount(element, { store, panels, redraw }) {
 
   const load = latest(async () => {
     const { doc, note, velocity, which } = store.state;
-    if (doc === null || !wanted) return;
+    if (doc === null) return;
     element.classList.add("waiting");
     try {
       const seconds = Number((PERIODS / frequency(note)).toPrecision(3));
@@ -87,7 +87,7 @@ export function mount(element, { store, panels, redraw }) {
   }
 
   function draw() {
-    if (film === null) {
+    if (film === null || !shown) {
       for (const mark of Object.values(marks)) mark.hide();
       return;
     }
@@ -121,8 +121,9 @@ export function mount(element, { store, panels, redraw }) {
   }
 
   function start() {
-    wanted = true;
+    shown = true;
     playing = true;
+    redraw();
     clock = performance.now();
     icon.setAttribute("d", PAUSE);
     play.setAttribute("aria-label", "Pause");
@@ -142,17 +143,19 @@ export function mount(element, { store, panels, redraw }) {
   slider.addEventListener("input", () => {
     stop();
     at = Number(slider.value);
-    wanted = true;
+    if (!shown) {
+      shown = true;
+      redraw();
+    }
     if (film === null) load();
     else draw();
   });
   moment.addEventListener("change", () => {
-    wanted = true;
+    shown = true;
     load();
   });
   // a film of what is no more is not shown; it comes anew once the hand rests
   store.on(["doc", "note", "velocity", "which"], () => {
-    if (film === null && !wanted) return;
     clearTimeout(settle);
     settle = setTimeout(load, SETTLE_MS);
   });
@@ -161,7 +164,7 @@ export function mount(element, { store, panels, redraw }) {
     draw();
   });
 
-  return { draw, film: () => film };
+  return { draw, film: () => (shown ? film : null) };
 }
 
 const frequency = (note) => 440 * 2 ** ((note - 69) / 12);

@@ -39,10 +39,9 @@ import math
 from itertools import pairwise
 from typing import Any
 
-from synth.author.views.parameters import describe
-from synth.author.views.place import Place, find
-from synth.compile import make_string, obstacle_of
-from synth.physics.obstacle import Obstacle, fretted
+from synth.author.views.parameters import ranges
+from synth.author.views.place import Place, find, open_string, speaking
+from synth.physics.obstacle import Obstacle
 from synth.physics.string import String
 from synth.preset import BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
 from synth.tune import single_strings
@@ -59,23 +58,19 @@ Drag = dict[str, Any]
 def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     """The drawing of one note; see the module's docstring. Raises PresetError where no string plays it or none can."""
     place = find(preset, note)
-    opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
+    opened, obstacle = open_string(place)
     length = opened.length_m
-    obstacle = obstacle_of(place.preset, place.opened, length)
     drags = _Drags(place, length)
-    reason = ""
     neck = isinstance(preset.obstacle, FretsObstacle)
-    fret_height = obstacle.heights_m[place.fret - 1] if place.fret else 0.0
-    fret_x = obstacle.positions_m[place.fret - 1] if place.fret else 0.0
-    string = opened
+    stopped = 0 < place.fret <= len(obstacle)
+    fret_x, fret_height = (
+        (obstacle.positions_m[place.fret - 1], obstacle.heights_m[place.fret - 1]) if stopped else (0.0, 0.0)
+    )
+    reason = ""
     try:
-        obstacle.check(length)
-        if neck:
-            fretted(obstacle, place.fret, length)
-        if place.fret:
-            string = opened.with_length(length - fret_x).tuned(place.model_hz(place.fret))
+        string = speaking(place).string
     except ValueError as error:
-        reason = str(error)
+        string, reason = opened.with_length(length - fret_x), str(error)
     rest = _rest(fret_x, fret_height, length, obstacle, place)
     points = _points(obstacle, place, rest, fret_x, drags)
     pluck = _pluck(place, opened, string, velocity, fret_height, drags)
@@ -130,18 +125,17 @@ class _Drags:
     def __init__(self, place: Place, length_m: float) -> None:
         self.place = place
         self.length_m = length_m
-        self._controls = {entry["path"]: entry for entry in describe(place.preset)}
+        self._ranges = ranges(place.preset)
 
     def along(self, path: str, offset: float, factor: float, value: Any, edits: list[dict[str, Any]] | None = None) -> Drag:
         """D of a setting whose present value is `value`; one entry of a list is `path`.N."""
-        control = self._controls.get(path) or self._controls[path.rpartition(".")[0]]
-        entry = control["path"] != path
+        minimum, maximum = self._ranges.get(path, (None, None))
         return {
             "path": path,
             "offset": offset,
             "factor": factor,
-            "minimum": None if entry else control["minimum"],
-            "maximum": None if entry else control["maximum"],
+            "minimum": minimum,
+            "maximum": maximum,
             "anchor": self.place.opened if isinstance(value, dict) else None,
             "edits": edits or [],
         }

@@ -16,7 +16,7 @@ from the nut of the open string, from its line at rest; force in N, upwards on t
     points         [{index (in the obstacle from the nut), label, x, height, at (place in `x`)}] what the note can touch
     force          [[N per point] per frame] the largest since the frame before it: a contact shorter than a frame shows
     impulse        [[N s per point] per frame] the sum of the same time
-    finger         [height (mm) to which the finger draws the string, null once it has let go] per frame; `finger_x` its place
+    finger         [height (mm) to which the finger draws the string, null without it] per frame; `finger_x` its place
     output         [the instrument's sound at the frame's time, before any limiter] per frame
     height_mm      [lowest, highest] of all frames
     largest_n      of `force`
@@ -33,17 +33,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.instrument import draw
-from synth.author.views.place import Place, find
+from synth.author.views.place import Speaking, find, speaking
 from synth.author.views.tape import RATE_HZ, Taped
-from synth.compile import Position, make_string, obstacle_of
+from synth.compile import Position
 from synth.physics.modes import mode_shapes
-from synth.physics.obstacle import fretted
 from synth.physics.tail import lumped_tail
-from synth.preset import FretsObstacle, Preset
+from synth.preset import Preset
 from synth.solver.lanes import BLOCK
 
 LONGEST_S = 10.0
-MOST_FRAMES = 400
+MOST_FRAMES = 300
 #: places along the speaking string; near a bridge, from its saddle, in shares of the bridge's distance
 EVEN = 96
 NEAR_A_BRIDGE = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.2, 1.5, 2.0, 2.7, 3.6)
@@ -67,17 +66,17 @@ def film(
     first = round(start_s / (BLOCK * step_s)) * BLOCK
     wanted = first + stride * np.arange(frames)
     shots = _shots(engine, velocity, wanted, stride)
-    x = _places(place, position)
-    shapes = _shapes(place, position, x)
+    scene = speaking(place)
+    x = _places(scene)
+    shapes = _shapes(scene, position, x)
     heights = shots.q @ shapes.T
     nut = drawing["open_length_m"] - position.length_m
     rest = position.rest_height_m * (1.0 - x / position.length_m)
-    contacts = _contact_places(place)
     output = _sound_at(shots.out, wanted * step_s, engine.latency_samples)
     in_play = [point for point in drawing["points"] if point["in_play"]]
     points = [
         {**{name: point[name] for name in ("index", "label", "x", "height")}, "at": int(np.argmin(np.abs(x - contact)))}
-        for point, contact in zip(in_play, contacts, strict=True)
+        for point, contact in zip(in_play, scene.reached.positions_m, strict=True)
     ]
     all_mm = 1e3 * (heights + rest)
     return {
@@ -147,19 +146,10 @@ def _add_forces(shots: _Shots, force: np.ndarray, first: int, wanted: np.ndarray
     np.add.at(shots.impulse, (frame[keep], points[keep]), values * step_s)
 
 
-def _contact_places(place: Place) -> np.ndarray:
-    """(C,) of the points that the note can touch, from the speaking string's nut end [m]."""
-    opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
-    obstacle = obstacle_of(place.preset, place.opened, opened.length_m)
-    if isinstance(place.preset.obstacle, FretsObstacle):
-        obstacle = fretted(obstacle, place.fret, opened.length_m)[1]
-    return np.asarray(obstacle.positions_m, dtype=float)
-
-
-def _places(place: Place, position: Position) -> np.ndarray:
+def _places(scene: Speaking) -> np.ndarray:
     """(M,) from the nut end of the speaking string [m], rising."""
-    length = position.length_m
-    contacts = _contact_places(place)
+    length = scene.string.length_m
+    contacts = np.asarray(scene.reached.positions_m, dtype=float)
     places = [np.linspace(0.0, length, EVEN + 1), contacts]
     if contacts.size == 1:
         distance = min(contacts[0], length - contacts[0])
@@ -169,16 +159,12 @@ def _places(place: Place, position: Position) -> np.ndarray:
     return x[(x >= 0.0) & (x <= length)]
 
 
-def _shapes(place: Place, position: Position, x: np.ndarray) -> np.ndarray:
+def _shapes(scene: Speaking, position: Position, x: np.ndarray) -> np.ndarray:
     """(M, N) what each mode of the position, the lumped ones too, is at places x."""
-    contacts = _contact_places(place)
     own = position.own
     if position.omega.size == own:
         return mode_shapes(position.length_m, x, own)
-    opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
-    string = opened.with_length(position.length_m)
-    string = string.tuned(place.model_hz(place.fret)) if place.fret else opened
-    tail = lumped_tail(string, contacts, own, position.plan.rate_hz)
+    tail = lumped_tail(scene.string, scene.reached.positions_m, own, position.plan.rate_hz)
     shapes = mode_shapes(position.length_m, x, tail.modes)
     return np.hstack([shapes[:, :own], tail.weights(shapes)])
 

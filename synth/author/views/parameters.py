@@ -25,7 +25,7 @@ describe(preset) -> list of dicts, in the order of the file, one for every setti
     suggested  for what is absent: the value that sounds like what stands in its place; None where there is none
     instead_of paths of settings that exclude this one: an edit that sets it sets them to null as well
     together_with  paths that must be set, or absent, along with this one
-    choices   [{value, label, edit}] of a choice, edit: {path, value} that chooses it; else None
+    choices   [{value, label, edits}] of a choice, edits: the changes [{path, value}] that choose it, in one edit; else None
     new       of a list of tables: a valid item to append; else None
     live      heard at the next pluck without compiling anything (`engine.parameters`)
 
@@ -88,14 +88,22 @@ Numbers = float | dict[int, float]
 
 def describe(preset: Preset) -> list[dict[str, Any]]:
     """The controls of a preset; see the module's docstring."""
-    out = list(_of_table(preset, Preset, "", preset))
-    paths = {entry["path"] for entry in out}
-    for entry in out:
-        entry["instead_of"] = [path for path in entry["instead_of"] if path in paths]
+    out = []
+    for entry, table in _of_table(preset, Preset, "", preset):
+        name = entry["path"].rpartition(".")[2]
+        if getattr(table, name) in (None, ()) and (entry["optional"] or entry["instead_of"]):
+            entry["suggested"] = _suggestion(preset, table, name)
+        out.append(entry)
     return out
 
 
-def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> Iterator[dict[str, Any]]:
+def ranges(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
+    """(minimum, maximum) of every setting, by its path."""
+    return {entry["path"]: (entry["minimum"], entry["maximum"]) for entry, _ in _of_table(preset, Preset, "", preset)}
+
+
+def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> Iterator[tuple[dict[str, Any], Table]]:
+    """Every control of a table and of those within it, with the table that it stands in."""
     for name, field in kind.model_fields.items():
         if not prefix and name in NOT_SETTINGS:
             continue
@@ -105,7 +113,7 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
         if isinstance(value, Table) and get_origin(inner) is not tuple:
             yield from _of_table(preset, type(value), path, value)
             continue
-        yield _control(preset, kind, table, name, path, inner, metadata)
+        yield _control(preset, kind, table, name, path, inner, metadata), table
         if isinstance(value, tuple) and value and isinstance(value[0], Table):
             for index, item in enumerate(value):
                 yield from _of_table(preset, type(item), f"{path}.{index}", item)
@@ -165,7 +173,7 @@ def _control(
         labels = CHOICES[kind, name]
         entry.update(kind="choice")
         entry["choices"] = [
-            {"value": value, "label": labels[value], "edit": {"path": path, "value": value}} for value in get_args(inner)
+            {"value": value, "label": labels[value], "edits": [{"path": path, "value": value}]} for value in get_args(inner)
         ]
     elif inner is bool:
         entry.update(kind="flag")
@@ -179,8 +187,6 @@ def _control(
         entry.update(kind="list", **_list_item(get_args(inner)[0], table, name))
     else:
         entry.update(kind="anchored")
-    if getattr(table, name) in (None, ()) and (entry["optional"] or entry["instead_of"]):
-        entry["suggested"] = _suggestion(preset, table, name)
     return entry
 
 
@@ -243,7 +249,7 @@ def _partners(pairs: tuple[tuple[str, str], ...], name: str) -> list[str]:
 
 
 def _obstacles(preset: Preset) -> list[dict[str, Any]]:
-    """The kinds of obstacle, each with an edit that changes over; the present one keeps its numbers."""
+    """The kinds of obstacle, each with the edits that change over; the present one keeps its numbers."""
     longest = max(at_note(table.length_m, note) for table in preset.string for note in table.notes)
     out = []
     for kind in KINDS:
@@ -252,7 +258,10 @@ def _obstacles(preset: Preset) -> list[dict[str, Any]]:
             value["positions_mm"], value["heights_mm"] = [round(500.0 * longest, 1)], [-1.0]
         if kind == preset.obstacle.kind:
             value = _plain(preset.obstacle.model_dump(exclude_unset=True))
-        out.append({"value": kind, "label": OBSTACLES[kind], "edit": {"path": "obstacle", "value": value}})
+        edits: list[dict[str, Any]] = [{"path": "obstacle", "value": value}]
+        if kind != "bridge" and preset.mapping.pressure_um != 0.0:  # there would be no bridge to move
+            edits.append({"path": "mapping.pressure_um", "value": None})
+        out.append({"value": kind, "label": OBSTACLES[kind], "edits": edits})
     return out
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.compile import note_frequency, string_notes
+from synth.compile import make_string, note_frequency, obstacle_of, string_notes
+from synth.physics.obstacle import Obstacle, fretted
+from synth.physics.string import String
 from synth.preset import FretsObstacle, Preset, PresetError, StringTable, contact_cents, playable_range
 from synth.tune import single_strings
 from synth.units import midi_to_note
@@ -41,6 +43,38 @@ class Place:
         """The first mode that the string is tuned to at a fret [Hz]: the pitch less the contact's calibrated shift."""
         note = self.opened + fret
         return note_frequency(self.preset, self.table, note, None) * 2.0 ** (-contact_cents(self.preset, note) / 1200.0)
+
+
+@dataclass(frozen=True)
+class Speaking:
+    """The strings of a place. `below`: what lies under the open one, `reached` under the speaking one, each from its own
+    nut end and line at rest; `fret_x_m`, `fret_height_m`: where the fret is, under the open one."""
+
+    opened: String
+    string: String
+    below: Obstacle
+    reached: Obstacle
+    fret_x_m: float
+    fret_height_m: float
+
+
+def open_string(place: Place) -> tuple[String, Obstacle]:
+    """The open string of a place and what lies below it. Raises ValueError for a string that cannot be tuned."""
+    opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
+    return opened, obstacle_of(place.preset, place.opened, opened.length_m)
+
+
+def speaking(place: Place) -> Speaking:
+    """The speaking string of a place, as the engine's model of it. Raises ValueError where it cannot sound."""
+    opened, below = open_string(place)
+    below.check(opened.length_m)
+    if not isinstance(place.preset.obstacle, FretsObstacle):
+        return Speaking(opened, opened, below, below, 0.0, 0.0)
+    length, reached = fretted(below, place.fret, opened.length_m)
+    if not place.fret:
+        return Speaking(opened, opened, below, reached, 0.0, 0.0)
+    string = opened.with_length(length).tuned(place.model_hz(place.fret))
+    return Speaking(opened, string, below, reached, below.positions_m[place.fret - 1], below.heights_m[place.fret - 1])
 
 
 def find(preset: Preset, note: int) -> Place:

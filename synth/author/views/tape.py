@@ -1,8 +1,8 @@
 """An engine that keeps a tape of its one string: the modes every few steps and the force at every point in every step.
 
-The engine calls its strings' steps by address (`engine.advance.entries`). Here stands another function at that address, which
-has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels cut
-them, so what sounds is what sounds without a tape (rests of less than a block, as where a finger lets go, go step by step).
+The engine calls its strings' steps by address (`engine.advance.entries`). Here stands another function at that address,
+which has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
+cut them, so what sounds is what sounds without a tape (rests of less than a block, where a finger lets go, go step by step).
 Strings do not fly and modes do not rest here, as at the quality `fine`: on the tape there is one string at one rate.
 """
 
@@ -111,7 +111,9 @@ class Taped(Engine):
     """An engine with the one string of a place, which it plays at the page's rate."""
 
     def __init__(self, place: Place, quality: str = "standard") -> None:
-        super().__init__([place.preset], quality=quality, limiter=False, economy=False)
+        super().__init__(
+            [place.preset], quality=quality, limiter=False, economy=False, only_notes=[{place.note}], every_fret=False
+        )
         self.place = place
         self.prepare(RATE_HZ, PIECE)
 
