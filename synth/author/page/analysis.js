@@ -16,7 +16,7 @@ const DIFFERENCE_DB = 30;
 
 export function mount(element, { store, api }) {
   let seconds_ = 3;
-  let log = false;
+  let log = true;
   let compare = false;
   let closer = false;
   let shown = null;
@@ -47,7 +47,7 @@ export function mount(element, { store, api }) {
   // ---- figures
   const wave = new Figure("Waveform", { height: 110, margins: WIDE });
   const spectrum = new Figure("Spectrogram", { height: 260, margins: WIDE });
-  const logBox = h("input", { type: "checkbox", onchange: () => ((log = logBox.checked), draw()) });
+  const logBox = h("input", { type: "checkbox", checked: true, onchange: () => ((log = logBox.checked), draw()) });
   spectrum.tools.append(h("label", { class: "check" }, logBox, "log"));
   const cents = new Figure("Partials: measured against the model", { height: 180 });
   const decay = new Figure("Decay: measured against the model", { height: 180 });
@@ -117,21 +117,20 @@ export function mount(element, { store, api }) {
     );
     cents.show(deviations(partials, other?.partials), `Deviation of ${partials.length} partials from the model, in cents`);
     decay.show(decays(partials, other?.partials), `Decay times of ${partials.length} partials, measured and of the model`);
-    const { labels, list } = shown.contacts;
-    contacts.element.hidden = labels.length === 0;
-    contacts.setHeight(Math.max(90, 46 + Math.min(20, labels.length) * (labels.length > 8 ? 9 : 18)));
-    const end = closer ? Math.min(CLOSER_S, seconds_) : seconds_;
+    const { points } = shown.timeline;
+    contacts.setHeight(Math.max(74, 40 + Math.min(20, points.length) * (points.length > 8 ? 10 : 18)));
     contacts.show(
-      list.length ? contactTimeline(list, labels, end) : (pen, box) => empty(pen, box, "The string touches nothing"),
-      list.length ? `${list.length} contacts; hardest ${number(Math.max(...list.map((c) => c.peak_n)), 3)} N` : "No contacts",
+      points.length
+        ? contactTimeline(points, closer ? touches(shown) : bins(shown.timeline), closer ? Math.min(CLOSER_S, seconds_) : seconds_)
+        : (pen, box) => empty(pen, box, "The string touches nothing"),
+      points.map((p) => `${p.label}: ${p.contacts} contacts, up to ${number(p.peak_n, 3)} N`).join("; ") || "No contacts",
     );
     table.replaceChildren(partialsTable(partials));
   }
 
   function describeFormant(formant) {
-    const known = (formant?.hz ?? []).map((hz, i) => [formant.t_s[i], hz]).filter(([, hz]) => hz !== null);
-    if (known.length < 2) return "Spectrogram";
-    return `Spectrogram; the buzz's formant goes from ${hertz(known[0][1])} to ${hertz(known.at(-1)[1])}`;
+    if (!formant || formant.length < 2) return "Spectrogram";
+    return `Spectrogram; the buzz's formant goes from ${hertz(formant[0].hz)} to ${hertz(formant.at(-1).hz)}`;
   }
 
   function partialsTable(partials) {
@@ -173,14 +172,27 @@ export function mount(element, { store, api }) {
   store.on(["theme"], () => recolour());
 }
 
+/** Stretches of time in which points were touched, with the largest force of each. */
+function bins({ bin_s, points, peak_n }) {
+  return points.flatMap((_, row) =>
+    peak_n[row].flatMap((peak, i) => (peak > 0 ? [{ row, start_s: i * bin_s, end_s: (i + 1) * bin_s, peak_n: peak }] : [])),
+  );
+}
+
+/** Every single contact, in the rows of the timeline. */
+function touches({ contacts, timeline }) {
+  const rows = new Map(timeline.points.map(({ point }, row) => [point, row]));
+  return contacts.map((contact) => ({ ...contact, row: rows.get(contact.point) }));
+}
+
 /** Two spectrograms' difference, in bytes about 0 dB in the middle. */
 function apart(one, two) {
-  const scale = (one.high_db - one.low_db) / 255;
+  const scale = (one.top_db - one.floor_db) / 255;
   const rows = one.rows.map((row, i) =>
     row.map((value, j) => {
       const db = (value - (two.rows[i]?.[j] ?? 0)) * scale;
       return Math.round(127.5 + (127.5 * Math.max(-DIFFERENCE_DB, Math.min(DIFFERENCE_DB, db))) / DIFFERENCE_DB);
     }),
   );
-  return { ...one, rows, low_db: -DIFFERENCE_DB, high_db: DIFFERENCE_DB };
+  return { ...one, rows, floor_db: -DIFFERENCE_DB, top_db: DIFFERENCE_DB };
 }
