@@ -190,8 +190,8 @@ class App:
     @asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
         tasks = [
-            asyncio.create_task(self._every(AUTOSAVE_S, self.desk.autosave)),
-            asyncio.create_task(self._every(LOOK_S, self.desk.look_at_disk)),
+            asyncio.create_task(self._autosave()),
+            asyncio.create_task(self._look_at_disk()),
             asyncio.create_task(self._warm_up()),
         ]
         try:
@@ -203,10 +203,15 @@ class App:
             self.viewer.close()
             self.desk.autosave()
 
-    async def _every(self, seconds: float, work: Callable[[], None]) -> None:
+    async def _autosave(self) -> None:
         while True:
-            await asyncio.sleep(seconds)
-            work()
+            await asyncio.sleep(AUTOSAVE_S)
+            await asyncio.to_thread(self.desk.autosave)  # a disk may take its time
+
+    async def _look_at_disk(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_S)
+            self.desk.look_at_disk()
 
     async def _warm_up(self) -> None:
         """Load (the first time compile) the kernels before anybody waits for them."""
