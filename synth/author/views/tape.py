@@ -111,7 +111,9 @@ class Taped(Engine):
     """An engine with the one string of a place, which it plays at the page's rate."""
 
     def __init__(self, place: Place, quality: str = "standard") -> None:
-        super().__init__([place.preset], quality=quality, limiter=False, economy=False, only_notes=[{place.note}])
+        super().__init__(
+            [place.preset], quality=quality, limiter=False, economy=False, only_notes=[{place.note}], every_fret=False
+        )
         self.place = place
         self.prepare(RATE_HZ, PIECE)
 
