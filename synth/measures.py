@@ -388,7 +388,7 @@ def decay_times_s(
     return out
 
 
-def _fitted_decay_s(t: NDArray[np.float64], magnitude: NDArray[np.floating], fit_db: tuple[float, float]) -> float:
+def _fitted_decay_s(t: NDArray[np.floating], magnitude: NDArray[np.floating], fit_db: tuple[float, float]) -> float:
     """T60 from magnitudes (n,) at times t (n,); see :func:`decay_time_s`."""
     if magnitude.size == 0 or not magnitude.max() > 0:
         raise ValueError("x must sound to have a decay time, got silence or less than 50 ms")

@@ -10,7 +10,7 @@ touches the string, in the sound too (its delay through the engine is taken off)
     pitch_cents   the sounding fundamental above the note's pitch, from 0.2 s after the release on (as `tune` measures);
                   null where the note is too short to have one
     partials      [{number, model_hz, measured_hz, cents, model_t60_s, measured_t60_s, level_db}]
-                  model: the stiff string tuned for this note, its end's resonances, raised by the contact's calibrated shift;
+                  model: the stiff string tuned for the note, its end's resonances, raised by the contact's calibrated shift;
                   measured in the first second after the release, null where there is no peak within 60 dB of the strongest;
                   cents: measured above model; T60 over all that was asked for; level as amplitude re full scale, averaged
     contacts      [{point (index in the obstacle from the nut), label, start_s, end_s, peak_n, impulse_ns}] in order of time,
