@@ -68,9 +68,11 @@ class Position:
 
 @dataclass(frozen=True)
 class CompiledString:
-    """One physical string and its positions, lowest note first."""
+    """One physical string and its positions, lowest note first: all of its `places`, or those that were asked for."""
 
     name: str
+    open_note: int
+    places: int
     open_length_m: float
     factor: int
     positions: tuple[Position, ...]
@@ -297,8 +299,10 @@ def compile_string(
     scheme: str = "exact-hold",
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
+    only_notes: set[int] | None = None,
 ) -> CompiledString:
-    """One physical string of a preset with all its positions. Raises PresetError naming the string."""
+    """One physical string of a preset with all its positions, or those of `only_notes`. Raises PresetError naming the
+    string."""
     label = table.name or midi_to_note(note)
     try:
         gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
@@ -310,9 +314,10 @@ def compile_string(
         neck = isinstance(preset.obstacle, FretsObstacle)
         count = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
         positions = []
-        for fret in range(count + 1):
-            if note + fret > 127:
-                break
+        places = min(count, 127 - note) + 1
+        for fret in range(places):
+            if only_notes is not None and note + fret not in only_notes:
+                continue
             string, obstacle, height = opened, whole, 0.0
             if neck:
                 speaking, obstacle = fretted(whole, fret, length)
@@ -347,6 +352,8 @@ def compile_string(
     force = 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
     return CompiledString(
         label,
+        note,
+        places,
         length,
         positions[0].plan.factor,
         tuple(positions),
@@ -368,8 +375,10 @@ def compile_preset(
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
     only_notes: set[int] | None = None,
+    every_fret: bool = True,
 ) -> CompiledPart:
-    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted."""
+    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted, and, unless `every_fret`,
+    positions too."""
     strings = []
     neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
     for table in preset.string:
@@ -386,6 +395,7 @@ def compile_preset(
                     scheme=scheme,
                     internal_rate_hz=internal_rate_hz,
                     note_hz=note_hz,
+                    only_notes=None if every_fret else only_notes,
                 )
             )
     return CompiledPart(preset, tuple(strings))

@@ -31,7 +31,7 @@ BRIDGE = '[obstacle]\nkind = "bridge"\ndistance_mm = 6\njiva_um = {jiva}\n'
 
 def make(tables: str = "", notes: str = "G2", more: str = "", top: str = "") -> Preset:
     return parse_preset(
-        f'format = 1\nname = "x"\n{top}\n{STRING.format(name="S", notes=notes, more=more)}{PLUCK}{tables}', "x"
+        f'format = 2\nname = "x"\n{top}\n{STRING.format(name="S", notes=notes, more=more)}{PLUCK}{tables}', "x"
     )
 
 

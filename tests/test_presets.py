@@ -257,7 +257,7 @@ def test_wrong_settings_name_the_key(key: str, value: str, message: str) -> None
 
 
 GOOD = """
-format = 1
+format = 2
 name = "mine"
 [[string]]
 notes = "C3"
@@ -282,8 +282,11 @@ def test_the_shortest_preset() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("format = 1\n", "", r"format: missing"),
-        ("format = 1", "format = 2", r"format: must be 1, got 2"),
+        ("format = 2\n", "", r"format: missing"),
+        ("format = 2", "format = 3", r"format: 3 is newer than what this program reads, which is 1 to 2"),
+        ("format = 2", "format = 0", r"format: must be a whole number from 1 to 2, got 0"),
+        ("format = 2", "format = true", r"format: must be a whole number from 1 to 2, got True"),
+        ("format = 2", 'format = "2"', r"format: must be a whole number from 1 to 2, got '2'"),
         ('"mine"', '"My Preset"', r"name: must be lower-case"),
         ('name = "mine"\n', "", r"name: missing"),
         ('"C3"', '"H3"', r"string\.0\.notes: must be one note"),
