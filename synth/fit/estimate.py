@@ -19,14 +19,16 @@ from synth.fit.pluck import Pluck, fit_pluck
 from synth.fit.recording import FitRefused, Note, cut_note
 from synth.units import cents
 
-#: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: written as measured
-LAW_CENTS, LAW_T60 = 3.0, 0.25
+#: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: as measured
+LAW_CENTS, LAW_T60 = 1.5, 0.1
 #: how many partials the fit answers for
 JUDGED = 10
 # More partials than that beside the law in frequency, and it is no string.
 _MOST_SPREAD_CENTS = 20.0
 # Less of the note than that explained by the partials, and it is not one string.
 _LEAST_EXPLAINED = 0.5
+# Decay rates further (rms) beside the loss law are worth a word.
+_LOSS_SPREAD = 0.25
 # Decay times of a plucked string [s].
 _LONGEST_T60_S = 120.0
 
@@ -139,7 +141,7 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
         hz, t60 = float(law_hz[n - 1]), float(law_t60[n - 1])
         offset = None if p is None else cents(hz, p.hz)
         own_hz = p is not None and offset is not None and abs(offset) > LAW_CENTS
-        own_t60 = p is not None and p.steady and not 1.0 - LAW_T60 < t60 / p.t60_s < 1.0 + LAW_T60
+        own_t60 = p is not None and p.steady and abs(t60 / p.t60_s - 1.0) > max(LAW_T60, 2.0 * p.decay_error / p.decay)
         result.append(
             Partial(
                 n,
@@ -199,6 +201,12 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
             f"the partials of {f0_hz:.4g} Hz are not those of a string: they lie {stretch.spread_cents:.0f} cents (rms) "
             f"beside f0·n·√(1 + Bn²), {len(low)} of the first {JUDGED} stand out; record one plucked string"
         )
+    far = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > _MOST_SPREAD_CENTS]
+    if len(far) > 2:
+        raise FitRefused(
+            f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
+            "these are not one string's; record one plucked string, the others damped"
+        )
     lasting = [p for p in strong if p.decay <= math.log(1000.0) / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
@@ -214,16 +222,24 @@ def _warnings(
         words.append(f"{_listed(missing)} too weak to be measured: their decay is the loss law's")
     unsteady = [p.number for p in low if not p.steady]
     if unsteady:
-        words.append(f"{_listed(unsteady)} without a single decay (beating, or in stages): theirs is the loss law's")
+        words.append(f"{_listed(unsteady)} without one decay time: theirs is the loss law's")
+    beating = [p.number for p in low if p.steady and not p.single]
+    if beating:
+        words.append(f"{_listed(beating)} not a single exponential (beating, or a decay in stages): the average is taken")
     beside = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > LAW_CENTS]
     if beside:
         words.append(f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them")
-    if losses.spread > LAW_T60:
+    if losses.spread > _LOSS_SPREAD:
         words.append(f"decay rates lie {100.0 * losses.spread:.0f} % (rms) beside the loss law: the body takes its share")
     if stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
         words.append(f"inharmonicity is hardly above its error of {stretch.inharmonicity_error:.1g}")
     if pluck is None or not pluck.determined:
         words.append("the levels of the partials do not tell where it was plucked")
+    elif pluck.spread_db > 3.0:
+        words.append(
+            f"levels lie {pluck.spread_db:.0f} dB (rms) beside those of a pluck: with an electric pickup the place found "
+            "may be the pickup's"
+        )
     if explained < 0.8:
         words.append(f"the partials explain {100.0 * explained:.0f} % of the sound just after the onset")
     return words
