@@ -4,7 +4,7 @@
 import { h, number, s } from "./format.js";
 import { latest } from "./latest.js";
 
-const FRAMES = 400;
+const FRAMES = 300;
 /** How many periods of the note a film shows. */
 const PERIODS = 4;
 const SPEEDS = [50, 100, 200, 500, 1000, 2000];
@@ -110,7 +110,7 @@ export function mount(element, { store, panels, redraw }) {
   function tick(now) {
     if (!playing) return;
     if (film !== null) {
-      const passed = Math.min(0.1, (now - clock) / 1000);
+      const passed = Math.min(0.1, Math.max(0, now - clock) / 1000);
       at += passed / Number(speed.value) / film.dt_s;
       const last = film.frames.length - 1;
       if (at > last) at %= last;
