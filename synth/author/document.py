@@ -19,9 +19,9 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
+from synth.author.views.place import playable
 from synth.author.workspace import read_text, write_text
-from synth.compile import string_notes
-from synth.preset import FORMAT, FretsObstacle, Preset, PresetError, format_of, migrate
+from synth.preset import FORMAT, Preset, PresetError, format_of, migrate
 
 STEPS = 500
 
@@ -60,13 +60,6 @@ def current(text: str, origin: str) -> tuple[str, list[str]]:
     return tomlkit.dumps(document), [
         f"read as format {version} and brought to format {FORMAT}, which is what saving writes: {'; '.join(words)}"
     ]
-
-
-def playable_notes(preset: Preset) -> list[int]:
-    """MIDI notes that some string of the preset plays."""
-    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
-    notes = {note + fret for table in preset.string for note in string_notes(table) for fret in range(frets + 1)}
-    return sorted(note for note in notes if note <= 127)
 
 
 def paths_written(data: Any, prefix: str = "") -> list[str]:
@@ -142,7 +135,7 @@ class Document:
             "recovered": self._offer(),
             "disk": self.disk,
             "notices": self.notices,
-            "notes": playable_notes(preset),
+            "notes": playable(preset),
             "kind": preset.obstacle.kind,
         }
 

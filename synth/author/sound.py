@@ -17,16 +17,18 @@ from typing import Any
 
 import numpy as np
 
-from synth.author.document import Document, fingerprint, playable_notes
+from synth.author.document import Document, fingerprint
 from synth.author.phrases import Phrase, phrase
+from synth.author.views.place import playable
 from synth.author.voice import BLOCK, Voice, prepared_engine
 from synth.engine.engine import Engine
 from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from synth.preset import Preset
 
 LOG = logging.getLogger(__name__)
-#: how far ahead of real time, and how much may wait to be sent [s]
-AHEAD_S, BACKLOG_S = 0.08, 1.0
+#: how far ahead of real time, how much may wait to be sent, and how much may have been sent unheard, by a page that says
+#: how far it is and is held up; how long to wait then [s]
+AHEAD_S, BACKLOG_S, UNHEARD_S, PATIENCE_S = 0.08, 1.0, 5.0, 0.02
 #: most states of the preset that sound at once; the oldest beyond them fades within a block
 MOST_VOICES = 4
 #: engines that are kept for when they are asked for again
@@ -75,6 +77,7 @@ class Player:
         self._bend = 0
         self._whole: threading.Thread | None = None
         self._stream = self._frame = self._told_at = 0
+        self._heard: int | None = None
         self._running = False
         self._began = self._busy_s = 0.0
         self._thread = threading.Thread(target=self._run, name="author-player", daemon=True)
@@ -108,6 +111,8 @@ class Player:
             self._do(lambda: self._audition(preset, text, wanted))
         elif kind == "stop":
             self.stop()
+        elif kind == "heard":
+            self._heard = number(message, "frame", 0, 1 << 32)
         else:
             raise ValueError(f"type: there is no message {kind!r}")
 
@@ -130,7 +135,10 @@ class Player:
             try:
                 command = self._commands.get(timeout=self._pause())
             except queue.Empty:
-                self._sound()
+                if self._held_up():  # the time that passes does not count
+                    self._began = time.monotonic() - self._frame / self._rate_hz + AHEAD_S
+                elif self._running:
+                    self._sound()
                 continue
             if command is None:
                 return
@@ -143,9 +151,15 @@ class Player:
         """How long there is nothing to do but to listen [s]; None: for ever."""
         if not self._running:
             return None
-        if self._backlog() * BLOCK > BACKLOG_S * self._rate_hz:
-            return 0.02
+        if self._held_up():
+            return PATIENCE_S
         return max(0.0, self._began + self._frame / self._rate_hz - AHEAD_S - time.monotonic())
+
+    def _held_up(self) -> bool:
+        """Whether the connection or the page does not keep up."""
+        waiting = self._backlog() * BLOCK
+        unheard = self._frame - self._heard if self._heard is not None else 0
+        return self._running and (waiting > BACKLOG_S * self._rate_hz or unheard > UNHEARD_S * self._rate_hz)
 
     def _engine(self, preset: Preset, key: Key) -> Engine:
         """An engine that no voice sounds with."""
@@ -171,7 +185,7 @@ class Player:
 
     def _note_on(self, key: int, velocity: int) -> None:
         preset, text = self._document.preset, self._document.text
-        if key not in playable_notes(preset):
+        if key not in playable(preset):
             return
         self._begins()
         voice = self._voice_for(key, preset, fingerprint(text))
@@ -234,6 +248,7 @@ class Player:
         """A new stream, whose first frame is the next."""
         self._stream += 1
         self._frame = self._told_at = 0
+        self._heard = None
         self._busy_s = 0.0
         self._running = True
         self._began = time.monotonic()
@@ -252,8 +267,6 @@ class Player:
 
     def _sound(self) -> None:
         """The next block."""
-        if not self._running:
-            return
         began = time.perf_counter()
         mix = np.zeros((BLOCK, 2))
         for voice in self._voices:
