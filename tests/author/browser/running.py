@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import base64
 import os
 import signal
 import subprocess
@@ -79,6 +79,19 @@ class Page:
     def ready(self) -> None:
         self.until(lambda: self.script("return document.documentElement.dataset.ready === 'yes'"))
 
+    def reload(self) -> None:
+        self.driver.refresh()
+        self.ready()
+
+    def open_nothing(self) -> None:
+        """Leave the page, whatever is unsaved in it."""
+        self.script("window.addEventListener('beforeunload', (event) => event.stopImmediatePropagation(), true)")
+        self.driver.get("about:blank")
+
+    def field(self, path: str) -> WebElement:
+        """Where the number of a control is typed."""
+        return self.find(f'[data-path="{path}"] input[type="text"]')
+
     def script(self, source: str, *arguments: Any) -> Any:
         return self.driver.execute_script(source, *arguments)  # type: ignore[no-untyped-call]
 
@@ -143,17 +156,11 @@ def chromium(width: int = 1280, height: int = 900) -> Iterator[webdriver.Chrome]
 
 def set_value(page: Page, path: str, value: float) -> None:
     """Type a number into the control of a path, as a person does."""
-    field = page.find(f'[data-path="{path}"] input[type="text"]')
+    field = page.field(path)
     page.script("arguments[0].select()", field)
     field.send_keys(f"{value}\n")
 
 
 def floats(text: str) -> np.ndarray:
     """Samples from base64 of float32."""
-    import base64
-
     return np.frombuffer(base64.b64decode(text), "<f4")
-
-
-def as_json(value: Any) -> str:
-    return json.dumps(value)
