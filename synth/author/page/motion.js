@@ -98,7 +98,8 @@ export function mount(element, { store, panels, redraw }) {
     const touched = film.points.map(({ x }, i) => ({ x, newton: film.force[Math.round(at)][i] }));
     const finger = film.finger[first] === null ? null : [film.finger_x, film.finger[first]];
     for (const mark of Object.values(marks)) mark.show(line, touched, film.largest_n, finger);
-    time.textContent = `${number(1000 * (film.start_s + at * film.dt_s - film.release_s), 5)} ms`;
+    const ms = 1000 * (film.start_s + at * film.dt_s - film.release_s);
+    time.textContent = `${ms.toFixed(2).replace("-", "−")} ms`;
     const sum = film.total[Math.round(at)];
     force.textContent = sum > 0 ? `${number(sum, 2)} N` : "free";
     force.classList.toggle("lit", sum > 0);
