@@ -85,7 +85,7 @@ export function makeAnchors(parameter, { store, commit, refuse, labels }, single
   }
 
   return {
-    entry: [...single.entry, split],
+    entry: [split, ...single.entry],
     below: [...single.below, table],
     update(value, invalid) {
       const many = value !== null && typeof value === "object";

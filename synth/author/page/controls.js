@@ -244,4 +244,9 @@ export function mount(element, { store }) {
 
   store.on(["doc", "which"], follow);
   store.on(["errors"], update);
+  // the string that plays the note is the one that is shown
+  store.on(["table"], ({ table, doc }) => {
+    if (doc !== null && parameters.length > 0 && table !== tab) choose(table);
+    else tab = table;
+  });
 }

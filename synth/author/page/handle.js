@@ -65,6 +65,7 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
       handle.spec = spec;
       shape.replaceChildren(...spec.shape);
       element.setAttribute("aria-label", spec.label);
+      element.classList.toggle("past", Boolean(spec.past));
       place();
     }
 

@@ -60,6 +60,7 @@ export function mount(element, { store }) {
       reason.textContent = error.message;
       return;
     }
+    store.setTable(drawing.table);
     draw();
   });
 
@@ -88,14 +89,14 @@ export function mount(element, { store }) {
     reason.hidden = drawing.playable;
     reason.textContent = drawing.playable ? "" : `This note cannot sound: ${drawing.reason}`;
     facts.replaceChildren(
-      ...fact("Pitch", number(drawing.frequency_hz, 5), "Hz"),
-      ...fact("Length", number(1000 * drawing.length_m, 4), "mm"),
-      ...fact("Tension", number(drawing.tension_n, 3), "N"),
-      ...fact("B", number(drawing.inharmonicity, 3), ""),
+      fact("Pitch", number(drawing.frequency_hz, 5), "Hz"),
+      fact("Length", number(1000 * drawing.length_m, 4), "mm"),
+      fact("Tension", number(drawing.tension_n, 3), "N"),
+      fact("B", number(drawing.inharmonicity, 3), ""),
     );
   }
 
-  const fact = (name, value, unit) => [h("dt", {}, name), h("dd", {}, value, h("span", { class: "unit" }, unit && ` ${unit}`))];
+  const fact = (name, value, unit) => h("div", {}, h("dt", {}, name), h("dd", {}, value, h("span", { class: "unit" }, unit && ` ${unit}`)));
 
   const step = (by) => {
     const { notes } = store.state.doc;

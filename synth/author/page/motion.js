@@ -4,7 +4,7 @@
 import { h, number, s } from "./format.js";
 import { latest } from "./latest.js";
 
-const FRAMES = 400;
+const FRAMES = 300;
 /** How many periods of the note a film shows. */
 const PERIODS = 4;
 const SPEEDS = [50, 100, 200, 500, 1000, 2000];
@@ -98,7 +98,8 @@ export function mount(element, { store, panels, redraw }) {
     const touched = film.points.map(({ x }, i) => ({ x, newton: film.force[Math.round(at)][i] }));
     const finger = film.finger[first] === null ? null : [film.finger_x, film.finger[first]];
     for (const mark of Object.values(marks)) mark.show(line, touched, film.largest_n, finger);
-    time.textContent = `${number(1000 * (film.start_s + at * film.dt_s - film.release_s), 5)} ms`;
+    const ms = 1000 * (film.start_s + at * film.dt_s - film.release_s);
+    time.textContent = `${ms.toFixed(2).replace("-", "−")} ms`;
     const sum = film.total[Math.round(at)];
     force.textContent = sum > 0 ? `${number(sum, 2)} N` : "free";
     force.classList.toggle("lit", sum > 0);
@@ -110,7 +111,7 @@ export function mount(element, { store, panels, redraw }) {
   function tick(now) {
     if (!playing) return;
     if (film !== null) {
-      const passed = Math.min(0.1, (now - clock) / 1000);
+      const passed = Math.min(0.1, Math.max(0, now - clock) / 1000);
       at += passed / Number(speed.value) / film.dt_s;
       const last = film.frames.length - 1;
       if (at > last) at %= last;

@@ -67,8 +67,7 @@ function bridge(panel, { points, thread, open_length_m: length }) {
   const d =
     `M${X(edge.x - 1.4 * far)} ${bottom}` +
     `C${X(edge.x - 1.1 * far)} ${Y(fall(0.12))} ${X(edge.x - 0.5 * far)} ${Y(edge.height)} ${X(edge.x)} ${Y(edge.height)}` +
-    `C${X(edge.x + 0.4 * far)} ${Y(edge.height)} ${X(edge.x + 0.7 * far)} ${Y(fall(0.04))} ${X(length + 0.3 * far)} ${Y(fall(0.1))}` +
-    `L${X(length + 0.9 * far)} ${bottom}z`;
+    `C${X(edge.x + 0.6 * far)} ${Y(edge.height)} ${X(length + 0.3 * far)} ${Y(fall(0.1))} ${X(length + 0.9 * far)} ${bottom}z`;
   const out = [s("path", { class: "wood", d })];
   const radius = Math.max(2.2, Math.min(7, Math.abs(X(length) - X(edge.x)) * 0.16));
   out.push(s("circle", { class: "thread", cx: X(thread.x), cy: Y(thread.height) + radius, r: radius }));
@@ -135,6 +134,7 @@ export function handlesOf(panel, drawing, { close, hasClose }) {
       x: point.x,
       y: point.height,
       label: point.label,
+      past: !point.in_play,
       drag: point.drag,
       shape: [s("circle", { class: neck ? "knob small" : "knob", r: neck ? 3.2 : 5 })],
     });

@@ -8,6 +8,7 @@
 // state.note      MIDI note looked at and played           state.velocity  1..127
 // state.which     "current" | "saved" (A/B)                state.errors    {path: why the last edit was refused}
 // state.connected the WebSocket is up                      state.theme     "auto" | "light" | "dark"
+// state.table     number of the string that plays the note
 //
 // store.data() is the preset of the version that is shown (state.which); store.value(path) one value of it.
 // Actions return promises. They never throw: what the server refuses is shown as a notice, at the field (422) or both,
@@ -17,6 +18,8 @@ import { ApiError } from "./api.js";
 import { valueAt } from "./format.js";
 
 const THEME = "jawari-theme";
+/** The note of a document, kept over reloads of the tab. */
+const NOTE = "jawari-note-";
 
 export function createStore(api) {
   const listeners = new Set();
@@ -26,6 +29,7 @@ export function createStore(api) {
     doc: null,
     note: 60,
     velocity: 90,
+    table: 0,
     which: "current",
     errors: {},
     connected: true,
@@ -88,11 +92,10 @@ export function createStore(api) {
       history.replaceState(null, "", `${location.pathname}#${encodeURIComponent(doc.doc)}`);
       for (const text of doc.notices ?? []) notify(text);
     }
-    if (doc.notes.length > 0 && !doc.notes.includes(state.note)) {
-      const middle = doc.notes[Math.floor(doc.notes.length / 2)];
-      patch.note = same
-        ? doc.notes.reduce((best, note) => (Math.abs(note - state.note) < Math.abs(best - state.note) ? note : best))
-        : middle;
+    if (!same) patch.note = Number(sessionStorage.getItem(NOTE + doc.doc) ?? doc.data.string.at(-1).notes[0]);
+    const note = patch.note ?? state.note;
+    if (doc.notes.length > 0 && !doc.notes.includes(note)) {
+      patch.note = doc.notes.reduce((best, one) => (Math.abs(one - note) < Math.abs(best - note) ? one : best));
     }
     set(patch);
     return doc;
@@ -196,8 +199,11 @@ export function createStore(api) {
       return state.session;
     },
     setNote: (note) => {
-      if (state.doc === null || state.doc.notes.includes(note)) set({ note });
+      if (state.doc !== null && !state.doc.notes.includes(note)) return;
+      set({ note });
+      if (state.doc !== null) sessionStorage.setItem(NOTE + state.doc.doc, note);
     },
+    setTable: (table) => set({ table }),
     setVelocity: (velocity) => set({ velocity: Math.max(1, Math.min(127, Math.round(velocity))) }),
     setWhich: (which) => set({ which }),
     setTheme: (theme) => {
