@@ -1,5 +1,7 @@
 """What the page plays is, sample for sample, what `synth render` writes."""
 
+import base64
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +23,7 @@ window.heard = {received: [], played: []};
 for (const type of ["received", "played"])
   document.getElementById("player").addEventListener(type, ({detail}) => window.heard[type].push(detail));
 """
+FORGET = "window.heard = {received: [], played: []};"
 FRAMES = """
 const last = window.heard.played.at(-1);
 return last ? window.heard.played.filter((part) => part.stream === last.stream).reduce((n, p) => n + p.samples.length / 2, 0) : 0;
@@ -55,6 +58,14 @@ def page(driver, tmp_path):
         page.open_nothing()
 
 
+def silence(page):
+    """Nothing sounds, so that nothing fades over what comes next, and nothing is remembered."""
+    page.find(".player-phrases .quiet").click()
+    page.until(lambda: "sounding" not in page.script("return document.getElementById('player').className"))
+    page.result("await new Promise((done) => setTimeout(done, 200))")  # a fade takes 6 ms
+    page.script(FORGET)
+
+
 def heard(page, kind, frames):
     """The newest stream's samples (frames, 2), its parts without a gap from frame 0 on."""
     parts = [(first, floats(text).reshape(-1, 2)) for first, text in page.script(PARTS, kind)]
@@ -74,8 +85,8 @@ def rendered(preset, note, velocity, folder, held_s=2.0):
     track.append(mido.Message("note_off", note=note, velocity=64, time=round(1000 * held_s)))
     song.save(folder / "note.mid")
     command = [sys.executable, "-m", "synth", "render", "note.mid", "-p", str(preset), "-o", "note.wav", "--quiet"]
-    command += ["--bit-depth", "float", "--no-limiter", "--quality", "standard", "-r", str(RATE_HZ), "--tail", "1"]
-    subprocess.run(command, cwd=folder, env={**__import__("os").environ, "PYTHONPATH": str(ROOT)}, check=True)
+    command += ["--bit-depth", "float", "--no-limiter", "--quality", "standard", "-r", str(RATE_HZ), "--tail", "12"]
+    subprocess.run(command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True)
     samples, rate = soundfile.read(folder / "note.wav", dtype="float32", always_2d=True)
     assert rate == RATE_HZ
     return samples
@@ -87,10 +98,9 @@ def test_note_is_what_render_writes(page, tmp_path):
     page.script("document.querySelector('[data-key=\"48\"]').scrollIntoView()")
     page.find("[data-key='48']").click()
     page.until(lambda: page.text(".key-note") == "C3")
-    page.script(LISTEN)
+    silence(page)
     page.find("[data-phrase='note']").click()
     page.until(lambda: page.script(FRAMES) >= frames)
-    page.find("[data-phrase='note']")
     received, played = heard(page, "received", frames), heard(page, "played", frames)
     want = rendered(tmp_path / "mine.toml", note, velocity, tmp_path)[:frames]
     assert np.abs(want).max() > 0.01
@@ -121,8 +131,6 @@ def test_wav_of_the_server_is_the_same_sound(page, tmp_path):
         return btoa(text);""",
         name,
     )
-    import base64
-
     (tmp_path / "page.wav").write_bytes(base64.b64decode(values))
     samples, _ = soundfile.read(tmp_path / "page.wav", dtype="float32", always_2d=True)
     want = rendered(tmp_path / "mine.toml", 48, 90, tmp_path)
@@ -136,8 +144,7 @@ def test_keys_of_the_computer_and_the_mouse_sound(page):
     page.find("body").send_keys("a")
     page.until(lambda: page.script(FRAMES) > 0)
     assert page.text(".key-note") == "C2"
-    page.find(".player-phrases .quiet").click()
-    page.script(LISTEN)
+    silence(page)
     page.find("[data-key='43']").click()
     page.until(lambda: page.script(FRAMES) > 0)
     played = heard(page, "played", RATE_HZ)
@@ -149,7 +156,7 @@ def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
     set_value(page, "pluck.position", 0.2)
     page.until(lambda: page.script(FRAMES) >= frames)
     edited = heard(page, "played", frames)
-    page.script(LISTEN)
+    silence(page)
     page.find("#ab [data-which='saved']").click()
     page.until(lambda: page.script(FRAMES) >= frames)
     saved = heard(page, "played", frames)
