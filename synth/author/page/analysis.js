@@ -96,7 +96,7 @@ export function mount(element, { store, api }) {
       status.textContent = "";
       draw();
       element.dispatchEvent(new CustomEvent("drawn", { detail: { revision: doc.revision, note } }));
-      facts(await get("cost", { note, which }));
+      facts(await get("cost", about_));
     } catch (error) {
       if (error.name !== "AbortError") status.textContent = error.message;
     } finally {
@@ -158,14 +158,23 @@ export function mount(element, { store, api }) {
   }
 
   function facts(found) {
+    const { error } = found;
+    const share = number(100 * found.load, 2);
     const items = [
-      ["Real time", `${number(found.real_time_factor, 3)} ×`, "How many times faster than it sounds this note is computed on this machine, one core"],
-      ["Steps", `${number(found.rate_hz / 1000, 4)} kHz`, "Internal rate: how often the string's motion is solved in a second"],
-      ["Modes", String(found.modes), "Modes of vibration that are computed"],
-      ["Contacts", String(found.contacts), "Points that the string can touch"],
+      ["Speed", `${number(found.real_time_factor, 3)} ×`, "real time", "How many times faster than it sounds one string of this is computed on one core of this machine"],
+      ["All strings", `${share} %`, "of a core", `${found.polyphony} strings like this at once, as many as the preset lets sound`],
+      ["Steps", `${number(found.rate_hz / 1000, 4)} kHz`, "", "Internal rate: how often the string's motion is solved in a second"],
+      ["Modes", String(found.modes), "", "Modes of vibration that are computed"],
+      ["Contacts", String(found.contacts), "", "Points that the string can touch"],
+      ["Error e", number(error.e, 2), `over ${number(error.over_s, 2)} s`, "Relative error of the string's displacement against a converged run"],
+      ["Spectrum", error.log_spectral_db === null ? "–" : `${number(error.log_spectral_db, 2)} dB`, "apart", "Log-spectral distance of the sound from that of a converged run"],
     ];
-    cost.replaceChildren(...items.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))));
-    promise.textContent = [found.promise, found.reason].filter(Boolean).join(" – ");
+    cost.replaceChildren(
+      ...items.map(([name, value, more, tip]) =>
+        h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, ` ${more}`) : null)),
+      ),
+    );
+    promise.textContent = `${found.quality} promises: ${[found.promise, found.reason].filter(Boolean).join(" – ")}`;
   }
 
   store.on(["doc", "note", "velocity", "which"], ask);

@@ -320,3 +320,38 @@ export function fitted({ points, line, aside = [], xName, yName, log = false, sa
     };
   };
 }
+
+/** Lines over the same time: {start_s, step_s, lines: [{values, colour (name of the theme's), width, name}]}. */
+export function curves({ start_s, step_s, lines }) {
+  const top = 1.08 * Math.max(1e-9, ...lines.flatMap(({ values }) => values.map(Math.abs)));
+  const length = lines[0].values.length;
+  return (pen, whole) => {
+    const colours = theme();
+    const box = { ...whole, right: whole.right - SCALE };
+    const x = linear(start_s, start_s + length * step_s, box.left, box.right);
+    const y = linear(-top, top, box.bottom, box.top);
+    axes(pen, box, { x, y, xName: "ms", xFormat: (v) => short(1000 * v) });
+    clipped(pen, box, () => {
+      for (const { values, colour, width } of lines) {
+        pen.strokeStyle = colours[colour];
+        pen.lineWidth = width;
+        pen.lineJoin = "round";
+        pen.beginPath();
+        values.forEach((value, i) => pen.lineTo(x.at(start_s + i * step_s), y.at(value)));
+        pen.stroke();
+      }
+    });
+    pen.font = colours.font;
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    lines.forEach(({ colour, name }, i) => {
+      pen.fillStyle = colours[colour];
+      pen.fillText(name, box.right + 6, box.top + 8 + 15 * i);
+    });
+    return (px, py) => {
+      if (!inside(box, px, py)) return null;
+      const i = Math.max(0, Math.min(length - 1, Math.round((x.invert(px) - start_s) / step_s)));
+      return `${seconds(x.invert(px))}: ${lines.map(({ values, name }) => `${name} ${number(values[i], 2)}`).join(", ")}`;
+    };
+  };
+}
