@@ -31,6 +31,8 @@ _LEAST_EXPLAINED = 0.5
 _LOSS_SPREAD = 0.25
 # Decay times of a plucked string [s].
 _LONGEST_T60_S = 120.0
+# The decay of an exponential in noise is taken from the law where its error is greater than that.
+_STEADY_NOISE = 0.25
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,7 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
         hz, t60 = float(law_hz[n - 1]), float(law_t60[n - 1])
         offset = None if p is None else cents(hz, p.hz)
         own_hz = p is not None and offset is not None and abs(offset) > LAW_CENTS
-        own_t60 = p is not None and p.steady and abs(t60 / p.t60_s - 1.0) > max(LAW_T60, 2.0 * p.decay_error / p.decay)
+        own_t60 = p is not None and _beside_law(p, t60)
         result.append(
             Partial(
                 n,
@@ -156,6 +158,15 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
             )
         )
     return tuple(result)
+
+
+def _beside_law(p: Measured, t60_s: float) -> bool:
+    """Whether a partial's decay is told by the recording, and is not the law's."""
+    if p.decay <= 0.0 or p.decay_error > (_STEADY_NOISE if p.single else 1.0) * p.decay:
+        return False
+    # A clean exponential errs as its noise says; what beats is what it is.
+    slack = max(LAW_T60, 2.0 * p.decay_error / p.decay) if p.single else LAW_T60
+    return abs(t60_s / p.t60_s - 1.0) > slack
 
 
 def _model(found: list[Measured], t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
@@ -175,7 +186,7 @@ def _explained(note: Note, found: list[Measured]) -> float:
     begin, count = round(0.05 * note.rate_hz), round(0.25 * note.rate_hz)
     x = note.samples[begin : begin + count]
     # Long pieces at high rates hold no more below 10 kHz: a random but fixed subset of samples would alias, a cut does not.
-    x = x[: 12000]
+    x = x[:12000]
     t = (begin + np.arange(x.size)) / note.rate_hz
     return _model(found, t, x)
 
@@ -212,9 +223,7 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
 
 
-def _warnings(
-    found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float
-) -> list[str]:
+def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float) -> list[str]:
     words = []
     low = [p for p in found if p.number <= JUDGED]
     missing = sorted(set(range(1, JUDGED + 1)) - {p.number for p in low})
@@ -222,13 +231,15 @@ def _warnings(
         words.append(f"{_listed(missing)} too weak to be measured: their decay is the loss law's")
     unsteady = [p.number for p in low if not p.steady]
     if unsteady:
-        words.append(f"{_listed(unsteady)} without one decay time: theirs is the loss law's")
+        words.append(f"{_listed(unsteady)} without one decay time: what is given depends on where it is read")
     beating = [p.number for p in low if p.steady and not p.single]
     if beating:
         words.append(f"{_listed(beating)} not a single exponential (beating, or a decay in stages): the average is taken")
     beside = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > LAW_CENTS]
     if beside:
-        words.append(f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them")
+        words.append(
+            f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them"
+        )
     if losses.spread > _LOSS_SPREAD:
         words.append(f"decay rates lie {100.0 * losses.spread:.0f} % (rms) beside the loss law: the body takes its share")
     if stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:

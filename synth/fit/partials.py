@@ -142,7 +142,8 @@ def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measu
         shift, shift_error = line.shift_hz, line.shift_error_hz
         level, level_error = line.level_db - 20.0 * math.log10(bands.gain(line.decay)), line.roughness_db
         decay, decay_error = line.decay, line.decay_error
-        steady = line.range_db > _LEAST_RANGE_DB
+        decay_error = decay_error if line.range_db > _LEAST_RANGE_DB else math.inf
+        steady = True
     steady = steady and decay > 0.0 and decay_error < _STEADY * decay
     return Measured(
         number, expected_hz + shift, shift_error, level, level_error, decay, decay_error, snr, fit.misfit, single, steady

@@ -54,9 +54,7 @@ def _comb_db(numbers: NDArray[np.int64], positions: NDArray[np.float64]) -> NDAr
     return 10.0 * np.log10(sine**2 + _NODE**2)
 
 
-def fit_pluck(
-    numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors_db: NDArray[np.float64]
-) -> Pluck | None:
+def fit_pluck(numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors_db: NDArray[np.float64]) -> Pluck | None:
     """The place of plucking from levels (n,) with their errors (n,) [dB]; None with too few partials."""
     if numbers.size < LEAST_PARTIALS:
         return None
