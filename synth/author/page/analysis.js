@@ -9,6 +9,7 @@ import { mount as mountReference } from "./reference.js";
 
 const WAIT_MS = 200;
 const LENGTHS = [0.5, 1, 3, 6, 10];
+const RANGES_DB = [50, 70, 90];
 const CLOSER_S = 0.1;
 // one time axis below the other
 const WIDE = { left: 58 };
@@ -17,6 +18,7 @@ const DIFFERENCE_DB = 30;
 export function mount(element, { store, api }) {
   let seconds_ = 3;
   let log = true;
+  let rangeDb = 70;
   let compare = false;
   let closer = false;
   let shown = null;
@@ -40,7 +42,7 @@ export function mount(element, { store, api }) {
     about,
     status,
     h("span", { class: "spacer" }),
-    h("label", { class: "check", title: "The other of the two versions as outlines, and the difference of their spectrograms" }, comparing, "compare A with B"),
+    h("label", { class: "check", title: "The other of the two versions as outlines, and the difference of their spectrograms" }, comparing, "compare with the other version"),
     length,
   );
 
@@ -48,12 +50,20 @@ export function mount(element, { store, api }) {
   const wave = new Figure("Waveform", { height: 110, margins: WIDE });
   const spectrum = new Figure("Spectrogram", { height: 260, margins: WIDE });
   const logBox = h("input", { type: "checkbox", checked: true, onchange: () => ((log = logBox.checked), draw()) });
-  spectrum.tools.append(h("label", { class: "check" }, logBox, "log"));
-  const cents = new Figure("Partials: measured against the model", { height: 180 });
-  const decay = new Figure("Decay: measured against the model", { height: 180 });
+  const range = h(
+    "select",
+    { "aria-label": "Range of levels shown", onchange: () => ((rangeDb = Number(range.value)), draw()) },
+    ...RANGES_DB.map((db) => h("option", { value: db, selected: db === rangeDb }, `${db} dB`)),
+  );
+  spectrum.tools.append(range, h("label", { class: "check" }, logBox, "log"));
+  const cents = new Figure("Partials against number", { height: 180 });
+  const decay = new Figure("Decay of partials against frequency", { height: 180 });
   const contacts = new Figure("Contacts", { height: 160, margins: WIDE });
   const closerBox = h("input", { type: "checkbox", onchange: () => ((closer = closerBox.checked), draw()) });
   contacts.tools.append(h("label", { class: "check" }, closerBox, `first ${seconds(CLOSER_S)}`));
+  for (const figure of [cents, decay]) {
+    figure.tools.append(h("i", { class: "key-dot" }), " measured", h("i", { class: "key-line" }), " model");
+  }
   const table = h("div", { class: "partials", tabindex: 0, role: "region", "aria-label": "Table of partials" });
   const cost = h("dl", { class: "tiles" });
   const promise = h("p", { class: "muted promise" });
@@ -112,7 +122,7 @@ export function mount(element, { store, api }) {
     spectrum.show(
       other
         ? spectrogram(apart(shown.spectrogram, other.spectrogram), { log, difference: true, length_s: seconds_ })
-        : spectrogram(shown.spectrogram, { log, formant: shown.formant, length_s: seconds_ }),
+        : spectrogram(shown.spectrogram, { log, formant: shown.formant, length_s: seconds_, range_db: rangeDb }),
       describeFormant(shown.formant),
     );
     cents.show(deviations(partials, other?.partials), `Deviation of ${partials.length} partials from the model, in cents`);
@@ -174,7 +184,7 @@ export function mount(element, { store, api }) {
         h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, ` ${more}`) : null)),
       ),
     );
-    promise.textContent = `${found.quality} promises: ${[found.promise, found.reason].filter(Boolean).join(" – ")}`;
+    promise.textContent = `${found.quality}: ${found.reason}`;
   }
 
   store.on(["doc", "note", "velocity", "which"], ask);

@@ -57,8 +57,8 @@ function rowAt(hz, frequency) {
   return low + (frequency - hz[low]) / (hz[high] - hz[low]);
 }
 
-/** Rows of bytes as a picture: the ramp's colours, rows where y has their frequencies. */
-function painted({ rows, hz }, ramp, y, height) {
+/** Rows of bytes as a picture: the ramp's colours from byte `least` on, rows where y has their frequencies. */
+function painted({ rows, hz }, ramp, y, height, least) {
   const columns = rows[0].length;
   const canvas = new OffscreenCanvas(columns, height);
   const pen = canvas.getContext("2d");
@@ -69,7 +69,7 @@ function painted({ rows, hz }, ramp, y, height) {
     const above = Math.min(hz.length - 1, below + 1);
     for (let column = 0; column < columns; column++) {
       const value = rows[below][column] + (place - below) * (rows[above][column] - rows[below][column]);
-      const colour = 3 * Math.round(value);
+      const colour = 3 * Math.round(255 * Math.max(0, (value - least) / (255 - least)));
       const at = 4 * (line * columns + column);
       picture.data[at] = ramp[colour];
       picture.data[at + 1] = ramp[colour + 1];
@@ -84,11 +84,14 @@ function painted({ rows, hz }, ramp, y, height) {
 /**
  * image {start_s, step_s: centres of columns, hz: of the rows, rising, rows: [[0…255 per column]], floor_db, top_db}.
  *
- * formant: [{t_s, hz}], drawn over it; log: frequency axis; high_hz: its end; length_s: of the time axis; difference: the
- * bytes are differences, floor_db … top_db with 0 in the middle.
+ * formant: [{t_s, hz}], drawn over it; log: frequency axis; high_hz: its end; length_s: of the time axis; range_db: what is
+ * so far below the top is paper; difference: the bytes are differences, floor_db … top_db with 0 in the middle.
  */
-export function spectrogram(image, { formant = null, log = false, high_hz = 10000, difference = false, length_s = null } = {}) {
+export function spectrogram(image, options = {}) {
+  const { formant = null, log = false, high_hz = 10000, difference = false, length_s = null, range_db = Infinity } = options;
   const { start_s, step_s, hz, rows } = image;
+  const lowest = Math.max(image.floor_db, image.top_db - range_db);
+  const least = (255 * (lowest - image.floor_db)) / (image.top_db - image.floor_db);
   return (pen, box) => {
     const colours = theme();
     const ramp = difference ? differenceRamp(colours.dark) : levelRamp(colours.dark);
@@ -100,10 +103,10 @@ export function spectrogram(image, { formant = null, log = false, high_hz = 1000
     const height = Math.max(1, Math.round(plot.bottom - plot.top));
     pen.imageSmoothingEnabled = true;
     pen.imageSmoothingQuality = "high";
-    const painting = painted(image, ramp, y, height);
+    const painting = painted(image, ramp, y, height, least);
     clipped(pen, plot, () => pen.drawImage(painting, x.at(begin), plot.top, x.at(end) - x.at(begin), plot.bottom - plot.top));
     axes(pen, plot, { x, y, xName: "s", yName: "Hz", lines: false, yFormat: (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) });
-    levelScale(pen, box, ramp, image, difference ? "dB apart" : "dB");
+    levelScale(pen, box, ramp, [lowest, image.top_db], difference ? "dB apart" : "dB");
     if (formant?.length) {
       const halo = colours.dark ? "rgb(0 0 0 / 65%)" : "rgb(255 255 255 / 75%)";
       clipped(pen, plot, () => {
@@ -126,7 +129,7 @@ export function spectrogram(image, { formant = null, log = false, high_hz = 1000
   };
 }
 
-function levelScale(pen, box, ramp, { floor_db, top_db }, unit) {
+function levelScale(pen, box, ramp, [floor_db, top_db], unit) {
   const colours = theme();
   const left = box.right - SCALE + 12;
   const y = linear(floor_db, top_db, box.bottom, box.top + 14);
