@@ -23,7 +23,7 @@ from synth.units import cents
 LAW_CENTS, LAW_T60 = 1.5, 0.1
 #: how many partials the fit answers for
 JUDGED = 10
-# More partials than that beside the law in frequency, and it is no string.
+# What lies further from the law than that is not the string's partial; too many of these, and it is no string.
 _MOST_SPREAD_CENTS = 20.0
 # Less of the note than that explained by the partials, and it is not one string.
 _LEAST_EXPLAINED = 0.5
@@ -142,7 +142,7 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
         p = by_number.get(n)
         hz, t60 = float(law_hz[n - 1]), float(law_t60[n - 1])
         offset = None if p is None else cents(hz, p.hz)
-        own_hz = p is not None and offset is not None and abs(offset) > LAW_CENTS
+        own_hz = p is not None and offset is not None and LAW_CENTS < abs(offset) < _MOST_SPREAD_CENTS
         own_t60 = p is not None and _beside_law(p, t60)
         result.append(
             Partial(
