@@ -31,7 +31,7 @@ _MISSES_IN_A_ROW = 10
 # One exponential may leave that share of the envelope and still be called single.
 _SINGLE_MISFIT = 0.1
 # A decay whose error is a greater share of it is none, nor is that of a level that falls less than that.
-_STEADY = 0.25
+_STEADY = 0.12
 # A partial of which an exponential leaves more than that has beats deeper than its decay.
 _MOST_MISFIT = 0.6
 _LEAST_RANGE_DB = 10.0
