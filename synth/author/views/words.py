@@ -70,6 +70,9 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "title": Words("Title", "What people read in lists."),
         "description": Words("Description", "The instrument in a sentence: strings, tuning, what makes its sound."),
         "sources": Words("Sources", "Where the numbers come from: papers, measurements, makers' data, one a line."),
+        "remarks": Words(
+            "Remarks", "The author's notes: what was tried, what is still to do. Nothing reads them but people."
+        ),
         "string": Words("Strings", "One table for each string, or one for a range of notes with a string for every note."),
         "nut": Words(
             "Resonances of the nut end",
