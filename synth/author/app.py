@@ -20,7 +20,11 @@ from starlette.websockets import WebSocket
 from synth.author.connection import Connection, Stage
 from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
+from synth.author.fitting import missing
+from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
+from synth.author.speaker import why_not
+from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
 from synth.preset import PresetError
@@ -29,6 +33,8 @@ PAGE = Path(__file__).parent / "page"
 #: how often what was edited is autosaved, and files are compared with the disk [s]
 AUTOSAVE_S, LOOK_S = 0.5, 1.0
 MOST_BODY = 2 * MOST_BYTES
+#: largest recording that is fitted [bytes]
+MOST_RECORDING = 100 << 20
 
 
 class Refused(Exception):
@@ -100,7 +106,7 @@ class Fields:
             raise Refused(400, "the request's body must be a JSON object")
         return cls(values)
 
-    def get(self, name: str, kind: type, default: Any = ...) -> Any:
+    def get(self, name: str, kind: type | tuple[type, ...], default: Any = ...) -> Any:
         """The value of a field that must be of a kind; without a default it must be there."""
         value = self._values.get(name)
         if value is None and default is not ...:
@@ -124,7 +130,13 @@ def _number(query: Mapping[str, str], name: str, low: float, high: float, *, kin
     return value
 
 
-_KINDS = {str: "text", bool: "truth value", int: "whole number", list: "list", dict: "table"}
+_KINDS: dict[Any, str] = {
+    str: "text",
+    bool: "truth value",
+    int: "whole number",
+    (int, float): "number",
+    list: "list",
+}
 
 
 class App:
@@ -135,7 +147,10 @@ class App:
         self.rate_hz = rate_hz
         self.quality = quality
         self.stage = Stage()
+        self.viewer = Viewer()
+        self.jobs = Jobs()
         self.kernels = "loading"
+        self._device: tuple[str | None, str | None] = (None, None)
         desk.listen(self.stage.tell)
 
     def asgi(self) -> Starlette:
@@ -164,6 +179,12 @@ class App:
                 on(f"{doc}/recover", self._recover, "POST"),
                 on(f"{doc}/export", self._export),
                 on(f"{doc}/sound.wav", self._sound),
+                *(on(f"{doc}/{view}", self._viewing(view)) for view in VIEWS),
+                on(f"{doc}/reference", self._reference, "POST"),
+                on(f"{doc}/apply-fit", self._apply_fit, "POST"),
+                on("/api/fit", self._fit, "POST"),
+                on("/api/jobs/{job}", self._job),
+                on("/api/jobs/{job}", self._cancel, "DELETE"),
                 WebSocketRoute("/ws/{doc}", self._connect),
             ],
             lifespan=self._lifespan,
@@ -172,8 +193,8 @@ class App:
     @asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
         tasks = [
-            asyncio.create_task(self._every(AUTOSAVE_S, self.desk.autosave)),
-            asyncio.create_task(self._every(LOOK_S, self.desk.look_at_disk)),
+            asyncio.create_task(self._autosave()),
+            asyncio.create_task(self._look_at_disk()),
             asyncio.create_task(self._warm_up()),
         ]
         try:
@@ -181,12 +202,19 @@ class App:
         finally:
             for task in tasks:
                 task.cancel()
+            self.jobs.close()
+            self.viewer.close()
             self.desk.autosave()
 
-    async def _every(self, seconds: float, work: Callable[[], None]) -> None:
+    async def _autosave(self) -> None:
         while True:
-            await asyncio.sleep(seconds)
-            work()
+            await asyncio.sleep(AUTOSAVE_S)
+            await asyncio.to_thread(self.desk.autosave)  # a disk may take its time
+
+    async def _look_at_disk(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_S)
+            self.desk.look_at_disk()
 
     async def _warm_up(self) -> None:
         """Load (the first time compile) the kernels before anybody waits for them."""
@@ -204,6 +232,10 @@ class App:
         from synth.author.about import version
 
         opened = self.desk.opened
+        if self.stage.uses_device:
+            name, reason = self._device
+        else:
+            name, reason = self._device = await asyncio.to_thread(why_not, self.rate_hz)
         return JSONResponse(
             {
                 "version": version(),
@@ -213,6 +245,16 @@ class App:
                 "kernels": self.kernels,
                 "presets": self.desk.presets(),
                 "opened": opened.id if opened is not None else None,
+                "outputs": [
+                    {"id": "browser", "label": "Browser", "available": True, "reason": None},
+                    {
+                        "id": "server",
+                        "label": f"This machine: {name}" if name else "This machine",
+                        "available": name is not None,
+                        "reason": reason,
+                    },
+                ],
+                "fit": {"available": missing() is None, "reason": missing()},
             }
         )
 
@@ -295,6 +337,82 @@ class App:
         document = self._document(request)
         document.recover((await Fields.of(request)).get("take", bool))
         return self._told(document)
+
+    # --- views and jobs ---
+
+    def _viewing(self, name: str) -> Handler:
+        view = VIEWS[name]
+
+        async def handle(request: Request) -> Response:
+            document = self._document(request)
+            query = request.query_params
+            which = query.get("which", "current")
+            preset, text = document.preset_of(which), document.text_of(which)
+            arguments = {
+                parameter: _number(query, parameter, 0, 127 if parameter in ("note", "velocity") else 1e6, kind=kind)
+                for parameter, kind in view.parameters.items()
+                if parameter in query or parameter == "note"
+            }
+            try:
+                body = await self.viewer.json(name, preset, text, arguments, request.is_disconnected)
+            except Gone:
+                return Response(status_code=204)
+            return Response(body, media_type="application/json")
+
+        return handle
+
+    async def _reference(self, request: Request) -> Response:
+        document = self._document(request)
+        fields = await Fields.of(request)
+        note, velocity = fields.get("note", int), fields.get("velocity", int)
+        seconds = fields.get("seconds", (int, float), 1.0)
+        preset = document.preset
+
+        def work(progress: Progress) -> Any:
+            from synth.author.views.reference import compare
+
+            return compare(preset, note, velocity, seconds, progress)
+
+        return JSONResponse({"job": self.jobs.start(f"reference of {document.id}", work).id})
+
+    async def _fit(self, request: Request) -> Response:
+        query = request.query_params
+        document = self.desk.documents.get(query.get("doc", ""))
+        if document is None:
+            raise Refused(404, "doc: there is no such document; open it anew")
+        string = _number(query, "string", 0, len(document.preset.string) - 1)
+        preset = document.preset
+        data = await body_of(request, MOST_RECORDING)
+
+        def work(_: Progress) -> Any:
+            from synth.author.fitting import fit_string
+
+            return fit_string(data, preset, string)
+
+        return JSONResponse({"job": self.jobs.start(f"fit of {document.id}", work, lambda made: made.report).id})
+
+    async def _apply_fit(self, request: Request) -> Response:
+        document = self._document(request)
+        job = self._a_job((await Fields.of(request)).get("job", str))
+        settings = getattr(job.made, "settings", None)
+        if job.state != "done" or settings is None:
+            raise Refused(409, "this job has fitted nothing")
+        document.edit(settings, label="fit")
+        return self._told(document)
+
+    def _a_job(self, key: str) -> Job:
+        try:
+            return self.jobs[key]
+        except KeyError:
+            raise Refused(404, "there is no such job") from None
+
+    async def _job(self, request: Request) -> Response:
+        return JSONResponse(self._a_job(request.path_params["job"]).as_dict())
+
+    async def _cancel(self, request: Request) -> Response:
+        job = self._a_job(request.path_params["job"])
+        job.cancel()
+        return JSONResponse(job.as_dict())
 
     # --- sound ---
 

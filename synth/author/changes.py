@@ -1,5 +1,4 @@
-"""Changes of a preset as an author means them, as those of its file: what excludes each other, kinds of obstacle, and a step
-at random."""
+"""Changes of a preset as an author means them, as those of its file, and steps at random."""
 
 from __future__ import annotations
 
@@ -10,28 +9,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from synth.author.toml_edit import change
+from synth.author.views.parameters import INSTEAD
 from synth.compile import make_string, note_frequency, obstacle_of, string_notes
-from synth.preset import FretsObstacle, Preset, PresetError, validate_preset
+from synth.preset import Preset, PresetError, validate_preset
 
-#: keys of which a table has one
-EITHER = (
-    ("linear_density_g_m", "density_kg_m3"),
-    ("youngs_modulus_gpa", "inharmonicity"),
-    ("distance_mm", "distance_ratio"),
-    ("action_12th_mm", "heights_mm"),
-)
-#: what an obstacle of another kind begins as
-BEGINNINGS: dict[str, dict[str, Any]] = {
-    "none": {"kind": "none"},
-    "bridge": {"kind": "bridge", "distance_mm": 6.0, "jiva_um": 3.0},
-    "points": {"kind": "points", "positions_mm": [100.0], "heights_mm": [-1.0]},
-    "frets": {"kind": "frets", "count": 20, "action_12th_mm": 2.0},
-}
 #: a step at random: largest ratio of a number that is above 0, and what may be stepped
 RATIO = 1.25
 GROUPS = ("string", "obstacle", "pluck", "damping", "output")
 LEFT = ("notes", "gain_db", "cents", "count", "name", "length_m", "measured_frequencies_hz", "measured_decay_rates")
 TRIES = 12
+MOST_FRETS = 36
 
 
 def apply(text: str, changes: Sequence[tuple[str, Any]], origin: str) -> tuple[str, Preset]:
@@ -41,10 +28,6 @@ def apply(text: str, changes: Sequence[tuple[str, Any]], origin: str) -> tuple[s
         data = tomllib.loads(text)
         for extra, extra_value in _consequences(data, path, value, named):
             text = _changed(text, extra, extra_value, origin)
-        if path == "obstacle.kind" and isinstance(value, str) and value in BEGINNINGS:
-            if _at(data, ["obstacle", "kind"]) != value:
-                text = _changed(text, "obstacle", BEGINNINGS[value], origin)
-            continue
         text = _changed(text, path, value, origin)
     return text, checked(text, origin)
 
@@ -89,37 +72,16 @@ def _at(data: Any, parts: Sequence[str]) -> Any:
 
 
 def _consequences(data: dict[str, Any], path: str, value: Any, named: set[str]) -> list[tuple[str, Any]]:
-    """What else changes with `path`, unless `named` says it itself."""
+    """What else changes with `path`, unless `named` says it itself: one of a pair takes the other's place, and a fret more
+    has a height."""
     *table, key = path.split(".")
     wanted: list[tuple[str, Any]] = []
     if value is not None:
-        for pair in EITHER:
-            if key in pair:
-                wanted.append((".".join([*table, pair[1 - pair.index(key)]]), None))
-    if table[-1:] == ["heights_mm"] and not _at(data, table):  # the height of one fret, where the neck was given as a whole
-        heights = _fret_heights_mm(data)
-        if heights:
-            wanted += [("obstacle.action_12th_mm", None), ("obstacle.heights_mm", heights)]
-    if path == "obstacle.count" and isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 36:
-        heights = _at(data, ["obstacle", "heights_mm"])
-        if heights:
-            wanted.append(("obstacle.heights_mm", (heights + [heights[-1]] * value)[:value]))
-    if path == "obstacle.kind" and value != "bridge":
-        wanted.append(("mapping.pressure_um", None))
+        wanted += [(".".join([*table, pair[1 - pair.index(key)]]), None) for pair in INSTEAD if key in pair]
+    heights = _at(data, ["obstacle", "heights_mm"])
+    if path == "obstacle.count" and heights and isinstance(value, int) and 1 <= value <= MOST_FRETS:
+        wanted.append(("obstacle.heights_mm", (heights + [heights[-1]] * value)[:value]))
     return [(each, new) for each, new in wanted if each not in named]
-
-
-def _fret_heights_mm(data: dict[str, Any]) -> list[float]:
-    try:
-        preset = validate_preset(data, "")
-    except PresetError:
-        return []
-    if not isinstance(preset.obstacle, FretsObstacle):
-        return []
-    table = preset.string[0]
-    note = string_notes(table)[0]
-    length = make_string(preset, table, note, note_frequency(preset, table, note, None)).length_m
-    return [round(1e3 * height, 4) for height in obstacle_of(preset, note, length).heights_m]
 
 
 def randomised(text: str, origin: str, seed: int | None = None, groups: Sequence[str] | None = None) -> tuple[str, Preset]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
+import threading
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +20,9 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
+from synth.author.views.place import playable
 from synth.author.workspace import read_text, write_text
-from synth.compile import string_notes
-from synth.preset import FORMAT, FretsObstacle, Preset, PresetError, format_of, migrate
+from synth.preset import FORMAT, Preset, PresetError, format_of, migrate
 
 STEPS = 500
 
@@ -62,13 +63,6 @@ def current(text: str, origin: str) -> tuple[str, list[str]]:
     ]
 
 
-def playable_notes(preset: Preset) -> list[int]:
-    """MIDI notes that some string of the preset plays."""
-    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
-    notes = {note + fret for table in preset.string for note in string_notes(table) for fret in range(frets + 1)}
-    return sorted(note for note in notes if note <= 127)
-
-
 def paths_written(data: Any, prefix: str = "") -> list[str]:
     """Paths of the values that stand in a file's data; lists of numbers and numbers at notes are one value."""
     found = []
@@ -99,6 +93,9 @@ class Document:
         self.revision = 0
         self.disk: str | None = None
         self.autosave_due = False
+        #: held while files are written: autosaving has a thread of its own
+        self._writing = threading.Lock()
+        self._looked_at: tuple[int, ...] | None = None
         self._offers: list[Path] = []
         self.notices: list[str] = []
         self._begin(text)
@@ -142,7 +139,7 @@ class Document:
             "recovered": self._offer(),
             "disk": self.disk,
             "notices": self.notices,
-            "notes": playable_notes(preset),
+            "notes": playable(preset),
             "kind": preset.obstacle.kind,
         }
 
@@ -222,8 +219,9 @@ class Document:
             raise Conflict(
                 "changed-on-disk", f"{self.file.name} {how} on disk since it was read: reload it, or save by force"
             )
-        write_text(self.file, self.text)
-        self._saved()
+        with self._writing:
+            write_text(self.file, self.text)
+            self._saved()
 
     def _saved(self) -> None:
         self.on_disk = self.saved_text = self.text
@@ -239,12 +237,13 @@ class Document:
     def save_as(self, file: Path, autosave: Path) -> None:
         """Save to another file, under its name, and go on there. Raises PresetError, OSError."""
         text, preset = changes.apply(self.text, [("name", preset_name(file.stem))], self.name)
-        write_text(file, text)
-        if text != self.text:
-            self._take(text, preset, "name")
-        self.autosave.unlink(missing_ok=True)
-        self.file, self.autosave, self.name = file, autosave, file.stem
-        self._saved()
+        with self._writing:
+            write_text(file, text)
+            if text != self.text:
+                self._take(text, preset, "name")
+            self.autosave.unlink(missing_ok=True)
+            self.file, self.autosave, self.name = file, autosave, file.stem
+            self._saved()
 
     def look_at_disk(self) -> bool:
         """Compare the file with what was read or written last; whether `disk` has changed."""
@@ -252,9 +251,14 @@ class Document:
             return False
         before = self.disk
         try:
+            found = self.file.stat()
+            now = (found.st_ino, found.st_size, found.st_mtime_ns, hash(self.on_disk))
+            if now == self._looked_at:
+                return False
+            self._looked_at = now
             self.disk = None if read_text(self.file) == self.on_disk else "changed"
         except FileNotFoundError:
-            self.disk = "gone"
+            self.disk, self._looked_at = "gone", None
         except (OSError, ValueError):
             self.disk = "changed"
         return self.disk != before
@@ -271,17 +275,19 @@ class Document:
         self.disk, self.notices = None, notices
         self.revision += 1
         self.autosave_due = False
-        self.autosave.unlink(missing_ok=True)
+        with self._writing:
+            self.autosave.unlink(missing_ok=True)
 
     # --- after a crash ---
 
     def write_autosave(self) -> None:
-        """Bring the autosave file up to date. Raises OSError."""
-        self.autosave_due = False
-        if self.text == self.saved_text and not (self.file is None and not self.embedded):
-            self.autosave.unlink(missing_ok=True)
-        else:
-            write_text(self.autosave, self.text)
+        """Bring the autosave file up to date; in any thread. Raises OSError."""
+        with self._writing:
+            self.autosave_due = False
+            if self.dirty:
+                write_text(self.autosave, self.text)
+            else:
+                self.autosave.unlink(missing_ok=True)
 
     def find_autosaved(self) -> None:
         """Look for what an earlier session left. It is put aside, so that nothing overwrites it before it is answered."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synth.author.document import playable_notes
+from synth.author.views.place import playable
 from synth.compile import string_notes
 from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
 from synth.preset import Preset
@@ -39,7 +39,7 @@ def phrase(name: str, preset: Preset, note: int, velocity: int, rate_hz: float) 
         raise ValueError(f"phrase: must be one of {', '.join(NAMES)}, got {name!r}")
     if not 1 <= velocity <= 127:
         raise ValueError(f"velocity: must lie between 1 and 127, got {velocity}")
-    there = playable_notes(preset)
+    there = playable(preset)
     if note not in there:
         if not 0 <= note <= 127:
             raise ValueError(f"note: must lie between 0 and 127, got {note}")
