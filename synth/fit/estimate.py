@@ -23,16 +23,18 @@ from synth.units import cents
 LAW_CENTS, LAW_T60 = 1.5, 0.1
 #: how many partials the fit answers for
 JUDGED = 10
-# More partials than that beside the law in frequency, and it is no string.
+# What lies further from the law than that is not the string's partial; too many of these, and it is no string.
 _MOST_SPREAD_CENTS = 20.0
 # Less of the note than that explained by the partials, and it is not one string.
-_LEAST_EXPLAINED = 0.5
+_LEAST_EXPLAINED = 0.6
 # Decay rates further (rms) beside the loss law are worth a word.
 _LOSS_SPREAD = 0.25
+# With fewer of the first partials than that B must at least be above its error.
+_FEW = 7
 # Decay times of a plucked string [s].
 _LONGEST_T60_S = 120.0
 # The decay of an exponential in noise is taken from the law where its error is greater than that.
-_STEADY_NOISE = 0.25
+_STEADY_NOISE = 0.12
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,7 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
         p = by_number.get(n)
         hz, t60 = float(law_hz[n - 1]), float(law_t60[n - 1])
         offset = None if p is None else cents(hz, p.hz)
-        own_hz = p is not None and offset is not None and abs(offset) > LAW_CENTS
+        own_hz = p is not None and offset is not None and LAW_CENTS < abs(offset) < _MOST_SPREAD_CENTS
         own_t60 = p is not None and _beside_law(p, t60)
         result.append(
             Partial(
@@ -218,6 +220,11 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
             f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
             "these are not one string's; record one plucked string, the others damped"
         )
+    if len(low) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
+        raise FitRefused(
+            f"only {len(low)} of the first {JUDGED} partials of {f0_hz:.4g} Hz stand out, and they do not tell a string's "
+            "inharmonicity; record one plucked string, louder"
+        )
     lasting = [p for p in strong if p.decay <= math.log(1000.0) / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
@@ -228,7 +235,7 @@ def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pl
     low = [p for p in found if p.number <= JUDGED]
     missing = sorted(set(range(1, JUDGED + 1)) - {p.number for p in low})
     if missing:
-        words.append(f"{_listed(missing)} too weak to be measured: their decay is the loss law's")
+        words.append(f"{_listed(missing)} too weak to be measured: the loss law tells the decay")
     unsteady = [p.number for p in low if not p.steady]
     if unsteady:
         words.append(f"{_listed(unsteady)} without one decay time: what is given depends on where it is read")

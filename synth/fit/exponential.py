@@ -76,8 +76,8 @@ class Bands:
         padded = np.zeros(size, dtype=np.complex128)
         padded[: self._half + 1] = piece[self._half :]
         padded[-self._half :] = piece[: self._half]
-        y: NDArray[np.complex128] = np.fft.ifft(padded) * (2.0 * size / self._size)
-        t: NDArray[np.float64] = np.arange(size) * (self._size / size / self.rate_hz)
+        y = np.fft.ifft(padded) * (2.0 * size / self._size)
+        t = np.arange(size, dtype=np.float64) * (self._size / size / self.rate_hz)
         edge = length / 2 / self.rate_hz
         keep = (t >= edge) & (t <= self._samples / self.rate_hz - edge)
         t, y = t[keep], y[keep]

@@ -31,8 +31,10 @@ _MISSES_IN_A_ROW = 10
 # One exponential may leave that share of the envelope and still be called single.
 _SINGLE_MISFIT = 0.1
 # A decay whose error is a greater share of it is none, nor is that of a level that falls less than that.
-_STEADY = 0.25
-_LEAST_RANGE_DB = 6.0
+_STEADY = 0.12
+# A partial of which an exponential leaves more than that has beats deeper than its decay.
+_MOST_MISFIT = 0.6
+_LEAST_RANGE_DB = 10.0
 
 
 @dataclass(frozen=True)
@@ -136,14 +138,16 @@ def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measu
         shift, shift_error = fit.shift_hz, fit.shift_error_hz
         level = 20.0 * math.log10(fit.amplitude / bands.gain(fit.decay))
         level_error = 20.0 * math.log10(1.0 + fit.amplitude_error / fit.amplitude)
-        decay, decay_error = fit.decay, fit.decay_error
+        # What the noise does not explain may be a slow change that looks like decay over a short piece.
+        wobble = max(0.0, fit.misfit - 1.5 * min(1.0, 10.0 ** (-snr / 20.0)))
+        decay, decay_error = fit.decay, fit.decay_error + 3.0 * wobble / (fit.end_s - fit.begin_s)
         steady = single
     else:
         shift, shift_error = line.shift_hz, line.shift_error_hz
         level, level_error = line.level_db - 20.0 * math.log10(bands.gain(line.decay)), line.roughness_db
         decay, decay_error = line.decay, line.decay_error
         decay_error = decay_error if line.range_db > _LEAST_RANGE_DB else math.inf
-        steady = True
+        steady = fit.misfit < _MOST_MISFIT
     steady = steady and decay > 0.0 and decay_error < _STEADY * decay
     return Measured(
         number, expected_hz + shift, shift_error, level, level_error, decay, decay_error, snr, fit.misfit, single, steady

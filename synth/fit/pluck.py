@@ -22,6 +22,8 @@ _GRID = np.arange(0.01, 0.50001, 0.0005)
 _NODE, _FLOOR_DB = 0.01, 0.15
 # A place less certain than that, or levels that lie further beside the model, do not tell it.
 _MOST_ERROR, _MOST_SPREAD_DB = 0.03, 8.0
+# Nearer to the end than that a comb is hardly told from the trend.
+_NEAREST = 0.02
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def fit_pluck(numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors
     error = max(float(np.abs(as_good - position).max()), 0.5 * float(_GRID[1] - _GRID[0]))
     trend = np.zeros(4)
     trend[: terms.shape[1]] = trends[best]
-    determined = error < _MOST_ERROR and scale < _MOST_SPREAD_DB
+    determined = error < _MOST_ERROR and scale < _MOST_SPREAD_DB and position > _NEAREST
     return Pluck(position, error, determined, float(scale), (trend[0], trend[1], trend[2], trend[3]))
 
 
