@@ -20,8 +20,10 @@ from starlette.websockets import WebSocket
 from synth.author.connection import Connection, Stage
 from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
+from synth.author.fitting import missing
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
+from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
@@ -148,6 +150,7 @@ class App:
         self.viewer = Viewer()
         self.jobs = Jobs()
         self.kernels = "loading"
+        self._device: tuple[str | None, str | None] = (None, None)
         desk.listen(self.stage.tell)
 
     def asgi(self) -> Starlette:
@@ -190,8 +193,8 @@ class App:
     @asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
         tasks = [
-            asyncio.create_task(self._every(AUTOSAVE_S, self.desk.autosave)),
-            asyncio.create_task(self._every(LOOK_S, self.desk.look_at_disk)),
+            asyncio.create_task(self._autosave()),
+            asyncio.create_task(self._look_at_disk()),
             asyncio.create_task(self._warm_up()),
         ]
         try:
@@ -203,10 +206,15 @@ class App:
             self.viewer.close()
             self.desk.autosave()
 
-    async def _every(self, seconds: float, work: Callable[[], None]) -> None:
+    async def _autosave(self) -> None:
         while True:
-            await asyncio.sleep(seconds)
-            work()
+            await asyncio.sleep(AUTOSAVE_S)
+            await asyncio.to_thread(self.desk.autosave)  # a disk may take its time
+
+    async def _look_at_disk(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_S)
+            self.desk.look_at_disk()
 
     async def _warm_up(self) -> None:
         """Load (the first time compile) the kernels before anybody waits for them."""
@@ -224,6 +232,10 @@ class App:
         from synth.author.about import version
 
         opened = self.desk.opened
+        if self.stage.uses_device:
+            name, reason = self._device
+        else:
+            name, reason = self._device = await asyncio.to_thread(why_not, self.rate_hz)
         return JSONResponse(
             {
                 "version": version(),
@@ -233,6 +245,16 @@ class App:
                 "kernels": self.kernels,
                 "presets": self.desk.presets(),
                 "opened": opened.id if opened is not None else None,
+                "outputs": [
+                    {"id": "browser", "label": "Browser", "available": True, "reason": None},
+                    {
+                        "id": "server",
+                        "label": f"This machine: {name}" if name else "This machine",
+                        "available": name is not None,
+                        "reason": reason,
+                    },
+                ],
+                "fit": {"available": missing() is None, "reason": missing()},
             }
         )
 

@@ -24,6 +24,11 @@ class Stage:
             if connection is not playing:
                 connection.player.stop()
 
+    @property
+    def uses_device(self) -> bool:
+        """Whether one of them sounds through this machine's output."""
+        return any(connection.player.uses_device for connection in self.connections)
+
     def tell(self, document: Document, kind: str) -> None:
         """Tell the pages that show a document; in the event loop's thread."""
         listening = [connection for connection in self.connections if connection.document is document]

@@ -141,7 +141,7 @@ class Desk:
                 self.tell(document, "disk")
 
     def autosave(self) -> None:
-        """Write what has been edited since the last call."""
+        """Write what has been edited since the last call; in any thread."""
         for document in list(self.documents.values()):
             if document.autosave_due:
                 try:

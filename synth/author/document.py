@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
+import threading
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -92,6 +93,9 @@ class Document:
         self.revision = 0
         self.disk: str | None = None
         self.autosave_due = False
+        #: held while files are written: autosaving has a thread of its own
+        self._writing = threading.Lock()
+        self._looked_at: tuple[int, ...] | None = None
         self._offers: list[Path] = []
         self.notices: list[str] = []
         self._begin(text)
@@ -215,8 +219,9 @@ class Document:
             raise Conflict(
                 "changed-on-disk", f"{self.file.name} {how} on disk since it was read: reload it, or save by force"
             )
-        write_text(self.file, self.text)
-        self._saved()
+        with self._writing:
+            write_text(self.file, self.text)
+            self._saved()
 
     def _saved(self) -> None:
         self.on_disk = self.saved_text = self.text
@@ -232,12 +237,13 @@ class Document:
     def save_as(self, file: Path, autosave: Path) -> None:
         """Save to another file, under its name, and go on there. Raises PresetError, OSError."""
         text, preset = changes.apply(self.text, [("name", preset_name(file.stem))], self.name)
-        write_text(file, text)
-        if text != self.text:
-            self._take(text, preset, "name")
-        self.autosave.unlink(missing_ok=True)
-        self.file, self.autosave, self.name = file, autosave, file.stem
-        self._saved()
+        with self._writing:
+            write_text(file, text)
+            if text != self.text:
+                self._take(text, preset, "name")
+            self.autosave.unlink(missing_ok=True)
+            self.file, self.autosave, self.name = file, autosave, file.stem
+            self._saved()
 
     def look_at_disk(self) -> bool:
         """Compare the file with what was read or written last; whether `disk` has changed."""
@@ -245,9 +251,14 @@ class Document:
             return False
         before = self.disk
         try:
+            found = self.file.stat()
+            now = (found.st_ino, found.st_size, found.st_mtime_ns, hash(self.on_disk))
+            if now == self._looked_at:
+                return False
+            self._looked_at = now
             self.disk = None if read_text(self.file) == self.on_disk else "changed"
         except FileNotFoundError:
-            self.disk = "gone"
+            self.disk, self._looked_at = "gone", None
         except (OSError, ValueError):
             self.disk = "changed"
         return self.disk != before
@@ -264,17 +275,19 @@ class Document:
         self.disk, self.notices = None, notices
         self.revision += 1
         self.autosave_due = False
-        self.autosave.unlink(missing_ok=True)
+        with self._writing:
+            self.autosave.unlink(missing_ok=True)
 
     # --- after a crash ---
 
     def write_autosave(self) -> None:
-        """Bring the autosave file up to date. Raises OSError."""
-        self.autosave_due = False
-        if self.text == self.saved_text and not (self.file is None and not self.embedded):
-            self.autosave.unlink(missing_ok=True)
-        else:
-            write_text(self.autosave, self.text)
+        """Bring the autosave file up to date; in any thread. Raises OSError."""
+        with self._writing:
+            self.autosave_due = False
+            if self.dirty:
+                write_text(self.autosave, self.text)
+            else:
+                self.autosave.unlink(missing_ok=True)
 
     def find_autosaved(self) -> None:
         """Look for what an earlier session left. It is put aside, so that nothing overwrites it before it is answered."""

@@ -26,7 +26,7 @@ def missing() -> str | None:
 
 
 def fit_string(data: bytes, preset: Preset, string: int) -> FittedString:
-    """Fit string number `string` to the bytes of an audio file. Raises ValueError with the reason where it cannot be done."""
+    """Fit string number `string` to the bytes of an audio file. Raises ValueError with the reason."""
     import soundfile
 
     from synth.fit import fit_recording, report, settings

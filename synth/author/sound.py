@@ -19,6 +19,7 @@ import numpy as np
 
 from synth.author.document import Document, fingerprint
 from synth.author.phrases import Phrase, phrase
+from synth.author.speaker import Speaker
 from synth.author.views.place import playable
 from synth.author.voice import BLOCK, Voice, prepared_engine
 from synth.engine.engine import Engine
@@ -37,6 +38,9 @@ KEPT = 6
 LOAD_S = 0.5
 HEADER = np.dtype([("stream", "<u4"), ("frame", "<u4")])
 SUSTAIN = 64
+OUTPUTS = ("browser", "server")
+#: how often the server's own output is looked after [s]
+LOOK_S = 0.05
 
 Emit = Callable[[dict[str, Any] | bytes], object]
 #: of an engine: the text's fingerprint, and the notes that it is prepared for (None: all)
@@ -69,10 +73,12 @@ class Player:
         self._quality = quality
         self._commands: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._engines: OrderedDict[Key, Engine] = OrderedDict()
-        #: newest first; the first takes keys if it has a name, which is that of its engine
+        #: newest first; the first takes keys if `live` is the key of its engine
         self._voices: list[Voice] = []
         self._fading: list[Voice] = []
-        self._live: tuple[Key, Voice] | None = None
+        self._live: Key | None = None
+        self._output = "browser"
+        self._speaker: Speaker | None = None
         self._controls: dict[int, int] = {}
         self._bend = 0
         self._whole: threading.Thread | None = None
@@ -111,6 +117,11 @@ class Player:
             self._do(lambda: self._audition(preset, text, wanted))
         elif kind == "stop":
             self.stop()
+        elif kind == "output":
+            output = message.get("id")
+            if output not in OUTPUTS:
+                raise ValueError(f"id: must be {' or '.join(OUTPUTS)}, got {output!r}")
+            self._do(lambda: self._choose(output))
         elif kind == "heard":
             self._heard = number(message, "frame", 0, 1 << 32)
         else:
@@ -119,6 +130,11 @@ class Player:
     def stop(self) -> None:
         """Silence."""
         self._do(self._stop)
+
+    @property
+    def uses_device(self) -> bool:
+        """Whether it sounds through this machine's output."""
+        return self._speaker is not None
 
     def close(self) -> None:
         """End the thread, and with it the sound."""
@@ -135,12 +151,15 @@ class Player:
             try:
                 command = self._commands.get(timeout=self._pause())
             except queue.Empty:
-                if self._held_up():  # the time that passes does not count
+                if self._speaker is not None:
+                    self._look()
+                elif self._held_up():  # the time that passes does not count
                     self._began = time.monotonic() - self._frame / self._rate_hz + AHEAD_S
                 elif self._running:
                     self._sound()
                 continue
             if command is None:
+                self._stop()
                 return
             try:
                 command()
@@ -149,6 +168,8 @@ class Player:
 
     def _pause(self) -> float | None:
         """How long there is nothing to do but to listen [s]; None: for ever."""
+        if self._speaker is not None:
+            return LOOK_S
         if not self._running:
             return None
         if self._held_up():
@@ -164,7 +185,7 @@ class Player:
     def _engine(self, preset: Preset, key: Key) -> Engine:
         """An engine that no voice sounds with."""
         engine = self._engines.get(key)
-        if engine is None or any(voice.engine is engine for voice in (*self._voices, *self._fading)):
+        if engine is None or any(voice.engine is engine for voice in (*self._voices, *self._fading)):  # it sounds
             engine = prepared_engine(preset, key[1], self._rate_hz, self._quality)
         self._keep(key, engine)
         return engine
@@ -175,12 +196,20 @@ class Player:
         while len(self._engines) > KEPT:
             self._engines.popitem(last=False)
 
+    def _choose(self, output: str) -> None:
+        """Sound here or there from now on."""
+        if output != self._output:
+            self._stop()
+            self._output = output
+
     def _audition(self, preset: Preset, text: str, wanted: Phrase) -> None:
         self._begins()
-        self._voices.clear()  # first, so that their engine can be taken again
-        self._fading.clear()
-        self._voices.append(Voice(self._engine(preset, (fingerprint(text), wanted.notes)), wanted))
-        self._live = None
+        self._silence()  # first, so that the engine can be taken again
+        engine = self._engine(preset, (fingerprint(text), wanted.notes))
+        if self._output == "server":
+            self._speaker = Speaker(engine, self._rate_hz, wanted)
+            return
+        self._voices.append(Voice(engine, wanted))
         self._start()
 
     def _note_on(self, key: int, velocity: int) -> None:
@@ -188,6 +217,9 @@ class Player:
         if key not in playable(preset):
             return
         self._begins()
+        if self._output == "server":
+            self._speaker_for(key, preset, fingerprint(text)).send(NOTE_ON, 0, key, velocity)
+            return
         voice = self._voice_for(key, preset, fingerprint(text))
         voice.send(NOTE_ON, 0, key, velocity)
         if not self._running:
@@ -195,25 +227,54 @@ class Player:
 
     def _voice_for(self, key: int, preset: Preset, name: str) -> Voice:
         """The voice that takes a key: of the whole compass if that is ready, else of this key alone."""
+        chosen = self._key_for(key, name)
+        if self._live == chosen and self._voices:
+            return self._voices[0]
+        voice = next((each for each in self._voices if each.engine is self._engines.get(chosen)), None)
+        if voice is not None:  # of a state of the preset that has come back
+            self._voices.remove(voice)
+        else:
+            voice = Voice(self._engine(preset, chosen))
+            self._set_up(voice)
+        self._live = chosen
+        self._voices.insert(0, voice)
+        self._fading += self._voices[MOST_VOICES:]
+        del self._voices[MOST_VOICES:]
+        if chosen[1] is not None:
+            self._begin_whole(preset, name)
+        return voice
+
+    def _speaker_for(self, key: int, preset: Preset, name: str) -> Speaker:
+        """The same of the server's output, which has one engine at a time: it changes where nothing else sounds."""
+        chosen = self._key_for(key, name)
+        if self._speaker is not None and not self._speaker.ended and self._live is not None and self._live[0] == name:
+            if self._live[1] is None or key in self._live[1]:
+                return self._speaker
+            chosen = (name, None)
+        self._silence()
+        self._speaker = Speaker(self._engine(preset, chosen), self._rate_hz)
+        self._set_up(self._speaker)
+        self._live = chosen
+        if chosen[1] is not None:
+            self._begin_whole(preset, name)
+        return self._speaker
+
+    def _key_for(self, key: int, name: str) -> Key:
+        """The engine that a key is played with: that of the whole compass if it is ready, else of this key alone."""
         whole: Key = (name, None)
-        if self._live is not None and self._live[1] in self._voices:
-            of, voice = self._live
-            if of == whole or (of[0] == name and key in (of[1] or ()) and whole not in self._engines):
-                return voice
-        chosen: Key = whole if whole in self._engines else (name, frozenset({key}))
-        voice = Voice(self._engine(preset, chosen))
+        return whole if whole in self._engines else (name, frozenset({key}))
+
+    def _set_up(self, voice: Voice | Speaker) -> None:
+        """Give a new voice the controllers as they are."""
         for controller, value in self._controls.items():
             voice.send(CONTROL, 0, controller, value)
         if self._bend:
             voice.send(BEND, 0, self._bend)
-        self._live = (chosen, voice)
-        self._voices.insert(0, voice)
-        self._fading += self._voices[MOST_VOICES:]
-        del self._voices[MOST_VOICES:]
-        if chosen != whole and self._whole is None:
-            self._whole = threading.Thread(target=self._prepare_whole, args=(preset, whole), daemon=True)
+
+    def _begin_whole(self, preset: Preset, name: str) -> None:
+        if self._whole is None:
+            self._whole = threading.Thread(target=self._prepare_whole, args=(preset, (name, None)), daemon=True)
             self._whole.start()
-        return voice
 
     def _prepare_whole(self, preset: Preset, key: Key) -> None:
         """In a thread of its own: the whole compass."""
@@ -231,18 +292,20 @@ class Player:
             self._keep(*made)
 
     def _note_off(self, key: int) -> None:
-        for voice in self._voices:
-            voice.send(NOTE_OFF, 0, key, 64)
+        self._send(NOTE_OFF, key, 64)
 
     def _control(self, controller: int, value: int) -> None:
         self._controls[controller] = value
-        for voice in self._voices:
-            voice.send(CONTROL, 0, controller, value)
+        self._send(CONTROL, controller, value)
 
     def _set_bend(self, bend: int) -> None:
         self._bend = bend
-        for voice in self._voices:
-            voice.send(BEND, 0, bend)
+        self._send(BEND, bend)
+
+    def _send(self, kind: int, a: int, b: int = 0) -> None:
+        """To all that sounds."""
+        for voice in (*self._voices, *([self._speaker] if self._speaker is not None else [])):
+            voice.send(kind, 0, a, b)
 
     def _start(self) -> None:
         """A new stream, whose first frame is the next."""
@@ -255,14 +318,34 @@ class Player:
         self._emit({"type": "audio", "rate_hz": self._rate_hz, "stream": self._stream, "frame": 0})
 
     def _stop(self) -> None:
-        self._voices.clear()
-        self._fading.clear()
+        self._silence()
         if self._running:
             self._end()
 
+    def _silence(self) -> None:
+        self._live = None
+        self._voices.clear()
+        self._fading.clear()
+        if self._speaker is not None:
+            self._speaker.close()
+            self._speaker = None
+
+    def _look(self) -> None:
+        """After the server's own output."""
+        assert self._speaker is not None
+        if not self._speaker.alive:
+            self._silence()
+            self._emit({"type": "error", "message": "the audio output has gone; choose the browser, or try again"})
+            self._emit({"type": "stopped"})
+        elif self._speaker.ended:
+            self._silence()
+            self._emit({"type": "stopped"})
+        elif time.monotonic() - self._began >= LOAD_S:
+            self._began = time.monotonic()
+            self._emit({"type": "load", "cpu": self._speaker.meters().cpu_median})
+
     def _end(self) -> None:
         self._running = False
-        self._live = None
         self._emit({"type": "stopped", "stream": self._stream, "frame": self._frame})
 
     def _sound(self) -> None:
@@ -274,6 +357,8 @@ class Player:
         for voice in self._fading:
             mix += voice.next() * np.linspace(1.0, 0.0, BLOCK)[:, None]
         self._fading.clear()
+        if self._voices and self._voices[0].ended:
+            self._live = None
         self._voices = [voice for voice in self._voices if not voice.ended]
         self._emit(np.array([(self._stream, self._frame)], HEADER).tobytes() + mix.astype("<f4").tobytes())
         self._frame += BLOCK

@@ -7,7 +7,7 @@ import importlib
 import json
 import threading
 from collections import OrderedDict
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -55,7 +55,12 @@ class Viewer:
         self._lock = threading.Lock()
 
     async def json(
-        self, name: str, preset: Preset, text: str, arguments: Mapping[str, Any], gone: Callable[[], Awaitable[bool]]
+        self,
+        name: str,
+        preset: Preset,
+        text: str,
+        arguments: Mapping[str, Any],
+        gone: Callable[[], Coroutine[Any, Any, bool]],
     ) -> bytes:
         """A view of the preset of a text, as JSON. Raises what the view raises, and Gone."""
         key = (name, fingerprint(text), *sorted(arguments.items()))

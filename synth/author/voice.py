@@ -14,8 +14,8 @@ from synth.engine.events import EVENT, make_events
 from synth.host import offline
 from synth.preset import Preset, load_preset
 
-#: frames of a block
-BLOCK = 512
+#: frames of a block, and of the largest that an engine here is given
+BLOCK, MOST_BLOCK = 512, 4096
 #: no voice goes on for longer [s]
 LONGEST_S = 120.0
 #: what follows a string's end: the decimator's and the limiter's memory [frames]
@@ -26,7 +26,7 @@ def prepared_engine(preset: Preset, notes: Iterable[int] | None, rate_hz: float,
     """An engine for these notes of a preset (None: all that it plays). Raises PresetError."""
     wanted = None if notes is None else [set(notes)]
     engine = Engine([preset], quality=quality, only_notes=wanted, every_fret=wanted is None)
-    engine.prepare(rate_hz, BLOCK)
+    engine.prepare(rate_hz, MOST_BLOCK)
     return engine
 
 

@@ -19,16 +19,22 @@ from synth.fit.pluck import Pluck, fit_pluck
 from synth.fit.recording import FitRefused, Note, cut_note
 from synth.units import cents
 
-#: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: written as measured
-LAW_CENTS, LAW_T60 = 3.0, 0.25
+#: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: as measured
+LAW_CENTS, LAW_T60 = 1.5, 0.1
 #: how many partials the fit answers for
 JUDGED = 10
-# More partials than that beside the law in frequency, and it is no string.
+# What lies further from the law than that is not the string's partial; too many of these, and it is no string.
 _MOST_SPREAD_CENTS = 20.0
 # Less of the note than that explained by the partials, and it is not one string.
-_LEAST_EXPLAINED = 0.5
+_LEAST_EXPLAINED = 0.6
+# Decay rates further (rms) beside the loss law are worth a word.
+_LOSS_SPREAD = 0.25
+# With fewer of the first partials than that B must at least be above its error.
+_FEW = 7
 # Decay times of a plucked string [s].
 _LONGEST_T60_S = 120.0
+# The decay of an exponential in noise is taken from the law where its error is greater than that.
+_STEADY_NOISE = 0.12
 
 
 @dataclass(frozen=True)
@@ -138,8 +144,8 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
         p = by_number.get(n)
         hz, t60 = float(law_hz[n - 1]), float(law_t60[n - 1])
         offset = None if p is None else cents(hz, p.hz)
-        own_hz = p is not None and offset is not None and abs(offset) > LAW_CENTS
-        own_t60 = p is not None and p.steady and not 1.0 - LAW_T60 < t60 / p.t60_s < 1.0 + LAW_T60
+        own_hz = p is not None and offset is not None and LAW_CENTS < abs(offset) < _MOST_SPREAD_CENTS
+        own_t60 = p is not None and _beside_law(p, t60)
         result.append(
             Partial(
                 n,
@@ -154,6 +160,15 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
             )
         )
     return tuple(result)
+
+
+def _beside_law(p: Measured, t60_s: float) -> bool:
+    """Whether a partial's decay is told by the recording, and is not the law's."""
+    if p.decay <= 0.0 or p.decay_error > (_STEADY_NOISE if p.single else 1.0) * p.decay:
+        return False
+    # A clean exponential errs as its noise says; what beats is what it is.
+    slack = max(LAW_T60, 2.0 * p.decay_error / p.decay) if p.single else LAW_T60
+    return abs(t60_s / p.t60_s - 1.0) > slack
 
 
 def _model(found: list[Measured], t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
@@ -173,7 +188,7 @@ def _explained(note: Note, found: list[Measured]) -> float:
     begin, count = round(0.05 * note.rate_hz), round(0.25 * note.rate_hz)
     x = note.samples[begin : begin + count]
     # Long pieces at high rates hold no more below 10 kHz: a random but fixed subset of samples would alias, a cut does not.
-    x = x[: 12000]
+    x = x[:12000]
     t = (begin + np.arange(x.size)) / note.rate_hz
     return _model(found, t, x)
 
@@ -199,31 +214,50 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
             f"the partials of {f0_hz:.4g} Hz are not those of a string: they lie {stretch.spread_cents:.0f} cents (rms) "
             f"beside f0·n·√(1 + Bn²), {len(low)} of the first {JUDGED} stand out; record one plucked string"
         )
+    far = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > _MOST_SPREAD_CENTS]
+    if len(far) > 2:
+        raise FitRefused(
+            f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
+            "these are not one string's; record one plucked string, the others damped"
+        )
+    if len(low) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
+        raise FitRefused(
+            f"only {len(low)} of the first {JUDGED} partials of {f0_hz:.4g} Hz stand out, and they do not tell a string's "
+            "inharmonicity; record one plucked string, louder"
+        )
     lasting = [p for p in strong if p.decay <= math.log(1000.0) / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
 
 
-def _warnings(
-    found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float
-) -> list[str]:
+def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float) -> list[str]:
     words = []
     low = [p for p in found if p.number <= JUDGED]
     missing = sorted(set(range(1, JUDGED + 1)) - {p.number for p in low})
     if missing:
-        words.append(f"{_listed(missing)} too weak to be measured: their decay is the loss law's")
+        words.append(f"{_listed(missing)} too weak to be measured: the loss law tells the decay")
     unsteady = [p.number for p in low if not p.steady]
     if unsteady:
-        words.append(f"{_listed(unsteady)} without a single decay (beating, or in stages): theirs is the loss law's")
+        words.append(f"{_listed(unsteady)} without one decay time: what is given depends on where it is read")
+    beating = [p.number for p in low if p.steady and not p.single]
+    if beating:
+        words.append(f"{_listed(beating)} not a single exponential (beating, or a decay in stages): the average is taken")
     beside = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > LAW_CENTS]
     if beside:
-        words.append(f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them")
-    if losses.spread > LAW_T60:
+        words.append(
+            f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them"
+        )
+    if losses.spread > _LOSS_SPREAD:
         words.append(f"decay rates lie {100.0 * losses.spread:.0f} % (rms) beside the loss law: the body takes its share")
     if stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
         words.append(f"inharmonicity is hardly above its error of {stretch.inharmonicity_error:.1g}")
     if pluck is None or not pluck.determined:
         words.append("the levels of the partials do not tell where it was plucked")
+    elif pluck.spread_db > 3.0:
+        words.append(
+            f"levels lie {pluck.spread_db:.0f} dB (rms) beside those of a pluck: with an electric pickup the place found "
+            "may be the pickup's"
+        )
     if explained < 0.8:
         words.append(f"the partials explain {100.0 * explained:.0f} % of the sound just after the onset")
     return words

@@ -77,7 +77,7 @@ class Bands:
         padded[: self._half + 1] = piece[self._half :]
         padded[-self._half :] = piece[: self._half]
         y = np.fft.ifft(padded) * (2.0 * size / self._size)
-        t = np.arange(size) * (self._size / size / self.rate_hz)
+        t = np.arange(size, dtype=np.float64) * (self._size / size / self.rate_hz)
         edge = length / 2 / self.rate_hz
         keep = (t >= edge) & (t <= self._samples / self.rate_hz - edge)
         t, y = t[keep], y[keep]
@@ -191,21 +191,25 @@ def fit_exponential(t: NDArray[np.float64], y: NDArray[np.complex128], correlate
 
 @dataclass(frozen=True)
 class LevelLine:
-    """The line of least squares through the level over time, as T60 is commonly read off.
+    """The line of least squares through the level over time, as T60 is commonly read off, and the pitch meanwhile.
 
     level_db: at the onset.  decay: σ [1/s].  roughness_db: rms of the level beside the line.  range_db: how far it falls.
-    early_decay: the same over the first half of that range.
+    decay_error: how far σ moves when the line begins and ends elsewhere.  shift_hz, shift_error_hz: slope of the phase
+    over that time, so that a pitch that glides gives its average over time, not that of the loud beginning.
     """
 
     level_db: float
     decay: float
+    decay_error: float
     roughness_db: float
     range_db: float
-    early_decay: float
+    shift_hz: float
+    shift_error_hz: float
 
 
-#: the line runs from there to there below the maximum [dB]
+#: the line runs from there to there below the maximum [dB]; the others tell how much that choice matters
 LINE_DB = (-3.0, -33.0)
+_OTHER_LINES_DB = ((-2.0, -28.0), (-5.0, -38.0))
 
 
 def fit_level_line(t: NDArray[np.float64], y: NDArray[np.complex128], noise: float) -> LevelLine | None:
@@ -213,17 +217,30 @@ def fit_level_line(t: NDArray[np.float64], y: NDArray[np.complex128], noise: flo
     level = 20.0 * np.log10(np.maximum(np.abs(y), 1e-15))
     loudest = int(np.argmax(level))
     top = float(level[loudest])
-    bottom = max(top + LINE_DB[1], 20.0 * np.log10(max(noise, 1e-15)) + 6.0)
+    quiet = 20.0 * np.log10(max(noise, 1e-15)) + 6.0
+    phase = np.unwrap(np.angle(y[loudest:]))
     t, level = t[loudest:], level[loudest:]
-    begin = _first_below(level, top + LINE_DB[0])
-    end = _first_below(level, bottom)
-    if end - begin < 6:
+
+    def piece(bounds: tuple[float, float]) -> slice:
+        return slice(_first_below(level, top + bounds[0]), _first_below(level, max(top + bounds[1], quiet)))
+
+    used = piece(LINE_DB)
+    if used.stop - used.start < 6:
         return None
-    slope, at_onset, roughness = _line(t[begin:end], level[begin:end])
-    middle = max(begin + 3, min(end, _first_below(level, 0.5 * (top + LINE_DB[0] + max(bottom, float(level[end - 1]))))))
-    early = _line(t[begin:middle], level[begin:middle])[0]
+    slope, at_onset, roughness = _line(t[used], level[used])
+    others = [_line(t[p], level[p])[0] for p in map(piece, _OTHER_LINES_DB) if p.stop - p.start >= 6]
+    turn, _, jitter = _line(t[used], phase[used])
+    span = float(t[used][-1] - t[used][0])
     per_db = -np.log(10.0) / 20.0
-    return LevelLine(at_onset, per_db * slope, roughness, float(level[begin] - level[end - 1]), per_db * early)
+    return LevelLine(
+        at_onset,
+        per_db * slope,
+        -per_db * max((abs(other - slope) for other in others), default=abs(slope)),
+        roughness,
+        float(level[used.start] - level[used.stop - 1]),
+        turn / (2.0 * np.pi),
+        np.sqrt(3.0) * jitter / (2.0 * np.pi * span),  # as if four of its samples were independent
+    )
 
 
 def _first_below(level: NDArray[np.float64], db: float) -> int:

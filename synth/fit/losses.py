@@ -37,9 +37,7 @@ class Losses:
 
     @property
     def terms(self) -> NDArray[np.float64]:
-        return np.array(
-            [self.air_drag_m_kg, self.air_boundary_m2_kg, self.viscoelastic_loss, self.thermoelastic_q_inverse]
-        )
+        return np.array([self.air_drag_m_kg, self.air_boundary_m2_kg, self.viscoelastic_loss, self.thermoelastic_q_inverse])
 
     def decay_rates(self, stretch: Stretch, n: int) -> NDArray[np.float64]:
         """σ of partials 1 … n [1/s]."""
@@ -64,9 +62,7 @@ def loss_terms(stretch: Stretch, n: int) -> NDArray[np.float64]:
 
     tiny = 1e-12
     drag = rates(tiny, 0.0, 0.0)
-    return np.stack(
-        [drag, rates(1.0, 0.0, 0.0) - drag, rates(tiny, 1.0, 0.0) - drag, rates(tiny, 0.0, 1.0) - drag], axis=1
-    )
+    return np.stack([drag, rates(1.0, 0.0, 0.0) - drag, rates(tiny, 1.0, 0.0) - drag, rates(tiny, 0.0, 1.0) - drag], axis=1)
 
 
 def fit_losses(found: list[Measured], stretch: Stretch) -> Losses:
@@ -81,7 +77,8 @@ def fit_losses(found: list[Measured], stretch: Stretch) -> Losses:
     error = np.maximum(np.array([p.decay_error for p in use]) / sigma, 1e-4)
     terms = loss_terms(stretch, int(numbers.max()))[numbers - 1]
     coefficients, spread = fit_terms(terms, sigma, error)
-    return Losses(*(float(c) for c in coefficients), spread)
+    drag, boundary, viscoelastic, thermoelastic = (float(c) for c in coefficients)
+    return Losses(drag, boundary, viscoelastic, thermoelastic, spread)
 
 
 def fit_terms(

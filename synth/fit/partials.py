@@ -30,24 +30,26 @@ _OVER_DB = 45.0
 _MISSES_IN_A_ROW = 10
 # One exponential may leave that share of the envelope and still be called single.
 _SINGLE_MISFIT = 0.1
-# A level that strays further from its line than that has no decay time; nor has one that falls less than that.
-_STEADY_DB = 3.0
-_LEAST_RANGE_DB = 6.0
+# A decay whose error is a greater share of it is none, nor is that of a level that falls less than that.
+_STEADY = 0.12
+# A partial of which an exponential leaves more than that has beats deeper than its decay.
+_MOST_MISFIT = 0.6
+_LEAST_RANGE_DB = 10.0
 
 
 @dataclass(frozen=True)
 class Measured:
     """One partial as measured.
 
-    hz, hz_error            frequency and its standard error
+    hz, hz_error            frequency and its standard error: the exponential's, or the average over the time of that line
     level_db                amplitude at the onset [dB re full scale], and its error [dB]
     decay, decay_error      σ [1/s], amplitude e^(−σt): of the exponential of maximum likelihood where it leaves no more
                             than noise, else of the line through the level from −3 to −33 dB
     snr_db                  of its envelope against what surrounds it
     misfit                  share of the envelope (rms) that one exponential leaves: beating, a decay in stages, noise
     single                  whether that is no more than the noise explains
-    steady                  whether its level falls along one line, so that it has a decay time at all
-    roughness_db            rms of the level beside that line
+    steady                  whether it has one decay time at all: its level falls along a line that depends little on
+                            where it begins and ends
     """
 
     number: int
@@ -61,7 +63,6 @@ class Measured:
     misfit: float
     single: bool
     steady: bool
-    roughness_db: float
 
     @property
     def t60_s(self) -> float:
@@ -132,22 +133,24 @@ def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measu
     if snr < LEAST_SNR_DB or fit.misfit > 0.9:
         return None
     single = fit.misfit < max(_SINGLE_MISFIT, 2.5 * min(1.0, 10.0 ** (-snr / 20.0)))
-    hz = expected_hz + fit.shift_hz
     line = fit_level_line(t, y, noise)
     if single or line is None:
+        shift, shift_error = fit.shift_hz, fit.shift_error_hz
         level = 20.0 * math.log10(fit.amplitude / bands.gain(fit.decay))
         level_error = 20.0 * math.log10(1.0 + fit.amplitude_error / fit.amplitude)
-        decay, decay_error = fit.decay, fit.decay_error
-        steady = single and decay > 0.0 and decay_error < 0.25 * decay
+        # What the noise does not explain may be a slow change that looks like decay over a short piece.
+        wobble = max(0.0, fit.misfit - 1.5 * min(1.0, 10.0 ** (-snr / 20.0)))
+        decay, decay_error = fit.decay, fit.decay_error + 3.0 * wobble / (fit.end_s - fit.begin_s)
+        steady = single
     else:
+        shift, shift_error = line.shift_hz, line.shift_error_hz
         level, level_error = line.level_db - 20.0 * math.log10(bands.gain(line.decay)), line.roughness_db
-        decay = line.decay
-        decay_error = max(abs(line.early_decay - line.decay), fit.decay_error)
-        steady = decay > 0.0 and line.range_db > _LEAST_RANGE_DB
-        steady = steady and line.roughness_db < _STEADY_DB and 1 / 1.6 < line.early_decay / decay < 1.6
-    roughness = line.roughness_db if line else 0.0
+        decay, decay_error = line.decay, line.decay_error
+        decay_error = decay_error if line.range_db > _LEAST_RANGE_DB else math.inf
+        steady = fit.misfit < _MOST_MISFIT
+    steady = steady and decay > 0.0 and decay_error < _STEADY * decay
     return Measured(
-        number, hz, fit.shift_error_hz, level, level_error, decay, decay_error, snr, fit.misfit, single, steady, roughness
+        number, expected_hz + shift, shift_error, level, level_error, decay, decay_error, snr, fit.misfit, single, steady
     )
 
 

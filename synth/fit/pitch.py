@@ -8,6 +8,7 @@ pitch wins. What the best series leaves unexplained, if it makes a series of its
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,7 @@ def _floor_db(level: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     blocks = max(1, level.size // width)
     edges = np.linspace(0, level.size, blocks + 1).astype(int)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    median = np.array([np.median(level[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    median = np.array([np.median(level[a:b]) for a, b in pairwise(edges)])
     return np.interp(np.arange(level.size), middle, median)
 
 
@@ -198,7 +199,11 @@ def _refuse_second_note(peaks: Peaks, best: Series) -> None:
     if 1 not in numbers and len(strong) >= 3:
         for a in range(2, 7):
             for b in range(a + 1, 8):
-                if all(n % a == 0 or n % b == 0 for n in strong) and any(n % b for n in strong) and any(n % a for n in strong):
+                if (
+                    all(n % a == 0 or n % b == 0 for n in strong)
+                    and any(n % b for n in strong)
+                    and any(n % a for n in strong)
+                ):
                     raise FitRefused(
                         f"two notes sound, near {a * best.f0_hz:.4g} and {b * best.f0_hz:.4g} Hz; record one string alone"
                     )

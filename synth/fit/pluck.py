@@ -4,7 +4,8 @@ Partial n is excited by |sin(nπp)|; what else there is (width of the finger, pl
 tone controls) is taken for smooth in n: level = a + b ln n + c n + d n² [dB]. For every p the smooth part is fitted
 robustly; the p that leaves least is the estimate, how sharply the rest is worse its uncertainty.
 
-Levels alone do not tell p from 1 − p: the answer is the distance from the nearer end.
+Levels alone do not tell p from 1 − p: the answer is the distance from the nearer end. Nor do they tell the place of
+plucking from that of a pickup, which makes the same comb: on electric instruments it may be either.
 """
 
 from __future__ import annotations
@@ -15,15 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: least partials for a place
-LEAST_PARTIALS = 7
+LEAST_PARTIALS = 10
 _GRID = np.arange(0.01, 0.50001, 0.0005)
 # A node is never perfect; no level is known better than that.
 _NODE, _FLOOR_DB = 0.01, 0.15
+# A place less certain than that, or levels that lie further beside the model, do not tell it.
+_MOST_ERROR, _MOST_SPREAD_DB = 0.03, 8.0
+# Nearer to the end than that a comb is hardly told from the trend.
+_NEAREST = 0.02
 
 
 @dataclass(frozen=True)
 class Pluck:
-    """position: distance from the nearer end as a share of L.  error: half the width of what fits as well (2σ).
+    """position: distance from the nearer end as a share of L.  error: half the width of what fits nearly as well (3σ).
 
     determined: whether the levels tell the place.  spread_db: rms beside the model.
     trend: (4,) coefficients of 1, ln n, n, n² in dB.
@@ -51,14 +56,12 @@ def _comb_db(numbers: NDArray[np.int64], positions: NDArray[np.float64]) -> NDAr
     return 10.0 * np.log10(sine**2 + _NODE**2)
 
 
-def fit_pluck(
-    numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors_db: NDArray[np.float64]
-) -> Pluck | None:
+def fit_pluck(numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors_db: NDArray[np.float64]) -> Pluck | None:
     """The place of plucking from levels (n,) with their errors (n,) [dB]; None with too few partials."""
     if numbers.size < LEAST_PARTIALS:
         return None
     # Fewer partials carry less of a trend.
-    terms = _trend_terms(numbers)[:, : 4 if numbers.size >= 16 else 3 if numbers.size >= 10 else 2]
+    terms = _trend_terms(numbers)[:, : 4 if numbers.size >= 16 else 3]
     combs = _comb_db(numbers, _GRID)
     scale = 2.0
     cost = np.zeros(_GRID.size)
@@ -71,12 +74,12 @@ def fit_pluck(
         size = 1.4826 * float(np.median(np.abs(left[best])))
         size *= np.sqrt(numbers.size / max(1.0, numbers.size - terms.shape[1] - 1.0))
         scale = max(_FLOOR_DB, np.sqrt(max(0.0, size**2 - float(np.median(errors_db)) ** 2)))
-    as_good = _GRID[cost < cost[best] + 4.0]
+    as_good = _GRID[cost < cost[best] + 9.0]
     position = _refined(cost, best)
     error = max(float(np.abs(as_good - position).max()), 0.5 * float(_GRID[1] - _GRID[0]))
     trend = np.zeros(4)
     trend[: terms.shape[1]] = trends[best]
-    determined = error < 0.03 and scale < 4.0
+    determined = error < _MOST_ERROR and scale < _MOST_SPREAD_DB and position > _NEAREST
     return Pluck(position, error, determined, float(scale), (trend[0], trend[1], trend[2], trend[3]))
 
 

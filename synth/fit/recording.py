@@ -68,7 +68,8 @@ def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
         end = begin + round(MOST_NOTE_S * rate_hz)
     if (end - begin) / rate_hz < LEAST_S:
         raise FitRefused(
-            f"the note must last at least {LEAST_S:g} s, got {(end - begin) / rate_hz:.2g} s; record one pluck and let it ring"
+            f"the note must last at least {LEAST_S:g} s, got {(end - begin) / rate_hz:.2g} s; "
+            "record one pluck and let it ring"
         )
     before = x[: max(0, begin - round(0.02 * rate_hz))]
     noise = float(np.std(before)) if before.size > 0.05 * rate_hz else 0.0
