@@ -85,7 +85,7 @@ export function recolour() {
 onScheme(recolour);
 
 /** Space for axes around the plot. */
-export function inset(width, height, { left = 46, right = 10, top = 8, bottom = 22 } = {}) {
+export function inset(width, height, { left = 52, right = 10, top = 8, bottom = 22 } = {}) {
   return { left, top, right: Math.max(left + 10, width - right), bottom: Math.max(top + 10, height - bottom) };
 }
 
@@ -119,7 +119,7 @@ export function axes(pen, box, { x, y, xName, yName, lines = true, xFormat = sho
   if (y) {
     pen.textAlign = "right";
     pen.textBaseline = "middle";
-    for (const value of y.ticks(Math.max(2, (box.bottom - box.top) / 34))) {
+    for (const value of y.ticks(Math.max(3.5, (box.bottom - box.top) / 34))) {
       const at = crisp(y.at(value));
       line(box.left - 4, at, lines ? box.right : box.left, at);
       pen.fillText(yFormat(value), box.left - 7, at);

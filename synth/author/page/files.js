@@ -1,18 +1,10 @@
-// Open, save, save as, duplicate, import, export, randomise; recovery and changes on disk.
+// Open, save, save as, duplicate, import, export; recovery and changes on disk.
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
 import { h } from "./format.js";
 import { dropTarget, menu, sheet } from "./sheets.js";
 
-const GROUPS = [
-  ["string", "Strings"],
-  ["obstacle", "What they touch"],
-  ["pluck", "Pluck"],
-  ["damping", "Damping"],
-  ["output", "Output"],
-  ["mapping", "Playing"],
-];
 const LONGEST_PRESET = 1e6;
 
 /** What the fields of a name take: the file's name without its ending. */
@@ -167,35 +159,6 @@ export function mount(element, { store }) {
     link.remove();
   }
 
-  // ---- randomise
-  function randomise() {
-    const boxes = GROUPS.map(([name, label]) => [name, h("input", { type: "checkbox", checked: true, name }), label]);
-    const said = h("p", { class: "muted", role: "status" }, "Every roll is one step of undo.");
-    const roll = async () => {
-      const chosen = boxes.filter(([, box]) => box.checked).map(([name]) => name);
-      if (chosen.length === 0) {
-        said.textContent = "Choose at least one group.";
-        return;
-      }
-      const result = await store.randomise(chosen.length === GROUPS.length ? null : chosen);
-      if (result?.refused) said.textContent = result.refused.message;
-      else if (result) said.textContent = `${result.undo_label ?? "Done"}. Undo takes it back.`;
-    };
-    const dialog = sheet(
-      "Randomise",
-      [
-        h("p", {}, "Moves every number by a step within musical limits, from where it is now."),
-        h("div", { class: "checks" }, ...boxes.map(([, box, label]) => h("label", { class: "check" }, box, label))),
-        said,
-      ],
-      [
-        h("button", { type: "button", onclick: () => store.undo() }, "Undo"),
-        h("button", { type: "button", class: "primary", onclick: roll }, "Roll"),
-      ],
-    );
-    return dialog;
-  }
-
   // ---- buttons
   const none = { disabled: () => doc() === null };
   const saveButton = h("button", { type: "button", id: "save", disabled: true, "aria-keyshortcuts": "Control+S", onclick: save }, "Save");
@@ -209,7 +172,6 @@ export function mount(element, { store }) {
         ["Duplicate…", duplicate, none],
         ["Import…", () => picker.click()],
         ["Export", exportFile, none],
-        ["Randomise…", randomise, none],
         ["Back to saved", () => store.revert(), { disabled: () => !doc()?.dirty }],
       ],
       { id: "more" },

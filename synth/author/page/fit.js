@@ -2,7 +2,7 @@
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
-import { h, noteName, number, valueAt } from "./format.js";
+import { h, number } from "./format.js";
 import { Figure, hertz, seconds, signed } from "./figure.js";
 import { follow } from "./job.js";
 import { fitted } from "./pictures.js";
@@ -124,7 +124,7 @@ export function mount(element, { store, api }) {
   function show(report) {
     zone.hidden = true;
     found.hidden = false;
-    tiles.replaceChildren(...facts(report).map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))));
+    tiles.replaceChildren(...report.facts.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))));
     warnings.replaceChildren(...report.warnings.map((words) => h("li", {}, words)));
     const { curves } = report;
     stretch.show(fitted({ ...curves.frequency, xName: "partial", yName: "cents", say: (n, c) => `${n}: ${signed(c)} cents` }));

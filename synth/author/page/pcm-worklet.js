@@ -10,7 +10,8 @@
 
 const QUANTUM = 128;
 const FADE_FRAMES = 256;
-const CUSHION_S = 0.02;
+// A stream begins with the first of these waiting, and goes on with the second once it has run dry.
+const CUSHIONS_S = [0.02, 0.06];
 const LONGEST_S = 2;
 const REPORT_FRAMES = 1024;
 
@@ -135,7 +136,7 @@ class PcmPlayer extends AudioWorkletProcessor {
     let done = 0;
     let first = 0;
     if (queue) {
-      if (!queue.flowing) queue.flowing = queue.ended || queue.waiting >= CUSHION_S * sampleRate;
+      if (!queue.flowing) queue.flowing = queue.ended || queue.waiting >= CUSHIONS_S[queue.begun ? 1 : 0] * sampleRate;
       if (queue.flowing) {
         first = queue.frame;
         done = queue.take(left, right, 0, left.length);

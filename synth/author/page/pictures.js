@@ -10,8 +10,8 @@ const SCALE = 58;
 
 const inside = (box, x, y) => x >= box.left && x <= box.right && y >= box.top && y <= box.bottom;
 
-/** wave {dt_s, low, high}: the lowest and highest sample of every dt_s; other likewise, drawn as an outline. */
-export function waveform(wave, other = null, length_s = wave.dt_s * wave.low.length) {
+/** wave {bin_s, low, high}: the lowest and highest sample of every bin; other likewise, drawn as an outline. */
+export function waveform(wave, other = null, length_s = wave.bin_s * wave.low.length) {
   const top = 1.05 * Math.max(1e-6, ...wave.high.map(Math.abs), ...wave.low.map(Math.abs), ...(other?.high ?? []).map(Math.abs));
   return (pen, whole) => {
     const colours = theme();
@@ -19,10 +19,10 @@ export function waveform(wave, other = null, length_s = wave.dt_s * wave.low.len
     const x = linear(0, length_s, box.left, box.right);
     const y = linear(-top, top, box.bottom, box.top);
     axes(pen, box, { x, y, xName: "s" });
-    const area = ({ dt_s, low, high }) => {
+    const area = ({ bin_s, low, high }) => {
       pen.beginPath();
-      high.forEach((value, i) => pen.lineTo(x.at((i + 0.5) * dt_s), y.at(value)));
-      for (let i = low.length - 1; i >= 0; i--) pen.lineTo(x.at((i + 0.5) * dt_s), Math.max(y.at(low[i]), y.at(high[i]) + 1));
+      high.forEach((value, i) => pen.lineTo(x.at((i + 0.5) * bin_s), y.at(value)));
+      for (let i = low.length - 1; i >= 0; i--) pen.lineTo(x.at((i + 0.5) * bin_s), Math.max(y.at(low[i]), y.at(high[i]) + 1));
       pen.closePath();
     };
     clipped(pen, box, () => {
@@ -37,30 +37,39 @@ export function waveform(wave, other = null, length_s = wave.dt_s * wave.low.len
     });
     return (px, py) => {
       if (!inside(box, px, py)) return null;
-      const i = Math.floor(x.invert(px) / wave.dt_s);
+      const i = Math.floor(x.invert(px) / wave.bin_s);
       const peak = Math.max(Math.abs(wave.low[i] ?? 0), Math.abs(wave.high[i] ?? 0));
       return `${seconds(x.invert(px))}: ${peak > 0 ? `${number(20 * Math.log10(peak), 3)} dBFS` : "silence"}`;
     };
   };
 }
 
-/** Rows of bytes from the lowest frequency up as a picture: the ramp's colours, the frequency axis linear or not. */
-function painted(image, ramp, y, height) {
-  const { rows, hz } = image;
+/** Where a frequency lies among rising rows, as a fraction of their number; the rows are as far apart as they may be. */
+function rowAt(hz, frequency) {
+  let [low, high] = [0, hz.length - 1];
+  if (frequency <= hz[low]) return low;
+  if (frequency >= hz[high]) return high;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (hz[middle] <= frequency) low = middle;
+    else high = middle;
+  }
+  return low + (frequency - hz[low]) / (hz[high] - hz[low]);
+}
+
+/** Rows of bytes as a picture: the ramp's colours from byte `least` on, rows where y has their frequencies. */
+function painted({ rows, hz }, ramp, y, height, least) {
   const columns = rows[0].length;
   const canvas = new OffscreenCanvas(columns, height);
   const pen = canvas.getContext("2d");
   const picture = pen.createImageData(columns, height);
-  const last = rows.length - 1;
   for (let line = 0; line < height; line++) {
-    const frequency = y.invert(y.to + line + 0.5);
-    const place = ((frequency - hz[0]) / (hz[last] - hz[0])) * last;
-    const below = Math.max(0, Math.min(last, Math.floor(place)));
-    const above = Math.min(last, below + 1);
-    const share = Math.max(0, Math.min(1, place - below));
+    const place = rowAt(hz, y.invert(y.to + line + 0.5));
+    const below = Math.floor(place);
+    const above = Math.min(hz.length - 1, below + 1);
     for (let column = 0; column < columns; column++) {
-      const value = rows[below][column] * (1 - share) + rows[above][column] * share;
-      const colour = 3 * Math.round(value);
+      const value = rows[below][column] + (place - below) * (rows[above][column] - rows[below][column]);
+      const colour = 3 * Math.round(255 * Math.max(0, (value - least) / (255 - least)));
       const at = 4 * (line * columns + column);
       picture.data[at] = ramp[colour];
       picture.data[at + 1] = ramp[colour + 1];
@@ -73,55 +82,59 @@ function painted(image, ramp, y, height) {
 }
 
 /**
- * image {t_s: [centres], hz: [rows' frequencies, equally far apart], rows: [[0…255 per time]], low_db, high_db}.
+ * image {start_s, step_s: centres of columns, hz: of the rows, rising, rows: [[0…255 per column]], floor_db, top_db}.
  *
- * formant: {t_s, hz} (null where there is none), drawn over it; log: frequency axis; high_hz: its end; length_s of the
- * time axis; difference: the bytes are differences, low_db … high_db with 0 in the middle.
+ * formant: [{t_s, hz}], drawn over it; log: frequency axis; high_hz: its end; length_s: of the time axis; range_db: what is
+ * so far below the top is paper; difference: the bytes are differences, floor_db … top_db with 0 in the middle.
  */
-export function spectrogram(image, { formant = null, log = false, high_hz = 10000, difference = false, length_s = null } = {}) {
+export function spectrogram(image, options = {}) {
+  const { formant = null, log = false, high_hz = 10000, difference = false, length_s = null, range_db = Infinity } = options;
+  const { start_s, step_s, hz, rows } = image;
+  const lowest = Math.max(image.floor_db, image.top_db - range_db);
+  const least = (255 * (lowest - image.floor_db)) / (image.top_db - image.floor_db);
   return (pen, box) => {
     const colours = theme();
     const ramp = difference ? differenceRamp(colours.dark) : levelRamp(colours.dark);
-    const step = image.t_s.length > 1 ? image.t_s[1] - image.t_s[0] : 1;
-    const [begin, end] = [Math.max(0, image.t_s[0] - step / 2), image.t_s.at(-1) + step / 2];
-    const top = Math.min(high_hz, image.hz.at(-1));
+    const [begin, end] = [start_s - step_s / 2, start_s + (rows[0].length - 0.5) * step_s];
+    const top = Math.min(high_hz, hz.at(-1));
     const plot = { ...box, right: box.right - SCALE };
     const x = linear(0, length_s ?? end, plot.left, plot.right);
-    const y = log ? logarithmic(40, top, plot.bottom, plot.top) : linear(0, top, plot.bottom, plot.top);
+    const y = log ? logarithmic(hz[0], top, plot.bottom, plot.top) : linear(0, top, plot.bottom, plot.top);
     const height = Math.max(1, Math.round(plot.bottom - plot.top));
     pen.imageSmoothingEnabled = true;
     pen.imageSmoothingQuality = "high";
-    const painting = painted(image, ramp, y, height);
+    const painting = painted(image, ramp, y, height, least);
     clipped(pen, plot, () => pen.drawImage(painting, x.at(begin), plot.top, x.at(end) - x.at(begin), plot.bottom - plot.top));
     axes(pen, plot, { x, y, xName: "s", yName: "Hz", lines: false, yFormat: (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) });
-    levelScale(pen, box, ramp, image, difference ? "dB apart" : "dB");
-    if (formant) {
+    levelScale(pen, box, ramp, [lowest, image.top_db], difference ? "dB apart" : "dB");
+    if (formant?.length) {
+      const halo = colours.dark ? "rgb(0 0 0 / 65%)" : "rgb(255 255 255 / 75%)";
       clipped(pen, plot, () => {
-        for (const [width, colour] of [[4, colours.dark ? "rgb(0 0 0 / 65%)" : "rgb(255 255 255 / 75%)"], [1.75, colours.second]]) {
+        pen.lineJoin = "round";
+        for (const [width, colour] of [[4, halo], [1.75, colours.second]]) {
           pen.lineWidth = width;
           pen.strokeStyle = colour;
-          pen.lineJoin = "round";
-          polyline(pen, formant.t_s, formant.hz, x, y);
+          polyline(pen, formant.map((p) => p.t_s), formant.map((p) => p.hz), x, y);
         }
       });
     }
     return (px, py) => {
       if (!inside(plot, px, py)) return null;
       const [t, frequency] = [x.invert(px), y.invert(py)];
-      const column = Math.max(0, Math.min(image.t_s.length - 1, Math.round((t - image.t_s[0]) / step)));
-      const row = Math.round(((frequency - image.hz[0]) / (image.hz.at(-1) - image.hz[0])) * (image.hz.length - 1));
-      const level = image.low_db + ((image.rows[row]?.[column] ?? 0) / 255) * (image.high_db - image.low_db);
+      const column = Math.round((t - start_s) / step_s);
+      const byte = rows[Math.round(rowAt(hz, frequency))][Math.max(0, Math.min(rows[0].length - 1, column))];
+      const level = image.floor_db + (byte / 255) * (image.top_db - image.floor_db);
       return `${seconds(t)}, ${hertz(frequency)}: ${difference ? signed(level, 2) : number(level, 3)} dB`;
     };
   };
 }
 
-function levelScale(pen, box, ramp, { low_db, high_db }, unit) {
+function levelScale(pen, box, ramp, [floor_db, top_db], unit) {
   const colours = theme();
   const left = box.right - SCALE + 12;
-  const y = linear(low_db, high_db, box.bottom, box.top + 14);
+  const y = linear(floor_db, top_db, box.bottom, box.top + 14);
   for (let line = Math.floor(y.to); line < y.from; line++) {
-    pen.fillStyle = sample(ramp, (y.invert(line) - low_db) / (high_db - low_db));
+    pen.fillStyle = sample(ramp, (y.invert(line) - floor_db) / (top_db - floor_db));
     pen.fillRect(left, line, 10, 1.5);
   }
   pen.font = colours.font;
@@ -218,48 +231,52 @@ export function empty(pen, box, words) {
   return null;
 }
 
-/** contacts [{label, start_s, end_s, peak_n, impulse_ns}] in rows by label: when each point is touched, and how hard. */
-export function contactTimeline(contacts, labels, length_s) {
-  const hardest = Math.max(1e-9, ...contacts.map((c) => c.peak_n));
+/**
+ * When each point is touched, and how hard, in rows by point.
+ *
+ * points [{label}] from the nut; spans [{row, start_s, end_s, peak_n}], row among the points; length_s of the time axis.
+ */
+export function contactTimeline(points, spans, length_s) {
+  const hardest = Math.max(1e-9, ...spans.map((span) => span.peak_n));
   return (pen, box) => {
     const colours = theme();
     const plot = { ...box, right: box.right - SCALE };
     const ramp = levelRamp(colours.dark);
     const x = linear(0, length_s, plot.left, plot.right);
-    const row = (plot.bottom - plot.top) / Math.max(1, labels.length);
-    const image = { low_db: 0, high_db: hardest };
-    axes(pen, plot, { x, xName: length_s < 0.5 ? "ms" : "s", xFormat: length_s < 0.5 ? (v) => short(1000 * v) : short });
+    const row = (plot.bottom - plot.top) / Math.max(1, points.length);
+    const short_ = length_s < 0.5;
+    axes(pen, plot, { x, xName: short_ ? "ms" : "s", xFormat: short_ ? (v) => short(1000 * v) : short });
     pen.font = colours.font;
     pen.textAlign = "right";
     pen.textBaseline = "middle";
     pen.fillStyle = colours.muted;
     const every = Math.ceil(13 / row);
-    labels.forEach((label, i) => {
+    points.forEach(({ label }, i) => {
       if (i % every === 0) pen.fillText(label, plot.left - 7, plot.top + (i + 0.5) * row, plot.left - 4);
     });
-    const loudness = (c) => 0.25 + 0.75 * Math.sqrt(c.peak_n / hardest);
     clipped(pen, plot, () => {
-      for (const c of contacts) {
-        const i = labels.indexOf(c.label);
-        pen.fillStyle = sample(ramp, loudness(c));
-        pen.fillRect(x.at(c.start_s), plot.top + i * row + 1, Math.max(1, x.at(c.end_s) - x.at(c.start_s)), Math.max(1, row - 2));
+      for (const span of spans) {
+        if (span.start_s > length_s) continue;
+        pen.fillStyle = sample(ramp, 0.25 + 0.75 * Math.sqrt(span.peak_n / hardest));
+        const from = x.at(span.start_s);
+        pen.fillRect(from, plot.top + span.row * row + 1, Math.max(1, x.at(span.end_s) - from), Math.max(1, row - 2));
       }
     });
-    forceScale(pen, box, ramp, image);
+    forceScale(pen, box, ramp, hardest);
     return (px, py) => {
       if (!inside(plot, px, py)) return null;
-      const label = labels[Math.floor((py - plot.top) / row)];
+      const at = Math.min(points.length - 1, Math.floor((py - plot.top) / row));
       const t = x.invert(px);
-      const slack = 2 / ((plot.right - plot.left) / length_s);
-      const hit = contacts.find((c) => c.label === label && t >= c.start_s - slack && t <= c.end_s + slack);
+      const slack = (2 * length_s) / (plot.right - plot.left);
+      const hit = spans.find((span) => span.row === at && t >= span.start_s - slack && t <= span.end_s + slack);
       return hit
-        ? `${label} from ${seconds(hit.start_s)} for ${seconds(hit.end_s - hit.start_s)}: up to ${number(hit.peak_n, 3)} N`
-        : `${label} at ${seconds(t)}: free`;
+        ? `${points[at].label} at ${seconds(hit.start_s)} for ${seconds(hit.end_s - hit.start_s)}: up to ${number(hit.peak_n, 3)} N`
+        : `${points[at].label} at ${seconds(t)}: free`;
     };
   };
 }
 
-function forceScale(pen, box, ramp, { high_db: hardest }) {
+function forceScale(pen, box, ramp, hardest) {
   const colours = theme();
   const left = box.right - SCALE + 12;
   const y = linear(0, 1, box.bottom, box.top + 14);
@@ -303,6 +320,41 @@ export function fitted({ points, line, aside = [], xName, yName, log = false, sa
     return (px, py) => {
       const i = nearest(places, px, py);
       return i === null ? null : say(...points[i]);
+    };
+  };
+}
+
+/** Lines over the same time: {start_s, step_s, lines: [{values, colour (name of the theme's), width, name}]}. */
+export function curves({ start_s, step_s, lines }) {
+  const top = 1.08 * Math.max(1e-9, ...lines.flatMap(({ values }) => values.map(Math.abs)));
+  const length = lines[0].values.length;
+  return (pen, whole) => {
+    const colours = theme();
+    const box = { ...whole, right: whole.right - SCALE };
+    const x = linear(start_s, start_s + length * step_s, box.left, box.right);
+    const y = linear(-top, top, box.bottom, box.top);
+    axes(pen, box, { x, y, xName: "ms", xFormat: (v) => short(1000 * v) });
+    clipped(pen, box, () => {
+      for (const { values, colour, width } of lines) {
+        pen.strokeStyle = colours[colour];
+        pen.lineWidth = width;
+        pen.lineJoin = "round";
+        pen.beginPath();
+        values.forEach((value, i) => pen.lineTo(x.at(start_s + i * step_s), y.at(value)));
+        pen.stroke();
+      }
+    });
+    pen.font = colours.font;
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    lines.forEach(({ colour, name }, i) => {
+      pen.fillStyle = colours[colour];
+      pen.fillText(name, box.right + 6, box.top + 8 + 15 * i);
+    });
+    return (px, py) => {
+      if (!inside(box, px, py)) return null;
+      const i = Math.max(0, Math.min(length - 1, Math.round((x.invert(px) - start_s) / step_s)));
+      return `${seconds(x.invert(px))}: ${lines.map(({ values, name }) => `${name} ${number(values[i], 2)}`).join(", ")}`;
     };
   };
 }

@@ -60,10 +60,11 @@ class Author:
         """Send a signal and wait: the exit code."""
         if self._process.poll() is None:
             self._process.send_signal(by)
-        code = self._process.wait(20.0)
-        if self._process.stdout is not None:
-            self._process.stdout.close()
-        return code
+        try:
+            return self._process.wait(30.0)
+        finally:
+            self._process.kill()
+            self._process.communicate()
 
 
 class Page:

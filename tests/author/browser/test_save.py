@@ -149,16 +149,6 @@ def test_dropped_nonsense_is_refused_and_said(page):
     assert page.text("#title") == "Tanpura"
 
 
-def test_randomise_is_one_step_of_undo(page):
-    before = page.result("return (await (await fetch('/api/docs/' + location.hash.slice(1))).json()).data")
-    menu(page, "Randomise")
-    page.button("Roll", "dialog").click()
-    page.until(lambda: dirty(page))
-    page.button("Undo", "dialog").click()
-    page.until(lambda: not dirty(page))
-    assert page.result("return (await (await fetch('/api/docs/' + location.hash.slice(1))).json()).data") == before
-
-
 def test_export_is_the_text(page, folder):
     text = page.result("return (await fetch(`/api/docs/${location.hash.slice(1)}/export`)).text()")
     assert text == (folder / "mine.toml").read_text(encoding="utf-8")
