@@ -218,7 +218,7 @@ function makeNumber(parameter, { commit, refuse, labels }) {
 function makeChoice(parameter, { commitMany, labels }) {
   const select = h("select", { "data-part": "choice", ...labels });
   for (const { value, label } of parameter.choices) select.append(h("option", { value }, label));
-  select.addEventListener("change", () => commitMany([parameter.choices.find(({ value }) => value === select.value).edit]));
+  select.addEventListener("change", () => commitMany(parameter.choices.find(({ value }) => value === select.value).edits));
   return {
     entry: [select],
     below: [],

@@ -49,7 +49,9 @@ export function mount(tip) {
   document.addEventListener("keydown", (event) => {
     if (event.key === "Escape") hide();
   });
-  document.addEventListener("scroll", hide, { capture: true, passive: true });
+  // the focus scrolls to what it comes to: its tip goes along
+  const moved = () => (owner !== null && owner === document.activeElement ? show(owner) : hide());
+  document.addEventListener("scroll", moved, { capture: true, passive: true });
 }
 
 /** The physics of a control for screen readers: an element to which aria-describedby points. */
