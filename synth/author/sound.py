@@ -304,8 +304,10 @@ class Player:
 
     def _send(self, kind: int, a: int, b: int = 0) -> None:
         """To all that sounds."""
-        for voice in (*self._voices, *([self._speaker] if self._speaker is not None else [])):
+        for voice in self._voices:
             voice.send(kind, 0, a, b)
+        if self._speaker is not None:
+            self._speaker.send(kind, 0, a, b)
 
     def _start(self) -> None:
         """A new stream, whose first frame is the next."""
