@@ -36,6 +36,14 @@ def test_an_analysis_is_whole_and_small(name: str, note: int) -> None:
     assert times == sorted(times) and len(times) <= shown["contacts_found"]
 
 
+def test_an_analysis_at_another_rate_finds_the_same() -> None:
+    here, there = analyse(tanpura(), 48, 90, 1.5), analyse(tanpura(), 48, 90, 1.5, quality="fine", rate_hz=96000.0)
+    assert there["rate_hz"] == 96000.0 and there["spectrogram"]["hz"] == here["spectrogram"]["hz"]
+    assert there["pitch_cents"] == pytest.approx(here["pitch_cents"], abs=0.5)
+    for mine, theirs in zip(here["partials"][:8], there["partials"][:8], strict=True):
+        assert theirs["measured_hz"] == pytest.approx(mine["measured_hz"], rel=1e-3)
+
+
 @pytest.mark.parametrize("velocity", [50, 110])
 def test_a_string_that_meets_nothing_has_the_partials_of_its_model(velocity: int) -> None:
     shown = analyse(tanpura(900.0), 48, velocity, 2.0)

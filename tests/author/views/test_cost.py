@@ -59,6 +59,7 @@ def test_a_note_beside_its_reference() -> None:
     assert shown["doubt"]["e"] < shown["e"] / 3.0
     assert shown["reference"]["rate_hz"] > 4 * shown["standard"]["rate_hz"]
     assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] == 1.0 and len(shares) > 50
+    assert shown["waveforms"]["bin_s"] * 400 == pytest.approx(1.0, rel=1e-4)
     for key in ("standard", "reference", "difference"):
         assert len(shown["waveforms"][key]["low"]) == len(shown["waveforms"][key]["high"]) == 400
     detail = {key: np.array(shown["detail"][key]) for key in ("standard", "reference", "difference")}

@@ -9,6 +9,7 @@ from synth.author.views.analysis import analyse
 from synth.author.views.motion import MOST_FRAMES, film
 from synth.author.views.place import find
 from synth.author.views.tape import RATE_HZ, Taped
+from synth.compile import compile_preset
 from synth.engine.engine import Engine
 from synth.engine.events import NOTE_ON, make_events
 from synth.preset import PresetError, load_preset
@@ -97,6 +98,14 @@ def test_a_film_from_later_on_is_a_part_of_the_longer_one() -> None:
     assert part["dt_s"] == step and part["start_s"] == pytest.approx(100 * step)
     assert part["frames"] == whole["frames"][100:161]
     assert part["force"][1:] == whole["force"][101:161] and part["output"] == whole["output"][100:161]
+
+
+@pytest.mark.parametrize(("quality", "rate_hz"), [("draft", 44100.0), ("fine", 48000.0)])
+def test_a_film_is_of_the_quality_and_rate_asked_for(quality: str, rate_hz: float) -> None:
+    shown = film(tanpura(), 48, 90, 0.05, 100, quality=quality, rate_hz=rate_hz)
+    (string,) = compile_preset(find(tanpura(), 48).preset, quality=quality, rate_hz=rate_hz).strings
+    assert shown["rate_hz"] == string.positions[0].plan.rate_hz and shown["rate_hz"] % rate_hz == 0.0
+    assert 0.045 < shown["dt_s"] * 99 < 0.055
 
 
 @pytest.mark.parametrize(("name", "note", "velocity"), [("fretted-bass", 40, 127), ("tanpura", 48, 90)])
