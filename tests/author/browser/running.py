@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 from selenium import webdriver
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
@@ -64,7 +65,9 @@ class Author:
             return self._process.wait(30.0)
         finally:
             self._process.kill()
-            self._process.communicate()
+            self._process.wait()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
 
 
 class Page:
@@ -158,8 +161,7 @@ def chromium(width: int = 1280, height: int = 900) -> Iterator[webdriver.Chrome]
 def set_value(page: Page, path: str, value: float) -> None:
     """Type a number into the control of a path, as a person does."""
     field = page.field(path)
-    page.script("arguments[0].select()", field)
-    field.send_keys(f"{value}\n")
+    field.send_keys(Keys.CONTROL, "a", Keys.NULL, f"{value}\n")
 
 
 def floats(text: str) -> np.ndarray:
