@@ -226,3 +226,25 @@ def test_film_follows_an_edit(opened):
     field.send_keys("200", Keys.ENTER)
     page.until(lambda: page.script("return document.querySelector('.strip polygon').getAttribute('points')") != strip)
     assert page.errors() == []
+
+
+def test_a_fret_dragged_above_the_string_is_told_of_and_falls_back(opened):
+    page = opened("fretted-bass")
+    heights = state(page)["data"]["obstacle"]["heights_mm"]
+    _, y0 = place(page, "point-0")
+    drag(page, "point-0", 0, -80, steps=2)
+    reason = page.until(lambda: [each.text for each in page.all(".notice.error") if "Not moved" in each.text])
+    assert "fret" in reason[0] or "height" in reason[0]
+    now = state(page)["data"]["obstacle"]["heights_mm"]
+    assert now[1:] == heights[1:]
+    page.until(lambda: abs(place(page, "point-0")[1] - y0) < 79)
+
+
+def test_the_saved_version_stays_behind_the_edited_one(opened):
+    page = opened("tanpura")
+    assert not page.all(".ghost")
+    drag(page, "pluck", 60, 0)
+    page.until(lambda: page.all("polyline.ghost"))
+    page.find("#undo").click()
+    page.until(lambda: not page.all(".ghost"))
+    assert page.errors() == []
