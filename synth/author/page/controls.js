@@ -217,10 +217,23 @@ export function mount(element, { store }) {
     for (const [path, field] of fields) {
       field.update(valueAt(data, path) ?? null, {
         saved: which === "saved" ? (valueAt(data, path) ?? null) : (valueAt(doc.saved, path) ?? null),
-        error: errors[path],
+        error: errorOf(path, errors),
       });
     }
     for (const group of groups.children) group.classList.toggle("has-changes", group.querySelector(".control.changed") !== null);
+  }
+
+  /** Why an edit of this field, or of a value in it, was refused. */
+  function errorOf(path, errors) {
+    return errors[path] ?? Object.entries(errors).find(([each]) => each.startsWith(`${path}.`))?.[1];
+  }
+
+  /** Reasons that no field shows are told as notices. */
+  function tell({ errors }) {
+    for (const [path, reason] of Object.entries(errors)) {
+      const shown = [...fields.keys()].some((field) => path === field || path.startsWith(`${field}.`));
+      if (!shown) store.notify(`${path}: ${reason}`, "error");
+    }
   }
 
   function filter() {
@@ -243,7 +256,10 @@ export function mount(element, { store }) {
   }
 
   store.on(["doc", "which"], follow);
-  store.on(["errors"], update);
+  store.on(["errors"], (state) => {
+    update();
+    tell(state);
+  });
   // the string that plays the note is the one that is shown
   store.on(["table"], ({ table, doc }) => {
     if (doc !== null && parameters.length > 0 && table !== tab) choose(table);

@@ -23,7 +23,7 @@ export function makeField(parameter, context) {
   const name = h("button", { type: "button", class: "control-name", "data-tip": tip, "data-tip-tap": true, id: `${id}-name` }, label);
   const mark = h("span", { class: "control-mark", "aria-hidden": "true" });
   const back = h("button", { type: "button", class: "icon control-back", "data-part": "back" }, "↺");
-  const error = h("p", { class: "control-error", id: `${id}-error`, hidden: true });
+  const error = h("p", { class: "control-error", id: `${id}-error`, role: "alert", hidden: true });
   const labels = { "aria-labelledby": `${id}-name`, "aria-describedby": `${id}-tip ${id}-error` };
   const body = makeBody(parameter, { ...context, labels });
   const head = h("div", { class: "control-head" }, mark, name, h("span", { class: "control-entry" }, ...body.entry), back);
@@ -47,7 +47,8 @@ export function makeField(parameter, context) {
       // back to the saved value if it was changed since, else to the default
       way = changed && !same(saved, fallback) ? saved : null;
       const target = changed ? saved : fallback;
-      back.hidden = same(value, target) || (parameter.required && !changed);
+      const named = parameter.kind === "text" || parameter.required;
+      back.hidden = same(value, target) || (named && !changed);
       back.classList.toggle("to-saved", changed);
       back.title = `Back to ${changed ? "saved" : "default"}: ${brief(target)}`;
       back.setAttribute("aria-label", `${label}: ${back.title.toLowerCase()}`);

@@ -7,6 +7,11 @@ export function mount(page, { store }) {
   const undo = at("undo");
   const redo = at("redo");
 
+  // the address names the document: what it skips to is no part of it
+  page.querySelector(".skip").addEventListener("click", (event) => {
+    event.preventDefault();
+    at("controls").focus();
+  });
   undo.addEventListener("click", () => store.undo());
   redo.addEventListener("click", () => store.redo());
   page.addEventListener("keydown", (event) => {

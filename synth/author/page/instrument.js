@@ -37,10 +37,18 @@ export function mount(element, { store }) {
   );
 
   let drawing = null;
+  let ghost = null;
+  let ghostKey = "";
   let hand = false;
   const motion = mountMotion(film, { store, panels: { whole, close }, redraw: draw });
   const edits = {
-    edit: (changes, key) => store.editMany(changes, key),
+    async edit(changes, key) {
+      if ((await store.editMany(changes, key)) !== null) return;
+      const reason = store.state.errors[changes.at(-1).path];
+      // the field may be out of sight
+      if (reason) store.notify(`Not moved. ${reason}`, "error");
+      if (!hand) draw();
+    },
     valueOf: (path) => store.value(path),
     busy: (now) => {
       hand = now;
@@ -62,7 +70,18 @@ export function mount(element, { store }) {
     }
     store.setTable(drawing.table);
     draw();
+    await askGhost();
   });
+
+  /** The saved version of the same note, while something is edited. */
+  async function askGhost() {
+    const { doc, note: wanted, velocity: force, which } = store.state;
+    const key = doc.dirty && which === "current" ? JSON.stringify([doc.doc, wanted, force, doc.saved]) : "";
+    if (key === ghostKey) return;
+    ghostKey = key;
+    ghost = key === "" ? null : await store.view("instrument", { note: wanted, velocity: force, which: "saved" }).catch(() => null);
+    draw();
+  }
 
   function draw() {
     if (drawing === null) return;
@@ -76,11 +95,11 @@ export function mount(element, { store }) {
       whole.frame(wholeView(drawing, motion.film()));
       if (view !== null) close.frame(view);
     }
-    drawScene(whole, drawing, { close: false });
+    drawScene(whole, drawing, { close: false, ghost });
     const hasClose = view !== null;
     wholeHandles.show(store.state.which === "saved" ? [] : handlesOf(whole, drawing, { close: false, hasClose }));
     if (hasClose) {
-      drawScene(close, drawing, { close: true });
+      drawScene(close, drawing, { close: true, ghost });
       closeHandles.show(store.state.which === "saved" ? [] : handlesOf(close, drawing, { close: true, hasClose }));
       closeCaption.textContent = `${drawing.kind === "bridge" ? "The bridge" : "Near the saddle"}, heights × ${number(close.stretch(), 2)}`;
     }

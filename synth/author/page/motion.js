@@ -95,12 +95,14 @@ export function mount(element, { store, panels, redraw }) {
     const second = Math.min(first + 1, film.frames.length - 1);
     const part = at - first;
     const line = film.x.map((x, i) => [x, film.frames[first][i] + part * (film.frames[second][i] - film.frames[first][i])]);
-    const touched = film.points.map(({ x }, i) => ({ x, newton: film.force[Math.round(at)][i] }));
+    // a frame's force is the largest since the frame before it
+    const forces = Math.ceil(at);
+    const touched = film.points.map(({ x, height }, i) => ({ x, height, newton: film.force[forces][i] }));
     const finger = film.finger[first] === null ? null : [film.finger_x, film.finger[first]];
     for (const mark of Object.values(marks)) mark.show(line, touched, film.largest_n, finger);
     const ms = 1000 * (film.start_s + at * film.dt_s - film.release_s);
     time.textContent = `${ms.toFixed(2).replace("-", "−")} ms`;
-    const sum = film.total[Math.round(at)];
+    const sum = film.total[forces];
     force.textContent = sum > 0 ? `${number(sum, 2)} N` : "free";
     force.classList.toggle("lit", sum > 0);
     slider.value = Math.round(at);
@@ -173,12 +175,12 @@ const frequency = (note) => 440 * 2 ** ((note - 69) / 12);
 /** The moving string, the lit points and the bars of force of one panel. */
 function makeMarks(panel) {
   const string = s("polyline", { class: "string-moving" });
-  const lights = s("g", { class: "lights" });
   const finger = s("circle", { class: "finger", r: 7 });
-  const group = s("g", { class: "motion" }, lights, string, finger);
+  const group = s("g", { class: "motion" }, string, finger);
   return {
     hide() {
       group.remove();
+      panel.lights.replaceChildren();
       panel.svg.classList.remove("moving");
     },
     show(line, touched, peak, hand) {
@@ -190,12 +192,12 @@ function makeMarks(panel) {
         finger.setAttribute("cx", panel.X(hand[0]));
         finger.setAttribute("cy", panel.Y(hand[1]) + 8);
       }
-      lights.replaceChildren(
+      panel.lights.replaceChildren(
         ...touched
           .filter(({ x, newton }) => newton > 0 && panel.shows(x))
-          .flatMap(({ x, newton }) => {
+          .flatMap(({ x, height, newton }) => {
             const px = panel.X(x);
-            const py = panel.Y(heightAt(line, x));
+            const py = panel.Y(height);
             const long = BAR_PX * Math.sqrt(newton / peak);
             return [
               s("line", { class: "force", x1: px, x2: px, y1: py + 5, y2: py + 5 + long }),
@@ -205,13 +207,4 @@ function makeMarks(panel) {
       );
     },
   };
-}
-
-/** Of a line of [x, mm] at x. */
-function heightAt(line, x) {
-  const after = line.findIndex(([place]) => place >= x);
-  if (after <= 0) return line[after === 0 ? 0 : line.length - 1][1];
-  const [x0, h0] = line[after - 1];
-  const [x1, h1] = line[after];
-  return h0 + ((h1 - h0) * (x - x0)) / (x1 - x0 || 1);
 }

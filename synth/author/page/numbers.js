@@ -68,9 +68,10 @@ export function makeNumbers(parameter, { store, parameterOf, commit, commitMany,
   };
 }
 
-/** A row's first value: on from the last, as far again as its distance from the one before. */
+/** A new row's value: a place a little on, the next partial, else as the last. */
 function next(list, { path }) {
-  if (list.length === 0) return path.endsWith("heights_mm") ? -1 : 100;
-  const last = list.at(-1);
-  return path.endsWith("heights_mm") ? last : Number((2 * last - (list.at(-2) ?? 0)).toPrecision(6));
+  const last = list.at(-1) ?? (path.endsWith("heights_mm") ? -1 : 100);
+  if (path.endsWith("positions_mm")) return Number((1.02 * last).toPrecision(4));
+  if (path.endsWith("frequencies_hz")) return Number(((last * (list.length + 1)) / Math.max(1, list.length)).toPrecision(5));
+  return last;
 }

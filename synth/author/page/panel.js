@@ -2,7 +2,7 @@
 //
 //   const panel = makePanel("name", "what it shows");
 //   panel.frame({x0, x1, y0, y1});       // what is shown; panel.X(m), panel.Y(mm) → px, panel.x(px), panel.y(px) back
-//   panel.back, panel.front, panel.handles: SVG groups, from behind to the front
+//   panel.back, panel.front, panel.handles, panel.lights: SVG groups, from behind to the front
 
 import { number, s } from "./format.js";
 
@@ -13,9 +13,10 @@ export function makePanel(name, label) {
   const back = s("g", { class: "back" });
   const front = s("g", { class: "front" });
   const handles = s("g", { class: "handles" });
+  const lights = s("g", { class: "lights" });
   const clip = s("clipPath", { id: `clip-${name}` }, s("rect"));
   const scene = s("g", { "clip-path": `url(#clip-${name})` }, back, front);
-  const svg = s("svg", { class: `stage-${name}`, role: "group", "aria-label": label }, s("defs", {}, clip), rulers, scene, handles);
+  const svg = s("svg", { class: `stage-${name}`, role: "group", "aria-label": label }, s("defs", {}, clip), rulers, scene, handles, lights);
   let size = { width: 600, height: 240 };
   let view = { x0: 0, x1: 1, y0: -1, y1: 1 };
 
@@ -24,6 +25,7 @@ export function makePanel(name, label) {
     back,
     front,
     handles,
+    lights,
     X: (x) => MARGIN.left + ((x - view.x0) / (view.x1 - view.x0)) * (size.width - MARGIN.left - MARGIN.right),
     Y: (h) => MARGIN.top + ((view.y1 - h) / (view.y1 - view.y0)) * (size.height - MARGIN.top - MARGIN.bottom),
     x: (px) => view.x0 + ((px - MARGIN.left) / (size.width - MARGIN.left - MARGIN.right)) * (view.x1 - view.x0),

@@ -1,6 +1,6 @@
 // Draws what GET …/instrument describes into a panel: nut, string, neck, bridge, finger, pluck, pickup.
 
-import { s } from "./format.js";
+import { s, same } from "./format.js";
 
 /** What the whole-string panel shows: everything, with room above and below. */
 export function wholeView(drawing, film) {
@@ -25,7 +25,8 @@ export function closeView(drawing) {
   return { x0: length - 3 * far, x1: length + 0.5 * far, y0: -Math.max(0.5 * high, 1.5 * deep), y1: high };
 }
 
-export function drawScene(panel, drawing, { close }) {
+/** `ghost`: the same of the saved version, drawn behind where it differs, or null. */
+export function drawScene(panel, drawing, { close, ghost }) {
   const { X, Y, bottom } = panel;
   const { open_length_m: length, kind } = drawing;
   const back = [];
@@ -48,6 +49,7 @@ export function drawScene(panel, drawing, { close }) {
   }
   if (drawing.output.kind === "pickup" && !close) back.push(...magnet(panel, drawing.output));
 
+  if (ghost !== null) front.push(...ghostOf(panel, drawing, ghost, close));
   front.push(s("polyline", { class: "string-rest", points: panel.line(drawing.rest) }));
   front.push(s("polyline", { class: "string-drawn", points: panel.line(drawing.pluck.shape) }));
   if (drawing.finger !== null) {
@@ -56,6 +58,24 @@ export function drawScene(panel, drawing, { close }) {
   }
   panel.back.replaceChildren(...back);
   panel.front.replaceChildren(...front);
+}
+
+function ghostOf(panel, drawing, ghost, close) {
+  const out = [];
+  if (!same(drawing.pluck.shape, ghost.pluck.shape)) {
+    out.push(s("polyline", { class: "ghost", points: panel.line(ghost.pluck.shape) }));
+  }
+  for (const [i, { x, height }] of ghost.points.entries()) {
+    const now = drawing.points[i];
+    if (now?.x === x && now?.height === height) continue;
+    if (panel.shows(x)) out.push(s("circle", { class: "ghost", cx: panel.X(x), cy: panel.Y(height), r: 4.5 }));
+  }
+  if (!close && ghost.output.x !== drawing.output.x) {
+    const x = panel.X(ghost.output.x);
+    const y = panel.Y(ghost.output.height ?? 0);
+    out.push(s("line", { class: "ghost", x1: x, x2: x, y1: y, y2: y + 16 }));
+  }
+  return out;
 }
 
 /** The tanpura's bridge: a curve that rises to its edge of contact, and the thread on which the string ends. */

@@ -11,8 +11,8 @@
 // state.table     number of the string that plays the note
 //
 // store.data() is the preset of the version that is shown (state.which); store.value(path) one value of it.
-// Actions return promises. They never throw: what the server refuses is shown as a notice, at the field (422) or both,
-// and the promise gives null; 409 (exists, changed on disk) is given to the caller as {refused: ApiError}.
+// Actions return promises. They never throw: what the server refuses is shown as a notice, a refused edit (422) at its field
+// by state.errors, and the promise gives null; 409 (exists, changed on disk) is given to the caller as {refused: ApiError}.
 
 import { ApiError } from "./api.js";
 import { valueAt } from "./format.js";
@@ -145,7 +145,6 @@ export function createStore(api) {
       errors[field.path] = path === field.path ? message : `${path}: ${message}`;
     }
     set({ errors });
-    notify(`Not changed. ${said.map(({ path, message }) => `${path}: ${message}`).join("; ")}`, "error");
   }
 
   function editMany(changes, merge = null) {

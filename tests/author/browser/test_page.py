@@ -300,6 +300,7 @@ def test_with_the_keyboard_alone(page):
     for _ in range(3):
         press(page, Keys.ARROW_RIGHT)
     page.until(lambda: state(page)["data"]["pluck"]["position"] > 0.42)
+    assert page.script("return document.scrollingElement.scrollTop") == 0, "only the controls scroll"
     outline = page.script("return getComputedStyle(document.activeElement).outlineStyle")
     assert outline == "solid"
     chord(page, Keys.CONTROL, "z")
