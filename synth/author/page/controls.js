@@ -86,7 +86,7 @@ export function mount(element, { store }) {
     const data = store.data();
     const focus = element.contains(document.activeElement) ? document.activeElement : null;
     const kept = focus && [focus.closest("[data-path]")?.dataset.path, focus.dataset.part];
-    const scroll = element.scrollTop;
+    const scroll = body.scrollTop;
     fields = new Map();
     tab = Math.min(tab, data.string.length - 1);
     groups.replaceChildren();
@@ -95,7 +95,7 @@ export function mount(element, { store }) {
       if (mine.length > 0) groups.append(makeGroup(group, title, mine, data));
     }
     filter();
-    element.scrollTop = scroll;
+    body.scrollTop = scroll;
     if (kept?.[0]) {
       const part = kept[1] ? `[data-part="${kept[1]}"]` : "input, select, textarea, button";
       groups.querySelector(`[data-path="${kept[0]}"] ${part}`)?.focus({ preventScroll: true });

@@ -85,7 +85,9 @@ def chord(page, *keys):
 def test_start_offers_the_presets_and_opens_one(driver, author):
     page = Page(driver)
     page.open(author.address)
-    assert {"tanpura", "fretted-bass", "jawari-harp"} <= {each.get_attribute("data-preset") for each in page.all("[data-preset]")}
+    assert {"tanpura", "fretted-bass", "jawari-harp"} <= {
+        each.get_attribute("data-preset") for each in page.all("[data-preset]")
+    }
     opened(page, "fretted-bass")
     assert page.text("#title") == "Fretted bass"
     assert page.text("#doc-status") == "built in"
@@ -134,7 +136,11 @@ def test_a_drag_of_a_slider_is_one_step_of_undo(page):
     for _ in range(8):
         chain.move_by_offset(6, 0)
     chain.release().perform()
-    page.until(lambda: state(page)["dirty"] and str(state(page)["data"]["damping"]["release_s"]) == value_of(page, "damping.release_s"))
+    page.until(
+        lambda: (
+            state(page)["dirty"] and str(state(page)["data"]["damping"]["release_s"]) == value_of(page, "damping.release_s")
+        )
+    )
     assert value_of(page, "damping.release_s") != before
     page.find("#undo").click()
     page.until(lambda: value_of(page, "damping.release_s") == before)
@@ -142,7 +148,9 @@ def test_a_drag_of_a_slider_is_one_step_of_undo(page):
 
 
 @pytest.mark.parametrize(
-    ("typed", "reason"), [("1.5", "less than 1"), ("abc", "must be a number"), ("0", "greater than 0")], ids=["high", "text", "zero"]
+    ("typed", "reason"),
+    [("1.5", "less than 1"), ("abc", "must be a number"), ("0", "greater than 0")],
+    ids=["high", "text", "zero"],
 )
 def test_a_wrong_value_is_refused_at_the_field(page, typed, reason):
     field = page.field("pluck.position")
