@@ -65,7 +65,8 @@ def drag(page, name, dx, dy, steps=6):
 def place(page, name):
     """Where a handle is on the screen: (x, y)."""
     box = page.script(
-        "const b = document.querySelector(arguments[0]).getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]",
+        "const b = document.querySelector(arguments[0]).getBoundingClientRect();"
+        "return [b.x + b.width / 2, b.y + b.height / 2]",
         f'[data-handle="{name}"] .reach',
     )
     return tuple(box)
@@ -183,8 +184,8 @@ def test_scale_is_what_it_says(opened):
     caption = page.until(lambda: page.text(".stage.whole figcaption"))
     said = float(caption.rpartition("×")[2])
     ticks = page.script(
-        "return [...document.querySelectorAll('.stage-whole .tick')].map((t) => [t.getAttribute('text-anchor'), t.textContent,"
-        " +t.getAttribute('x'), +t.getAttribute('y')])"
+        "return [...document.querySelectorAll('.stage-whole .tick')].map((t) => [t.getAttribute('text-anchor'), "
+        "t.textContent, +t.getAttribute('x'), +t.getAttribute('y')])"
     )
     along = {float(text): x for anchor, text, x, _ in ticks if anchor == "middle"}
     up = {float(text.replace("−", "-")): y for anchor, text, _, y in ticks if anchor == "end" and text != "mm"}

@@ -1,4 +1,4 @@
-"""The page as a person uses it: opening, exact entry, sliders, undo and redo, refusals, ways back, A/B, keyboard, colours."""
+"""The page as a person uses it: opening, exact entry, sliders, undo, refusals, ways back, A/B, keyboard, sizes, colours."""
 
 import re
 from pathlib import Path
@@ -125,6 +125,20 @@ def test_undo_and_redo_by_button_and_keys(page):
     page.until(lambda: value_of(page, "pluck.position") == "0.31")
     page.find("#redo").click()
     page.until(lambda: value_of(page, "pluck.width_mm") == "9")
+    assert page.errors() == []
+
+
+def test_ctrl_z_in_a_field_undoes_its_typing_then_its_edit(page):
+    field = page.field("pluck.position")
+    set_value(page, "pluck.position", 0.31)
+    page.until(lambda: state(page)["dirty"])
+    field.send_keys("77")
+    chord(page, Keys.CONTROL, "z")
+    assert state(page)["dirty"]
+    press(page, Keys.ESCAPE)
+    assert value_of(page, "pluck.position") == "0.31"
+    chord(page, Keys.CONTROL, "z")
+    page.until(lambda: value_of(page, "pluck.position") == "0.42")
     assert page.errors() == []
 
 
@@ -323,8 +337,8 @@ def test_on_400_pixels_nothing_is_cut_off(page):
     page.until(lambda: page.script("return innerWidth") == 400)
     assert page.script("return document.scrollingElement.scrollWidth") <= 400
     beyond = page.script(
-        "return [...document.querySelectorAll('#files button, .bar-tools button, .control input, .control select, .stage svg,"
-        " #note, #velocity')].filter((each) => each.checkVisibility() && each.getBoundingClientRect().right > 401)"
+        "return [...document.querySelectorAll('#files button, .bar-tools button, .control input, .control select,"
+        " .stage svg, #note')].filter((each) => each.checkVisibility() && each.getBoundingClientRect().right > 401)"
         ".map((each) => each.outerHTML.slice(0, 120))"
     )
     assert beyond == []
