@@ -2,7 +2,7 @@
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
-import { h, number } from "./format.js";
+import { h, noteName, number } from "./format.js";
 import { Figure, hertz, seconds, signed } from "./figure.js";
 import { follow } from "./job.js";
 import { fitted } from "./pictures.js";
@@ -16,7 +16,9 @@ export function mount(element, { store, api }) {
   let job = null;
   let result = null;
 
-  const strings = h("select", { id: "fit-string" });
+  let last = null;
+
+  const strings = h("select", { id: "fit-string", onchange: () => !found.hidden && listen(last) });
   const picker = h("input", {
     type: "file", id: "fit-file", accept: ".wav,.flac,audio/*", class: "hidden-text",
     onchange: () => {
@@ -64,7 +66,7 @@ export function mount(element, { store, api }) {
   // ---- what the fit says
   const tiles = h("dl", { class: "tiles" });
   const warnings = h("ul", { class: "warnings" });
-  const stretch = new Figure("Frequency against number: cents above n × f₀", { height: 170 });
+  const stretch = new Figure("Frequency against number, above n f₀", { height: 170 });
   const decay = new Figure("T60 against frequency", { height: 170 });
   const levels = new Figure("Level at the onset against number", { height: 170 });
   const settings = h("div", { class: "settings", tabindex: 0, role: "region", "aria-label": "Settings" });
@@ -92,6 +94,7 @@ export function mount(element, { store, api }) {
   async function listen(file) {
     if (!store.state.doc) return;
     begin();
+    last = file;
     if (file.size > MOST_BYTES) return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are taken`);
     if (store.state.session?.fit && !store.state.session.fit.available) return refuse(file.name, store.state.session.fit.reason);
     zone.hidden = true;
@@ -138,9 +141,10 @@ export function mount(element, { store, api }) {
         h(
           "tbody",
           {},
-          ...report.settings.map(({ path, value }) =>
-            h("tr", {}, h("th", { scope: "row" }, path), h("td", {}, words(store.value(path))), h("td", {}, words(value))),
-          ),
+          ...report.settings.map(({ path, value }) => {
+            const say = path.endsWith(".notes") ? noteWords : words;
+            return h("tr", {}, h("th", { scope: "row" }, path), h("td", {}, say(store.value(path))), h("td", {}, say(value)));
+          }),
         ),
       ),
     );
@@ -176,11 +180,16 @@ export function mount(element, { store, api }) {
   });
 }
 
-const words = (value) =>
-  value === null || value === undefined
-    ? "–"
-    : typeof value === "number"
-      ? number(value, 5)
-      : typeof value === "object"
-        ? Object.entries(value).map(([note, v]) => `${note} ${number(v, 5)}`).join(", ")
-        : String(value);
+/** A value of the preset in a few words. */
+function words(value) {
+  if (value === null || value === undefined) return "–";
+  if (Array.isArray(value)) return value.length > 2 ? `${value.length} values from ${words(value[0])} to ${words(value.at(-1))}` : value.map(words).join(" – ");
+  if (typeof value === "object") return Object.entries(value).map(([note, v]) => `${note} ${words(v)}`).join(", ");
+  return typeof value === "number" ? number(value, 5) : String(value);
+}
+
+/** The notes of a string, [lowest, highest] or as they are written. */
+function noteWords(value) {
+  if (!Array.isArray(value)) return words(value);
+  return [...new Set(value)].map((note) => (typeof note === "number" ? noteName(note) : note)).join("–");
+}

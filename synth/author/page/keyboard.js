@@ -2,7 +2,7 @@
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
-import { h, noteName, parseNote } from "./format.js";
+import { h, noteName } from "./format.js";
 import { connectMidi, midiGranted } from "./midi.js";
 
 // By place on the keyboard, whatever the letters are there: the keys of a piano from C on, as `synth play` has them.
@@ -26,8 +26,9 @@ export function compass(notes) {
 export function neck(data) {
   const strings = data?.string ?? [];
   const frets = data?.obstacle?.kind === "frets" ? data.obstacle.count : 0;
-  const rows = strings.map((string) => ({ name: string.name, open: parseNote(String(string.notes)), frets }));
-  if (rows.length < 2 || rows.some((row) => row.open === null)) return null;
+  // a string of several notes is no string but a choir of them
+  if (strings.length < 2 || strings.some(({ notes }) => notes[0] !== notes[1])) return null;
+  const rows = strings.map(({ name, notes }) => ({ name, open: notes[0], frets }));
   return frets ? rows.reverse() : rows;
 }
 

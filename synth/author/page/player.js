@@ -142,6 +142,7 @@ export function mount(element, { store, api }) {
   player.addEventListener("played", (event) => meter.feed(event.detail.samples));
   player.addEventListener("status", ({ detail }) => {
     element.classList.toggle("sounding", detail.sounding);
+    element.dataset.gaps = detail.starved;
     const parts = [];
     if (detail.cpu !== null) parts.push(`load ${Math.round(100 * detail.cpu)} %`);
     if (detail.starved) parts.push(`${detail.starved} ${detail.starved === 1 ? "gap" : "gaps"}`);
