@@ -3,6 +3,7 @@
 import { changesFor, shownBeside } from "./edits.js";
 import { makeField } from "./field.js";
 import { h, noteName, valueAt } from "./format.js";
+import { latest } from "./latest.js";
 
 const GROUPS = {
   string: "Strings",
@@ -19,6 +20,7 @@ const SHUFFLED = ["string", "obstacle", "pluck", "damping", "output"];
 const ORDER = ["nut", "string"];
 /** Lists of tables, one of which is shown at a time. */
 const TABS = ["string"];
+const REST_MS = 300;
 
 export function mount(element, { store }) {
   const search = h("input", { type: "search", placeholder: "Find a control", "aria-label": "Find a control", id: "control-search" });
@@ -35,7 +37,8 @@ export function mount(element, { store }) {
   let fields = new Map();
   let shape = "";
   let tab = 0;
-  let asked = 0;
+  let form = "";
+  let resting = 0;
 
   shuffle.addEventListener("click", () => store.randomise());
   search.addEventListener("input", filter);
@@ -58,18 +61,24 @@ export function mount(element, { store }) {
   // ---- building: again only where the set of controls changed, so that focus and sliders stay
   const shapeOf = (data) => JSON.stringify([parameters.map(({ path, kind, choices }) => [path, kind, choices?.length]), tab, data.string.map((one) => one.name)]);
 
-  async function follow({ doc, which }) {
+  function follow({ doc }) {
     if (doc === null) return;
     update();
-    const mine = (asked += 1);
+    // a drag changes numbers only: what is suggested beside them may wait until it rests
+    const now = JSON.stringify(store.data(), (_, value) => (typeof value === "number" ? 0 : value));
+    clearTimeout(resting);
+    resting = setTimeout(ask, now === form ? REST_MS : 0);
+    form = now;
+  }
+
+  const ask = latest(async () => {
     let found;
     try {
-      found = await store.view("parameters", { which });
+      found = await store.view("parameters", { which: store.state.which });
     } catch (error) {
-      if (mine === asked) store.notify(error.message, "error");
+      store.notify(error.message, "error");
       return;
     }
-    if (mine !== asked) return;
     parameters = found;
     byPath = new Map(found.map((parameter) => [parameter.path, parameter]));
     const now = shapeOf(store.data());
@@ -80,13 +89,13 @@ export function mount(element, { store }) {
       for (const field of fields.values()) Object.assign(field.parameter, byPath.get(field.parameter.path));
     }
     update();
-  }
+  });
 
   function build() {
     const data = store.data();
     const focus = element.contains(document.activeElement) ? document.activeElement : null;
     const kept = focus && [focus.closest("[data-path]")?.dataset.path, focus.dataset.part];
-    const scroll = element.scrollTop;
+    const scroll = body.scrollTop;
     fields = new Map();
     tab = Math.min(tab, data.string.length - 1);
     groups.replaceChildren();
@@ -95,7 +104,7 @@ export function mount(element, { store }) {
       if (mine.length > 0) groups.append(makeGroup(group, title, mine, data));
     }
     filter();
-    element.scrollTop = scroll;
+    body.scrollTop = scroll;
     if (kept?.[0]) {
       const part = kept[1] ? `[data-part="${kept[1]}"]` : "input, select, textarea, button";
       groups.querySelector(`[data-path="${kept[0]}"] ${part}`)?.focus({ preventScroll: true });

@@ -17,7 +17,8 @@ export function mount(page, { store }) {
   page.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
     // in a field that is being written, the browser's own undo of typing
-    if (event.target.closest?.("textarea, input[type=text], input[type=search]")) return;
+    const field = event.target.closest?.("textarea, input[type=text], input[type=search]");
+    if (field && (field.dataset.typing === "yes" || !field.closest("[data-path]"))) return;
     const key = event.key.toLowerCase();
     const back = key === "z" && !event.shiftKey;
     const forth = (key === "z" && event.shiftKey) || key === "y";

@@ -1,5 +1,5 @@
 // The instrument from the side: the whole string and a close-up of what it touches near its end, to scale, with handles;
-// the choice of note and force; and, with motion.js, the string in slow motion.
+// the choice of note; and, with motion.js, the string in slow motion.
 
 import { h, noteName, number } from "./format.js";
 import { makeHandles } from "./handle.js";
@@ -13,8 +13,6 @@ export function mount(element, { store }) {
   const note = h("select", { id: "note", "aria-label": "Note" });
   const lower = h("button", { type: "button", class: "icon", "aria-label": "Lower note" }, "‹");
   const higher = h("button", { type: "button", class: "icon", "aria-label": "Higher note" }, "›");
-  const velocity = h("input", { type: "range", min: 1, max: 127, id: "velocity", "aria-label": "Velocity" });
-  const velocityText = h("output", { for: "velocity" });
   const whole = makePanel("whole", "The whole string, to scale");
   const close = makePanel("close", "Close-up of the contact");
   const wholeCaption = h("figcaption");
@@ -28,7 +26,6 @@ export function mount(element, { store }) {
       { class: "instrument-head" },
       h("h2", { id: "instrument-heading", class: "hidden-text" }, "Instrument"),
       h("div", { class: "note-choice" }, lower, note, higher),
-      h("label", { class: "velocity" }, h("span", { class: "muted" }, "Velocity"), velocity, velocityText),
       facts,
     ),
     h("div", { class: "stages" }, h("figure", { class: "stage whole" }, wholeCaption, whole.svg), closeFigure),
@@ -103,7 +100,8 @@ export function mount(element, { store }) {
       closeHandles.show(store.state.which === "saved" ? [] : handlesOf(close, drawing, { close: true, hasClose }));
       closeCaption.textContent = `${drawing.kind === "bridge" ? "The bridge" : "Near the saddle"}, heights × ${number(close.stretch(), 2)}`;
     }
-    wholeCaption.textContent = `${drawing.string ? `${drawing.string} string` : "String"}${drawing.fret ? `, fret ${drawing.fret}` : ""}, heights × ${number(whole.stretch(), 2)}`;
+    const string = `${drawing.string} string${drawing.fret ? `, fret ${drawing.fret}` : ""}`;
+    wholeCaption.textContent = `${string}, velocity ${store.state.velocity}, heights × ${number(whole.stretch(), 2)}`;
     motion.draw();
     reason.hidden = drawing.playable;
     reason.textContent = drawing.playable ? "" : `This note cannot sound: ${drawing.reason}`;
@@ -125,7 +123,6 @@ export function mount(element, { store }) {
   lower.addEventListener("click", () => step(-1));
   higher.addEventListener("click", () => step(1));
   note.addEventListener("change", () => store.setNote(Number(note.value)));
-  velocity.addEventListener("input", () => store.setVelocity(Number(velocity.value)));
 
   let listed = "";
   store.on(["doc", "note"], ({ doc, note: chosen }) => {
@@ -138,11 +135,6 @@ export function mount(element, { store }) {
     note.value = chosen;
     lower.disabled = chosen === doc.notes[0];
     higher.disabled = chosen === doc.notes.at(-1);
-  });
-  store.on(["velocity"], ({ velocity: now }) => {
-    velocity.value = now;
-    velocity.style.setProperty("--at", `${(100 * (now - 1)) / 126}%`);
-    velocityText.textContent = now;
   });
   store.on(["doc", "note", "velocity", "which"], ask);
   new ResizeObserver(draw).observe(whole.svg);

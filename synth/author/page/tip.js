@@ -14,8 +14,11 @@ export function mount(tip) {
     tip.hidden = false;
     const at = element.getBoundingClientRect();
     const size = tip.getBoundingClientRect();
-    const left = Math.min(Math.max(MARGIN, at.left), innerWidth - size.width - MARGIN);
-    const below = at.bottom + MARGIN;
+    // beside a control at the right of the page, so that nothing of it is covered; else below or above
+    const aside = at.left - size.width - 3 * MARGIN;
+    const beside = at.left > innerWidth / 2 && aside > MARGIN;
+    const left = beside ? aside : Math.min(Math.max(MARGIN, at.left), innerWidth - size.width - MARGIN);
+    const below = beside ? Math.min(at.top, innerHeight - size.height - MARGIN) : at.bottom + MARGIN;
     const top = below + size.height > innerHeight ? at.top - size.height - MARGIN : below;
     tip.style.left = `${left}px`;
     tip.style.top = `${Math.max(MARGIN, top)}px`;

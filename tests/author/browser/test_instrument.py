@@ -54,7 +54,9 @@ def handle(page, name):
 
 
 def drag(page, name, dx, dy, steps=6):
-    chain = ActionChains(page.driver).move_to_element(handle(page, name).find_element("css selector", ".reach")).click_and_hold()
+    chain = (
+        ActionChains(page.driver).move_to_element(handle(page, name).find_element("css selector", ".reach")).click_and_hold()
+    )
     for _ in range(steps):
         chain.move_by_offset(dx / steps, dy / steps)
     chain.release().perform()
@@ -63,7 +65,8 @@ def drag(page, name, dx, dy, steps=6):
 def place(page, name):
     """Where a handle is on the screen: (x, y)."""
     box = page.script(
-        "const b = document.querySelector(arguments[0]).getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]",
+        "const b = document.querySelector(arguments[0]).getBoundingClientRect();"
+        "return [b.x + b.width / 2, b.y + b.height / 2]",
         f'[data-handle="{name}"] .reach',
     )
     return tuple(box)
@@ -181,8 +184,8 @@ def test_scale_is_what_it_says(opened):
     caption = page.until(lambda: page.text(".stage.whole figcaption"))
     said = float(caption.rpartition("×")[2])
     ticks = page.script(
-        "return [...document.querySelectorAll('.stage-whole .tick')].map((t) => [t.getAttribute('text-anchor'), t.textContent,"
-        " +t.getAttribute('x'), +t.getAttribute('y')])"
+        "return [...document.querySelectorAll('.stage-whole .tick')].map((t) => [t.getAttribute('text-anchor'), "
+        "t.textContent, +t.getAttribute('x'), +t.getAttribute('y')])"
     )
     along = {float(text): x for anchor, text, x, _ in ticks if anchor == "middle"}
     up = {float(text.replace("−", "-")): y for anchor, text, _, y in ticks if anchor == "end" and text != "mm"}
@@ -228,16 +231,29 @@ def test_film_follows_an_edit(opened):
     assert page.errors() == []
 
 
-def test_a_fret_dragged_above_the_string_is_told_of_and_falls_back(opened):
-    page = opened("fretted-bass")
-    heights = state(page)["data"]["obstacle"]["heights_mm"]
-    _, y0 = place(page, "point-0")
-    drag(page, "point-0", 0, -80, steps=2)
+def test_what_a_drag_cannot_reach_is_told_and_falls_back(opened):
+    page = opened("tanpura")
+    page.result(
+        "await fetch('/api/docs/' + location.hash.slice(1) + '/edit', {method: 'POST', body: JSON.stringify({merge: null,"
+        " changes: [{path: 'obstacle', value: {kind: 'points', positions_mm: [400, 460], heights_mm: [-1, -1]}},"
+        " {path: 'mapping.pressure_um', value: null}]})});"
+    )
+    page.until(lambda: page.all('[data-handle="point-1"]'))
+    page.until(lambda: not page.all(".stage.close:not([hidden])"))
+    x1, _ = place(page, "point-1")
+    drag(page, "point-0", 150, 0, steps=2)
     reason = page.until(lambda: [each.text for each in page.all(".notice.error") if "Not moved" in each.text])
-    assert "fret" in reason[0] or "height" in reason[0]
-    now = state(page)["data"]["obstacle"]["heights_mm"]
-    assert now[1:] == heights[1:]
-    page.until(lambda: abs(place(page, "point-0")[1] - y0) < 79)
+    assert "sort the points from the nut" in reason[0]
+    assert state(page)["data"]["obstacle"]["positions_mm"][1] == 460
+    page.until(lambda: place(page, "point-0")[0] < x1)
+
+
+def test_a_fret_that_stops_a_note_is_said(opened):
+    page = opened("fretted-bass")
+    drag(page, "point-0", 0, -80, steps=2)
+    page.until(lambda: "cannot sound" in page.text(".stage-reason"))
+    page.find("#undo").click()
+    page.until(lambda: not page.all(".stage-reason:not([hidden])"))
 
 
 def test_the_saved_version_stays_behind_the_edited_one(opened):
