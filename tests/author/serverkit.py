@@ -17,7 +17,8 @@ import httpx
 from websockets.sync.client import ClientConnection, connect
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 120.0
+#: the first sound may wait for the kernels to be compiled [s]
+PATIENCE_S = 240.0
 
 
 class Server:

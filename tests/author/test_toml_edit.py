@@ -13,6 +13,7 @@ from synth.author.toml_edit import change
 from synth.preset import preset_folder
 
 TEXT = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+CLEARS = "# pressing a key lowers the bridge until the string hardly touches it: the buzz clears"
 NAMES = ("tanpura", "fretted-bass", "jawari-harp")
 
 
@@ -40,8 +41,8 @@ def changed_lines(before: str, after: str) -> list[str]:
             "mapping.pressure_um",
             -20.0,
             [
-                "-pressure_um = -25.0 # pressing a key lowers the bridge until the string hardly touches it: the buzz clears",
-                "+pressure_um = -20.0 # pressing a key lowers the bridge until the string hardly touches it: the buzz clears",
+                f"-pressure_um = -25.0 {CLEARS}",
+                f"+pressure_um = -20.0 {CLEARS}",
             ],
         ),
         (
