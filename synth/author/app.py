@@ -24,7 +24,7 @@ from synth.author.fitting import missing
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
-from synth.author.viewing import VIEWS, Gone, Viewer
+from synth.author.viewing import PLAYED, VIEWS, Gone, Viewer
 from synth.author.voice import phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
 from synth.preset import PresetError
@@ -353,8 +353,8 @@ class App:
                 for parameter, kind in view.parameters.items()
                 if parameter in query or parameter == "note"
             }
-            if name == "cost":
-                arguments["quality"] = self.quality
+            if name in PLAYED:
+                arguments |= {"quality": self.quality, "rate_hz": self.rate_hz}
             try:
                 body = await self.viewer.json(name, preset, text, arguments, request.is_disconnected)
             except Gone:
@@ -373,7 +373,7 @@ class App:
         def work(progress: Progress) -> Any:
             from synth.author.views.reference import compare
 
-            return compare(preset, note, velocity, seconds, progress)
+            return compare(preset, note, velocity, seconds, progress, quality=self.quality, rate_hz=self.rate_hz)
 
         return JSONResponse({"job": self.jobs.start(f"reference of {document.id}", work).id})
 

@@ -40,6 +40,8 @@ VIEWS = {
     "analysis": View("analysis", "analyse", {"note": int, "velocity": int, "seconds": float}),
     "cost": View("cost", "estimate", {"note": int, "velocity": int}),
 }
+#: those of a note as the session plays it, at its quality and rate
+PLAYED = frozenset({"motion", "analysis", "cost"})
 
 
 class Gone(Exception):

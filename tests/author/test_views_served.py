@@ -11,7 +11,7 @@ import pytest
 import soundfile
 
 from synth.author.jobs import Job, Jobs, Progress
-from synth.author.views import instrument, parameters
+from synth.author.views import instrument, motion, parameters
 from synth.preset import load_preset
 
 from .serverkit import Doc, Server, until
@@ -173,3 +173,14 @@ def test_jobs_are_forgotten_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
         assert jobs[made[4].id] is made[4]
     finally:
         jobs.close()
+
+
+def test_what_is_shown_is_what_the_session_plays(serve: Callable[..., Server]) -> None:
+    fine = serve("--quality", "fine", "--rate", "48000")
+    doc = fine.open("tanpura")
+    shown = fine.get(f"{doc.path}/motion?note=48&velocity=100&seconds=0.02&frames=20")
+    assert shown == motion.film(load_preset("tanpura"), 48, 100, 0.02, 20, quality="fine", rate_hz=48000)
+    assert fine.get(f"{doc.path}/analysis?note=48&seconds=0.5")["rate_hz"] == 48000
+    assert fine.get(f"{doc.path}/cost?note=48")["rate_hz"] == shown["rate_hz"]
+    job = finished(fine, fine.post(f"{doc.path}/reference", note=48, velocity=100, seconds=0.3)["job"])
+    assert job["result"]["standard"]["rate_hz"] == shown["rate_hz"]  # type: ignore[index]
