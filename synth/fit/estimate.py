@@ -29,8 +29,8 @@ _MOST_SPREAD_CENTS = 20.0
 _LEAST_EXPLAINED = 0.6
 # Decay rates further (rms) beside the loss law are worth a word.
 _LOSS_SPREAD = 0.25
-# With fewer of the first partials than that B must at least be above its error.
-_FEW = 7
+# With fewer steady ones of the first partials than that B must at least be above its error.
+_FEW = 6
 # Decay times of a plucked string [s].
 _LONGEST_T60_S = 120.0
 # The decay of an exponential in noise is taken from the law where its error is greater than that.
@@ -220,14 +220,15 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
             f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
             "these are not one string's; record one plucked string, the others damped"
         )
-    if len(low) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
-        raise FitRefused(
-            f"only {len(low)} of the first {JUDGED} partials of {f0_hz:.4g} Hz stand out, and they do not tell a string's "
-            "inharmonicity; record one plucked string, louder"
-        )
     lasting = [p for p in strong if p.decay <= math.log(1000.0) / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
+    good = [p for p in low if p.steady]
+    if len(good) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
+        raise FitRefused(
+            f"only {len(good)} of the first {JUDGED} partials of {f0_hz:.4g} Hz fall steadily, and their frequencies do not "
+            "tell a string's inharmonicity; record one plucked string, louder"
+        )
 
 
 def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float) -> list[str]:
