@@ -224,6 +224,6 @@ def _refuse_second_note(peaks: Peaks, best: Series) -> None:
     strange = sorted(rest.frequencies_hz[rest.levels_db > _STRANGE_DB])
     if len(strange) > 1:
         raise FitRefused(
-            f"{len(strange)} strong partials, such as {strange[0]:.4g} and {strange[1]:.4g} Hz, do not belong to a string of "
-            f"{best.f0_hz:.4g} Hz; record one plucked string alone"
+            f"{len(strange)} strong partials, such as {strange[0]:.4g} and {strange[1]:.4g} Hz, do not belong to a string "
+            f"of {best.f0_hz:.4g} Hz; record one plucked string alone"
         )

@@ -21,7 +21,7 @@ class Plucked:
 
 
 def draw(rng: np.random.Generator) -> Plucked:
-    """f0 over 40–700 Hz and B over 1e-5 – 1e-3, evenly in their logarithms; nylon to steel, losses over a decade and more."""
+    """f0 over 40–700 Hz and B over 1e-5 – 1e-3, evenly in their logarithms; nylon to steel, many losses."""
     f0 = 40.0 * (700.0 / 40.0) ** rng.random()
     inharmonicity = 10.0 ** rng.uniform(-5.0, -3.0)
     length = float(np.clip(rng.uniform(0.6, 1.4) * 65.0 / f0 if f0 > 150.0 else rng.uniform(0.6, 1.2), 0.12, 1.3))
