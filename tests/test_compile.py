@@ -126,6 +126,16 @@ def test_every_note_of_a_range_is_a_string():
     assert compile_preset(make(), only_notes=set()).strings == ()
 
 
+def test_single_frets_of_a_neck():
+    whole = compile_preset(make(NECK), only_notes={45}).strings[0]
+    part = compile_preset(make(NECK), only_notes={45}, every_fret=False).strings[0]
+    assert (part.places, part.open_note) == (whole.places, whole.open_note) == (len(whole.positions), 43)
+    (alone,) = part.positions
+    same = whole.positions[2]
+    assert (alone.note, alone.fret) == (same.note, same.fret) == (45, 2)
+    assert all(np.array_equal(a, b) for a, b in zip(vars(alone).values(), vars(same).values(), strict=True))
+
+
 def test_pluck_force_draws_the_open_string_as_far_as_asked():
     string = compile_preset(make()).strings[0]
     n = np.arange(1, string.positions[0].omega.size + 1)

@@ -353,6 +353,8 @@ class App:
                 for parameter, kind in view.parameters.items()
                 if parameter in query or parameter == "note"
             }
+            if name == "cost":
+                arguments["quality"] = self.quality
             try:
                 body = await self.viewer.json(name, preset, text, arguments, request.is_disconnected)
             except Gone:

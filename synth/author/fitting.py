@@ -27,20 +27,12 @@ def missing() -> str | None:
 
 def fit_string(data: bytes, preset: Preset, string: int) -> FittedString:
     """Fit string number `string` to the bytes of an audio file. Raises ValueError with the reason."""
-    import soundfile
-
     from synth.fit import fit_recording, report, settings
+    from synth.fit.recording import read_recording
 
     reason = missing()
     if reason is not None:
         raise ValueError(reason)
-    try:
-        samples, rate_hz = soundfile.read(io.BytesIO(data), dtype="float64", always_2d=True)
-    except soundfile.LibsndfileError as error:
-        raise ValueError(
-            f"the recording cannot be read ({error.error_string.rstrip('.')}): give a WAV or FLAC file"
-        ) from None
-    found = fit_recording(samples, rate_hz)
+    found = fit_recording(*read_recording(io.BytesIO(data)))
     values = settings(found, preset, string)
-    told = {**report(found), "settings": [{"path": path, "value": value} for path, value in values]}
-    return FittedString(values, told)
+    return FittedString(values, {**report(found), "settings": [{"path": path, "value": value} for path, value in values]})

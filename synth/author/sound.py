@@ -304,8 +304,10 @@ class Player:
 
     def _send(self, kind: int, a: int, b: int = 0) -> None:
         """To all that sounds."""
-        for voice in (*self._voices, *([self._speaker] if self._speaker is not None else [])):
+        for voice in self._voices:
             voice.send(kind, 0, a, b)
+        if self._speaker is not None:
+            self._speaker.send(kind, 0, a, b)
 
     def _start(self) -> None:
         """A new stream, whose first frame is the next."""
@@ -318,9 +320,12 @@ class Player:
         self._emit({"type": "audio", "rate_hz": self._rate_hz, "stream": self._stream, "frame": 0})
 
     def _stop(self) -> None:
+        speaking = self._speaker is not None
         self._silence()
         if self._running:
             self._end()
+        elif speaking:
+            self._emit({"type": "stopped"})
 
     def _silence(self) -> None:
         self._live = None
@@ -334,12 +339,10 @@ class Player:
         """After the server's own output."""
         assert self._speaker is not None
         if not self._speaker.alive:
-            self._silence()
             self._emit({"type": "error", "message": "the audio output has gone; choose the browser, or try again"})
-            self._emit({"type": "stopped"})
+            self._stop()
         elif self._speaker.ended:
-            self._silence()
-            self._emit({"type": "stopped"})
+            self._stop()
         elif time.monotonic() - self._began >= LOAD_S:
             self._began = time.monotonic()
             self._emit({"type": "load", "cpu": self._speaker.meters().cpu_median})

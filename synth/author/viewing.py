@@ -38,7 +38,7 @@ VIEWS = {
     "instrument": View("instrument", "draw", {"note": int, "velocity": int}),
     "motion": View("motion", "film", {"note": int, "velocity": int, "seconds": float, "frames": int, "start_s": float}),
     "analysis": View("analysis", "analyse", {"note": int, "velocity": int, "seconds": float}),
-    "cost": View("cost", "estimate", {"note": int}),
+    "cost": View("cost", "estimate", {"note": int, "velocity": int}),
 }
 
 

@@ -26,6 +26,7 @@ def _fit(options: argparse.Namespace) -> int:
     if options.output is not None and options.preset is None:
         raise ValueError("-o writes a preset with the fitted string: say which with -p")
     from synth.fit import fit_recording, report, settings
+    from synth.fit.recording import read_recording
     from synth.preset import load_preset
     from synth.targets import check_target
 
@@ -33,7 +34,7 @@ def _fit(options: argparse.Namespace) -> int:
     index = 0 if preset is None else _string_index(preset, options.string)
     if options.output is not None:
         check_target(options.output)
-    samples, rate_hz = _read(options.recording)
+    samples, rate_hz = read_recording(options.recording)
     try:
         found = fit_recording(samples, rate_hz, expected_hz=options.pitch)
     except ValueError as error:
@@ -55,23 +56,6 @@ def _string_index(preset: Any, text: str) -> int:
         return int(text)
     known = ", ".join(f"{i} ({name})" if name else str(i) for i, name in enumerate(names))
     raise ValueError(f"--string must be one of {known} of {preset.name}, got {text!r}")
-
-
-def _read(path: str) -> tuple[Any, int]:
-    """(frames, channels) and rate of an audio file, of which no more is read than is looked at."""
-    from pathlib import Path
-
-    import soundfile
-
-    from synth.fit.recording import MOST_S
-
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"{path}: there is no such file")
-    try:
-        with soundfile.SoundFile(path) as file:
-            return file.read(round((MOST_S + 1.0) * file.samplerate), dtype="float64", always_2d=True), file.samplerate
-    except soundfile.LibsndfileError as error:
-        raise ValueError(f"{path}: cannot be read ({error.error_string.rstrip('.')}); give a WAV or FLAC file") from None
 
 
 def _write(source: str, target: str, values: list[tuple[str, Any]]) -> None:

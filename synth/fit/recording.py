@@ -6,6 +6,8 @@ What cannot be measured is refused with the reason: silence, clipping, too short
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +48,20 @@ class Note:
     peak_dbfs: float
     noise_rms: float
     warnings: tuple[str, ...]
+
+
+def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
+    """(frames, channels) and rate of an audio file, as much of it as is looked at. Raises ValueError, OSError."""
+    import soundfile
+
+    if isinstance(file, str) and not Path(file).is_file():
+        raise FileNotFoundError(f"{file}: there is no such file")
+    try:
+        with soundfile.SoundFile(file) as sound:
+            return sound.read(round((MOST_S + 1.0) * sound.samplerate), dtype="float64", always_2d=True), sound.samplerate
+    except soundfile.LibsndfileError as error:
+        name = file if isinstance(file, str) else "the recording"
+        raise ValueError(f"{name}: cannot be read ({error.error_string.rstrip('.')}); give a WAV or FLAC file") from None
 
 
 def cut_note(samples: ArrayLike, rate_hz: float) -> Note:

@@ -96,8 +96,8 @@ def _partial(p: Any) -> dict[str, Any]:
         "measured_t60_s": None if m is None or m.decay <= 0.0 else _short(m.t60_s),
         "frequency_source": p.frequency_source,
         "decay_source": p.decay_source,
-        "single": None if m is None else m.single,
-        "steady": None if m is None else m.steady,
+        "single": None if m is None else bool(m.single),
+        "steady": None if m is None else bool(m.steady),
     }
 
 

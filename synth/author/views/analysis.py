@@ -33,6 +33,7 @@ from threadpoolctl import threadpool_limits
 from synth.author.views.contacts import Forces, binned, contacts_of, gather, touches
 from synth.author.views.formant import descending_formant
 from synth.author.views.instrument import draw
+from synth.author.views.pictures import rows_of_power, waveform
 from synth.author.views.place import find
 from synth.author.views.tape import RATE_HZ, Taped
 from synth.compile import Position
@@ -42,10 +43,8 @@ from synth.tune import WINDOW_S
 from synth.units import cents, gain_to_db
 
 SHORTEST_S, LONGEST_S = 0.2, 10.0
-WAVE_BINS = 800
-#: rows and columns of the spectrogram at most, its lowest and highest row, what lies below its black
-ROWS, COLUMNS = 144, 360
-LOWEST_HZ, HIGHEST_HZ = 40.0, 18000.0
+#: columns of the spectrogram at most, and what is black in it
+COLUMNS = 360
 FLOOR_DB = -90.0
 #: of a frame; twice as long below this fundamental, to tell its partials apart
 FRAME, LONG_BELOW_HZ = 2048, 100.0
@@ -81,7 +80,7 @@ def analyse(preset: Preset, note: int, velocity: int = 100, seconds: float = 2.0
         "seconds": seconds,
         "release_s": round(release_s, 6),
         "peak_dbfs": round(gain_to_db(peak(x)), 2) if peak(x) > 0.0 else None,
-        "waveform": _waveform(x),
+        "waveform": waveform(x, RATE_HZ),
         "spectrogram": _spectrogram(power, size, hop),
         "pitch_cents": _pitch_cents(ring, place.sounding_hz),
         "partials": _partials(
@@ -92,36 +91,13 @@ def analyse(preset: Preset, note: int, velocity: int = 100, seconds: float = 2.0
     }
 
 
-def _waveform(x: np.ndarray) -> dict[str, Any]:
-    bins = min(WAVE_BINS, x.size)
-    starts = np.arange(bins) * x.size // bins
-    return {
-        "bin_s": x.size / bins / RATE_HZ,
-        "low": np.round(np.minimum.reduceat(x, starts), 5).tolist(),
-        "high": np.round(np.maximum.reduceat(x, starts), 5).tolist(),
-    }
-
-
 def _spectrogram(power: np.ndarray, size: int, hop: int) -> dict[str, Any]:
-    """Rows evenly in octaves: the largest bin of each, between bins where they are sparser than rows."""
-    level = 10.0 * np.log10(np.maximum(power, 1e-300))
-    level -= level.max()
-    width = RATE_HZ / size
-    edges = np.geomspace(LOWEST_HZ, HIGHEST_HZ, ROWS + 1)
-    middles = np.sqrt(edges[1:] * edges[:-1])
-    rows = np.empty((ROWS, len(level)))
-    for row, (low, high, middle) in enumerate(zip(edges, edges[1:], middles, strict=False)):
-        first, last = math.ceil(low / width), math.ceil(high / width)
-        if last > first:
-            rows[row] = level[:, first:last].max(axis=1)
-        else:
-            share = middle / width - (first - 1)
-            rows[row] = (1.0 - share) * level[:, first - 1] + share * level[:, first]
-    shade = np.clip(np.round(255.0 * (1.0 - rows / FLOOR_DB)), 0, 255).astype(int)
+    hz, rows = rows_of_power(power, RATE_HZ / size)
+    shade = np.clip(np.round(255.0 * (1.0 - (rows - rows.max()) / FLOOR_DB)), 0, 255).astype(int)
     return {
         "start_s": 0.0,
         "step_s": hop / RATE_HZ,
-        "hz": np.round(middles, 2).tolist(),
+        "hz": hz,
         "floor_db": FLOOR_DB,
         "top_db": 0.0,
         "rows": shade.tolist(),

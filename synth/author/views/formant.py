@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-#: the ridge is looked for from the third partial to the fortieth, at most up to here
-LOWEST, HIGHEST, HIGHEST_HZ = 3.0, 40.0, 12000.0
+#: the ridge is looked for between these partials, at most up to here
+LOWEST, HIGHEST, HIGHEST_HZ = 3.0, 64.0, 12000.0
 #: places per octave; level is counted as rising by so much per octave; what a leap costs
 PER_OCTAVE = 24
 TILT_DB, LEAP_DB = 6.0, 60.0

@@ -26,7 +26,7 @@ describe(preset) -> list of dicts, in the order of the file, one for every setti
     instead_of paths of settings that exclude this one: an edit that sets it sets them to null as well
     together_with  paths that must be set, or absent, along with this one
     choices   [{value, label, edits}] of a choice, edits: the changes [{path, value}] that choose it, in one edit; else None
-    new       of a list of tables: a valid item to append; else None
+    new       of a list of tables: a valid item, which an edit of `path`.N appends, N how many there are; else None
     live      heard at the next pluck without compiling anything (`engine.parameters`)
 
 The values are not here: they are the document's data.
@@ -54,6 +54,7 @@ from synth.preset import (
     StringTable,
     Table,
     at_note,
+    contact_cents,
 )
 
 #: not a setting: the version of the file's form
@@ -250,14 +251,14 @@ def _partners(pairs: tuple[tuple[str, str], ...], name: str) -> list[str]:
 
 def _obstacles(preset: Preset) -> list[dict[str, Any]]:
     """The kinds of obstacle, each with the edits that change over; the present one keeps its numbers."""
-    longest = max(at_note(table.length_m, note) for table in preset.string for note in table.notes)
+    shortest = min(at_note(table.length_m, note) for table in preset.string for note in table.notes)
     out = []
     for kind in KINDS:
         value = dict(OBSTACLE_OF_KIND[kind])
         if kind == "points":
-            value["positions_mm"], value["heights_mm"] = [round(500.0 * longest, 1)], [-1.0]
+            value["positions_mm"], value["heights_mm"] = [round(500.0 * shortest, 1)], [-1.0]
         if kind == preset.obstacle.kind:
-            value = _plain(preset.obstacle.model_dump(exclude_unset=True))
+            value = {"kind": kind, **_plain(preset.obstacle.model_dump(exclude_unset=True))}
         edits: list[dict[str, Any]] = [{"path": "obstacle", "value": value}]
         if kind != "bridge" and preset.mapping.pressure_um != 0.0:  # there would be no bridge to move
             edits.append({"path": "mapping.pressure_um", "value": None})
@@ -298,10 +299,11 @@ def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
     values = {}
     for note in [table.notes[0], *notes, table.notes[1]]:
         try:
-            string = make_string(preset, table, note, note_frequency(preset, table, note, None))
+            model_hz = note_frequency(preset, table, note, None) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
+            string = make_string(preset, table, note, model_hz)
         except ValueError:
             return None
-        ideal = string.linear_density_kg_m * (2.0 * string.length_m * note_frequency(preset, table, note, None)) ** 2
+        ideal = string.linear_density_kg_m * (2.0 * string.length_m * model_hz) ** 2
         bent = string.core_diameter_m or string.diameter_m
         values[note] = _rounded(
             {

@@ -161,8 +161,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "youngs_modulus_gpa": Words(
             "Young's modulus",
-            "Stiffness of the core's material: steel 200, bronze 110, nylon 3, gut 6. It stretches the partials upwards and "
-            "lets the formant of a buzz travel.",
+            "Stiffness of the core's material: steel 200, bronze 110, nylon 3, gut 6. It stretches the partials upwards; "
+            "on a bridge, the stiffer the string, the lower the formant of its buzz.",
             "GPa",
             (1.0, 300.0),
             1.0,
@@ -216,8 +216,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "kind": _OBSTACLE_KIND,
         "distance_mm": Words(
             "Thread to edge",
-            "How far the bridge's edge of contact lies before the string's end on the thread. Longer: the buzz's formant "
-            "starts lower and the string bends more around it.",
+            "How far the bridge's edge of contact lies before the string's end on the thread. The longer, the higher the "
+            "formant of the buzz begins and the further it sinks.",
             "mm",
             (2.0, 20.0),
             0.1,
