@@ -27,7 +27,7 @@ from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
-from synth.preset import PresetError
+from synth.preset import PresetError, load_preset
 
 PAGE = Path(__file__).parent / "page"
 #: how often what was edited is autosaved, and files are compared with the disk [s]
@@ -222,6 +222,7 @@ class App:
         self.kernels = "ready"
         for connection in self.stage.connections:
             connection.post({"type": "kernels", "kernels": self.kernels})
+        await asyncio.to_thread(self.viewer.warm_up, load_preset("fretted-bass"), 33)
 
     # --- the page ---
 
