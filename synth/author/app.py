@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import math
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -195,8 +197,8 @@ class App:
         tasks = [
             asyncio.create_task(self._autosave()),
             asyncio.create_task(self._look_at_disk()),
-            asyncio.create_task(self._warm_up()),
         ]
+        threading.Thread(target=self._warm_up, args=(asyncio.get_running_loop(),), daemon=True).start()
         try:
             yield
         finally:
@@ -216,13 +218,17 @@ class App:
             await asyncio.sleep(LOOK_S)
             self.desk.look_at_disk()
 
-    async def _warm_up(self) -> None:
-        """Load (the first time compile) the kernels before anybody waits for them."""
-        await asyncio.to_thread(warm_up, self.rate_hz, self.quality)
+    def _warm_up(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Load (the first time compile) the kernels before anybody waits for them; in a thread that no end waits for."""
+        warm_up(self.rate_hz, self.quality)
+        with contextlib.suppress(RuntimeError, OSError):  # the server has ended meanwhile
+            loop.call_soon_threadsafe(self._ready)
+            self.viewer.warm_up(load_preset("fretted-bass"), 33)
+
+    def _ready(self) -> None:
         self.kernels = "ready"
         for connection in self.stage.connections:
             connection.post({"type": "kernels", "kernels": self.kernels})
-        await asyncio.to_thread(self.viewer.warm_up, load_preset("fretted-bass"), 33)
 
     # --- the page ---
 

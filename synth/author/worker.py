@@ -30,6 +30,7 @@ class Worker:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: Any = None
+        self._closed = False
         self._pipe: Connection | None = None
 
     def compute(self, module: str, function: str, preset: Preset, arguments: Mapping[str, Any]) -> bytes:
@@ -47,6 +48,8 @@ class Worker:
         raise answer
 
     def _started(self) -> Connection:
+        if self._closed:
+            raise OSError("the server ends")
         if self._pipe is None:
             context = multiprocessing.get_context("spawn")
             self._pipe, theirs = context.Pipe()
@@ -56,6 +59,7 @@ class Worker:
         return self._pipe
 
     def close(self) -> None:
+        self._closed = True
         if self._process is not None:
             self._process.kill()
 
