@@ -360,8 +360,8 @@ class App:
                 for parameter, kind in view.parameters.items()
                 if parameter in query or parameter == "note"
             }
-            if name == "cost":
-                arguments["quality"] = self.quality
+            if view.long:  # of a note as the session plays it
+                arguments |= {"quality": self.quality, "rate_hz": self.rate_hz}
             try:
                 body = await self.viewer.json(name, preset, text, arguments, request.is_disconnected)
             except Gone:
@@ -380,7 +380,7 @@ class App:
         def work(progress: Progress) -> Any:
             from synth.author.views.reference import compare
 
-            return compare(preset, note, velocity, seconds, progress)
+            return compare(preset, note, velocity, seconds, progress, quality=self.quality, rate_hz=self.rate_hz)
 
         return JSONResponse({"job": self.jobs.start(f"reference of {document.id}", work).id})
 

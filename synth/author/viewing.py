@@ -18,8 +18,8 @@ KEPT = 48
 
 @dataclass(frozen=True)
 class View:
-    """A function of a preset, by module and name, with its parameters beside the preset and their kinds. `long`: it is
-    computed in a process of its own."""
+    """A function of a preset, by module and name, with its parameters beside the preset and their kinds. `long`: it plays a
+    note, at a quality and rate, in a process of its own."""
 
     module: str
     function: str

@@ -14,7 +14,7 @@ import pytest
 import soundfile
 
 from synth.author.jobs import Job, Jobs, Progress
-from synth.author.views import instrument, parameters
+from synth.author.views import instrument, motion, parameters
 from synth.author.worker import Worker, compute
 from synth.preset import PresetError, load_preset
 
@@ -208,3 +208,14 @@ def test_nothing_is_left_of_a_server_that_is_killed(serve: Serve) -> None:
 
 def children(pid: int) -> list[int]:
     return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_what_is_shown_is_what_the_session_plays(serve: Callable[..., Server]) -> None:
+    fine = serve("--quality", "fine", "--rate", "48000")
+    doc = fine.open("tanpura")
+    shown = fine.get(f"{doc.path}/motion?note=48&velocity=100&seconds=0.02&frames=20")
+    assert shown == motion.film(load_preset("tanpura"), 48, 100, 0.02, 20, quality="fine", rate_hz=48000)
+    assert fine.get(f"{doc.path}/analysis?note=48&seconds=0.5")["rate_hz"] == 48000
+    assert fine.get(f"{doc.path}/cost?note=48")["rate_hz"] == shown["rate_hz"]
+    job = finished(fine, fine.post(f"{doc.path}/reference", note=48, velocity=100, seconds=0.3)["job"])
+    assert job["result"]["standard"]["rate_hz"] == shown["rate_hz"]  # type: ignore[index]
