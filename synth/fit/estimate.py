@@ -184,7 +184,7 @@ def _model(found: list[Measured], t: NDArray[np.float64], x: NDArray[np.float64]
         e = np.exp((2j * np.pi * p.hz - max(p.decay, 0.0)) * t)
         columns += [e.real, e.imag]
     design = np.stack(columns, axis=1)
-    coefficients = np.linalg.lstsq(design, x, rcond=None)[0]
+    coefficients = np.linalg.lstsq(design.T @ design, design.T @ x, rcond=1e-9)[0]
     left = x - design @ coefficients
     return 1.0 - float(left @ left) / max(float(x @ x), 1e-300)
 
@@ -193,7 +193,6 @@ def _explained(note: Note, found: list[Measured]) -> float:
     """Of a quarter of a second a little behind the onset."""
     begin, count = round(0.05 * note.rate_hz), round(0.25 * note.rate_hz)
     x = note.samples[begin : begin + count]
-    # Long pieces at high rates hold no more below 10 kHz: a random but fixed subset of samples would alias, a cut does not.
     x = x[:12000]
     t = (begin + np.arange(x.size)) / note.rate_hz
     return _model(found, t, x)

@@ -6,14 +6,19 @@ two polarisations, decays in stages, a level that hardly falls): those are its r
 cents and 25 %, but for those named in MISSES, which the fit gets wrong or the measurement reads differently.
 """
 
+import shutil
+import subprocess
 from dataclasses import dataclass
+from pathlib import Path
 
+import mido
 import numpy as np
 import pytest
+import soundfile
 
 from synth import measures
 from synth.fit import Fit, FitRefused, fit_recording
-from synth.units import cents
+from synth.units import cents, midi_to_hz
 from tests.fit.soundfont import FLUID, SoundFont
 
 pytestmark = pytest.mark.skipif(not FLUID.is_file(), reason=f"{FLUID} is missing: apt-get install fluid-soundfont-gm")
@@ -106,3 +111,55 @@ def test_one_bass_played_three_ways_has_one_set_of_strings(font: SoundFont) -> N
             sample = font.samples[f"{kind} Bass {note}"]
             found.append(fit_recording(font.read(sample), sample.rate_hz).inharmonicity)
         assert max(found) / min(found) < 1.05, (note, found)
+
+
+@pytest.mark.skipif(shutil.which("fluidsynth") is None, reason="fluidsynth is missing: apt-get install fluidsynth")
+class TestRendered:
+    """The same through a synthesizer, as people will drop it: looped, enveloped, resampled."""
+
+    def play(self, folder: Path, program: int, note: int) -> tuple[np.ndarray, int]:
+        song = mido.MidiFile(ticks_per_beat=480)
+        song.tracks.append(
+            mido.MidiTrack(
+                [
+                    mido.Message("program_change", program=program, time=0),
+                    mido.Message("note_on", note=note, velocity=100, time=96),
+                    mido.Message("note_off", note=note, time=3840),
+                ]
+            )
+        )
+        song.save(folder / "note.mid")
+        command = [
+            "fluidsynth",
+            "-niq",
+            "-R",
+            "0",
+            "-C",
+            "0",
+            "-g",
+            "0.5",
+            "-r",
+            "44100",
+            "-F",
+            "note.wav",
+            FLUID,
+            "note.mid",
+        ]
+        subprocess.run(command, cwd=folder, check=True, capture_output=True)
+        return soundfile.read(folder / "note.wav")
+
+    @pytest.mark.parametrize(
+        ("program", "note", "name"), [(33, 28, "Finger Bass EO"), (25, 52, "Steel D4"), (24, 52, "Nylon D4")]
+    )
+    def test_it_is_the_samples_string(self, font: SoundFont, tmp_path: Path, program: int, note: int, name: str) -> None:
+        x, rate_hz = self.play(tmp_path, program, note)
+        fit = fit_recording(x, rate_hz)
+        assert abs(cents(fit.first_partial_hz, midi_to_hz(note))) < 5.0
+        sample = font.samples[name]
+        assert fit.inharmonicity == pytest.approx(fit_recording(font.read(sample), sample.rate_hz).inharmonicity, rel=0.05)
+
+    @pytest.mark.parametrize(("program", "note"), [(40, 60), (19, 48), (104, 60)], ids=["violin", "organ", "sitar"])
+    def test_what_is_not_plucked_is_refused(self, tmp_path: Path, program: int, note: int) -> None:
+        x, rate_hz = self.play(tmp_path, program, note)
+        with pytest.raises(FitRefused):
+            fit_recording(x, rate_hz)

@@ -174,6 +174,16 @@ def test_film_and_analysis_have_the_same_contacts(name: str, note: int, velocity
     assert max(p["peak_n"] for p in heard["timeline"]["points"]) == pytest.approx(shown["largest_n"], rel=1e-3)
 
 
+def test_a_film_over_as_many_points_as_there_can_be_is_bounded() -> None:
+    places, heights = [13.0 * k for k in range(1, 65)], [-0.4] * 64
+    crowded = preset("free").with_setting(
+        "obstacle", f'{{kind = "points", positions_mm = {places}, heights_mm = {heights}}}'
+    )
+    shown = film(crowded, 48, 127, 0.05, MOST_FRAMES)
+    assert len(shown["points"]) == 64 and shown["largest_n"] > 0.0
+    assert len(json.dumps(shown, separators=(",", ":"))) < 500_000
+
+
 def test_a_string_that_meets_nothing_has_no_forces() -> None:
     assert not np.any(film(tanpura(900.0), 48, 64)["force"])
     free = film(preset("free"), 48, 100)
