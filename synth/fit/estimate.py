@@ -29,8 +29,8 @@ _MOST_SPREAD_CENTS = 20.0
 _LEAST_EXPLAINED = 0.6
 # Decay rates further (rms) beside the loss law are worth a word.
 _LOSS_SPREAD = 0.25
-# With fewer of the first partials than that B must at least be above its error.
-_FEW = 7
+# With fewer steady ones of the first partials than that B must at least be above its error.
+_FEW = 6
 # Decay times of a plucked string [s].
 _LONGEST_T60_S = 120.0
 # The decay of an exponential in noise is taken from the law where its error is greater than that.
@@ -107,6 +107,7 @@ def fit_recording(samples: ArrayLike, rate_hz: float, *, expected_hz: float | No
     found, stretch = measure_partials(note, series)
     explained = _explained(note, found)
     _refuse_what_is_no_string(found, stretch, explained, series.f0_hz)
+    found = [p for p in found if abs(_off(stretch, p)) < _MOST_SPREAD_CENTS]
     losses = fit_losses(found, stretch)
     pluck = fit_pluck(
         np.array([p.number for p in found]),
@@ -143,8 +144,8 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
     for n in range(1, count + 1):
         p = by_number.get(n)
         hz, t60 = float(law_hz[n - 1]), float(law_t60[n - 1])
-        offset = None if p is None else cents(hz, p.hz)
-        own_hz = p is not None and offset is not None and LAW_CENTS < abs(offset) < _MOST_SPREAD_CENTS
+        offset = None if p is None else _off(stretch, p)
+        own_hz = p is not None and offset is not None and abs(offset) > LAW_CENTS
         own_t60 = p is not None and _beside_law(p, t60)
         result.append(
             Partial(
@@ -160,6 +161,11 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
             )
         )
     return tuple(result)
+
+
+def _off(stretch: Stretch, p: Measured) -> float:
+    """The law's frequency above the measured one [cents]."""
+    return cents(float(stretch.frequencies_hz(p.number)), p.hz)
 
 
 def _beside_law(p: Measured, t60_s: float) -> bool:
@@ -178,7 +184,7 @@ def _model(found: list[Measured], t: NDArray[np.float64], x: NDArray[np.float64]
         e = np.exp((2j * np.pi * p.hz - max(p.decay, 0.0)) * t)
         columns += [e.real, e.imag]
     design = np.stack(columns, axis=1)
-    coefficients = np.linalg.lstsq(design, x, rcond=None)[0]
+    coefficients = np.linalg.lstsq(design.T @ design, design.T @ x, rcond=1e-9)[0]
     left = x - design @ coefficients
     return 1.0 - float(left @ left) / max(float(x @ x), 1e-300)
 
@@ -187,7 +193,6 @@ def _explained(note: Note, found: list[Measured]) -> float:
     """Of a quarter of a second a little behind the onset."""
     begin, count = round(0.05 * note.rate_hz), round(0.25 * note.rate_hz)
     x = note.samples[begin : begin + count]
-    # Long pieces at high rates hold no more below 10 kHz: a random but fixed subset of samples would alias, a cut does not.
     x = x[:12000]
     t = (begin + np.arange(x.size)) / note.rate_hz
     return _model(found, t, x)
@@ -214,20 +219,21 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
             f"the partials of {f0_hz:.4g} Hz are not those of a string: they lie {stretch.spread_cents:.0f} cents (rms) "
             f"beside f0·n·√(1 + Bn²), {len(low)} of the first {JUDGED} stand out; record one plucked string"
         )
-    far = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > _MOST_SPREAD_CENTS]
+    far = [p.number for p in low if abs(_off(stretch, p)) > _MOST_SPREAD_CENTS]
     if len(far) > 2:
         raise FitRefused(
             f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
             "these are not one string's; record one plucked string, the others damped"
         )
-    if len(low) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
-        raise FitRefused(
-            f"only {len(low)} of the first {JUDGED} partials of {f0_hz:.4g} Hz stand out, and they do not tell a string's "
-            "inharmonicity; record one plucked string, louder"
-        )
     lasting = [p for p in strong if p.decay <= math.log(1000.0) / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
+    good = [p for p in low if p.steady]
+    if len(good) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
+        raise FitRefused(
+            f"only {len(good)} of the first {JUDGED} partials of {f0_hz:.4g} Hz fall steadily, and their frequencies do not "
+            "tell a string's inharmonicity; record one plucked string, louder"
+        )
 
 
 def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float) -> list[str]:
@@ -235,14 +241,16 @@ def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pl
     low = [p for p in found if p.number <= JUDGED]
     missing = sorted(set(range(1, JUDGED + 1)) - {p.number for p in low})
     if missing:
-        words.append(f"{_listed(missing)} too weak to be measured: the loss law tells the decay")
+        words.append(
+            f"{_listed(missing)} too weak to be measured, or another sound lies there: the laws tell pitch and decay"
+        )
     unsteady = [p.number for p in low if not p.steady]
     if unsteady:
         words.append(f"{_listed(unsteady)} without one decay time: what is given depends on where it is read")
     beating = [p.number for p in low if p.steady and not p.single]
     if beating:
         words.append(f"{_listed(beating)} not a single exponential (beating, or a decay in stages): the average is taken")
-    beside = [p.number for p in low if abs(cents(float(stretch.frequencies_hz(p.number)), p.hz)) > LAW_CENTS]
+    beside = [p.number for p in low if abs(_off(stretch, p)) > LAW_CENTS]
     if beside:
         words.append(
             f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them"

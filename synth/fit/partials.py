@@ -30,8 +30,9 @@ _OVER_DB = 45.0
 _MISSES_IN_A_ROW = 10
 # One exponential may leave that share of the envelope and still be called single.
 _SINGLE_MISFIT = 0.1
-# A decay whose error is a greater share of it is none, nor is that of a level that falls less than that.
-_STEADY = 0.12
+# A decay whose error is a greater share of it is none: of an exponential in noise, of a line through the level; nor is
+# that of a level that falls less than that.
+_STEADY, _STEADY_LINE = 0.12, 0.25
 # A partial of which an exponential leaves more than that has beats deeper than its decay.
 _MOST_MISFIT = 0.6
 _LEAST_RANGE_DB = 10.0
@@ -148,7 +149,7 @@ def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measu
         decay, decay_error = line.decay, line.decay_error
         decay_error = decay_error if line.range_db > _LEAST_RANGE_DB else math.inf
         steady = fit.misfit < _MOST_MISFIT
-    steady = steady and decay > 0.0 and decay_error < _STEADY * decay
+    steady = steady and decay > 0.0 and decay_error < (_STEADY if single else _STEADY_LINE) * decay
     return Measured(
         number, expected_hz + shift, shift_error, level, level_error, decay, decay_error, snr, fit.misfit, single, steady
     )

@@ -24,6 +24,8 @@ _DEPTH_DB = 55.0
 _ABOVE_FLOOR_DB = 14.0
 _MOST_PARTIALS = 60
 _MOST_INHARMONICITY = 0.01
+# Peaks above that re the highest that are none of the series' are another sound's.
+_STRANGE_DB = -15.0
 
 
 @dataclass(frozen=True)
@@ -211,14 +213,17 @@ def _refuse_second_note(peaks: Peaks, best: Series) -> None:
     places = every * best.f0_hz * np.sqrt(1.0 + best.inharmonicity * every**2)
     distance = np.abs(peaks.frequencies_hz[:, None] - places[None, :]).min(axis=1)
     left = distance > np.minimum(np.maximum(3.0 * peaks.resolution_hz, 0.03 * best.f0_hz), 0.2 * best.f0_hz)
-    if np.count_nonzero(left) < 3:
-        return
     rest = Peaks(peaks.frequencies_hz[left], peaks.levels_db[left], peaks.weights[left], peaks.resolution_hz)
-    other = best_series(rest)
-    if other is None or other.numbers.size < 4 or other.filled < 0.5:
-        return
-    share = float(rest.weights.sum() / peaks.weights.sum()) * other.explained
-    if share > 0.2 and rest.levels_db.max() > -25.0:
+    other = best_series(rest) if np.count_nonzero(left) >= 3 else None
+    share = 0.0 if other is None else float(rest.weights.sum() / peaks.weights.sum()) * other.explained
+    series = other is not None and other.numbers.size >= 4 and other.filled >= 0.5
+    if other is not None and series and share > 0.2 and rest.levels_db.max() > -25.0:
         raise FitRefused(
             f"two notes sound, near {best.f0_hz:.4g} and {other.f0_hz:.4g} Hz; record one string alone, the others damped"
+        )
+    strange = sorted(rest.frequencies_hz[rest.levels_db > _STRANGE_DB])
+    if len(strange) > 1:
+        raise FitRefused(
+            f"{len(strange)} strong partials, such as {strange[0]:.4g} and {strange[1]:.4g} Hz, do not belong to a string "
+            f"of {best.f0_hz:.4g} Hz; record one plucked string alone"
         )

@@ -101,8 +101,8 @@ def film(
         "rest": _rounded(1e3 * rest, 5),
         "frames": _rounded(all_mm, 4),
         "points": points,
-        "force": _rounded(shots.force, 4),
-        "impulse": _rounded(shots.impulse, 8),
+        "force": _mostly_zero(shots.force, 4),
+        "impulse": _mostly_zero(shots.impulse, 8),
         "finger": [None if math.isnan(h) else round(1e3 * h + _line(rest, x, drawing, nut), 4) for h in shots.finger],
         "finger_x": drawing["pluck"]["x"],
         "output": _rounded(output, 6),
@@ -192,3 +192,8 @@ def _line(rest: np.ndarray, x: np.ndarray, drawing: dict[str, Any], nut: float) 
 
 def _rounded(array: np.ndarray, digits: int) -> list[Any]:
     return np.round(array, digits).tolist()
+
+
+def _mostly_zero(array: np.ndarray, digits: int) -> list[list[float]]:
+    """Rows of numbers, zeros as short as they can be: of many points few are touched."""
+    return [[value or 0 for value in row] for row in np.round(array, digits).tolist()]

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import base64
-import os
-import signal
-import subprocess
-import sys
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, Self
-from urllib.parse import urlsplit
+from typing import Any
 
 import numpy as np
 from selenium import webdriver
@@ -19,7 +14,10 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
-ROOT = Path(__file__).resolve().parents[3]
+from tests.author.serverkit import Server
+
+#: on a folder: Author(folder, preset)
+Author = Server
 PATIENCE_S = 90.0
 FLAGS = (
     "--headless=new",
@@ -36,38 +34,10 @@ FLAGS = (
 )
 
 
-class Author:
-    """`synth author` on a folder. address: what it printed; port: where it listens."""
-
-    def __init__(self, folder: Path, preset: str | None = None, *, port: int = 0) -> None:
-        self.folder = folder
-        command = [sys.executable, "-m", "synth", "author", *([preset] if preset else [])]
-        command += ["--folder", str(folder), "--port", str(port), "--no-browser"]
-        environment = os.environ | {"PYTHONPATH": str(ROOT)}
-        self._process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
-        assert self._process.stdout is not None
-        self.address = self._process.stdout.readline().strip()
-        if not self.address:
-            raise RuntimeError(f"synth author ended with {self._process.wait()}")
-        self.port = int(urlsplit(self.address).port or 0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end(signal.SIGTERM)
-
-    def end(self, by: signal.Signals) -> int:
-        """Send a signal and wait: the exit code."""
-        if self._process.poll() is None:
-            self._process.send_signal(by)
-        try:
-            return self._process.wait(30.0)
-        finally:
-            self._process.kill()
-            self._process.wait()
-            if self._process.stdout is not None:
-                self._process.stdout.close()
+def why_not() -> str:
+    """Why no page can be opened here; empty if one can."""
+    missing = [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
+    return f"{' and '.join(missing)} not installed (apt-get install chromium chromium-driver)" if missing else ""
 
 
 class Page:
@@ -147,11 +117,11 @@ class Page:
 def chromium(width: int = 1280, height: int = 900) -> Iterator[webdriver.Chrome]:
     """A Chromium of its own."""
     options = webdriver.ChromeOptions()
-    options.binary_location = "/usr/bin/chromium"
+    options.binary_location = shutil.which("chromium")
     for flag in (*FLAGS, f"--window-size={width},{height}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
     try:
         yield driver
     finally:

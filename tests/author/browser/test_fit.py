@@ -1,4 +1,4 @@
-"""A recording is dropped, the fit is shown against its data, and the controls are filled; what cannot be fitted is refused."""
+"""A recording is dropped, the fit is shown against its data, the controls are filled; what cannot be fitted is refused."""
 
 import base64
 
@@ -7,7 +7,8 @@ import pytest
 import soundfile
 
 from synth.preset import load_preset
-from tests.author.browser.running import ROOT, Author, Page, chromium
+from tests.author.browser.running import Author, Page, chromium
+from tests.author.serverkit import ROOT
 
 RATE_HZ = 44100
 NOTE_HZ, INHARMONICITY, PLUCKED_AT = 110.0, 2e-4, 0.21

@@ -4,16 +4,16 @@ import base64
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import mido
 import numpy as np
 import pytest
 import soundfile
 
-from tests.author.browser.running import ROOT, Author, Page, chromium, floats, set_value
+from tests.author.browser.running import Author, Page, chromium, floats, set_value
+from tests.author.serverkit import ROOT
 
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
+PRESETS = ROOT / "presets"
 RATE_HZ = 44100
 HEARD_S = 1.0
 
@@ -26,7 +26,8 @@ for (const type of ["received", "played"])
 FORGET = "window.heard = {received: [], played: []};"
 FRAMES = """
 const last = window.heard.played.at(-1);
-return last ? window.heard.played.filter((part) => part.stream === last.stream).reduce((n, p) => n + p.samples.length / 2, 0) : 0;
+const parts = window.heard.played.filter((part) => part.stream === last.stream);
+return parts.reduce((frames, part) => frames + part.samples.length / 2, 0);
 """
 # [first frame, base64 of the samples] of the newest stream's parts
 PARTS = """

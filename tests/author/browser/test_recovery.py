@@ -31,7 +31,7 @@ def crash_after_edit(driver, folder):
         set_value(page, "pluck.position", 0.31)
         page.until((folder / ".mine.toml.autosave").exists)
         page.until(lambda: "0.31" in (folder / ".mine.toml.autosave").read_text(encoding="utf-8"))
-        assert author.end(signal.SIGKILL) == -signal.SIGKILL
+        assert author.end(signal.SIGKILL)[0] == -signal.SIGKILL
     page.until(lambda: "No connection" in page.text("#banner"))
     page.open_nothing()
     return page

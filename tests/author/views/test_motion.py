@@ -5,14 +5,16 @@ import json
 import numpy as np
 import pytest
 
+from synth.author.views import motion
 from synth.author.views.analysis import analyse
 from synth.author.views.motion import MOST_FRAMES, film
-from synth.author.views.place import find
+from synth.author.views.place import find, speaking
 from synth.author.views.tape import RATE_HZ, Taped
 from synth.compile import compile_preset
 from synth.engine.engine import Engine
 from synth.engine.events import NOTE_ON, make_events
 from synth.preset import PresetError, load_preset
+from synth.solver.lanes import BLOCK
 
 from .kit import preset, tanpura
 
@@ -47,6 +49,57 @@ def test_a_taped_engine_sounds_as_the_engine(name: str, note: int, velocity: int
     assert np.abs(out - alone).max() < 1e-9 * np.abs(alone).max()
     playing = engine_alone(name, note, velocity, 0.5, economy=True)
     assert np.abs(out - playing).max() < 10 ** (-90 / 20) * np.abs(playing).max()  # free flight at the output rate
+
+
+@pytest.mark.parametrize(("name", "note", "velocity"), [note for note in NOTES if note[0] != "free"])
+def test_the_forces_on_the_tape_move_the_modes_on_the_tape(name: str, note: int, velocity: int) -> None:
+    """x₊ = A x + g for (q, q̇) over a block, A = Φ⁸: q₊ = tr A · q − det A · q₋ + [g + (A − tr A) g₋]_q."""
+    taped = Taped(find(preset(name), note))
+    position = taped.position
+    p11, p12, p21, p22, kq, kv = position.coef[:6]
+    step = np.moveaxis(np.array([[p11, p12], [p21, p22]]), 2, 0)
+    block = np.linalg.matrix_power(step, BLOCK)
+    trace, det = np.trace(block, axis1=1, axis2=2), np.linalg.det(block)
+    tested = 0
+    for piece in taped.play(velocity, 0.15):
+        inner = slice(np.count_nonzero(~np.isnan(piece.finger)) + 40, None)  # no finger and whole blocks
+        q, ends = piece.q[inner], piece.ends[inner] - piece.first
+        if len(q) < 100:
+            continue
+        assert set(np.diff(ends)) == {BLOCK}
+        pushed = np.zeros((len(q), position.omega.size, 2))
+        for late in range(BLOCK):
+            kick = np.linalg.matrix_power(step, late) @ np.stack([kq, kv], 1)[:, :, None]
+            pushed += (piece.force[ends - 1 - late] @ position.shapes)[:, :, None] * kick[None, :, :, 0]
+        carried = (block - trace[:, None, None] * np.eye(2)) @ pushed[1:-1, :, :, None]
+        expected = trace * q[1:-1] - det * q[:-2] + pushed[2:, :, 0] + carried[:, :, 0, 0]
+        # where φ f is largest, and with it what an error in the forces would do
+        assert np.abs(q[2:] - expected).max() < 1e-9 * np.abs(q).max()
+        tested += int(piece.force.any())
+    assert tested >= 1
+
+
+@pytest.mark.parametrize(("name", "note", "velocity"), [("fretted-bass", 40, 127), ("tanpura", 48, 90)])
+def test_a_frame_has_the_forces_and_the_sound_of_its_time(name: str, note: int, velocity: int) -> None:
+    shown = film(preset(name), note, velocity, 0.02, 80, start_s=0.01)
+    taped = Taped(find(preset(name), note))
+    pieces = [(piece.force.copy(), piece.out.copy()) for piece in taped.play(velocity, 0.05)]
+    force = np.concatenate([piece[0] for piece in pieces])
+    out = np.concatenate([piece[1] for piece in pieces])[taped.latency_samples :]
+    stride, first = round(shown["dt_s"] / taped.step_s), round(shown["start_s"] / taped.step_s)
+    for k in range(80):
+        until = first + k * stride
+        np.testing.assert_allclose(shown["force"][k], force[until - stride : until].max(axis=0), atol=6e-5)
+        assert shown["output"][k] == pytest.approx(out[round(until * taped.step_s * RATE_HZ)], abs=1e-6)
+
+
+@pytest.mark.parametrize(("name", "note"), [("fretted-bass", 40), ("tanpura", 36), ("jawari-harp", 96)])
+def test_the_film_shows_all_modes_the_lumped_ones_too(name: str, note: int) -> None:
+    place = find(preset(name), note)
+    position, scene = Taped(place).position, speaking(place)
+    assert position.omega.size > position.own
+    shapes = motion._shapes(scene, position, np.asarray(scene.reached.positions_m))
+    np.testing.assert_allclose(shapes, position.shapes, rtol=1e-6, atol=1e-9 * np.abs(position.shapes).max())
 
 
 @pytest.mark.parametrize(("name", "note", "velocity"), NOTES)
@@ -119,6 +172,16 @@ def test_film_and_analysis_have_the_same_contacts(name: str, note: int, velocity
         total = sum(heard["timeline"]["impulse_ns"][row])
         assert film_impulse[point["label"]] == pytest.approx(total, rel=0.02)
     assert max(p["peak_n"] for p in heard["timeline"]["points"]) == pytest.approx(shown["largest_n"], rel=1e-3)
+
+
+def test_a_film_over_as_many_points_as_there_can_be_is_bounded() -> None:
+    places, heights = [13.0 * k for k in range(1, 65)], [-0.4] * 64
+    crowded = preset("free").with_setting(
+        "obstacle", f'{{kind = "points", positions_mm = {places}, heights_mm = {heights}}}'
+    )
+    shown = film(crowded, 48, 127, 0.05, MOST_FRAMES)
+    assert len(shown["points"]) == 64 and shown["largest_n"] > 0.0
+    assert len(json.dumps(shown, separators=(",", ":"))) < 500_000
 
 
 def test_a_string_that_meets_nothing_has_no_forces() -> None:
