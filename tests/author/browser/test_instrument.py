@@ -34,6 +34,7 @@ def opened(driver, author):
 
     def open_(name):
         page.open(author.address)
+        page.script("sessionStorage.clear()")
         page.find(f'[data-preset="my-{name}"]').click()
         page.until(lambda: page.all("[data-handle]"))
         page.result("await fetch('/api/docs/' + location.hash.slice(1) + '/revert', {method: 'POST', body: '{}'});")

@@ -46,7 +46,9 @@ def page(driver, author, request):
 
 def opened(page, name):
     """Open a preset of the start page or, behind its back, in the tab."""
-    page.find(f'[data-preset="{name.removesuffix(".toml")}"]').click()
+    card = page.find(f'[data-preset="{name.removesuffix(".toml")}"]')
+    page.script("arguments[0].scrollIntoView()", card)
+    card.click()
     page.until(lambda: page.all('.control[data-path="pluck.position"]'))
 
 
@@ -389,6 +391,16 @@ def test_colours_follow_the_system_and_the_button(page, scheme):
     page.reload()
     assert page.script("return document.documentElement.dataset.theme") == other
     page.script("localStorage.clear()")
+
+
+def test_start_with_many_presets_scrolls(driver, author):
+    for number in range(40):
+        text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8")
+        (author.folder / f"zz-{number:02}.toml").write_text(text, encoding="utf-8")
+    page = Page(driver)
+    page.open(author.address)
+    opened(page, "zz-39.toml")
+    page.open_nothing()
 
 
 def test_embedded_presets_are_what_they_were(author):
