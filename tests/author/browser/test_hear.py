@@ -67,14 +67,16 @@ def silence(page):
     page.script(FORGET)
 
 
-def heard(page, kind, frames):
-    """The newest stream's samples (frames, 2), its parts without a gap from frame 0 on."""
-    parts = [(first, floats(text).reshape(-1, 2)) for first, text in page.script(PARTS, kind)]
-    place = 0
-    for first, samples in parts:
-        assert first == place
-        place += len(samples)
-    return np.concatenate([samples for _, samples in parts])[:frames]
+def heard(page, kind):
+    """[(first frame, samples (frames, 2))]: the newest stream's parts."""
+    return [(first, floats(text).reshape(-1, 2)) for first, text in page.script(PARTS, kind)]
+
+
+def is_beginning_of(parts, want):
+    """Whether parts are, bit for bit, what stands at their frames in `want`, from frame 0 on. A machine that stands still
+    for seconds may leave some out, never change one."""
+    assert parts[0][0] == 0
+    return all(np.array_equal(samples, want[first : first + len(samples)]) for first, samples in parts)
 
 
 def rendered(preset, note, velocity, folder, held_s=2.0):
@@ -102,24 +104,22 @@ def test_note_is_what_render_writes(page, tmp_path):
     silence(page)
     page.find("[data-phrase='note']").click()
     page.until(lambda: page.script(FRAMES) >= frames)
-    received, played = heard(page, "received", frames), heard(page, "played", frames)
-    want = rendered(tmp_path / "mine.toml", note, velocity, tmp_path)[:frames]
-    assert np.abs(want).max() > 0.01
-    np.testing.assert_array_equal(received, want)
-    np.testing.assert_array_equal(played, want)
+    received, played = heard(page, "received"), heard(page, "played")
+    want = rendered(tmp_path / "mine.toml", note, velocity, tmp_path)
+    assert np.abs(want[:frames]).max() > 0.01
+    assert is_beginning_of(received, want) and is_beginning_of(played, want)
 
 
 def test_changed_preset_is_heard_at_once_as_it_would_be_rendered(page, tmp_path):
     frames = round(HEARD_S * RATE_HZ)
     set_value(page, "pluck.position", 0.2)
     page.until(lambda: page.script(FRAMES) >= frames)
-    played = heard(page, "played", frames)
+    played = heard(page, "played")
     page.find("#save").click()
     page.until(lambda: "0.2" in (tmp_path / "mine.toml").read_text(encoding="utf-8"))
     page.until(lambda: page.text("#doc-status") == "mine.toml")
     note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
-    want = rendered(tmp_path / "mine.toml", note, 90, tmp_path)[:frames]
-    np.testing.assert_array_equal(played, want)
+    assert is_beginning_of(played, rendered(tmp_path / "mine.toml", note, 90, tmp_path))
 
 
 def test_wav_of_the_server_is_the_same_sound(page, tmp_path):
@@ -148,22 +148,22 @@ def test_keys_of_the_computer_and_the_mouse_sound(page):
     silence(page)
     page.find("[data-key='43']").click()
     page.until(lambda: page.script(FRAMES) > 0)
-    played = heard(page, "played", RATE_HZ)
-    assert np.isfinite(played).all() and page.text(".key-note") == "G2"
+    assert all(np.isfinite(samples).all() for _, samples in heard(page, "played"))
+    assert page.text(".key-note") == "G2"
 
 
 def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
     frames = RATE_HZ // 2
     set_value(page, "pluck.position", 0.2)
     page.until(lambda: page.script(FRAMES) >= frames)
-    edited = heard(page, "played", frames)
+    edited = heard(page, "played")
     silence(page)
     page.find("#ab [data-which='saved']").click()
     page.until(lambda: page.script(FRAMES) >= frames)
-    saved = heard(page, "played", frames)
+    saved = heard(page, "played")
     note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
-    np.testing.assert_array_equal(saved, rendered(tmp_path / "mine.toml", note, 90, tmp_path)[:frames])
-    assert not np.array_equal(edited, saved)
+    want = rendered(tmp_path / "mine.toml", note, 90, tmp_path)
+    assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
 
 
 def test_another_preset_sounds_after_the_first_was_stopped(page):
@@ -176,7 +176,7 @@ def test_another_preset_sounds_after_the_first_was_stopped(page):
     page.until(lambda: page.find("[data-phrase='note']").is_enabled())
     page.find("[data-phrase='note']").click()
     page.until(lambda: page.script(FRAMES) >= RATE_HZ // 2)
-    assert np.abs(heard(page, "played", RATE_HZ // 2)).max() > 0.01
+    assert max(np.abs(samples).max() for _, samples in heard(page, "played")) > 0.01
 
 
 def test_output_of_the_server_is_offered_or_says_why_not(page):
