@@ -16,7 +16,7 @@ const WIDE = { left: 58 };
 const DIFFERENCE_DB = 30;
 
 export function mount(element, { store, api }) {
-  let seconds_ = 3;
+  let lengthS = 3;
   let log = true;
   let rangeDb = 70;
   let compare = false;
@@ -27,22 +27,27 @@ export function mount(element, { store, api }) {
   let request = null;
 
   // ---- head
-  const about = h("span", { class: "muted" });
+  const caption = h("span", { class: "muted" });
   const status = h("span", { class: "unit", role: "status" });
   const length = h(
     "select",
-    { "aria-label": "Length", onchange: () => ((seconds_ = Number(length.value)), ask()) },
-    ...LENGTHS.map((value) => h("option", { value, selected: value === seconds_ }, `${value} s`)),
+    { "aria-label": "Length", onchange: () => ((lengthS = Number(length.value)), ask()) },
+    ...LENGTHS.map((value) => h("option", { value, selected: value === lengthS }, `${value} s`)),
   );
   const comparing = h("input", { type: "checkbox", onchange: () => ((compare = comparing.checked), ask()) });
   const head = h(
     "div",
     { class: "analysis-head" },
     h("h2", {}, "Analysis"),
-    about,
+    caption,
     status,
     h("span", { class: "spacer" }),
-    h("label", { class: "check", title: "The other of the two versions as outlines, and the difference of their spectrograms" }, comparing, "compare with the other version"),
+    h(
+      "label",
+      { class: "check", title: "The other of the two versions as outlines, and the difference of their spectrograms" },
+      comparing,
+      "compare with the other version",
+    ),
     length,
   );
 
@@ -89,24 +94,28 @@ export function mount(element, { store, api }) {
     const { doc, note, velocity, which } = store.state;
     if (!doc || !doc.notes.includes(note)) return;
     const mine = (request = new AbortController());
-    const about_ = { note, velocity, which };
+    const chosen = { note, velocity, which };
     status.textContent = "computing…";
     element.setAttribute("aria-busy", "true");
     const get = (view, query) => store.view(view, query, { signal: mine.signal });
     const opposite = which === "current" ? "saved" : "current";
     try {
-      const whole = { ...about_, seconds: seconds_ };
+      const whole = { ...chosen, seconds: lengthS };
       const [analysis, second] = await Promise.all([
         get("analysis", whole),
-        compare ? get("analysis", { ...whole, which: opposite }).catch((error) => (error.name === "AbortError" ? Promise.reject(error) : null)) : null,
+        compare
+          ? get("analysis", { ...whole, which: opposite }).catch((error) =>
+              error.name === "AbortError" ? Promise.reject(error) : null,
+            )
+          : null,
       ]);
       shown = analysis;
       other = second;
-      about.textContent = `${noteName(note)}, velocity ${velocity}${which === "saved" ? ", as saved" : ""}`;
+      caption.textContent = `${noteName(note)}, velocity ${velocity}${which === "saved" ? ", as saved" : ""}`;
       status.textContent = "";
       draw();
       element.dispatchEvent(new CustomEvent("drawn", { detail: { revision: doc.revision, note } }));
-      facts(await get("cost", about_));
+      facts(await get("cost", chosen));
     } catch (error) {
       if (error.name !== "AbortError") status.textContent = error.message;
     } finally {
@@ -118,11 +127,14 @@ export function mount(element, { store, api }) {
   function draw() {
     if (!shown) return;
     const { partials } = shown;
-    wave.show(waveform(shown.waveform, other?.waveform, seconds_), `Waveform over ${seconds_} s, peak ${number(shown.peak_dbfs, 3)} dBFS`);
+    wave.show(
+      waveform(shown.waveform, other?.waveform, lengthS),
+      `Waveform over ${lengthS} s, peak ${number(shown.peak_dbfs, 3)} dBFS`,
+    );
     spectrum.show(
       other
-        ? spectrogram(apart(shown.spectrogram, other.spectrogram), { log, difference: true, length_s: seconds_ })
-        : spectrogram(shown.spectrogram, { log, formant: shown.formant, length_s: seconds_, range_db: rangeDb }),
+        ? spectrogram(apart(shown.spectrogram, other.spectrogram), { log, difference: true, length_s: lengthS })
+        : spectrogram(shown.spectrogram, { log, formant: shown.formant, length_s: lengthS, range_db: rangeDb }),
       describeFormant(shown.formant),
     );
     cents.show(deviations(partials, other?.partials), `Deviation of ${partials.length} partials from the model, in cents`);
@@ -131,7 +143,11 @@ export function mount(element, { store, api }) {
     contacts.setHeight(Math.max(74, 40 + Math.min(20, points.length) * (points.length > 8 ? 10 : 18)));
     contacts.show(
       points.length
-        ? contactTimeline(points, closer ? touches(shown) : bins(shown.timeline), closer ? Math.min(CLOSER_S, seconds_) : seconds_)
+        ? contactTimeline(
+            points,
+            closer ? touches(shown) : bins(shown.timeline),
+            closer ? Math.min(CLOSER_S, lengthS) : lengthS,
+          )
         : (pen, box) => empty(pen, box, "The string touches nothing"),
       points.map((p) => `${p.label}: ${p.contacts} contacts, up to ${number(p.peak_n, 3)} N`).join("; ") || "No contacts",
     );
@@ -171,13 +187,38 @@ export function mount(element, { store, api }) {
     const { error } = found;
     const share = number(100 * found.load, 2);
     const items = [
-      ["Speed", `${number(found.real_time_factor, 3)} ×`, "real time", "How many times faster than it sounds one string of this is computed on one core of this machine"],
-      ["All strings", `${share} %`, "of a core", `${found.polyphony} strings like this at once, as many as the preset lets sound`],
-      ["Steps", `${number(found.rate_hz / 1000, 4)} kHz`, "", "Internal rate: how often the string's motion is solved in a second"],
+      [
+        "Speed",
+        `${number(found.real_time_factor, 3)} ×`,
+        "real time",
+        "How many times faster than it sounds one string of this is computed on one core of this machine",
+      ],
+      [
+        "All strings",
+        `${share} %`,
+        "of a core",
+        `${found.polyphony} strings like this at once, as many as the preset lets sound`,
+      ],
+      [
+        "Steps",
+        `${number(found.rate_hz / 1000, 4)} kHz`,
+        "",
+        "Internal rate: how often the string's motion is solved in a second",
+      ],
       ["Modes", String(found.modes), "", "Modes of vibration that are computed"],
       ["Contacts", String(found.contacts), "", "Points that the string can touch"],
-      ["Error e", number(error.e, 2), `over ${number(error.over_s, 2)} s`, "Relative error of the string's displacement against a converged run"],
-      ["Spectrum", error.log_spectral_db === null ? "–" : `${number(error.log_spectral_db, 2)} dB`, "apart", "Log-spectral distance of the sound from that of a converged run"],
+      [
+        "Error e",
+        number(error.e, 2),
+        `over ${number(error.over_s, 2)} s`,
+        "Relative error of the string's displacement against a converged run",
+      ],
+      [
+        "Spectrum",
+        error.log_spectral_db === null ? "–" : `${number(error.log_spectral_db, 2)} dB`,
+        "apart",
+        "Log-spectral distance of the sound from that of a converged run",
+      ],
     ];
     cost.replaceChildren(
       ...items.map(([name, value, more, tip]) =>

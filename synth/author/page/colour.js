@@ -72,7 +72,9 @@ const once = (name, path) => {
 export function levelRamp(dark) {
   // Cool where it is quiet, warm where it is loud; the chroma swells in the middle and is nothing at the paper's end.
   return dark
-    ? once("level-dark", (t) => fitted(0.16 + 0.8 * t, 0.21 * Math.sin(Math.PI * Math.min(1, 0.06 + 0.84 * t)), 255 + 205 * t))
+    ? once("level-dark", (t) =>
+        fitted(0.16 + 0.8 * t, 0.21 * Math.sin(Math.PI * Math.min(1, 0.06 + 0.84 * t)), 255 + 205 * t),
+      )
     : once("level-light", (t) => fitted(0.99 - 0.8 * t, 0.2 * Math.sin(Math.PI * (0.9 * t)), 95 - 170 * t));
 }
 

@@ -21,7 +21,10 @@ export function ticksBetween(low, high, count) {
 export function linear(low, high, from, to) {
   const slope = (to - from) / (high - low || 1);
   return {
-    low, high, from, to,
+    low,
+    high,
+    from,
+    to,
     at: (value) => from + (value - low) * slope,
     invert: (pixel) => low + (pixel - from) / slope,
     ticks: (count) => ticksBetween(low, high, count),
@@ -32,7 +35,10 @@ export function linear(low, high, from, to) {
 export function logarithmic(low, high, from, to) {
   const inner = linear(Math.log(low), Math.log(high), from, to);
   return {
-    low, high, from, to,
+    low,
+    high,
+    from,
+    to,
     at: (value) => inner.at(Math.log(Math.max(value, low * 1e-6))),
     invert: (pixel) => Math.exp(inner.invert(pixel)),
     ticks: (count) => {

@@ -38,7 +38,12 @@ export function mount(element, { store }) {
                   {},
                   h(
                     "button",
-                    { type: "button", class: "quiet", "data-preset": preset.file ?? preset.name, onclick: () => choose(preset) },
+                    {
+                      type: "button",
+                      class: "quiet",
+                      "data-preset": preset.file ?? preset.name,
+                      onclick: () => choose(preset),
+                    },
                     h("span", {}, preset.title || preset.name),
                     h("span", { class: "unit" }, preset.file ?? preset.name),
                   ),
@@ -47,7 +52,13 @@ export function mount(element, { store }) {
             ),
           ];
     const dirty = doc()?.dirty
-      ? [h("p", { class: "muted" }, `${doc().name} has changes that are not saved. They are kept, and offered when it is opened again.`)]
+      ? [
+          h(
+            "p",
+            { class: "muted" },
+            `${doc().name} has changes that are not saved. They are kept, and offered when it is opened again.`,
+          ),
+        ]
       : [];
     const dialog = sheet(
       "Open",
@@ -80,8 +91,16 @@ export function mount(element, { store }) {
       "The file has changed",
       [h("p", {}, message), h("p", { class: "muted" }, "Another program wrote it since it was opened here.")],
       [
-        h("button", { type: "button", onclick: () => act(() => store.reload(), "Loaded the file's version; undo brings yours back") }, "Load the file's"),
-        h("button", { type: "button", class: "primary", onclick: () => act(() => store.save(true), "Saved over it") }, "Save mine over it"),
+        h(
+          "button",
+          { type: "button", onclick: () => act(() => store.reload(), "Loaded the file's version; undo brings yours back") },
+          "Load the file's",
+        ),
+        h(
+          "button",
+          { type: "button", class: "primary", onclick: () => act(() => store.save(true), "Saved over it") },
+          "Save mine over it",
+        ),
       ],
     );
   }
@@ -94,7 +113,13 @@ export function mount(element, { store }) {
     if (!doc()) return;
     let over = null;
     const begin = doc().file ? stem(doc().file) : doc().name;
-    const field = h("input", { type: "text", id: "file-name", value: begin + ending, spellcheck: "false", autocomplete: "off" });
+    const field = h("input", {
+      type: "text",
+      id: "file-name",
+      value: begin + ending,
+      spellcheck: "false",
+      autocomplete: "off",
+    });
     const error = h("p", { class: "field-error", role: "alert" });
     const button = h("button", { type: "submit", class: "primary" }, verb);
     const form = h(
@@ -135,7 +160,11 @@ export function mount(element, { store }) {
 
   // ---- import, export
   const picker = h("input", {
-    type: "file", accept: ".toml,application/toml", class: "hidden-text", tabindex: -1, "aria-label": "Import a preset",
+    type: "file",
+    accept: ".toml,application/toml",
+    class: "hidden-text",
+    tabindex: -1,
+    "aria-label": "Import a preset",
     onchange: () => {
       if (picker.files[0]) take(picker.files[0]);
       picker.value = "";
@@ -144,7 +173,10 @@ export function mount(element, { store }) {
 
   async function take(file) {
     if (file.size > LONGEST_PRESET) {
-      store.notify(`${file.name}: ${Math.round(file.size / 1000)} kB; a preset has at most ${LONGEST_PRESET / 1000} kB`, "error");
+      store.notify(
+        `${file.name}: ${Math.round(file.size / 1000)} kB; a preset has at most ${LONGEST_PRESET / 1000} kB`,
+        "error",
+      );
       return;
     }
     const result = await store.importText(file.name, await file.text());
@@ -161,7 +193,11 @@ export function mount(element, { store }) {
 
   // ---- buttons
   const none = { disabled: () => doc() === null };
-  const saveButton = h("button", { type: "button", id: "save", disabled: true, "aria-keyshortcuts": "Control+S", onclick: save }, "Save");
+  const saveButton = h(
+    "button",
+    { type: "button", id: "save", disabled: true, "aria-keyshortcuts": "Control+S", onclick: save },
+    "Save",
+  );
   element.append(
     h("button", { type: "button", id: "open", "aria-keyshortcuts": "Control+O", onclick: open }, "Open…"),
     saveButton,
@@ -194,7 +230,12 @@ export function mount(element, { store }) {
   document.getElementById("banner").after(banners);
 
   function banner(kind, words, actions) {
-    return h("div", { class: `banner ${kind}`, role: "alert" }, h("span", {}, words), h("span", { class: "banner-actions" }, ...actions));
+    return h(
+      "div",
+      { class: `banner ${kind}`, role: "alert" },
+      h("span", {}, words),
+      h("span", { class: "banner-actions" }, ...actions),
+    );
   }
   const act = (label, action, primary = false) =>
     h("button", { type: "button", class: primary ? "primary" : null, onclick: action }, label);
@@ -239,7 +280,9 @@ export function mount(element, { store }) {
         h(
           "pre",
           { class: "text-difference", tabindex: 0 },
-          ...rows.map(([sign, line]) => h("span", { class: sign === "+" ? "added" : sign === "-" ? "removed" : null }, `${sign} ${line}\n`)),
+          ...rows.map(([sign, line]) =>
+            h("span", { class: sign === "+" ? "added" : sign === "-" ? "removed" : null }, `${sign} ${line}\n`),
+          ),
         ),
       ],
       [],
@@ -257,7 +300,9 @@ function moment(when) {
   const date = new Date(typeof when === "number" ? 1000 * when : when);
   if (Number.isNaN(date.getTime())) return String(when);
   const today = date.toDateString() === new Date().toDateString();
-  return today ? date.toLocaleTimeString([], { timeStyle: "short" }) : date.toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+  return today
+    ? date.toLocaleTimeString([], { timeStyle: "short" })
+    : date.toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
 }
 
 /** What changed between two lists of lines: [[" " | "-" | "+", line]], changed ones with two lines round them. */

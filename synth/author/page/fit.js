@@ -20,7 +20,10 @@ export function mount(element, { store, api }) {
 
   const strings = h("select", { id: "fit-string", onchange: () => !found.hidden && listen(last) });
   const picker = h("input", {
-    type: "file", id: "fit-file", accept: ".wav,.flac,audio/*", class: "hidden-text",
+    type: "file",
+    id: "fit-file",
+    accept: ".wav,.flac,audio/*",
+    class: "hidden-text",
     onchange: () => {
       if (picker.files[0]) listen(picker.files[0]);
       picker.value = "";
@@ -95,8 +98,10 @@ export function mount(element, { store, api }) {
     if (!store.state.doc) return;
     begin();
     last = file;
-    if (file.size > MOST_BYTES) return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are taken`);
-    if (store.state.session?.fit && !store.state.session.fit.available) return refuse(file.name, store.state.session.fit.reason);
+    if (file.size > MOST_BYTES)
+      return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are taken`);
+    if (store.state.session?.fit && !store.state.session.fit.available)
+      return refuse(file.name, store.state.session.fit.reason);
     zone.hidden = true;
     working.hidden = false;
     working.firstChild.textContent = file.name;
@@ -127,11 +132,17 @@ export function mount(element, { store, api }) {
   function show(report) {
     zone.hidden = true;
     found.hidden = false;
-    tiles.replaceChildren(...report.facts.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))));
+    tiles.replaceChildren(
+      ...report.facts.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))),
+    );
     warnings.replaceChildren(...report.warnings.map((words) => h("li", {}, words)));
     const { curves } = report;
-    stretch.show(fitted({ ...curves.frequency, xName: "partial", yName: "cents", say: (n, c) => `${n}: ${signed(c)} cents` }));
-    decay.show(fitted({ ...curves.decay, log: true, xName: "Hz", yName: "T60, s", say: (f, t) => `${hertz(f)}: ${seconds(t)}` }));
+    stretch.show(
+      fitted({ ...curves.frequency, xName: "partial", yName: "cents", say: (n, c) => `${n}: ${signed(c)} cents` }),
+    );
+    decay.show(
+      fitted({ ...curves.decay, log: true, xName: "Hz", yName: "T60, s", say: (f, t) => `${hertz(f)}: ${seconds(t)}` }),
+    );
     levels.show(fitted({ ...curves.level, xName: "partial", yName: "dB", say: (n, db) => `${n}: ${number(db, 3)} dB` }));
     settings.replaceChildren(
       h(
@@ -143,7 +154,13 @@ export function mount(element, { store, api }) {
           {},
           ...report.settings.map(({ path, value }) => {
             const say = path.endsWith(".notes") ? noteWords : words;
-            return h("tr", {}, h("th", { scope: "row" }, path), h("td", {}, say(store.value(path))), h("td", {}, say(value)));
+            return h(
+              "tr",
+              {},
+              h("th", { scope: "row" }, path),
+              h("td", {}, say(store.value(path))),
+              h("td", {}, say(value)),
+            );
           }),
         ),
       ),
@@ -167,11 +184,14 @@ export function mount(element, { store, api }) {
     zone.classList.add("over");
   });
   for (const type of ["dragleave", "drop"]) zone.addEventListener(type, () => zone.classList.remove("over"));
-  dropTarget((file) => AUDIO.test(file.name), (file) => {
-    if (!store.state.doc) return;
-    if (!dialog.open) dialog.showModal();
-    listen(file);
-  });
+  dropTarget(
+    (file) => AUDIO.test(file.name),
+    (file) => {
+      if (!store.state.doc) return;
+      if (!dialog.open) dialog.showModal();
+      listen(file);
+    },
+  );
 
   store.on(["doc"], ({ doc }) => {
     const names = (doc?.data.string ?? []).map((string, i) => `${i + 1}: ${string.name || string.notes}`);
@@ -183,8 +203,14 @@ export function mount(element, { store, api }) {
 /** A value of the preset in a few words. */
 function words(value) {
   if (value === null || value === undefined) return "–";
-  if (Array.isArray(value)) return value.length > 2 ? `${value.length} values from ${words(value[0])} to ${words(value.at(-1))}` : value.map(words).join(" – ");
-  if (typeof value === "object") return Object.entries(value).map(([note, v]) => `${note} ${words(v)}`).join(", ");
+  if (Array.isArray(value))
+    return value.length > 2
+      ? `${value.length} values from ${words(value[0])} to ${words(value.at(-1))}`
+      : value.map(words).join(" – ");
+  if (typeof value === "object")
+    return Object.entries(value)
+      .map(([note, v]) => `${note} ${words(v)}`)
+      .join(", ");
   return typeof value === "number" ? number(value, 5) : String(value);
 }
 

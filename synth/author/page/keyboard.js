@@ -7,8 +7,24 @@ import { connectMidi, midiGranted } from "./midi.js";
 
 // By place on the keyboard, whatever the letters are there: the keys of a piano from C on, as `synth play` has them.
 const PIANO = [
-  "KeyA", "KeyW", "KeyS", "KeyE", "KeyD", "KeyF", "KeyT", "KeyG", "KeyY", "KeyH", "KeyU", "KeyJ",
-  "KeyK", "KeyO", "KeyL", "KeyP", "Semicolon", "Quote",
+  "KeyA",
+  "KeyW",
+  "KeyS",
+  "KeyE",
+  "KeyD",
+  "KeyF",
+  "KeyT",
+  "KeyG",
+  "KeyY",
+  "KeyH",
+  "KeyU",
+  "KeyJ",
+  "KeyK",
+  "KeyO",
+  "KeyL",
+  "KeyP",
+  "Semicolon",
+  "Quote",
 ];
 const LETTERS = [..."awsedftgyhujkolp;'"];
 const BLACK = new Set([1, 3, 6, 8, 10]);
@@ -88,11 +104,20 @@ export function mount(element, { store, api }) {
 
   // ---- head
   const keys = h("div", {
-    class: "keys", role: "slider", tabindex: 0, "aria-label": "Note; Enter plays it", "aria-valuemin": 0, "aria-valuemax": 127,
+    class: "keys",
+    role: "slider",
+    tabindex: 0,
+    "aria-label": "Note; Enter plays it",
+    "aria-valuemin": 0,
+    "aria-valuemax": 127,
   });
   const chosen = h("output", { class: "key-note" });
   const velocity = h("input", {
-    type: "range", min: 1, max: 127, "aria-label": "Velocity", oninput: () => store.setVelocity(Number(velocity.value)),
+    type: "range",
+    min: 1,
+    max: 127,
+    "aria-label": "Velocity",
+    oninput: () => store.setVelocity(Number(velocity.value)),
   });
   const velocityText = h("output", { class: "unit" });
   const sustain = h(
@@ -139,7 +164,12 @@ export function mount(element, { store, api }) {
     for (let key = low; key <= high; key++) {
       const black = BLACK.has(key % 12);
       const label = key % 12 === 0 ? h("span", { class: "key-name" }, noteName(key)) : null;
-      const one = h("div", { class: `key ${black ? "black" : "white"}`, "data-key": key }, h("span", { class: "key-letter" }), label);
+      const one = h(
+        "div",
+        { class: `key ${black ? "black" : "white"}`, "data-key": key },
+        h("span", { class: "key-letter" }),
+        label,
+      );
       one.style.left = `${(100 * (place - (black ? 0.31 : 0))) / whites.length}%`;
       bed.append(one);
       if (!black) place += 1;
@@ -159,7 +189,11 @@ export function mount(element, { store, api }) {
         const string = h("div", { class: "neck-string" });
         for (let fret = 0; fret <= row.frets; fret++) {
           const key = row.open + fret;
-          const field = h("div", { class: fret ? "key field" : "key field nut", "data-key": key }, h("span", {}, noteName(key)));
+          const field = h(
+            "div",
+            { class: fret ? "key field" : "key field nut", "data-key": key },
+            h("span", {}, noteName(key)),
+          );
           field.style.left = `${fret ? (100 * (nut + edge(fret - 1))) / whole : 0}%`;
           field.style.width = `${row.frets ? (100 * (fret ? edge(fret) - edge(fret - 1) : nut)) / whole : 100}%`;
           string.append(field);
@@ -276,7 +310,8 @@ export function mount(element, { store, api }) {
   // ---- computer keys, unless somebody writes
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.repeat || !store.state.doc) return;
-    if (event.target.closest?.("input:not([type=range], [type=checkbox]), textarea, select, dialog, [contenteditable]")) return;
+    if (event.target.closest?.("input:not([type=range], [type=checkbox]), textarea, select, dialog, [contenteditable]"))
+      return;
     const place = PIANO.indexOf(event.code);
     if (place >= 0) {
       const key = 12 * (octave + 1) + place;

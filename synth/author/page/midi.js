@@ -15,7 +15,9 @@ export function translate(bytes) {
     case NOTE_OFF:
       return { type: "note_off", key: first };
     case CONTROL:
-      return first === SUSTAIN ? { type: "pedal", down: second >= 64 } : { type: "control", controller: first, value: second };
+      return first === SUSTAIN
+        ? { type: "pedal", down: second >= 64 }
+        : { type: "control", controller: first, value: second };
     case BEND:
       return { type: "bend", value: first + 128 * second - 8192 };
     default:
@@ -25,7 +27,8 @@ export function translate(bytes) {
 
 /** Why there is no MIDI, in words, from what requestMIDIAccess threw. */
 export function refusal(error) {
-  if (error.name === "NotAllowedError" || error.name === "SecurityError") return "The browser does not allow MIDI for this page";
+  if (error.name === "NotAllowedError" || error.name === "SecurityError")
+    return "The browser does not allow MIDI for this page";
   if (error.name === "InvalidStateError" || error.name === "NotSupportedError") return "This system has no MIDI";
   return `MIDI: ${error.message}`;
 }

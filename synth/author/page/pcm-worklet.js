@@ -2,7 +2,7 @@
 //
 // in   {stream, frame, samples}   a block: which stream, its first frame there, Float32Array of 2 × frames
 //      {end: stream}              no more will come of this stream: what is queued is played out
-//      {stop: true}               fade what sounds, forget what is queued
+//      {stop: true}               fade what sounds, forget what is queued; the next block begins a stream
 // out  {began: stream, time}      the first frame of a stream goes out, at this time of the context (s)
 //      {played: stream, frame, samples}  what went out, in chunks, `frame` being the first one's number
 //      {starved: stream, frame}   the queue ran dry in mid-stream; {dropped: frames} too much was waiting

@@ -94,7 +94,10 @@ export class Player extends EventTarget {
   /** A text message of the server that concerns sound. */
   message(message) {
     if (message.type === "audio") {
+      // another connection counts its streams anew
+      this.node?.port.postMessage({ stop: true });
       this.stream = message.stream;
+      this.silenced = null;
       if (message.rate_hz !== this.context?.sampleRate && this.output === "browser") this.unlock(message.rate_hz);
       this.change({ sounding: true, stream: message.stream });
     } else if (message.type === "stopped") {

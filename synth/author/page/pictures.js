@@ -12,7 +12,8 @@ const inside = (box, x, y) => x >= box.left && x <= box.right && y >= box.top &&
 
 /** wave {bin_s, low, high}: the lowest and highest sample of every bin; other likewise, drawn as an outline. */
 export function waveform(wave, other = null, length_s = wave.bin_s * wave.low.length) {
-  const top = 1.05 * Math.max(1e-6, ...wave.high.map(Math.abs), ...wave.low.map(Math.abs), ...(other?.high ?? []).map(Math.abs));
+  const top =
+    1.05 * Math.max(1e-6, ...wave.high.map(Math.abs), ...wave.low.map(Math.abs), ...(other?.high ?? []).map(Math.abs));
   return (pen, whole) => {
     const colours = theme();
     const box = { ...whole, right: whole.right - SCALE };
@@ -22,7 +23,8 @@ export function waveform(wave, other = null, length_s = wave.bin_s * wave.low.le
     const area = ({ bin_s, low, high }) => {
       pen.beginPath();
       high.forEach((value, i) => pen.lineTo(x.at((i + 0.5) * bin_s), y.at(value)));
-      for (let i = low.length - 1; i >= 0; i--) pen.lineTo(x.at((i + 0.5) * bin_s), Math.max(y.at(low[i]), y.at(high[i]) + 1));
+      for (let i = low.length - 1; i >= 0; i--)
+        pen.lineTo(x.at((i + 0.5) * bin_s), Math.max(y.at(low[i]), y.at(high[i]) + 1));
       pen.closePath();
     };
     clipped(pen, box, () => {
@@ -104,17 +106,35 @@ export function spectrogram(image, options = {}) {
     pen.imageSmoothingEnabled = true;
     pen.imageSmoothingQuality = "high";
     const painting = painted(image, ramp, y, height, least);
-    clipped(pen, plot, () => pen.drawImage(painting, x.at(begin), plot.top, x.at(end) - x.at(begin), plot.bottom - plot.top));
-    axes(pen, plot, { x, y, xName: "s", yName: "Hz", lines: false, yFormat: (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) });
+    clipped(pen, plot, () =>
+      pen.drawImage(painting, x.at(begin), plot.top, x.at(end) - x.at(begin), plot.bottom - plot.top),
+    );
+    axes(pen, plot, {
+      x,
+      y,
+      xName: "s",
+      yName: "Hz",
+      lines: false,
+      yFormat: (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)),
+    });
     levelScale(pen, box, ramp, [lowest, image.top_db], difference ? "dB apart" : "dB");
     if (formant?.length) {
       const halo = colours.dark ? "rgb(0 0 0 / 65%)" : "rgb(255 255 255 / 75%)";
       clipped(pen, plot, () => {
         pen.lineJoin = "round";
-        for (const [width, colour] of [[4, halo], [1.75, colours.second]]) {
+        for (const [width, colour] of [
+          [4, halo],
+          [1.75, colours.second],
+        ]) {
           pen.lineWidth = width;
           pen.strokeStyle = colour;
-          polyline(pen, formant.map((p) => p.t_s), formant.map((p) => p.hz), x, y);
+          polyline(
+            pen,
+            formant.map((p) => p.t_s),
+            formant.map((p) => p.hz),
+            x,
+            y,
+          );
         }
       });
     }
@@ -188,7 +208,9 @@ export function deviations(partials, other = null) {
     shown.forEach((p, i) => dot(pen, ...places[i], size(p)));
     return (px, py) => {
       const i = nearest(places, px, py);
-      return i === null ? null : `${shown[i].number}: ${number(shown[i].measured_hz, 6)} Hz, ${signed(shown[i].cents)} cents`;
+      return i === null
+        ? null
+        : `${shown[i].number}: ${number(shown[i].measured_hz, 6)} Hz, ${signed(shown[i].cents)} cents`;
     };
   };
 }
@@ -207,9 +229,17 @@ export function decays(partials, other = null) {
     axes(pen, box, { x, y, xName: "Hz", yName: "T60, s", xFormat: (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) });
     pen.strokeStyle = colours.second;
     pen.lineWidth = 1.75;
-    polyline(pen, known.map((p) => p.model_hz), known.map((p) => p.model_t60_s), x, y);
+    polyline(
+      pen,
+      known.map((p) => p.model_hz),
+      known.map((p) => p.model_t60_s),
+      x,
+      y,
+    );
     for (const p of other ?? []) if (p.measured_t60_s > 0) dot(pen, x.at(p.measured_hz), y.at(p.measured_t60_s), 3, false);
-    const places = known.map((p) => (p.measured_t60_s > 0 ? [x.at(p.measured_hz ?? p.model_hz), y.at(p.measured_t60_s)] : null));
+    const places = known.map((p) =>
+      p.measured_t60_s > 0 ? [x.at(p.measured_hz ?? p.model_hz), y.at(p.measured_t60_s)] : null,
+    );
     pen.fillStyle = colours.accent;
     known.forEach((p, i) => places[i] && dot(pen, ...places[i], size(p)));
     return (px, py) => {
@@ -244,8 +274,8 @@ export function contactTimeline(points, spans, length_s) {
     const ramp = levelRamp(colours.dark);
     const x = linear(0, length_s, plot.left, plot.right);
     const row = (plot.bottom - plot.top) / Math.max(1, points.length);
-    const short_ = length_s < 0.5;
-    axes(pen, plot, { x, xName: short_ ? "ms" : "s", xFormat: short_ ? (v) => short(1000 * v) : short });
+    const brief = length_s < 0.5;
+    axes(pen, plot, { x, xName: brief ? "ms" : "s", xFormat: brief ? (v) => short(1000 * v) : short });
     pen.font = colours.font;
     pen.textAlign = "right";
     pen.textBaseline = "middle";
@@ -269,9 +299,9 @@ export function contactTimeline(points, spans, length_s) {
       const t = x.invert(px);
       const slack = (2 * length_s) / (plot.right - plot.left);
       const hit = spans.find((span) => span.row === at && t >= span.start_s - slack && t <= span.end_s + slack);
-      return hit
-        ? `${points[at].label} at ${seconds(hit.start_s)} for ${seconds(hit.end_s - hit.start_s)}: up to ${number(hit.peak_n, 3)} N`
-        : `${points[at].label} at ${seconds(t)}: free`;
+      const { label } = points[at];
+      if (!hit) return `${label} at ${seconds(t)}: free`;
+      return `${label} at ${seconds(hit.start_s)} for ${seconds(hit.end_s - hit.start_s)}: up to ${number(hit.peak_n, 3)} N`;
     };
   };
 }
@@ -305,12 +335,22 @@ export function fitted({ points, line, aside = [], xName, yName, log = false, sa
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const margin = 0.08 * (high - low) || 1;
     const x = log ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
-    const y = log ? logarithmic(0.75 * low, 1.35 * high, box.bottom, box.top) : linear(low - margin, high + margin, box.bottom, box.top);
+    const y = log
+      ? logarithmic(0.75 * low, 1.35 * high, box.bottom, box.top)
+      : linear(low - margin, high + margin, box.bottom, box.top);
     const xFormat = log ? (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) : short;
     axes(pen, box, { x, y, xName, yName, xFormat });
     pen.strokeStyle = colours.second;
     pen.lineWidth = 1.75;
-    clipped(pen, box, () => polyline(pen, line.map(([v]) => v), line.map(([, v]) => v), x, y));
+    clipped(pen, box, () =>
+      polyline(
+        pen,
+        line.map(([v]) => v),
+        line.map(([, v]) => v),
+        x,
+        y,
+      ),
+    );
     pen.strokeStyle = colours.muted;
     pen.lineWidth = 1.25;
     for (const [u, v] of aside) dot(pen, x.at(u), y.at(v), 3, false);

@@ -27,7 +27,10 @@ export function mount(element, { store, api }) {
   player.addEventListener("failed", (event) => store.notify(event.detail.message, "error"));
   for (const type of ["audio", "stopped", "load"]) api.socket.on(type, (message) => player.message(message));
   api.socket.on("binary", (buffer) => player.receive(buffer));
-  api.socket.on("open", () => player.output !== "browser" && player.chooseOutput(player.output));
+  api.socket.on("open", () => {
+    player.silence();
+    if (player.output !== "browser") player.chooseOutput(player.output);
+  });
 
   const play = (phrase) => {
     const { note, velocity, which } = store.state;
@@ -36,14 +39,22 @@ export function mount(element, { store, api }) {
   const phrases = PHRASES.map(([phrase, label, tip]) =>
     h("button", { type: "button", "data-phrase": phrase, title: tip, onclick: () => play(phrase) }, label),
   );
-  const stop = h("button", { type: "button", class: "quiet", title: "Silence (Backspace)", onclick: () => player.stop() }, "Stop");
+  const stop = h(
+    "button",
+    { type: "button", class: "quiet", title: "Silence (Backspace)", onclick: () => player.stop() },
+    "Stop",
+  );
   const auto = h("input", { type: "checkbox", onchange: () => localStorage.setItem(AUTO, auto.checked ? "yes" : "no") });
   auto.checked = localStorage.getItem(AUTO) !== "no";
 
   const outputs = h("span", { class: "segments", role: "radiogroup", "aria-label": "Where the sound comes out" });
   const reason = h("span", { class: "unit player-reason" });
   const volume = h("input", {
-    type: "range", min: LOWEST_DB, max: 6, step: 1, "aria-label": "Volume in the browser",
+    type: "range",
+    min: LOWEST_DB,
+    max: 6,
+    step: 1,
+    "aria-label": "Volume in the browser",
     oninput: () => setVolume(Number(volume.value)),
   });
   const volumeText = h("output", { class: "unit" });
@@ -75,8 +86,12 @@ export function mount(element, { store, api }) {
       h(
         "button",
         {
-          type: "button", role: "radio", "data-output": output.id, disabled: !output.available,
-          "aria-checked": String(player.output === output.id), title: output.reason || null,
+          type: "button",
+          role: "radio",
+          "data-output": output.id,
+          disabled: !output.available,
+          "aria-checked": String(player.output === output.id),
+          title: output.reason || null,
           onclick: () => choose(output.id),
           onkeydown: (event) => arrow(event, output.id),
         },
@@ -153,7 +168,8 @@ export function mount(element, { store, api }) {
   document.addEventListener("keydown", (event) => {
     const writing = event.target.closest?.("input:not([type=range], [type=checkbox]), textarea, select");
     if (event.key === "Backspace" && !writing) player.stop();
-    if (event.key === "Enter" && !event.target.closest?.("button, input, textarea, select, a, [tabindex], dialog")) play("note");
+    if (event.key === "Enter" && !event.target.closest?.("button, input, textarea, select, a, [tabindex], dialog"))
+      play("note");
   });
   const seen = () => `${noteName(store.state.note)} at velocity ${store.state.velocity}`;
   store.on(["note", "velocity"], () => (phrases[0].title = `${PHRASES[0][2]}: ${seen()} (Enter)`));

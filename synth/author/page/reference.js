@@ -20,14 +20,21 @@ export function mount(element, { store, api }) {
   let of = null;
 
   const start = h("button", { type: "button", id: "reference", onclick: run }, "Run the converged reference");
-  const length = h("select", { "aria-label": "Length of the reference" }, ...LENGTHS.map((s) => h("option", { value: s, selected: s === 1 }, `${s} s`)));
+  const length = h(
+    "select",
+    { "aria-label": "Length of the reference" },
+    ...LENGTHS.map((s) => h("option", { value: s, selected: s === 1 }, `${s} s`)),
+  );
   const cancel = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => job?.cancel() }, "Cancel");
   const bar = h("progress", { max: 1, hidden: true, "aria-label": "Reference" });
   const said = h("span", { class: "unit", role: "status" });
   const result = h("div", { class: "reference-result", hidden: true });
   const tiles = h("dl", { class: "tiles" });
   const promise = h("p", { class: "muted promise" });
-  const detail = new Figure("The first 50 ms after the release: planned, reference, difference", { height: 150, margins: { left: 58 } });
+  const detail = new Figure("The first 50 ms after the release: planned, reference, difference", {
+    height: 150,
+    margins: { left: 58 },
+  });
   const image = new Figure("Spectrogram: planned less reference", { height: 200, margins: { left: 58 } });
   for (const figure of [detail, image]) figure.element.classList.add("wide");
   result.append(tiles, promise, h("div", { class: "plots" }, detail.element, image.element));
@@ -68,8 +75,18 @@ export function mount(element, { store, api }) {
       `${tip}; behind ±: how far a run at half the reference's rate is from it`,
     ]);
     const rates = [
-      ["Planned", `${number(standard.rate_hz / 1000, 4)} kHz`, `in ${number(standard.seconds, 2)} s`, `${standard.modes} modes`],
-      ["Reference", `${number(reference.rate_hz / 1000, 4)} kHz`, `in ${number(reference.seconds, 2)} s`, `${reference.modes} modes`],
+      [
+        "Planned",
+        `${number(standard.rate_hz / 1000, 4)} kHz`,
+        `in ${number(standard.seconds, 2)} s`,
+        `${standard.modes} modes`,
+      ],
+      [
+        "Reference",
+        `${number(reference.rate_hz / 1000, 4)} kHz`,
+        `in ${number(reference.seconds, 2)} s`,
+        `${reference.modes} modes`,
+      ],
     ];
     tiles.replaceChildren(
       ...[...measured, ...rates].map(([name, value, more, tip]) =>
@@ -80,7 +97,8 @@ export function mount(element, { store, api }) {
     const { start_s, step_s } = found.detail;
     detail.show(
       curves({
-        start_s, step_s,
+        start_s,
+        step_s,
         lines: [
           { values: found.detail.reference, colour: "second", width: 4, name: "reference" },
           { values: found.detail.standard, colour: "ink", width: 1.25, name: "planned" },
@@ -89,7 +107,9 @@ export function mount(element, { store, api }) {
       }),
     );
     const { span_db } = found.spectrogram_difference;
-    image.show(spectrogram({ ...found.spectrogram_difference, floor_db: -span_db, top_db: span_db }, { difference: true, log: true }));
+    image.show(
+      spectrogram({ ...found.spectrogram_difference, floor_db: -span_db, top_db: span_db }, { difference: true, log: true }),
+    );
     result.hidden = false;
     age();
   }
@@ -100,7 +120,8 @@ export function mount(element, { store, api }) {
     const { doc, note, velocity } = store.state;
     const same = doc?.doc === of.doc && doc.revision === of.revision && note === of.note && velocity === of.velocity;
     result.classList.toggle("stale", !same);
-    said.textContent = `${noteName(of.note)}, velocity ${of.velocity}, ${of.seconds} s${same ? "" : ": of before, not of what is shown above"}`;
+    const about = `${noteName(of.note)}, velocity ${of.velocity}, ${of.seconds} s`;
+    said.textContent = same ? about : `${about}: of before, not of what is shown above`;
     result.hidden = doc?.doc !== of.doc;
   }
   store.on(["doc", "note", "velocity"], age);

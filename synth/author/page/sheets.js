@@ -5,7 +5,11 @@ import { h } from "./format.js";
 /** Show a sheet: title, content (elements), actions (buttons). Goes away when it is closed; gives the dialog. */
 export function sheet(title, content, actions = [], { small = true, onclose = null } = {}) {
   const heading = h("h2", { class: "sheet-title" }, title);
-  const close = h("button", { type: "button", class: "icon sheet-close", "aria-label": "Close", onclick: () => dialog.close() }, "×");
+  const close = h(
+    "button",
+    { type: "button", class: "icon sheet-close", "aria-label": "Close", onclick: () => dialog.close() },
+    "×",
+  );
   const dialog = h(
     "dialog",
     { class: small ? "sheet small" : "sheet", "aria-label": title },
@@ -31,7 +35,13 @@ export function menu(label, items, attributes = {}) {
   const list = h("div", { class: "menu", role: "menu", popover: "auto" });
   const button = h(
     "button",
-    { type: "button", "aria-haspopup": "menu", "aria-expanded": "false", onclick: () => list.togglePopover(), ...attributes },
+    {
+      type: "button",
+      "aria-haspopup": "menu",
+      "aria-expanded": "false",
+      onclick: () => list.togglePopover(),
+      ...attributes,
+    },
     label,
   );
   const entries = items.map(([text, action, { title, key, disabled } = {}]) => ({
@@ -39,7 +49,9 @@ export function menu(label, items, attributes = {}) {
     element: h(
       "button",
       {
-        type: "button", role: "menuitem", title,
+        type: "button",
+        role: "menuitem",
+        title,
         onclick: () => {
           list.hidePopover();
           action();
@@ -80,7 +92,11 @@ let veil = null;
 export function dropTarget(accept, take) {
   wanted.push({ accept, take });
   if (veil !== null) return;
-  veil = h("div", { class: "veil", hidden: true }, h("p", {}, "Drop a preset (.toml) to import it, or a recording (.wav, .flac) to fit it"));
+  veil = h(
+    "div",
+    { class: "veil", hidden: true },
+    h("p", {}, "Drop a preset (.toml) to import it, or a recording (.wav, .flac) to fit it"),
+  );
   document.body.append(veil);
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files");
   document.addEventListener("dragover", (event) => {

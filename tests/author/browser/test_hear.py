@@ -166,6 +166,19 @@ def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
     assert not np.array_equal(edited, saved)
 
 
+def test_another_preset_sounds_after_the_first_was_stopped(page):
+    page.find("[data-phrase='note']").click()
+    page.until(lambda: page.script(FRAMES) > 0)
+    silence(page)
+    page.find("#open").click()
+    page.find('dialog [data-preset="jawari-harp"]').click()
+    page.until(lambda: page.text("#title") == "Jawari harp")
+    page.until(lambda: page.find("[data-phrase='note']").is_enabled())
+    page.find("[data-phrase='note']").click()
+    page.until(lambda: page.script(FRAMES) >= RATE_HZ // 2)
+    assert np.abs(heard(page, "played", RATE_HZ // 2)).max() > 0.01
+
+
 def test_output_of_the_server_is_offered_or_says_why_not(page):
     session = page.result("return (await fetch('/api/session')).json()")
     for output in session["outputs"]:
