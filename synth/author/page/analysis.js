@@ -44,7 +44,7 @@ export function mount(element, { store, api }) {
     h("span", { class: "spacer" }),
     h(
       "label",
-      { class: "check", title: "The other of the two versions as outlines, and the difference of their spectrograms" },
+      { class: "check", title: "The other of the two versions as outlines and rings, and the difference of their spectrograms" },
       comparing,
       "compare with the other version",
     ),

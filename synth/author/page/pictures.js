@@ -191,7 +191,7 @@ const strength = (partials) => {
 /** partials [{number, model_hz, measured_hz, cents, level_db}]: how far each sounds from where the model has it. */
 export function deviations(partials, other = null) {
   const shown = partials.filter((p) => p.cents !== null);
-  const reach = Math.max(2, ...shown.map((p) => 1.15 * Math.abs(p.cents)));
+  const reach = Math.max(2, ...[...shown, ...(other ?? [])].map((p) => 1.15 * Math.abs(p.cents ?? 0)));
   const size = strength(partials);
   return (pen, box) => {
     const colours = theme();
@@ -218,7 +218,7 @@ export function deviations(partials, other = null) {
 /** The same partials' decay times, measured (dots) and of the model (line), over frequency. */
 export function decays(partials, other = null) {
   const known = partials.filter((p) => p.model_t60_s > 0 || p.measured_t60_s > 0);
-  const times = known.flatMap((p) => [p.model_t60_s, p.measured_t60_s]).filter((t) => t > 0);
+  const times = [...known, ...(other ?? [])].flatMap((p) => [p.model_t60_s, p.measured_t60_s]).filter((t) => t > 0);
   const size = strength(partials);
   return (pen, box) => {
     const colours = theme();
