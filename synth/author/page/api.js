@@ -21,7 +21,7 @@ export class ApiError extends Error {
 }
 
 export function createApi() {
-  async function request(method, path, { body, signal, raw } = {}) {
+  async function request(method, path, { body, signal } = {}) {
     const options = { method, signal, headers: {}, credentials: "same-origin" };
     if (body instanceof Blob || body instanceof ArrayBuffer) {
       options.body = body;
@@ -46,15 +46,13 @@ export function createApi() {
       }
       throw new ApiError(response.status, said.error ?? (text.trim() || `The server answered ${response.status}.`), said);
     }
-    return raw ? response : response.json();
+    return response.json();
   }
 
   return {
     get: (path, options) => request("GET", path, options),
     post: (path, body = {}, options) => request("POST", path, { ...options, body }),
     del: (path) => request("DELETE", path),
-    /** The response itself, for WAV files and downloads. */
-    fetch: (path, options) => request("GET", path, { ...options, raw: true }),
     socket: createSocket(),
   };
 }

@@ -1,6 +1,6 @@
 // The controls: made from GET …/parameters, in groups, with a search field; strings and resonances as tables of their own.
 
-import { changesFor, shownBeside } from "./edits.js";
+import { changesFor, listBeside, shownBeside } from "./edits.js";
 import { makeField } from "./field.js";
 import { h, noteName, valueAt } from "./format.js";
 import { latest } from "./latest.js";
@@ -86,7 +86,10 @@ export function mount(element, { store }) {
       shape = now;
       build();
     } else {
-      for (const field of fields.values()) Object.assign(field.parameter, byPath.get(field.parameter.path));
+      for (const field of fields.values()) {
+        const { label } = field.parameter;
+        Object.assign(field.parameter, byPath.get(field.parameter.path), { label });
+      }
     }
     update();
   });
@@ -142,7 +145,10 @@ export function mount(element, { store }) {
   }
 
   function place(parameter, data) {
-    const field = makeField({ ...parameter }, context);
+    // a list that shows another's column has both names
+    const other = byPath.get(listBeside(parameter.path));
+    const label = other ? `${parameter.label}, ${other.label.toLowerCase()}` : parameter.label;
+    const field = makeField({ ...parameter, label }, context);
     fields.set(parameter.path, field);
     if (shownBeside(parameter.path, data)) field.element.hidden = true;
     return field.element;
@@ -223,6 +229,7 @@ export function mount(element, { store }) {
     if (doc === null) return;
     const data = store.data();
     groups.disabled = which === "saved";
+    shuffle.disabled = which === "saved";
     for (const [path, field] of fields) {
       field.update(valueAt(data, path) ?? null, {
         saved: which === "saved" ? (valueAt(data, path) ?? null) : (valueAt(doc.saved, path) ?? null),

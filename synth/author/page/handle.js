@@ -1,7 +1,9 @@
 // Things of the drawing that can be dragged, by mouse, touch or arrow keys. Each is a slider to assistive technology.
 //
 //   const handles = makeHandles(panel, {edit(changes, mergeKey), busy(bool)});
-//   handles.show([{id, x, y, label, drag: {x: D|null, height: D|null}, shape: SVGElement[]}]);
+//   handles.show([{id, x, y, label, row, drag: {x: D|null, height: D|null}, shape: SVGElement[]}]);
+//
+// Handles of a `row` (the frets) are one stop of Tab: left and right arrow go from one to the next, up and down move it.
 //
 // x [m], y [mm] are the place; D is as GET …/instrument describes it: value = offset + factor · coordinate. A drag moves
 // along one axis, the one in which it begins; all of it is one step of undo.
@@ -45,8 +47,13 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
       before = handle.element;
     }
     panel.handles.append(readout);
+    const stops = rowOf();
+    const stop = stops.find(({ element }) => element === document.activeElement) ?? stops.find(({ element }) => element.tabIndex === 0);
+    for (const each of stops) each.element.tabIndex = each === (stop ?? stops[0]) ? 0 : -1;
     for (const handle of known.values()) if (document.activeElement === handle.element && held === null) say(handle);
   }
+
+  const rowOf = () => [...known.values()].filter(({ spec }) => spec.row).sort((a, b) => a.spec.x - b.spec.x);
 
   function make(id) {
     const reach = s("circle", { class: "reach", r: REACH_PX });
@@ -135,6 +142,13 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
       const way = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowUp: ["height", 1], ArrowDown: ["height", -1] }[event.key];
       if (way === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
       const { drag } = handle.spec;
+      if (handle.spec.row && way[0] === "x") {
+        event.preventDefault();
+        const row = rowOf();
+        const next = row[row.indexOf(handle) + way[1]];
+        next?.element.focus();
+        return;
+      }
       // what moves along one axis only takes both pairs of arrows
       const axis = drag[way[0]] ? way[0] : drag.x ? "x" : "height";
       event.preventDefault();
@@ -144,6 +158,10 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
       const span = axis === "x" ? view.x1 - view.x0 : view.y1 - view.y0;
       const from = axis === "x" ? handle.spec.x : handle.spec.y;
       move(axis, from + way[1] * KEY_SHARE * span * (event.shiftKey ? 10 : 1), `keys ${id} ${axis} ${keys.count}`);
+    });
+    element.addEventListener("focus", () => {
+      if (!handle.spec.row) return;
+      for (const each of rowOf()) each.element.tabIndex = each === handle ? 0 : -1;
     });
     for (const on of ["focus", "pointerenter"]) element.addEventListener(on, () => held === null && say(handle));
     for (const off of ["blur", "pointerleave"]) element.addEventListener(off, () => held === null && hush());

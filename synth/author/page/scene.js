@@ -154,6 +154,7 @@ export function handlesOf(panel, drawing, { close, hasClose }) {
       x: point.x,
       y: point.height,
       label: point.label,
+      row: neck,
       past: !point.in_play,
       drag: point.drag,
       shape: [s("circle", { class: neck ? "knob small" : "knob", r: neck ? 3.2 : 5 })],

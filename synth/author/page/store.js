@@ -176,7 +176,6 @@ export function createStore(api) {
     edit: (path, value, mergeKey = null) => editMany([{ path, value }], mergeKey),
     /** Several values at once, [{path, value}]: all or none. */
     editMany,
-    text: (text) => act(api.post(here("text"), { text })),
     undo: () => act(api.post(here("undo"))),
     redo: () => act(api.post(here("redo"))),
     revert: () => act(api.post(here("revert"))),

@@ -157,6 +157,20 @@ def test_arrow_keys_move_handles(opened):
     assert page.errors() == []
 
 
+def test_frets_are_one_stop_of_tab_and_a_row_for_arrows(opened):
+    page = opened("fretted-bass")
+    assert len(page.all('[data-handle^="point-"][tabindex="0"]')) == 1
+    page.script("document.querySelector('[data-handle=\"point-0\"]').focus()")
+    ActionChains(page.driver).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_UP).perform()
+    assert page.script("return document.activeElement.dataset.handle") == "point-2"
+    page.until(lambda: state(page)["data"]["obstacle"]["heights_mm"][2] > -1.13)
+    assert state(page)["data"]["obstacle"]["heights_mm"][:2] == [-0.63, -0.88]
+    page.until(
+        lambda: [e.get_attribute("data-handle") for e in page.all('[data-handle^="point-"][tabindex="0"]')] == ["point-2"]
+    )
+    assert page.errors() == []
+
+
 def test_a_drag_ends_at_the_limit_of_its_value(opened):
     page = opened("tanpura")
     drag(page, "pluck", 600, 0, steps=10)

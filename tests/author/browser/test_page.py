@@ -365,6 +365,15 @@ def test_fingers_have_targets_of_44_pixels(page):
         page.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
+def test_reduced_motion_is_respected(page):
+    moving = "return getComputedStyle(document.querySelector('.group > summary'), '::before').transitionDuration"
+    assert page.script(moving) != "0s"
+    page.driver.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
+    )
+    assert page.script(moving) == "0s"
+
+
 LUMINANCE = """
     const of = (name) => getComputedStyle(document.querySelector(name));
     const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((x) => { x /= 255;
