@@ -104,8 +104,11 @@ def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.nd
     return base * 2.0 ** ((preset.tuning.offset_cents + table.cents) / 1200.0)
 
 
-def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
-    """The open string of a table at one of its notes, tuned to `frequency_hz`."""
+def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, at the tension that a string without stiffness has at `frequency_hz`.
+
+    Its `inharmonicity` is what the table calls so.
+    """
 
     def mm(value):
         return None if value is None else 1e-3 * at_note(value, note)
@@ -124,7 +127,7 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
     else:
         assert table.inharmonicity is not None
         stiffness = at_note(table.inharmonicity, note) * ideal_tension * length**2 / math.pi**2
-    string = String(
+    return String(
         length_m=length,
         tension_n=ideal_tension,
         linear_density_kg_m=mu,
@@ -136,7 +139,12 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
         thermoelastic_q_inverse=at_note(table.thermoelastic_q_inverse, note),
         stiffness_law=table.stiffness_law,
         nut=tuple(NutResonance(mode.frequency_hz, mode.q, mode.mass_kg) for mode in preset.nut),
-    ).tuned(frequency_hz)
+    )
+
+
+def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, tuned to `frequency_hz`."""
+    string = ideal_string(preset, table, note, frequency_hz).tuned(frequency_hz)
     if table.measured_frequencies_hz:
         ratio = frequency_hz / table.measured_frequencies_hz[0]
         string = replace(string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz))

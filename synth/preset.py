@@ -73,9 +73,13 @@ NoteRange = Annotated[tuple[int, int], BeforeValidator(_note_range)]
 def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"must be {what}, got {value!r}")
-    if not math.isfinite(value):
-        raise ValueError(f"must be finite, got {value}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"must be finite, got {number}")
+    return number
 
 
 def _anchors(value: Any) -> Any:

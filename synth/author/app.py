@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import math
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -27,7 +29,7 @@ from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
-from synth.preset import PresetError
+from synth.preset import PresetError, load_preset
 
 PAGE = Path(__file__).parent / "page"
 #: how often what was edited is autosaved, and files are compared with the disk [s]
@@ -195,8 +197,8 @@ class App:
         tasks = [
             asyncio.create_task(self._autosave()),
             asyncio.create_task(self._look_at_disk()),
-            asyncio.create_task(self._warm_up()),
         ]
+        threading.Thread(target=self._warm_up, args=(asyncio.get_running_loop(),), daemon=True).start()
         try:
             yield
         finally:
@@ -216,9 +218,14 @@ class App:
             await asyncio.sleep(LOOK_S)
             self.desk.look_at_disk()
 
-    async def _warm_up(self) -> None:
-        """Load (the first time compile) the kernels before anybody waits for them."""
-        await asyncio.to_thread(warm_up, self.rate_hz, self.quality)
+    def _warm_up(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Load (the first time compile) the kernels before anybody waits for them; in a thread that no end waits for."""
+        warm_up(self.rate_hz, self.quality)
+        with contextlib.suppress(RuntimeError, OSError):  # the server has ended meanwhile
+            loop.call_soon_threadsafe(self._ready)
+            self.viewer.warm_up(load_preset("fretted-bass"), 33)
+
+    def _ready(self) -> None:
         self.kernels = "ready"
         for connection in self.stage.connections:
             connection.post({"type": "kernels", "kernels": self.kernels})
@@ -353,8 +360,8 @@ class App:
                 for parameter, kind in view.parameters.items()
                 if parameter in query or parameter == "note"
             }
-            if name == "cost":
-                arguments["quality"] = self.quality
+            if view.long:  # of a note as the session plays it
+                arguments |= {"quality": self.quality, "rate_hz": self.rate_hz}
             try:
                 body = await self.viewer.json(name, preset, text, arguments, request.is_disconnected)
             except Gone:
@@ -373,7 +380,7 @@ class App:
         def work(progress: Progress) -> Any:
             from synth.author.views.reference import compare
 
-            return compare(preset, note, velocity, seconds, progress)
+            return compare(preset, note, velocity, seconds, progress, quality=self.quality, rate_hz=self.rate_hz)
 
         return JSONResponse({"job": self.jobs.start(f"reference of {document.id}", work).id})
 

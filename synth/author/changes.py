@@ -8,6 +8,8 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tomlkit.exceptions import TOMLKitError
+
 from synth.author.toml_edit import change
 from synth.author.views.parameters import INSTEAD
 from synth.compile import make_string, note_frequency, obstacle_of, string_notes
@@ -58,7 +60,7 @@ def checked(text: str, origin: str) -> Preset:
 def _changed(text: str, path: str, value: Any, origin: str) -> str:
     try:
         return change(text, path, value)
-    except (KeyError, ValueError, TypeError):
+    except (KeyError, ValueError, TypeError, RecursionError, TOMLKitError):
         raise PresetError(f"{origin}: {path}: there is no such place", [(path, "there is no such place")]) from None
 
 

@@ -30,6 +30,8 @@ LOG = logging.getLogger(__name__)
 #: how far ahead of real time, how much may wait to be sent, and how much may have been sent unheard, by a page that says
 #: how far it is and is held up; how long to wait then [s]
 AHEAD_S, BACKLOG_S, UNHEARD_S, PATIENCE_S = 0.08, 1.0, 5.0, 0.02
+#: how far ahead a phrase may be, which nobody plays into: the machine may be busy with pictures meanwhile [s]
+PHRASE_AHEAD_S = 0.25
 #: most states of the preset that sound at once; the oldest beyond them fades within a block
 MOST_VOICES = 4
 #: engines that are kept for when they are asked for again
@@ -154,7 +156,7 @@ class Player:
                 if self._speaker is not None:
                     self._look()
                 elif self._held_up():  # the time that passes does not count
-                    self._began = time.monotonic() - self._frame / self._rate_hz + AHEAD_S
+                    self._began = time.monotonic() - self._frame / self._rate_hz + self._ahead_s()
                 elif self._running:
                     self._sound()
                 continue
@@ -174,7 +176,10 @@ class Player:
             return None
         if self._held_up():
             return PATIENCE_S
-        return max(0.0, self._began + self._frame / self._rate_hz - AHEAD_S - time.monotonic())
+        return max(0.0, self._began + self._frame / self._rate_hz - self._ahead_s() - time.monotonic())
+
+    def _ahead_s(self) -> float:
+        return PHRASE_AHEAD_S if self._live is None else AHEAD_S
 
     def _held_up(self) -> bool:
         """Whether the connection or the page does not keep up."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from synth.units import midi_to_note
 
 #: numbers are written with so many digits: those behind them come from a mouse or from binary fractions
 DIGITS = 9
+_KEY = re.compile(r"[A-Za-z0-9_#♯♭-]+")
 
 
 def plain(value: Any) -> Any:
@@ -61,8 +63,10 @@ def item_of(value: Any, *, inside: bool = False) -> Item:
 def change(text: str, path: str, value: Any) -> str:
     """The TOML text with the value at `path` replaced, put in, or (None) taken out. Raises KeyError for a path that leads
     nowhere."""
-    document = tomlkit.parse(text)
     parts = path.split(".")
+    if not all(_KEY.fullmatch(part) for part in parts):
+        raise KeyError(path)
+    document = tomlkit.parse(text)
     place: Any = document
     for depth, part in enumerate(parts[:-1]):
         if isinstance(place, list):

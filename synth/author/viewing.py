@@ -1,18 +1,15 @@
-"""Views of a preset, computed beside the server: one at a time of each kind, kept for when they are asked for again."""
+"""Views of a preset, computed beside the server one at a time, and kept for when they are asked for again."""
 
 from __future__ import annotations
 
 import asyncio
-import importlib
-import json
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Coroutine, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 from synth.author.document import fingerprint
+from synth.author.worker import Worker, compute
 from synth.preset import Preset
 
 #: answers that are kept
@@ -21,21 +18,18 @@ KEPT = 48
 
 @dataclass(frozen=True)
 class View:
-    """A function of a preset, by module and name, with its parameters beside the preset and their kinds. Those that have no
-    default there must be given."""
+    """A function of a preset, by module and name, with its parameters beside the preset and their kinds. `long`: it plays a
+    note, at a quality and rate, in a process of its own."""
 
     module: str
     function: str
     parameters: Mapping[str, type]
-
-    def __call__(self, preset: Preset, arguments: Mapping[str, Any]) -> Any:
-        function = getattr(importlib.import_module(f"synth.author.views.{self.module}"), self.function)
-        return function(preset, **arguments)
+    long: bool = True
 
 
 VIEWS = {
-    "parameters": View("parameters", "describe", {}),
-    "instrument": View("instrument", "draw", {"note": int, "velocity": int}),
+    "parameters": View("parameters", "describe", {}, long=False),
+    "instrument": View("instrument", "draw", {"note": int, "velocity": int}, long=False),
     "motion": View("motion", "film", {"note": int, "velocity": int, "seconds": float, "frames": int, "start_s": float}),
     "analysis": View("analysis", "analyse", {"note": int, "velocity": int, "seconds": float}),
     "cost": View("cost", "estimate", {"note": int, "velocity": int}),
@@ -50,9 +44,9 @@ class Viewer:
     """Computes views; see the module's docstring."""
 
     def __init__(self) -> None:
-        self._workers = {name: ThreadPoolExecutor(1, thread_name_prefix=f"author-{name}") for name in VIEWS}
+        self._worker = Worker()
+        self._turn = asyncio.Lock()
         self._kept: OrderedDict[tuple[Any, ...], bytes] = OrderedDict()
-        self._lock = threading.Lock()
 
     async def json(
         self,
@@ -63,29 +57,32 @@ class Viewer:
         gone: Callable[[], Coroutine[Any, Any, bool]],
     ) -> bytes:
         """A view of the preset of a text, as JSON. Raises what the view raises, and Gone."""
+        view = VIEWS[name]
         key = (name, fingerprint(text), *sorted(arguments.items()))
-        with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key]
-        loop = asyncio.get_running_loop()
-
-        def compute() -> bytes:
+        if key in self._kept:
+            return self._keep(key, self._kept[key])
+        if not view.long:
+            return self._keep(key, await asyncio.to_thread(compute, view.module, view.function, preset, arguments))
+        async with self._turn:
             # a drag asks for many: those that nobody waits for any more are passed over
-            if asyncio.run_coroutine_threadsafe(gone(), loop).result():
+            if await gone():
                 raise Gone
-            with self._lock:
-                if key in self._kept:
-                    return self._kept[key]
-            return json.dumps(VIEWS[name](preset, arguments), allow_nan=False, separators=(",", ":")).encode()
+            if key in self._kept:
+                return self._keep(key, self._kept[key])
+            answer = await asyncio.to_thread(self._worker.compute, view.module, view.function, preset, arguments)
+            return self._keep(key, answer)
 
-        answer = await loop.run_in_executor(self._workers[name], compute)
-        with self._lock:
-            self._kept[key] = answer
-            while len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
+    def _keep(self, key: tuple[Any, ...], answer: bytes) -> bytes:
+        self._kept[key] = answer
+        self._kept.move_to_end(key)
+        while len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
         return answer
 
+    def warm_up(self, preset: Preset, note: int) -> None:
+        """Start the process and let it load its kernels."""
+        view = VIEWS["motion"]
+        self._worker.compute(view.module, view.function, preset, {"note": note})
+
     def close(self) -> None:
-        for worker in self._workers.values():
-            worker.shutdown(wait=False, cancel_futures=True)
+        self._worker.close()

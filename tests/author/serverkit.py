@@ -45,6 +45,10 @@ class Server:
         self.headers = {"Authorization": f"Bearer {self.token}"}
         self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=self.headers, timeout=PATIENCE_S)
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
     def __enter__(self) -> Self:
         return self
 

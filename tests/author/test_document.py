@@ -66,6 +66,11 @@ def test_back_to_the_default(doc: Doc) -> None:
         ("obstacle.colour", "red", "obstacle.colour", "no such key"),
         ("string.9.length_m", 1, "string.9.length_m", "there is no such place"),
         ("name", "Two Words", "name", "lower-case"),
+        ("string.0.length_m", 10**400, "string.0.length_m", "must be finite"),
+        ("string.0.length_m", [[]], "string.0.length_m", "must be a number"),
+        ("pluck", 1, "pluck", "there is no such place"),
+        ("pluck.", 1, "pluck.", "there is no such place"),
+        ("a = 1\nb", 1, "a = 1\nb", "there is no such place"),
         ("format", 3, "format", ""),
         ("string.0.diameter_mm", 6, "string.0", "bending stiffness"),
     ],
@@ -212,3 +217,10 @@ def test_a_document_that_is_not_there(server: Server) -> None:
     for answer in (server.get("/api/docs/none", 404), server.post("/api/docs/none/undo", 404)):
         assert "no such document" in answer["error"]
     assert "no such preset" in server.post("/api/open", 404, preset="sitar")["error"]
+
+
+@pytest.mark.parametrize("depth", [50, 300, 900, 20000])
+def test_values_that_are_too_deep(doc: Doc, depth: int) -> None:
+    body = '{"changes": [{"path": "pluck.position", "value": ' + depth * "[" + depth * "]" + "}]}"
+    answer = doc.server.client.post(f"{doc.path}/edit", content=body)
+    assert answer.status_code in (400, 422) and "\n" not in answer.json()["error"]

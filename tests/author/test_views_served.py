@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import io
+import signal
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 
 from synth.author.jobs import Job, Jobs, Progress
-from synth.author.views import instrument, parameters
-from synth.preset import load_preset
+from synth.author.views import instrument, motion, parameters
+from synth.author.worker import Worker, compute
+from synth.preset import PresetError, load_preset
 
+from .conftest import Serve
 from .serverkit import Doc, Server, until
 
 
@@ -173,3 +178,44 @@ def test_jobs_are_forgotten_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
         assert jobs[made[4].id] is made[4]
     finally:
         jobs.close()
+
+
+def test_the_process_of_the_views_is_started_again() -> None:
+    worker = Worker()
+    try:
+        asked = ("instrument", "draw", load_preset("tanpura"), {"note": 48})
+        expected = compute(*asked)
+        assert worker.compute(*asked) == expected
+        with pytest.raises(PresetError, match="no string plays") as error:
+            worker.compute("instrument", "draw", load_preset("tanpura"), {"note": 49})
+        assert "\n" not in str(error.value)
+        worker._process.kill()
+        with pytest.raises(OSError, match="has ended; try again"):
+            worker.compute(*asked)
+        assert worker.compute(*asked) == expected
+    finally:
+        worker.close()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+def test_nothing_is_left_of_a_server_that_is_killed(serve: Serve) -> None:
+    server = serve()
+    until(lambda: children(server.pid))
+    left = children(server.pid)
+    server.end(signal.SIGKILL)
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in left))
+
+
+def children(pid: int) -> list[int]:
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_what_is_shown_is_what_the_session_plays(serve: Callable[..., Server]) -> None:
+    fine = serve("--quality", "fine", "--rate", "48000")
+    doc = fine.open("tanpura")
+    shown = fine.get(f"{doc.path}/motion?note=48&velocity=100&seconds=0.02&frames=20")
+    assert shown == motion.film(load_preset("tanpura"), 48, 100, 0.02, 20, quality="fine", rate_hz=48000)
+    assert fine.get(f"{doc.path}/analysis?note=48&seconds=0.5")["rate_hz"] == 48000
+    assert fine.get(f"{doc.path}/cost?note=48")["rate_hz"] == shown["rate_hz"]
+    job = finished(fine, fine.post(f"{doc.path}/reference", note=48, velocity=100, seconds=0.3)["job"])
+    assert job["result"]["standard"]["rate_hz"] == shown["rate_hz"]  # type: ignore[index]

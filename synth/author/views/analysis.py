@@ -1,7 +1,8 @@
 """What a note is made of: wave, spectrogram, partials against the string's model, contacts, the formant of the buzz.
 
-analyse(preset, note, velocity=100, seconds=2.0) -> dict. The note is held; times [s] count from the moment the finger
-touches the string, in the sound too (its delay through the engine is taken off): a contact stands under what it does.
+analyse(preset, note, velocity=100, seconds=2.0, *, quality="standard", rate_hz=44100.0) -> dict. The note is held; times [s]
+count from the moment the finger touches the string, in the sound too (its delay through the engine is taken off): a contact
+stands under what it does.
 
     rate_hz, seconds, release_s (when the finger lets go), peak_dbfs (before any limiter; null in silence)
     waveform      {bin_s, low: [...], high: [...]} smallest and largest sample of every bin
@@ -35,7 +36,7 @@ from synth.author.views.formant import descending_formant
 from synth.author.views.instrument import draw
 from synth.author.views.pictures import rows_of_power, waveform
 from synth.author.views.place import find
-from synth.author.views.tape import RATE_HZ, Taped
+from synth.author.views.tape import QUALITY, RATE_HZ, Taped
 from synth.compile import Position
 from synth.measures import decay_times_s, partials, peak, sounding_fundamental, stft_power
 from synth.preset import Preset, contact_cents
@@ -56,12 +57,20 @@ TIME_BINS = 240
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def analyse(preset: Preset, note: int, velocity: int = 100, seconds: float = 2.0) -> dict[str, Any]:
+def analyse(
+    preset: Preset,
+    note: int,
+    velocity: int = 100,
+    seconds: float = 2.0,
+    *,
+    quality: str = QUALITY,
+    rate_hz: float = RATE_HZ,
+) -> dict[str, Any]:
     """The analysis of one note; see the module's docstring."""
     if not SHORTEST_S <= seconds <= LONGEST_S:
         raise ValueError(f"seconds must lie between {SHORTEST_S:g} and {LONGEST_S:g}, got {seconds:g}")
     place = find(preset, note)
-    engine = Taped(place)
+    engine = Taped(place, quality, rate_hz)
     position = engine.position
     out, touched = [], []
     for piece in engine.play(velocity, seconds):
@@ -74,29 +83,29 @@ def analyse(preset: Preset, note: int, velocity: int = 100, seconds: float = 2.0
     size = FRAME if place.sounding_hz >= LONG_BELOW_HZ else 2 * FRAME
     power = stft_power(np.concatenate([np.zeros(size // 2), x]), size, hop)
     in_play = [point for point in draw(preset, note, velocity)["points"] if point["in_play"]]
-    ring = x[math.ceil((release_s + WINDOW_S[0]) * RATE_HZ) :]
+    ring = x[math.ceil((release_s + WINDOW_S[0]) * rate_hz) :]
     return {
-        "rate_hz": RATE_HZ,
+        "rate_hz": rate_hz,
         "seconds": seconds,
         "release_s": round(release_s, 6),
         "peak_dbfs": round(gain_to_db(peak(x)), 2) if peak(x) > 0.0 else None,
-        "waveform": waveform(x, RATE_HZ),
-        "spectrogram": _spectrogram(power, size, hop),
-        "pitch_cents": _pitch_cents(ring, place.sounding_hz),
+        "waveform": waveform(x, rate_hz),
+        "spectrogram": _spectrogram(power, rate_hz / size, hop / rate_hz),
+        "pitch_cents": _pitch_cents(ring, rate_hz, place.sounding_hz),
         "partials": _partials(
-            x[math.ceil((release_s + SETTLED_S) * RATE_HZ) :], position, contact_cents(place.preset, note)
+            x[math.ceil((release_s + SETTLED_S) * rate_hz) :], rate_hz, position, contact_cents(place.preset, note)
         ),
         **_contacts(forces, in_play, seconds, 1.0 / place.sounding_hz),
-        "formant": _formant(power, size, hop, place.sounding_hz, forces),
+        "formant": _formant(power, rate_hz / size, hop / rate_hz, place.sounding_hz, forces),
     }
 
 
-def _spectrogram(power: np.ndarray, size: int, hop: int) -> dict[str, Any]:
-    hz, rows = rows_of_power(power, RATE_HZ / size)
+def _spectrogram(power: np.ndarray, bin_hz: float, step_s: float) -> dict[str, Any]:
+    hz, rows = rows_of_power(power, bin_hz)
     shade = np.clip(np.round(255.0 * (1.0 - (rows - rows.max()) / FLOOR_DB)), 0, 255).astype(int)
     return {
         "start_s": 0.0,
-        "step_s": hop / RATE_HZ,
+        "step_s": step_s,
         "hz": hz,
         "floor_db": FLOOR_DB,
         "top_db": 0.0,
@@ -104,28 +113,28 @@ def _spectrogram(power: np.ndarray, size: int, hop: int) -> dict[str, Any]:
     }
 
 
-def _pitch_cents(ring: np.ndarray, note_hz: float) -> float | None:
+def _pitch_cents(ring: np.ndarray, rate_hz: float, note_hz: float) -> float | None:
     try:
-        return round(float(cents(sounding_fundamental(ring, RATE_HZ, note_hz), note_hz)), 3)
+        return round(float(cents(sounding_fundamental(ring, rate_hz, note_hz), note_hz)), 3)
     except ValueError:
         return None  # too short, or gone
 
 
-def _partials(ring: np.ndarray, position: Position, shift_cents: float) -> list[dict[str, Any]]:
+def _partials(ring: np.ndarray, rate_hz: float, position: Position, shift_cents: float) -> list[dict[str, Any]]:
     """The partials of what rings after the release against the modes of the string's model."""
     model_hz = position.omega[: position.own] / (2.0 * math.pi) * 2.0 ** (shift_cents / 1200.0)
-    model_hz = model_hz[: int(np.searchsorted(model_hz, min(PARTIALS_TO_HZ, 0.45 * RATE_HZ)))][:PARTIALS]
+    model_hz = model_hz[: int(np.searchsorted(model_hz, min(PARTIALS_TO_HZ, 0.45 * rate_hz)))][:PARTIALS]
     t60_s = math.log(1000.0) / position.sigma[: model_hz.size]
     measured = np.full(model_hz.size, np.nan)
     level_db = np.full(model_hz.size, -np.inf)
     decay_s = np.full(model_hz.size, np.nan)
-    piece = ring[: round(PARTIALS_S * RATE_HZ)]
-    if model_hz.size and piece.size * model_hz[0] > 12.0 * RATE_HZ and peak(piece) > 0.0:
-        measured, level_db = partials(piece, RATE_HZ, float(model_hz[0]), model_hz.size)
+    piece = ring[: round(PARTIALS_S * rate_hz)]
+    if model_hz.size and piece.size * model_hz[0] > 12.0 * rate_hz and peak(piece) > 0.0:
+        measured, level_db = partials(piece, rate_hz, float(model_hz[0]), model_hz.size)
         heard = level_db > level_db.max() - PARTIALS_WITHIN_DB
         measured[~heard] = np.nan
         if heard.any():
-            decay_s[heard] = decay_times_s(ring, RATE_HZ, measured[heard], bandwidth_hz=0.4 * float(model_hz[0]))
+            decay_s[heard] = decay_times_s(ring, rate_hz, measured[heard], bandwidth_hz=0.4 * float(model_hz[0]))
     return [
         {
             "number": j + 1,
@@ -190,12 +199,14 @@ def _significant(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-def _formant(power: np.ndarray, size: int, hop: int, note_hz: float, forces: Forces) -> list[dict[str, float]] | None:
-    times_s = np.arange(len(power)) * hop / RATE_HZ
-    half_s = 0.5 * size / RATE_HZ
+def _formant(
+    power: np.ndarray, bin_hz: float, step_s: float, note_hz: float, forces: Forces
+) -> list[dict[str, float]] | None:
+    times_s = np.arange(len(power)) * step_s
+    half_s = 0.5 / bin_hz
     moments = np.sort(forces.step) * forces.step_s
     touched = np.searchsorted(moments, times_s + half_s) > np.searchsorted(moments, times_s - half_s)
-    found = descending_formant(power, np.arange(power.shape[1]) * RATE_HZ / size, times_s, note_hz, touched)
+    found = descending_formant(power, np.arange(power.shape[1]) * bin_hz, times_s, note_hz, touched)
     if found is None:
         return None
     return [{"t_s": round(float(t), 4), "hz": round(float(hz), 1)} for t, hz in zip(*found, strict=True)]

@@ -1,6 +1,6 @@
 """What a note costs on this machine, what its plan promises, and how far it is from a converged run.
 
-estimate(preset, note, velocity=100, quality="standard") -> dict
+estimate(preset, note, velocity=100, *, quality="standard", rate_hz=44100.0) -> dict
 
     quality, rate_hz (internal), factor (times the output rate), modes, contacts
     scene             "nothing to touch", "bridge" or "impacts": what decides the promise
@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 
 from synth.author.views.place import find, speaking
 from synth.author.views.runs import differences, run
-from synth.author.views.tape import RATE_HZ
+from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.compile import note_frequency
 from synth.engine.engine import Engine
 from synth.engine.events import EVENT, NOTE_ON, make_events
@@ -43,21 +43,23 @@ SCENES = {FREE: "nothing to touch", BRIDGE: "bridge", IMPACTS: "impacts"}
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def estimate(preset: Preset, note: int, velocity: int = 100, quality: str = "standard") -> dict[str, Any]:
+def estimate(
+    preset: Preset, note: int, velocity: int = 100, *, quality: str = QUALITY, rate_hz: float = RATE_HZ
+) -> dict[str, Any]:
     """The cost of one note; see the module's docstring."""
     if quality not in QUALITIES:
         raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
     place = find(preset, note)
     begun = time.thread_time()
     engine = Engine([place.preset], quality=quality, limiter=False, only_notes=[{note}], every_fret=False)
-    engine.prepare(RATE_HZ, BLOCK_FRAMES)
+    engine.prepare(rate_hz, BLOCK_FRAMES)
     compiled_s = time.thread_time() - begun
     blocks = _blocks_s(engine, note, velocity)
-    factor = blocks.size * BLOCK_FRAMES / RATE_HZ / blocks.sum()
+    factor = blocks.size * BLOCK_FRAMES / rate_hz / blocks.sum()
     position = next(p for p in engine.compiled[0].strings[0].positions if p.fret == place.fret)
     scene = speaking(place)
     kind = scene_kind(scene.opened, scene.below.positions_m)
-    mine, reference = (run(place, velocity, COMPARED_S, q) for q in (quality, "reference"))
+    mine, reference = (run(place, velocity, COMPARED_S, q, rate_hz=rate_hz) for q in (quality, "reference"))
     polyphony = preset.mapping.polyphony
     return {
         "quality": quality,
@@ -69,20 +71,22 @@ def estimate(preset: Preset, note: int, velocity: int = 100, quality: str = "sta
         "promise": position.plan.error,
         "reason": position.plan.reason,
         "real_time_factor": round(float(factor), 1),
-        "worst_block": round(float(blocks.max()) * RATE_HZ / BLOCK_FRAMES, 4),
+        "worst_block": round(float(blocks.max()) * rate_hz / BLOCK_FRAMES, 4),
         "polyphony": polyphony,
         "load": round(float(polyphony / factor), 4),
         "compile_s": round(compiled_s, 4),
-        "error": {"over_s": COMPARED_S, **differences(mine, reference)},
+        "error": {"over_s": COMPARED_S, **differences(mine, reference, rate_hz)},
         "reference_rate_hz": reference.position.plan.rate_hz,
-        "qualities": [_quality(note_frequency(place.preset, place.table, place.opened, None), kind, q) for q in QUALITIES],
+        "qualities": [
+            _quality(note_frequency(place.preset, place.table, place.opened, None), kind, q, rate_hz) for q in QUALITIES
+        ],
     }
 
 
-def _quality(open_hz: float, kind: str, quality: str) -> dict[str, Any]:
+def _quality(open_hz: float, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
     """What a quality takes and promises on a string whose open note has this pitch."""
-    factor, promise = choose_factor(open_hz, kind, quality, RATE_HZ)
-    return {"quality": quality, "rate_hz": factor * RATE_HZ, "factor": factor, "promise": promise}
+    factor, promise = choose_factor(open_hz, kind, quality, rate_hz)
+    return {"quality": quality, "rate_hz": factor * rate_hz, "factor": factor, "promise": promise}
 
 
 def _blocks_s(engine: Engine, note: int, velocity: int) -> np.ndarray:
@@ -92,7 +96,7 @@ def _blocks_s(engine: Engine, note: int, velocity: int) -> np.ndarray:
     engine.process(events, out)  # what a first call waits for is no cost of the note
     engine.reset()
     taken = []
-    for _ in range(math.ceil(MEASURED_S * RATE_HZ / BLOCK_FRAMES)):
+    for _ in range(math.ceil(MEASURED_S * engine.rate_hz / BLOCK_FRAMES)):
         begun = time.thread_time()
         engine.process(events, out)
         taken.append(time.thread_time() - begun)

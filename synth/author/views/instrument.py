@@ -26,8 +26,8 @@ draw(preset, note, velocity=127) -> dict. Places x [m] count from the nut of the
 
 drag: what a drag of the thing changes, {x: D | None, height: D | None}; D is
 
-    path, offset, factor   value = offset + factor · (x in m or height in mm)
-    minimum, maximum       of the value, as in `parameters`
+    path, offset, factor   value = offset + factor · (x in m or height in mm), held within
+    minimum, maximum       as in `parameters`, None where there are none
     anchor                 None, or the note whose entry of an anchored number the drag sets, a new one where it has none
                            (the edit sends the whole table)
     edits                  [{path, value}] that must be sent before the first such edit, usually []

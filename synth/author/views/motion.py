@@ -1,8 +1,10 @@
 """The string in slow motion: the engine's own steps, looked at every few of them, with the forces of contact.
 
-film(preset, note, velocity=100, seconds=0.05, frames=150, *, start_s=0.0) -> dict. The note is held; time counts from the
-moment the finger touches the string, which is when the key goes down. x [m] and heights [mm] are those of `instrument.draw`:
-from the nut of the open string, from its line at rest; force in N, upwards on the string.
+film(preset, note, velocity=100, seconds=0.05, frames=150, *, start_s=0.0, quality="standard", rate_hz=44100.0) -> dict.
+
+The note is held; time counts from the moment the finger touches the string, which is when the key goes down. x [m] and
+heights [mm] are those of `instrument.draw`: from the nut of the open string, from its line at rest; force in N, upwards on
+the string.
 
     rate_hz        internal rate; `step_s` its step
     start_s        time of the first frame: `start_s` as asked for, to the next state that the engine keeps (8 steps)
@@ -34,7 +36,7 @@ from threadpoolctl import threadpool_limits
 
 from synth.author.views.instrument import draw
 from synth.author.views.place import Speaking, find, speaking
-from synth.author.views.tape import RATE_HZ, Taped
+from synth.author.views.tape import QUALITY, RATE_HZ, Taped
 from synth.compile import Position
 from synth.physics.modes import mode_shapes
 from synth.physics.tail import lumped_tail
@@ -50,7 +52,15 @@ NEAR_A_BRIDGE = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.2, 1.5, 2.0, 2.7, 3.6)
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def film(
-    preset: Preset, note: int, velocity: int = 100, seconds: float = 0.05, frames: int = 150, *, start_s: float = 0.0
+    preset: Preset,
+    note: int,
+    velocity: int = 100,
+    seconds: float = 0.05,
+    frames: int = 150,
+    *,
+    start_s: float = 0.0,
+    quality: str = QUALITY,
+    rate_hz: float = RATE_HZ,
 ) -> dict[str, Any]:
     """The film of one note; see the module's docstring."""
     if not 2 <= frames <= MOST_FRAMES:
@@ -59,7 +69,7 @@ def film(
         raise ValueError(f"the film must lie within 0 and {LONGEST_S:g} s, got {start_s:g} s and {seconds:g} s more")
     place = find(preset, note)
     drawing = draw(preset, note, velocity)
-    engine = Taped(place)
+    engine = Taped(place, quality, rate_hz)
     position = engine.position
     step_s = engine.step_s
     stride = max(1, round(seconds / ((frames - 1) * BLOCK * step_s))) * BLOCK
@@ -72,7 +82,7 @@ def film(
     heights = shots.q @ shapes.T
     nut = drawing["open_length_m"] - position.length_m
     rest = position.rest_height_m * (1.0 - x / position.length_m)
-    output = _sound_at(shots.out, wanted * step_s, engine.latency_samples)
+    output = _sound_at(shots.out, wanted * step_s, engine)
     in_play = [point for point in drawing["points"] if point["in_play"]]
     points = [
         {**{name: point[name] for name in ("index", "label", "x", "height")}, "at": int(np.argmin(np.abs(x - contact)))}
@@ -84,15 +94,15 @@ def film(
         "step_s": step_s,
         "start_s": round(first * step_s, 9),
         "dt_s": stride * step_s,
-        "release_s": round(engine.compiled[0].strings[0].draw_s * RATE_HZ) / RATE_HZ,
+        "release_s": round(engine.compiled[0].strings[0].draw_s * rate_hz) / rate_hz,
         "length_s": LONGEST_S,
         "slow_motion": round(1.0 / (25.0 * stride * step_s), 1),
         "x": [round(float(place_m), 6) for place_m in nut + x],
         "rest": _rounded(1e3 * rest, 5),
         "frames": _rounded(all_mm, 4),
         "points": points,
-        "force": _rounded(shots.force, 4),
-        "impulse": _rounded(shots.impulse, 8),
+        "force": _mostly_zero(shots.force, 4),
+        "impulse": _mostly_zero(shots.impulse, 8),
         "finger": [None if math.isnan(h) else round(1e3 * h + _line(rest, x, drawing, nut), 4) for h in shots.finger],
         "finger_x": drawing["pluck"]["x"],
         "output": _rounded(output, 6),
@@ -169,9 +179,10 @@ def _shapes(scene: Speaking, position: Position, x: np.ndarray) -> np.ndarray:
     return np.hstack([shapes[:, :own], tail.weights(shapes)])
 
 
-def _sound_at(out: np.ndarray, times_s: np.ndarray, latency: int) -> np.ndarray:
+def _sound_at(out: np.ndarray, times_s: np.ndarray, engine: Taped) -> np.ndarray:
     """(F,) the sound that leaves the string at these times."""
-    return out[np.minimum(np.round(times_s * RATE_HZ).astype(int) + latency, out.size - 1)]
+    at = np.round(times_s * engine.rate_hz).astype(int) + engine.latency_samples
+    return out[np.minimum(at, out.size - 1)]
 
 
 def _line(rest: np.ndarray, x: np.ndarray, drawing: dict[str, Any], nut: float) -> float:
@@ -181,3 +192,8 @@ def _line(rest: np.ndarray, x: np.ndarray, drawing: dict[str, Any], nut: float) 
 
 def _rounded(array: np.ndarray, digits: int) -> list[Any]:
     return np.round(array, digits).tolist()
+
+
+def _mostly_zero(array: np.ndarray, digits: int) -> list[list[float]]:
+    """Rows of numbers, zeros as short as they can be: of many points few are touched."""
+    return [[value or 0 for value in row] for row in np.round(array, digits).tolist()]

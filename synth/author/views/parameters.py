@@ -42,7 +42,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, WORDS, Words
-from synth.compile import make_string, note_frequency, obstacle_of
+from synth.compile import ideal_string, note_frequency, obstacle_of
 from synth.preset import (
     KINDS,
     Between,
@@ -300,17 +300,16 @@ def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
     for note in [table.notes[0], *notes, table.notes[1]]:
         try:
             model_hz = note_frequency(preset, table, note, None) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
-            string = make_string(preset, table, note, model_hz)
+            string = ideal_string(preset, table, note, model_hz)
         except ValueError:
             return None
-        ideal = string.linear_density_kg_m * (2.0 * string.length_m * model_hz) ** 2
         bent = string.core_diameter_m or string.diameter_m
         values[note] = _rounded(
             {
                 "linear_density_g_m": 1e3 * string.linear_density_kg_m,
                 "density_kg_m3": string.linear_density_kg_m / (math.pi * string.diameter_m**2 / 4.0),
                 "youngs_modulus_gpa": 1e-9 * string.bending_stiffness_n_m2 / (math.pi * bent**4 / 64.0),
-                "inharmonicity": math.pi**2 * string.bending_stiffness_n_m2 / (ideal * string.length_m**2),
+                "inharmonicity": string.inharmonicity,
             }[name]
         )
     same = set(values.values())

@@ -39,6 +39,7 @@ def run(
     seconds: float,
     quality: str,
     *,
+    rate_hz: float = RATE_HZ,
     internal_rate_hz: float | None = None,
     go_on: Callable[[float], None] | None = None,
 ) -> Run:
@@ -56,8 +57,8 @@ def run(
     )
     if go_on is not None:
         go_on(0.0)
-    engine.prepare(RATE_HZ, BLOCK_FRAMES)
-    frames = round(seconds * RATE_HZ) + engine.latency_samples
+    engine.prepare(rate_hz, BLOCK_FRAMES)
+    frames = round(seconds * rate_hz) + engine.latency_samples
     stems = np.zeros((2, frames, 2))
     events = make_events([(0, NOTE_ON, channel, place.note, velocity) for channel in (0, 1)])
     for start in range(0, frames, BLOCK_FRAMES):
@@ -80,15 +81,15 @@ def _seen(preset: Preset) -> Preset:
     return preset.model_copy(update={"output": output, "body": type(preset.body)()})
 
 
-def differences(mine: Run, reference: Run) -> dict[str, float | None]:
+def differences(mine: Run, reference: Run, rate_hz: float = RATE_HZ) -> dict[str, float | None]:
     """{e, e_100ms, log_spectral_db, third_octave_db} of two runs of equal length: e of the displacements, the others of the
     sounds; None where a string that does not move has no error."""
-    onset = round(ONSET_S * RATE_HZ)
+    onset = round(ONSET_S * rate_hz)
     if not (reference.displacement.any() and reference.sound.any()):
         return {"e": None, "e_100ms": None, "log_spectral_db": None, "third_octave_db": None}
     return {
         "e": float(f"{relative_error(mine.displacement, reference.displacement):.3g}"),
         "e_100ms": float(f"{relative_error(mine.displacement[:onset], reference.displacement[:onset]):.3g}"),
-        "log_spectral_db": float(f"{log_spectral_distance(mine.sound, reference.sound, RATE_HZ):.3g}"),
-        "third_octave_db": float(f"{third_octave_distance(mine.sound, reference.sound, RATE_HZ):.3g}"),
+        "log_spectral_db": float(f"{log_spectral_distance(mine.sound, reference.sound, rate_hz):.3g}"),
+        "third_octave_db": float(f"{third_octave_distance(mine.sound, reference.sound, rate_hz):.3g}"),
     }

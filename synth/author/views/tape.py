@@ -25,7 +25,8 @@ from synth.engine.layout import F8, FIELDS, I8, NO_FINGER, QUANTUM, SPAN, STEP, 
 from synth.engine.views import CORE_PARTS, bank_of, call_back, opener, scratch_of, state_of, table
 from synth.solver.lanes import BLOCK
 
-#: the page's rate: what `synth render` and a live stream have unless told otherwise [Hz]
+#: what views are of unless told otherwise, as `synth render` and a live stream are [Hz]
+QUALITY = "standard"
 RATE_HZ = 44100.0
 #: frames that are computed between two looks at the tape
 PIECE = 4096
@@ -108,14 +109,14 @@ class Piece:
 
 
 class Taped(Engine):
-    """An engine with the one string of a place, which it plays at the page's rate."""
+    """An engine with the one string of a place."""
 
-    def __init__(self, place: Place, quality: str = "standard") -> None:
+    def __init__(self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ) -> None:
         super().__init__(
             [place.preset], quality=quality, limiter=False, economy=False, only_notes=[{place.note}], every_fret=False
         )
         self.place = place
-        self.prepare(RATE_HZ, PIECE)
+        self.prepare(rate_hz, PIECE)
 
     def prepare(self, rate_hz: float, max_block: int = PIECE) -> None:
         """As the engine's, and the tape begins."""
@@ -136,7 +137,8 @@ class Taped(Engine):
         )
         # behind the tables that the engine made: it looks no further than their end
         self._core = np.concatenate([self._core, table(self.tape)])
-        self._shared.task[STEP] = _compiled().address
+        self._taped_steps = _compiled()
+        self._shared.task[STEP] = self._taped_steps.address
 
     @property
     def position(self) -> Position:
@@ -154,7 +156,7 @@ class Taped(Engine):
         position = self.position
         modes, contacts = position.omega.size, position.eta.size
         made = 0
-        left = round(seconds * RATE_HZ) + self.latency_samples
+        left = round(seconds * self.rate_hz) + self.latency_samples
         while left > 0:
             out = np.zeros((min(left, PIECE), 2))
             self.tape.written[:] = 0
