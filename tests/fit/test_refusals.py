@@ -59,11 +59,14 @@ BAD = {
     "a sawtooth": (0.3 * ((110.0 * T) % 1.0 - 0.5), "does not decay"),
     "a sweep": (0.5 * np.sin(2 * np.pi * (100.0 * T + 150.0 * T**2)), "no partials stand out"),
     "a sawtooth that glides": (0.3 * ((110.0 * T + 5.0 * T**2) % 1.0 - 0.5) * np.exp(-T), "glides cannot be fitted"),
-    "vibrato": (vibrato(), "fall steadily"),
+    "vibrato": (vibrato(), "strong partials, such as 105 and 115 Hz"),
     "a voice": (voice(), "a voice"),
     "a bell": (ringing([0.5, 1.0, 1.2, 1.5, 2.0, 2.6, 3.0, 4.2], 300.0), "strong partials, such as 360"),
-    "a bar": (ringing([1.0, 2.756, 5.404, 8.933, 13.34, 18.64], 200.0), "not those of a string"),
-    "a drum": (ringing([1.0, 1.594, 2.136, 2.296, 2.653, 2.918, 3.156, 3.501], 150.0), "not those of a string"),
+    "a bar": (ringing([1.0, 2.756, 5.404, 8.933, 13.34, 18.64], 200.0), "strong partials, such as 200 and 551.2 Hz"),
+    "a drum": (
+        ringing([1.0, 1.594, 2.136, 2.296, 2.653, 2.918, 3.156, 3.501], 150.0),
+        "strong partials, such as 150 and 344.4 Hz",
+    ),
     "nothing": (np.zeros(0), "must hold samples"),
     "not numbers": (np.array([0.1, np.nan, 0.2] * 20000), "not finite"),
 }
@@ -125,7 +128,8 @@ def test_a_huge_file_is_looked_at_in_part() -> None:
 
 
 def test_what_cannot_be_told_is_said() -> None:
-    """An octave above shares all its partials: the fit goes on, and says which partials are odd."""
-    fit = fit_recording(note(110.0) + note(220.2), RATE)
+    """A string an octave above whose B is four times as great shares all its partials: the fit says which are odd."""
+    octave = render(steel(220.1, 4e-4), np.random.default_rng(0), snr_db=60.0)
+    fit = fit_recording(note(110.0) + octave, RATE)
     assert abs(cents(fit.f0_hz, 110.0)) < 0.5
     assert any("without one decay time" in words or "not a single exponential" in words for words in fit.warnings)
