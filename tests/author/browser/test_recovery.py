@@ -1,0 +1,88 @@
+"""A crash loses nothing: the server is killed, started again on the same folder, and offers what was never saved."""
+
+import signal
+from pathlib import Path
+
+import pytest
+
+from synth.preset import load_preset
+from tests.author.browser.running import Author, Page, chromium, set_value
+
+PRESETS = Path(__file__).resolve().parents[3] / "presets"
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with chromium() as driver:
+        yield driver
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "mine.toml").write_text((PRESETS / "tanpura.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    return tmp_path
+
+
+def crash_after_edit(driver, folder):
+    """Edit, wait for the autosave, kill."""
+    page = Page(driver)
+    with Author(folder, "mine.toml") as author:
+        page.open(author.address)
+        set_value(page, "pluck.position", 0.31)
+        page.until((folder / ".mine.toml.autosave").exists)
+        page.until(lambda: "0.31" in (folder / ".mine.toml.autosave").read_text(encoding="utf-8"))
+        assert author.end(signal.SIGKILL)[0] == -signal.SIGKILL
+    page.until(lambda: "No connection" in page.text("#banner"))
+    page.open_nothing()
+    return page
+
+
+def test_what_was_never_saved_is_offered_and_taken(driver, folder):
+    original = (folder / "mine.toml").read_bytes()
+    page = crash_after_edit(driver, folder)
+    with Author(folder, "mine.toml") as author:
+        page.open(author.address)
+        assert "never saved" in page.text("#file-banners .offer")
+        assert page.field("pluck.position").get_property("value") == "0.42"
+        page.button("See them", "#file-banners").click()
+        removed, added = page.text(".text-difference .removed"), page.text(".text-difference .added")
+        assert removed.startswith("- position = 0.42") and added.startswith("+ position = 0.31")
+        page.find("dialog .sheet-close").click()
+        page.button("Take them", "#file-banners").click()
+        page.until(lambda: page.field("pluck.position").get_property("value") == "0.31")
+        assert (folder / "mine.toml").read_bytes() == original
+        page.find("#save").click()
+        page.until(lambda: load_preset(str(folder / "mine.toml")).pluck.position == 0.31)
+        page.until(lambda: not (folder / ".mine.toml.autosave").exists())
+        page.open_nothing()
+
+
+def test_what_was_never_saved_can_be_forgotten(driver, folder):
+    original = (folder / "mine.toml").read_bytes()
+    page = crash_after_edit(driver, folder)
+    with Author(folder, "mine.toml") as author:
+        page.open(author.address)
+        page.button("Forget them", "#file-banners").click()
+        page.until(lambda: page.all("#file-banners .offer") == [])
+        page.until(lambda: not (folder / ".mine.toml.autosave").exists())
+        assert (folder / "mine.toml").read_bytes() == original
+        page.open_nothing()
+    with Author(folder, "mine.toml") as author:
+        page.open(author.address)
+        assert page.all("#file-banners .offer") == []
+        page.open_nothing()
+
+
+def test_preset_that_has_no_file_is_recovered_too(driver, tmp_path):
+    page = Page(driver)
+    with Author(tmp_path, "jawari-harp") as author:
+        page.open(author.address)
+        set_value(page, "pluck.position", 0.27)
+        page.until(lambda: any(b"0.27" in path.read_bytes() for path in tmp_path.glob(".*.autosave")))
+        author.end(signal.SIGKILL)
+    page.open_nothing()
+    with Author(tmp_path, "jawari-harp") as author:
+        page.open(author.address)
+        page.button("Take them", "#file-banners").click()
+        page.until(lambda: page.field("pluck.position").get_property("value") == "0.27")
+        page.open_nothing()
