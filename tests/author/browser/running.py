@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
@@ -86,8 +87,10 @@ class Page:
         return value
 
     def until(self, holds: Callable[[], Any], patience_s: float = PATIENCE_S) -> Any:
-        """Wait for it: its value."""
-        return WebDriverWait(self.driver, patience_s, poll_frequency=0.05).until(lambda _: holds())
+        """Wait for it: its value. What the page has replaced in between is looked for again."""
+        gone = (StaleElementReferenceException,)
+        wait = WebDriverWait(self.driver, patience_s, poll_frequency=0.05, ignored_exceptions=gone)
+        return wait.until(lambda _: holds())
 
     def find(self, selector: str) -> WebElement:
         """The first such element that is to be seen, as soon as there is one."""
