@@ -27,7 +27,7 @@ from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
-from synth.author.voice import phrase_wav, prepared_engine, warm_up
+from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
 from synth.preset import PresetError, load_preset
 
@@ -446,7 +446,8 @@ class App:
         seconds = float(_number(query, "seconds", 0, 60, kind=float)) if "seconds" in query else wanted.length_s
 
         def render() -> bytes:
-            return phrase_wav(prepared_engine(preset, wanted.notes, self.rate_hz, self.quality), wanted, seconds)
+            engine = prepared_engine(phrase_preset(preset, wanted), wanted.notes, self.rate_hz, self.quality)
+            return phrase_wav(engine, wanted, seconds)
 
         return Response(await asyncio.to_thread(render), media_type="audio/wav")
 

@@ -21,7 +21,7 @@ from synth.author.document import Document, fingerprint
 from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
 from synth.author.views.place import playable
-from synth.author.voice import BLOCK, Voice, prepared_engine
+from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
 from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from synth.preset import Preset
@@ -210,7 +210,8 @@ class Player:
     def _audition(self, preset: Preset, text: str, wanted: Phrase) -> None:
         self._begins()
         self._silence()  # first, so that the engine can be taken again
-        engine = self._engine(preset, (fingerprint(text), wanted.notes))
+        # its strings may be fewer than those that keys need: it has a name of its own
+        engine = self._engine(phrase_preset(preset, wanted), (f"{fingerprint(text)} phrase", wanted.notes))
         if self._output == "server":
             self._speaker = Speaker(engine, self._rate_hz, wanted)
             return

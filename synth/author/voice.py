@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from synth.author.phrases import Phrase, phrase
+from synth.author.views.place import find
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, make_events
+from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host import offline
 from synth.preset import Preset, load_preset
 
@@ -28,6 +29,12 @@ def prepared_engine(preset: Preset, notes: Iterable[int] | None, rate_hz: float,
     engine = Engine([preset], quality=quality, only_notes=wanted, every_fret=wanted is None)
     engine.prepare(rate_hz, MOST_BLOCK)
     return engine
+
+
+def phrase_preset(preset: Preset, phrase: Phrase) -> Preset:
+    """The preset with no more strings than a phrase needs: a single note takes one, which `find` knows beforehand."""
+    struck = phrase.events["a"][phrase.events["kind"] == NOTE_ON]
+    return find(preset, int(struck[0])).preset if len(struck) == 1 else preset
 
 
 def warm_up(rate_hz: float, quality: str) -> None:

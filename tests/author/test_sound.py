@@ -16,7 +16,7 @@ import soundfile
 from synth import Engine, load_preset
 from synth.author.phrases import NAMES, phrase
 from synth.author.views.place import playable
-from synth.author.voice import BLOCK, Voice, prepared_engine
+from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
 from synth.preset import Preset
 
@@ -248,3 +248,19 @@ def test_a_voice_ends_when_it_is_silent() -> None:
     heard = np.concatenate(blocks)
     assert 2.0 < len(heard) / RATE_HZ < 20.0
     assert np.abs(heard[-BLOCK:]).max() < 1e-5
+
+
+@pytest.mark.parametrize("name", ["tanpura", "fretted-bass", "jawari-harp"])
+def test_a_single_note_needs_one_string(name: str) -> None:
+    """Wherever a preset plays a note, one string alone sounds as it does among all of them."""
+    preset = load_preset(name)
+    whole = prepared_engine(preset, None, RATE_HZ, "draft")
+    for note in playable(preset)[::5]:
+        wanted = phrase("note", preset, note, 100, RATE_HZ)
+        alone = prepared_engine(phrase_preset(preset, wanted), wanted.notes, RATE_HZ, "draft")
+        assert [len(string.positions) for string in alone.compiled[0].strings] == [1]
+        heard = [
+            np.concatenate([voice.next().copy() for _ in range(20)])
+            for voice in (Voice(whole, wanted), Voice(alone, wanted))
+        ]
+        assert np.array_equal(*heard) and np.abs(heard[0]).max() > 0.02
