@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from synth.fit.losses import Losses, fit_losses
 from synth.fit.partials import Measured, Stretch, measure_partials
 from synth.fit.pitch import find_series
-from synth.fit.pluck import Pluck, fit_pluck
+from synth.fit.pluck import CLEAR_DB, Pluck, fit_pluck
 from synth.fit.recording import FitRefused, Note, cut_note
 from synth.units import cents
 
@@ -261,7 +261,7 @@ def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pl
         words.append(f"inharmonicity is hardly above its error of {stretch.inharmonicity_error:.1g}")
     if pluck is None or not pluck.determined:
         words.append("the levels of the partials do not tell where it was plucked")
-    elif pluck.spread_db > 3.0:
+    elif pluck.spread_db > CLEAR_DB:
         words.append(
             f"levels lie {pluck.spread_db:.0f} dB (rms) beside those of a pluck: with an electric pickup the place found "
             "may be the pickup's"

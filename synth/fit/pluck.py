@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+#: levels further (rms) beside the model may be another comb's, such as a pickup's [dB]
+CLEAR_DB = 3.0
 #: least partials for a place
 LEAST_PARTIALS = 10
 _GRID = np.arange(0.01, 0.50001, 0.0005)

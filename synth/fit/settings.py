@@ -3,6 +3,7 @@
 Length, weight and diameter stay the preset's: a recording does not tell them. Tension follows from the pitch, bending
 stiffness from B, the two material losses from the decay rates less what air and nut take already. Where the preset's law
 still misses the first partials (a nut that moves them, a body that takes its share), the partials are written as measured.
+The place of plucking is written only where nothing else can have made the comb of levels.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from synth.compile import make_string, note_frequency
 from synth.fit.estimate import JUDGED, LAW_CENTS, LAW_T60, Fit
+from synth.fit.pluck import CLEAR_DB
 from synth.physics.modes import decay_rates, modal_frequencies, model_decay_rates
 from synth.physics.string import String
 from synth.preset import Preset, StringTable, at_note, contact_cents, validate_preset
@@ -176,7 +178,7 @@ class _Filling:
 
     def _pluck(self) -> None:
         pluck = self.fit.pluck
-        if pluck is None or not pluck.determined:
+        if pluck is None or not pluck.determined or pluck.spread_db > CLEAR_DB:
             return
         position = round(min(pluck.position, 0.5), 4)
         self.found.append(("pluck.position", position))
