@@ -50,11 +50,23 @@ def test_the_token_in_the_address_opens_the_page_only(bare: httpx.Client, server
     answer = bare.get("/", params={"token": server.token})
     assert answer.status_code == 200
     cookie = answer.headers["set-cookie"]
-    assert cookie.startswith(f"jawari-{server.port}={server.token};")
+    assert cookie.startswith(f"jawari-{server.port}=") and server.token not in cookie
     assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
-    # from now on the cookie does
-    assert bare.get("/").status_code == 200
-    assert bare.get("/api/session").status_code == 200
+    # from now on the cookie does, in a browser
+    for word in ({"Sec-Fetch-Site": "same-origin"}, {"Sec-Fetch-Site": "none"}, {"Origin": str(bare.base_url).rstrip("/")}):
+        assert bare.get("/", headers=word).status_code == 200
+        assert bare.get("/api/session", headers=word).status_code == 200
+    assert refused(bare.get("/api/session"), "browser's word")
+    assert refused(bare.get("/api/session", headers={"Sec-Fetch-Site": "cross-site"}), "other pages")
+    # the two secrets do not stand for each other
+    secret = cookie.split("=", 1)[1].split(";")[0]
+    bare.cookies.clear()
+    own = {"Sec-Fetch-Site": "same-origin"}
+    assert refused(bare.get("/", params={"token": secret}, headers=own), "wrong token")
+    assert refused(bare.get("/api/session", headers={**own, "Authorization": f"Bearer {secret}"}), "wrong token")
+    assert refused(
+        bare.get("/api/session", headers={**own, "Cookie": f"jawari-{server.port}={server.token}"}), "wrong token"
+    )
 
 
 @pytest.mark.parametrize(
