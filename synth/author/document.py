@@ -140,6 +140,7 @@ class Document:
             "disk": self.disk,
             "notices": self.notices,
             "notes": playable(preset),
+            "saved_notes": playable(self.saved_preset),
             "kind": preset.obstacle.kind,
         }
 

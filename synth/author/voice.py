@@ -40,9 +40,9 @@ def phrase_preset(preset: Preset, phrase: Phrase) -> Preset:
 
 
 def kernels_are_cached() -> bool:
-    """Whether there are compiled kernels at all of the program as it is; else the first use compiles them."""
+    """Whether the engine of the program as it is has been compiled before; else its first use does."""
     folder = os.environ.get("NUMBA_CACHE_DIR")
-    return folder is not None and next(Path(folder).rglob("*.nbi"), None) is not None
+    return folder is not None and next(Path(folder).rglob("advance._steps*.nbi"), None) is not None
 
 
 def warm_up(rate_hz: float, quality: str) -> None:

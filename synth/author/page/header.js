@@ -2,7 +2,7 @@
 
 const THEMES = { auto: "as the system", light: "light", dark: "dark" };
 
-export function mount(page, { store }) {
+export function mount(page, { store, api }) {
   const at = (id) => page.getElementById(id);
   const undo = at("undo");
   const redo = at("redo");
@@ -83,6 +83,9 @@ export function mount(page, { store }) {
     banner.hidden = connected;
     banner.textContent = connected
       ? ""
-      : "No connection to the program. If it has ended, start it again: everything up to here is autosaved.";
+      : "No connection to the program. If it has ended, start it again: it opens in a new tab with everything up to here.";
+  });
+  api.socket.on("gone", () => {
+    at("banner").textContent = "The program was started anew. It opens in a new tab, with everything up to here; close this one.";
   });
 }
