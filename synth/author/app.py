@@ -211,9 +211,11 @@ class App:
 
     def end(self) -> None:
         """Write what is edited, and end what is computed; from then on views and jobs are refused. May be called again."""
-        self.desk.autosave()
-        self.jobs.close()
-        self.viewer.close()
+        try:
+            self.desk.autosave()
+        finally:
+            self.jobs.close()
+            self.viewer.close()
 
     async def _autosave(self) -> None:
         while True:

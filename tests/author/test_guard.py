@@ -7,8 +7,10 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
+
+from synth.author.app import NO_DOCUMENT
 
 from .serverkit import Server
 
@@ -131,6 +133,14 @@ def test_a_websocket_needs_them_too(server: Server) -> None:
     assert refusal.value.response.status_code == 403
     with doc.connect() as page:
         assert page.until("state")["state"]["doc"] == doc.key
+
+
+def test_a_websocket_of_a_document_that_is_gone(server: Server) -> None:
+    """The page is told so in a way that a browser passes on."""
+    url = f"ws://127.0.0.1:{server.port}/ws/nothing"
+    with connect(url, additional_headers=server.headers, proxy=None) as page, pytest.raises(ConnectionClosed) as end:
+        page.recv(timeout=60)
+    assert end.value.rcvd is not None and end.value.rcvd.code == NO_DOCUMENT == 4404
 
 
 def test_what_every_answer_says(server: Server, bare: httpx.Client) -> None:
