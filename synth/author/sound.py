@@ -114,7 +114,8 @@ class Player:
         elif kind == "audition":
             which = message.get("which", "current")
             note, velocity = number(message, "note", 0, 127), number(message, "velocity", 1, 127)
-            preset, text = self._document.preset_of(which), self._document.text_of(which)
+            version = self._document.version(which)
+            preset, text = version.preset, version.text
             wanted = phrase(str(message.get("phrase", "note")), preset, note, velocity, self._rate_hz)
             self._do(lambda: self._audition(preset, text, wanted))
         elif kind == "stop":
@@ -219,7 +220,8 @@ class Player:
         self._start()
 
     def _note_on(self, key: int, velocity: int) -> None:
-        preset, text = self._document.preset, self._document.text
+        version = self._document.version()
+        preset, text = version.preset, version.text
         if key not in playable(preset):
             return
         self._begins()
