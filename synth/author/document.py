@@ -22,14 +22,11 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
-from synth.author.views.parameters import describe
 from synth.author.views.place import playable
 from synth.author.workspace import read_text, regular, write_text
 from synth.preset import FORMAT, Preset, PresetError, format_of, migrate
 
 STEPS = 500
-#: settings that a step of the history names
-MOST_WORDS = 3
 
 
 class Conflict(Exception):
@@ -192,9 +189,8 @@ class Document:
         PresetError, and then nothing has changed."""
         changes.check_size(wanted, self.name)
         with self._lock:
-            before = self._history.now
-            text, preset = changes.apply(before.text, wanted, self.name)
-            self._take(text, preset, label or in_words(wanted, before.preset, preset), merge)
+            text, preset = changes.apply(self.text, wanted, self.name)
+            self._take(text, preset, label or ", ".join(dict.fromkeys(path for path, _ in wanted)), merge)
 
     def set_text(self, text: str, label: str = "text") -> None:
         """Replace the whole text, which may be of an older format. Raises PresetError."""
@@ -394,22 +390,6 @@ class Document:
 def _merging_ended(history: History) -> History:
     """The next edit is a step of its own."""
     return replace(history, past=(*history.past[:-1], replace(history.now, merge=None)))
-
-
-def in_words(wanted: Sequence[tuple[str, Any]], before: Preset, after: Preset) -> str:
-    """What an edit changes, as the page names it: "Length of G2"."""
-    labels = {each["path"]: each["label"] for preset in (before, after) for each in describe(preset)}
-    words = []
-    for path, _ in wanted:
-        label = labels.get(path, path)
-        table, _, rest = path.partition(".")
-        number = rest.partition(".")[0]
-        if table == "string" and number.isdecimal() and path in labels:
-            strings = after.string if int(number) < len(after.string) else before.string
-            label = f"{label} of {strings[int(number)].name or f'string {int(number) + 1}'}"
-        words.append(label)
-    words = list(dict.fromkeys(words))
-    return ", ".join(words) if len(words) <= MOST_WORDS else f"{words[0]} and {len(words) - 1} more"
 
 
 def _escaped(name: str) -> str:
