@@ -299,7 +299,10 @@ class App:
 
     async def _import(self, request: Request) -> Response:
         fields = await Fields.of(request)
-        return await self._opened(self.desk.bring_in, fields.get("filename", str), fields.get("text", str))
+        text = fields.get("text", str)
+        if len(text) > MOST_BYTES:
+            raise Refused(413, f"text: larger than {MOST_BYTES >> 20} MB, which no preset is")
+        return await self._opened(self.desk.bring_in, fields.get("filename", str), text)
 
     async def _state(self, request: Request) -> Response:
         return JSONResponse(self._document(request).state())

@@ -235,7 +235,7 @@ def test_values_that_are_too_deep(doc: Doc, depth: int) -> None:
 @pytest.mark.parametrize("path", ["remarks", "string.0.name", "sources"])
 def test_half_a_character_is_refused(doc: Doc, path: str) -> None:
     before = doc.state
-    value = "[\"x\\ud800\"]" if path == "sources" else "\"x\\ud800\""
+    value = '["x\\ud800"]' if path == "sources" else '"x\\ud800"'
     body = '{"changes": [{"path": "' + path + '", "value": ' + value + "}]}"
     answer = doc.server.client.post(f"{doc.path}/edit", content=body)
     assert answer.status_code == 422 and "U+D800" in answer.json()["error"]

@@ -112,7 +112,22 @@ def test_export_and_import(serve: Serve, folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["../mine", "..", ".", "", "/etc/passwd", "a/b", "a\\b", ".hidden", "x" * 200, "nul\0", "leading\n", "-a", "a?", "/tmp/x.toml"],
+    [
+        "../mine",
+        "..",
+        ".",
+        "",
+        "/etc/passwd",
+        "a/b",
+        "a\\b",
+        ".hidden",
+        "x" * 200,
+        "nul\0",
+        "leading\n",
+        "-a",
+        "a?",
+        "/tmp/x.toml",
+    ],
 )
 def test_names_outside_the_folder(serve: Serve, folder: Path, name: str) -> None:
     server = serve()
@@ -312,7 +327,9 @@ def test_two_on_one_folder(serve: Serve, folder: Path) -> None:
 
 def test_an_imported_preset_of_a_name_that_the_program_has(serve: Serve, folder: Path) -> None:
     server = serve()
-    text = server.post("/api/import", filename="tanpura.toml", text=TANPURA.replace("jiva_um = 3.0", "jiva_um = 8.0"))["text"]
+    text = server.post("/api/import", filename="tanpura.toml", text=TANPURA.replace("jiva_um = 3.0", "jiva_um = 8.0"))[
+        "text"
+    ]
     until(lambda: list(folder.glob(".*.toml.autosave")))
     server.end(signal.SIGKILL)
     server = serve()
