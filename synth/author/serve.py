@@ -91,18 +91,19 @@ def serve(
 ) -> None:
     """Serve the page until a signal asks to end. `say` is given the page's address. Raises ValueError, OSError."""
     workspace, wanted = workspace_of(preset, folder)
-    desk = Desk(workspace)
-    if wanted is not None:
-        desk.opened = desk.open(wanted)
     token = secrets.token_urlsafe(32)
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    with contextlib.closing(listening):
+    with contextlib.closing(listening), contextlib.ExitStack() as opened:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((LOOPBACK, port))
         except OSError as error:
             raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from None
         port = listening.getsockname()[1]
+        opened.enter_context(workspace.alone())
+        desk = Desk(workspace)
+        if wanted is not None:
+            desk.opened = desk.open(wanted)
         app = App(desk, rate_hz=rate_hz, quality=quality)
         url = f"http://{LOOPBACK}:{port}/?token={token}"
 

@@ -134,8 +134,8 @@ class Player:
 
     def _version(self, message: dict[str, Any]) -> tuple[Preset, str]:
         """The preset and its text that a message speaks of. Raises ValueError."""
-        which = message.get("which", "current")
-        return self._document.preset_of(which), self._document.text_of(which)
+        version = self._document.version(message.get("which", "current"))
+        return version.preset, version.text
 
     def stop(self) -> None:
         """Silence."""

@@ -105,3 +105,23 @@ def test_a_tab_of_an_earlier_run_says_so_and_rests(driver, folder):
         page.result("await new Promise((done) => setTimeout(done, 1000))")
         assert page.script("return window.asked") == asked
         page.open_nothing()
+
+
+def test_imported_preset_with_the_name_of_a_built_in_one_is_recovered(driver, tmp_path):
+    text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8").replace("jiva_um = 3.0", "jiva_um = 8.0")
+    with Author(tmp_path) as author:
+        author.post("/api/import", filename="tanpura.toml", text=text)
+        left = tmp_path / ".unsaved~tanpura.toml.autosave"
+        Page(driver).until(left.exists)
+        author.end(signal.SIGKILL)
+    page = Page(driver)
+    (tmp_path / "odd.toml").symlink_to("/dev/null")
+    with Author(tmp_path) as author:
+        page.open(author.address)
+        cards = page.all("#start .cards button")
+        assert "tanpura: not saved, recovered from" in cards[0].text  # first
+        odd = next(card for card in cards if "odd.toml" in card.text)
+        assert "leads out" in odd.text and not odd.is_enabled()
+        cards[0].click()
+        page.until(lambda: page.field("obstacle.jiva_um").get_property("value") == "8")
+        page.open_nothing()
