@@ -211,8 +211,8 @@ export function createStore(api) {
   }
 
   const actions = {
-    /** A preset by name or file. */
-    open: (preset) => act(api.post("/api/open", { preset })),
+    /** A row of the session's presets. */
+    open: ({ file, name, unsaved }) => act(api.post("/api/open", unsaved ? { unsaved: name } : { preset: file ?? name })),
     importText: (filename, text) => act(api.post("/api/import", { filename, text })),
     /** The document of this id, as after a reload of the tab. */
     resume: (doc) => act(api.get(`/api/docs/${encodeURIComponent(doc)}`)),
@@ -273,6 +273,8 @@ export function createStore(api) {
   api.socket.on("disk", (message) => {
     if (state.doc) set({ doc: { ...state.doc, disk: message.disk } });
   });
+  // saved over by another document, which goes on in its place
+  api.socket.on("moved", ({ doc }) => doc !== null && actions.resume(doc));
   api.socket.on("kernels", (message) => set({ kernels: message.kernels }));
   api.socket.on("error", (message) => notify(message.message, "error"));
   api.socket.on("open", () => {
