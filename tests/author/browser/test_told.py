@@ -89,9 +89,9 @@ def test_another_edit_leaves_a_refusal_and_the_saved_version_has_none(opened):
     set_value(page, "pluck.width_mm", 9)
     page.until(lambda: state(page)["data"]["pluck"]["width_mm"] == 9)
     assert len(refusals(page)) == 1
-    page.find('[data-which="saved"]').click()
+    page.find('#ab [data-which="saved"]').click()
     page.until(lambda: refusals(page) == [])
-    page.find('[data-which="current"]').click()
+    page.find('#ab [data-which="current"]').click()
     page.until(lambda: len(refusals(page)) == 1)
 
 
@@ -99,17 +99,17 @@ def test_undo_is_seen_from_the_saved_version(opened):
     page = opened("tanpura")
     set_value(page, "pluck.width_mm", 9)
     page.until(lambda: state(page)["dirty"])
-    page.find('[data-which="saved"]').click()
+    page.find('#ab [data-which="saved"]').click()
     page.until(lambda: page.text(".stage.whole figcaption").startswith("as saved"))
     page.find("#undo").click()
-    page.until(lambda: page.find('[data-which="current"]').get_attribute("aria-checked") == "true")
+    page.until(lambda: page.find('#ab [data-which="current"]').get_attribute("aria-checked") == "true")
 
 
 def test_reasons_and_steps_are_in_words(opened):
     page = opened("fretted-bass")
     assert refuse(page, "obstacle.count", "19.5") == "must be a whole number, got 19.5"
-    set_value(page, "string.0.length_m", 0.87)
-    page.until(lambda: page.find("#undo").get_attribute("title") == "Undo: E string, Length")
+    set_value(page, "string.3.length_m", 0.87)
+    page.until(lambda: page.find("#undo").get_attribute("title") == "Undo: G string, Length")
 
 
 def test_notices_cover_neither_search_nor_dock(opened):
