@@ -248,6 +248,8 @@ def test_settings_and_round_trip(name: str) -> None:
     [
         ("pluck.position", "2", r"pluck\.position: .*less than 1, got 2"),
         ("pluck.position", "near", r"pluck\.position: .*got 'near'"),
+        ("obstacle", '{kind = "frets", count = 19.5}', r"obstacle\.count: must be a whole number, got 19\.5"),
+        ("title", "3", r"title: must be text, got 3"),
         ("pluck.positon", "0.2", r"pluck\.positon: no such key"),
         ("plucks.position", "0.2", r"plucks: no such key"),
         ("string.9.cents", "1", r"no setting 'string\.9\.cents' \('9' does not exist\)"),

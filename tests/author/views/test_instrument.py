@@ -137,3 +137,9 @@ def test_notes_that_no_string_plays_are_refused() -> None:
         notes = playable(preset(name))
         assert (notes[0], notes[-1]) == playable_range(preset(name))
     assert playable(load_preset("tanpura")) == [36, 43, 48]
+
+
+def test_a_pluck_is_dragged_no_further_than_the_middle() -> None:
+    drag = draw(load_preset("tanpura"), 48)["pluck"]["drag"]["x"]
+    assert drag["path"] == "pluck.position"
+    assert drag["maximum"] == 0.5
