@@ -121,7 +121,7 @@ def test_export_and_import(serve: Serve, folder: Path) -> None:
         "a/b",
         "a\\b",
         ".hidden",
-        "x" * 200,
+        "x" * 201,
         "nul\0",
         "leading\n",
         "-a",
@@ -318,7 +318,7 @@ def test_two_on_one_folder(serve: Serve, folder: Path) -> None:
     doc.set("title", "Of the first")
     autosave = folder / ".mine.toml.autosave"
     until(autosave.is_file)
-    with pytest.raises(RuntimeError, match="exit code 2: synth: error: .*another `synth author` works in this folder"):
+    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: .*another `synth author` works in this folder"):
         Server(folder, "mine.toml")
     assert autosave.is_file() and doc.state["dirty"]
     server.end(signal.SIGKILL)  # and then it is free
