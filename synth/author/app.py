@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import math
+import sys
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
@@ -28,14 +29,17 @@ from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
-from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
+from synth.author.voice import kernels_are_cached, phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
 from synth.preset import PresetError, load_preset
 
 PAGE = Path(__file__).parent / "page"
 #: how often what was edited is autosaved, and files are compared with the disk [s]
 AUTOSAVE_S, LOOK_S = 0.5, 1.0
+PREPARING = "Preparing the string engine: the first start only, about a minute; the page is there already, sound follows."
 MOST_BODY = 2 * MOST_BYTES
+#: why a WebSocket of a page is closed whose document belongs to an earlier run
+NO_DOCUMENT = 4404
 #: largest recording that is fitted [bytes]
 MOST_RECORDING = 100 << 20
 
@@ -207,9 +211,14 @@ class App:
         finally:
             for task in tasks:
                 task.cancel()
+
+    def end(self) -> None:
+        """Write what is edited, and end what is computed; from then on views and jobs are refused. May be called again."""
+        try:
+            self.desk.autosave()
+        finally:
             self.jobs.close()
             self.viewer.close()
-            self.desk.autosave()
 
     async def _autosave(self) -> None:
         while True:
@@ -225,6 +234,8 @@ class App:
 
     def _warm_up(self, loop: asyncio.AbstractEventLoop) -> None:
         """Load (the first time compile) the kernels before anybody waits for them; in a thread that no end waits for."""
+        if not kernels_are_cached():
+            print(PREPARING, file=sys.stderr, flush=True)
         warm_up(self.rate_hz, self.quality)
         with contextlib.suppress(RuntimeError, OSError):  # the server has ended meanwhile
             loop.call_soon_threadsafe(self._ready)
@@ -399,7 +410,7 @@ class App:
         fields = await Fields.of(request)
         note, velocity = fields.get("note", int), fields.get("velocity", int)
         seconds = fields.get("seconds", (int, float), 1.0)
-        preset = document.preset
+        preset = document.preset_of(fields.get("which", str, "current"))
 
         def work(progress: Progress) -> Any:
             from synth.author.views.reference import compare
@@ -452,7 +463,8 @@ class App:
         try:
             document = self.desk[socket.path_params["doc"]]
         except KeyError:
-            await socket.close(4404, "there is no such document")
+            await socket.accept()  # a page is told why only of a connection that stood
+            await socket.close(NO_DOCUMENT, "there is no such document")
             return
         await Connection(socket, document, self.stage, rate_hz=self.rate_hz, quality=self.quality).run()
 

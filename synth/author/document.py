@@ -169,6 +169,7 @@ class Document:
             "autosave_problem": self.autosave_problem,
             "notices": self.notices,
             "notes": playable(preset),
+            "saved_notes": playable(saved.preset),
             "kind": preset.obstacle.kind,
         }
 

@@ -6,7 +6,7 @@ import { stepName } from "./wording.js";
 const LOADING_MS = 5000;
 const THEMES = { auto: "as the system", light: "light", dark: "dark" };
 
-export function mount(page, { store }) {
+export function mount(page, { store, api }) {
   const at = (id) => page.getElementById(id);
   const undo = at("undo");
   const redo = at("redo");
@@ -88,6 +88,7 @@ export function mount(page, { store }) {
   const banner = at("banner");
   let patience = 0;
   let long = false;
+  let gone = false;
   const tell = ({ connected, kernels }) => {
     const preparing = connected && kernels === "loading" && long;
     banner.hidden = connected && !preparing;
@@ -96,9 +97,17 @@ export function mount(page, { store }) {
       ? ""
       : preparing
         ? "Preparing the string engine for this machine: about a minute, at the first start only. Sound and analysis come then; editing works already."
-        : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
+        : gone
+          ? "The program was started anew, or this preset was put away in another tab. Go on in the newest tab and close this one."
+          : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
   };
   store.on(["connected", "kernels"], tell);
+  for (const [type, value] of Object.entries({ gone: true, open: false })) {
+    api.socket.on(type, () => {
+      gone = value;
+      tell(store.state);
+    });
+  }
   store.on(["kernels"], ({ kernels }) => {
     page.documentElement.dataset.kernels = kernels;
     clearTimeout(patience);

@@ -88,6 +88,25 @@ def test_preset_that_has_no_file_is_recovered_too(driver, tmp_path):
         page.open_nothing()
 
 
+def test_a_tab_of_an_earlier_run_says_so_and_rests(driver, folder):
+    """Started anew at the same address, the program does not know the tab."""
+    page = Page(driver)
+    with Author(folder, "mine.toml") as author:
+        page.open(author.address)
+        author.end(signal.SIGKILL)
+        port = author.port
+    page.until(lambda: "No connection" in page.text("#banner"))
+    page.script("const ask = window.fetch; window.asked = 0; window.fetch = (...of) => (window.asked++, ask(...of));")
+    with Author(folder, "mine.toml", "--port", str(port)):
+        page.until(lambda: "close this one" in page.text("#banner"))
+        asked = page.script("return window.asked")
+        assert asked > 0
+        page.script("window.dispatchEvent(new Event('focus'))")
+        page.result("await new Promise((done) => setTimeout(done, 1000))")
+        assert page.script("return window.asked") == asked
+        page.open_nothing()
+
+
 def test_imported_preset_with_the_name_of_a_built_in_one_is_recovered(driver, tmp_path):
     text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8").replace("jiva_um = 3.0", "jiva_um = 8.0")
     with Author(tmp_path) as author:
