@@ -102,6 +102,18 @@ def test_contacts_add_up() -> None:
             assert contact["impulse_ns"] <= contact["peak_n"] * (contact["end_s"] - contact["start_s"]) * 1.001
 
 
+def test_what_is_touched_at_the_end_and_later_is_left_out() -> None:
+    """The engine runs on for its delay: a point that is first touched then has no contact in the time asked for."""
+    points = analyse(tanpura(), 48, 110, 1.5)["timeline"]["points"]
+    last = max(points, key=lambda point: point["first_s"])
+    assert last["first_s"] > 0.2
+    shown = analyse(tanpura(), 48, 110, last["first_s"] - 1e-5)
+    assert last["point"] not in [point["point"] for point in shown["timeline"]["points"]]
+    for point, impulses in zip(shown["timeline"]["points"], shown["timeline"]["impulse_ns"], strict=True):
+        assert sum(impulses) == pytest.approx(point["impulse_ns"], rel=2e-3)
+        assert point["last_s"] < last["first_s"]
+
+
 def test_steps_become_contacts() -> None:
     step_s = 1e-5
     force = np.zeros((1000, 2))
