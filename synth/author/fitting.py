@@ -32,7 +32,7 @@ class FittedString:
 
     def settings_of(self, preset: Preset) -> list[tuple[str, Any]]:
         """The settings of the preset as it is now: those that were shown, or, where it has been changed since, those that
-        follow from it. Raises StringChanged where the string there is another one, ValueError where the fit is not for it."""
+        follow from it. Raises StringChanged where the string there is another one, ValueError where it cannot be fitted."""
         if preset == self.preset:
             return self.settings
         if not self.string < len(preset.string) or not _same(preset.string[self.string], self.preset.string[self.string]):
