@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from synth.author.views.parameters import describe
 from synth.fit import Fit, fit_recording, missing, report, settings
 from synth.fit.recording import read_recording
 from synth.preset import Preset, StringTable
@@ -20,7 +21,8 @@ class StringChanged(ValueError):
 class FittedString:
     """What a fit says of string number `string` of document `doc`, which was `table` (of `preset`) then.
 
-    settings: (path, value) of the preset; report: what `synth.fit.report` says, and they.
+    settings: (path, value) of the preset.  report: what `synth.fit.report` says, and `settings`: {path, label, unit, value} of
+    each, with label and unit as the control of that path has them.
     """
 
     doc: str
@@ -55,5 +57,9 @@ def fit_string(
         raise ValueError(reason)
     found = fit_recording(*read_recording(io.BytesIO(data)), progress=progress)
     values = settings(found, preset, string)
-    told = {**report(found), "settings": [{"path": path, "value": value} for path, value in values]}
-    return FittedString(doc, string, preset, found, values, told)
+    controls = {control["path"]: control for control in describe(preset)}
+    rows = [
+        {"path": path, "label": controls[path]["label"], "unit": controls[path]["unit"], "value": value}
+        for path, value in values
+    ]
+    return FittedString(doc, string, preset, found, values, {**report(found), "settings": rows})

@@ -2,7 +2,8 @@
 
 The seeds 2000–2019 were first drawn when the method stood as it is; those that were at hand while it was made, 0–19 and
 1000–1019, are in tools/fit-table with them. What is judged is the fitted string: where a partial is too weak (a node of
-the pluck) its decay is the loss law's. The place of plucking is told from levels, which are the same for p and 1 − p: strings are plucked nearer to the bridge, and the nearer end is answered.
+the pluck) its decay is the loss law's. The place of plucking is told from levels, which are the
+same for p and 1 − p: strings are plucked nearer to the bridge, and the nearer end is answered.
 """
 
 import math
