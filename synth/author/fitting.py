@@ -21,8 +21,8 @@ class StringChanged(ValueError):
 class FittedString:
     """What a fit says of string number `string` of document `doc`, which was `table` (of `preset`) then.
 
-    settings: (path, value) of the preset.  report: what `synth.fit.report` says, and `settings`: {path, label, unit, value} of
-    each, with label and unit as the control of that path has them.
+    settings: (path, value) of the preset.
+    report: what `synth.fit.report` says, and `settings`, {path, label, unit, value} of each, label and unit as of its control.
     """
 
     doc: str
