@@ -22,7 +22,7 @@ class FittedString:
     """What a fit says of string number `string` of document `doc`, which was `table` (of `preset`) then.
 
     settings: (path, value) of the preset.
-    report: what `synth.fit.report` says, and `settings`, {path, label, unit, value} of each, label and unit as of its control.
+    report: what `synth.fit.report` says, and `settings`, {path, label, unit, value} of each, as its control has them.
     """
 
     doc: str

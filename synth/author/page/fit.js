@@ -241,7 +241,7 @@ export function mount(element, { store, api }) {
 
 /** A value of the preset in a few words. */
 function words(value) {
-  if (value === null || value === undefined) return "–";
+  if (value === null || value === undefined || value.length === 0) return "–";
   if (Array.isArray(value))
     return value.length > 2
       ? `${value.length} values from ${words(value[0])} to ${words(value.at(-1))}`
