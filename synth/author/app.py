@@ -24,13 +24,14 @@ from starlette.websockets import WebSocket
 from synth.author.connection import Connection, Stage
 from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
-from synth.author.fitting import missing
+from synth.author.fitting import FittedString, StringChanged, fit_string
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import kernels_are_cached, phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
+from synth.fit import missing
 from synth.preset import PresetError, load_preset
 
 PAGE = Path(__file__).parent / "page"
@@ -428,19 +429,22 @@ class App:
         preset = document.preset
         data = await body_of(request, MOST_RECORDING)
 
-        def work(_: Progress) -> Any:
-            from synth.author.fitting import fit_string
-
-            return fit_string(data, preset, string)
+        def work(progress: Progress) -> Any:
+            return fit_string(document.id, data, preset, string, progress)
 
         return JSONResponse({"job": self.jobs.start(f"fit of {document.id}", work, lambda made: made.report).id})
 
     async def _apply_fit(self, request: Request) -> Response:
         document = self._document(request)
         job = self._a_job((await Fields.of(request)).get("job", str))
-        settings = getattr(job.made, "settings", None)
-        if job.state != "done" or settings is None:
+        if job.state != "done" or not isinstance(job.made, FittedString):
             raise Refused(409, "this job has fitted nothing")
+        if job.made.doc != document.id:
+            raise Refused(409, "this was fitted to another preset; fit the recording anew")
+        try:
+            settings = job.made.settings_of(document.preset)
+        except StringChanged as changed:
+            raise Refused(409, str(changed)) from None
         return await self._told(document, document.edit, settings, label="fit")
 
     def _a_job(self, key: str) -> Job:

@@ -48,6 +48,9 @@ class _Server(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         yield  # see `signals_go_here`
 
+    def handle_exit(self, sig: int, frame: Any) -> None:
+        self.should_exit = True  # again and again: it ends soon, and in order
+
     @contextlib.contextmanager
     def signals_go_here(self) -> Iterator[None]:
         """Signals ask it to end, however often they come: nothing that is done meanwhile is interrupted."""
@@ -126,7 +129,7 @@ def serve(
         with server.signals_go_here():
             try:
                 asyncio.run(server.serve(sockets=[listening]))
-            finally:  # also where a second signal has cut the end short
+            finally:  # whatever has gone wrong
                 app.end()
 
 

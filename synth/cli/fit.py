@@ -15,7 +15,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("recording", metavar="REC.wav", help="one plucked note, WAV or FLAC")
     parser.add_argument("-p", "--preset", metavar="PRESET", help="preset (name or .toml file) that gets the string")
-    parser.add_argument("--string", default="0", metavar="N|NAME", help="which of its strings, counted from 0, or by name")
+    parser.add_argument("--string", metavar="N|NAME", help="which of its strings, counted from 0 (the default), or by name")
     parser.add_argument("--pitch", type=number(float, 20, 5000, " Hz"), metavar="HZ", help="the note's pitch, about")
     parser.add_argument("-o", "--output", metavar="NEW.toml", help="write the preset with the fitted string")
     parser.add_argument("--json", action="store_true", help="the report as JSON")
@@ -25,15 +25,21 @@ def add(commands: Any) -> None:
 def _fit(options: argparse.Namespace) -> int:
     if options.output is not None and options.preset is None:
         raise ValueError("-o writes a preset with the fitted string: say which with -p")
+    if options.string is not None and options.preset is None:
+        raise ValueError(f"--string {options.string} is a string of a preset: say which with -p")
+    from synth.fit import missing
+
+    reason = missing()
+    if reason is not None:
+        raise ValueError(reason)
     from synth.fit import fit_recording, report, settings
     from synth.fit.recording import read_recording
     from synth.preset import load_preset
-    from synth.targets import check_target
 
     preset = None if options.preset is None else load_preset(options.preset)
-    index = 0 if preset is None else _string_index(preset, options.string)
+    index = 0 if preset is None or options.string is None else _string_index(preset, options.string)
     if options.output is not None:
-        check_target(options.output)
+        _check_output(options.output, options.recording)
     samples, rate_hz = read_recording(options.recording)
     try:
         found = fit_recording(samples, rate_hz, expected_hz=options.pitch)
@@ -58,28 +64,45 @@ def _string_index(preset: Any, text: str) -> int:
     raise ValueError(f"--string must be one of {known} of {preset.name}, got {text!r}")
 
 
-def _write(source: str, target: str, values: list[tuple[str, Any]]) -> None:
-    """The preset's file with the values changed, its comments kept; named after the new file where that is a name."""
-    import os
+def _check_output(output: str, recording: str) -> None:
+    """Raises ValueError, OSError where the preset must not or cannot be written there."""
     from pathlib import Path
 
-    from synth.author.toml_edit import change
-    from synth.preset import parse_preset, preset_folder
+    from synth.targets import check_target, is_special
+
+    check_target(output)
+    target, source = Path(output), Path(recording)
+    if is_special(target):
+        return
+    if target.exists() and source.exists() and target.samefile(source):
+        raise ValueError(f"-o {output} is the recording; give the preset another name, ending in .toml")
+    if target.suffix != ".toml":
+        raise ValueError(f"-o must be a preset's file, ending in .toml, got {output!r}")
+
+
+def _write(source: str, target: str, values: list[tuple[str, Any]]) -> None:
+    """The preset's file with the values changed, its comments kept, and named after the new file as saving under another
+    name does; a device or pipe is written to as it is, and the name stays."""
+    from pathlib import Path
+
+    from synth.author import changes
+    from synth.author.document import current, preset_name
+    from synth.author.workspace import write_text
+    from synth.preset import preset_folder
+    from synth.targets import is_special
 
     path = Path(source)
     if path.suffix != ".toml" and not path.is_file():
         path = preset_folder() / f"{source}.toml"
-    text = path.read_text(encoding="utf-8-sig")
-    for key, value in values:
-        text = change(text, key, value)
-    parse_preset(text, target)
-    new = Path(target)
-    part = new.with_name(f".{new.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, new)
-    finally:
-        part.unlink(missing_ok=True)
+    text, _ = current(path.read_text(encoding="utf-8-sig"), source)
+    special = is_special(target)
+    named = [] if special else [("name", preset_name(Path(target).stem))]
+    text, _ = changes.apply(text, [*values, *named], source)
+    if special:
+        with open(target, "w", encoding="utf-8") as file:
+            file.write(text)
+    else:
+        write_text(Path(target), text)
 
 
 def _text(recording: str, told: dict[str, Any]) -> str:

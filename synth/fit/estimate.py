@@ -16,7 +16,7 @@ from synth.fit.losses import Losses, fit_losses
 from synth.fit.partials import Measured, Stretch, measure_partials
 from synth.fit.pitch import find_series
 from synth.fit.pluck import CLEAR_DB, Pluck, fit_pluck
-from synth.fit.recording import FitRefused, Note, cut_note
+from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
 from synth.units import cents
 
 #: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: as measured
@@ -94,21 +94,33 @@ class Fit:
         return float(self.stretch.frequencies_hz(1))
 
 
-def fit_recording(samples: ArrayLike, rate_hz: float, *, expected_hz: float | None = None) -> Fit:
+def fit_recording(
+    samples: ArrayLike, rate_hz: float, *, expected_hz: float | None = None, progress: Progress = lambda _: True
+) -> Fit:
     """The plucked string in a recording, (n,) or (n, channels), full scale 1.
 
-    expected_hz: its pitch within half an octave, where it is known. Raises FitRefused (a ValueError) with the reason:
+    expected_hz: its pitch within half an octave, where it is known.  progress: told after every stage and partial how much
+    is done (0 … 1); where it returns False, FitCancelled is raised.  Raises FitRefused (a ValueError) with the reason:
     silence, too short, clipped, noise, two notes, no pitch, a pitch that moves, a sound that does not decay.
     """
     if expected_hz is not None and not (math.isfinite(expected_hz) and expected_hz > 0.0):
         raise FitRefused(f"expected_hz must be > 0 Hz, got {expected_hz}")
+
+    def done(share: float) -> None:
+        if not progress(share):
+            raise FitCancelled
+
+    done(0.0)
     note = cut_note(samples, float(rate_hz))
+    done(0.1)
     series = find_series(note, expected_hz)
-    found, stretch = measure_partials(note, series)
+    done(0.2)
+    found, stretch = measure_partials(note, series, lambda share: done(0.2 + 0.6 * share))
     explained = _explained(note, found)
     _refuse_what_is_no_string(found, stretch, explained, series.f0_hz)
     found = [p for p in found if abs(_off(stretch, p)) < _MOST_SPREAD_CENTS]
     losses = fit_losses(found, stretch)
+    done(0.9)
     pluck = fit_pluck(
         np.array([p.number for p in found]),
         np.array([p.level_db for p in found]),

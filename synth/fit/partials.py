@@ -9,6 +9,7 @@ that lie far beside it lose their weight (Huber).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,8 +87,12 @@ class Stretch:
         return n * self.f0_hz * np.sqrt(1.0 + self.inharmonicity * n * n)
 
 
-def measure_partials(note: Note, series: Series) -> tuple[list[Measured], Stretch]:
-    """The partials that stand out, and what their frequencies say. Raises FitRefused with fewer than four."""
+def measure_partials(
+    note: Note, series: Series, done: Callable[[float], None] = lambda _: None
+) -> tuple[list[Measured], Stretch]:
+    """The partials that stand out, and what their frequencies say; done(0 … 1) is called before each of them.
+
+    Raises FitRefused with fewer than four."""
     try:
         bands = Bands(note.samples, note.rate_hz, series.f0_hz)
     except ValueError as error:
@@ -96,6 +101,7 @@ def measure_partials(note: Note, series: Series) -> tuple[list[Measured], Stretc
     found: list[Measured] = []
     missed = 0
     for n in range(1, MOST_PARTIALS + 1):
+        done((n - 1) / MOST_PARTIALS)
         if len(found) >= 3:
             stretch = _quick_stretch(found, stretch)
         expected = float(stretch.frequencies_hz(n))

@@ -5,6 +5,7 @@ What cannot be measured is refused with the reason: silence, clipping, too short
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -22,8 +23,20 @@ LEAST_S = 0.25
 #: a peak below that is silence [dBFS]
 SILENCE_DB = -80.0
 LEAST_RATE_HZ, MOST_RATE_HZ = 8000.0, 400000.0
+#: numbers of a file that are read, samples times channels
+MOST_NUMBERS = 30_000_000
+#: no recording has samples beyond that, full scale 1: they would overflow when they are squared
+LARGEST = 1e6
 # Samples in a row at the largest value, and how many such rows, make clipping.
 _CLIPPED_ROW, _CLIPPED_ROWS = 4, 3
+
+
+#: told how much is done (0 … 1); False: it is to end
+Progress = Callable[[float], bool]
+
+
+class FitCancelled(Exception):
+    """The caller's `progress` has ended the fit."""
 
 
 class FitRefused(ValueError):
@@ -54,23 +67,43 @@ def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
     """(frames, channels) and rate of an audio file, as much of it as is looked at. Raises ValueError, OSError."""
     import soundfile
 
-    if isinstance(file, str) and not Path(file).is_file():
-        raise FileNotFoundError(f"{file}: there is no such file")
+    name = "the recording"
+    if isinstance(file, str):
+        name = file
+        path = Path(file)
+        if not path.exists():
+            raise FileNotFoundError(f"{file}: there is no such file")
+        if path.is_dir():
+            raise IsADirectoryError(f"{file}: is a directory; give a recording in it")
+        if not path.is_file():
+            raise ValueError(f"{file}: is a device or a pipe, which cannot be searched; give a WAV or FLAC file")
     try:
         with soundfile.SoundFile(file) as sound:
-            return sound.read(round((MOST_S + 1.0) * sound.samplerate), dtype="float64", always_2d=True), sound.samplerate
+            _check_rate(sound.samplerate)
+            frames = min(sound.frames, round((MOST_S + 1.0) * sound.samplerate))
+            if frames * sound.channels > MOST_NUMBERS:
+                raise FitRefused(
+                    f"the recording must hold at most {MOST_NUMBERS} numbers, got {frames} samples of {sound.channels} "
+                    "channels; give one channel, or a shorter piece"
+                )
+            return sound.read(frames, dtype="float64", always_2d=True), sound.samplerate
+    except FitRefused as error:
+        raise FitRefused(f"{name}: {error}") from None
     except soundfile.LibsndfileError as error:
-        name = file if isinstance(file, str) else "the recording"
         raise ValueError(f"{name}: cannot be read ({error.error_string.rstrip('.')}); give a WAV or FLAC file") from None
 
 
-def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
-    """The first note of a recording, (n,) or (n, channels), full scale 1. Raises FitRefused."""
+def _check_rate(rate_hz: float) -> None:
     if not LEAST_RATE_HZ <= rate_hz <= MOST_RATE_HZ:
         raise FitRefused(
             f"the sample rate must lie between {LEAST_RATE_HZ:g} and {MOST_RATE_HZ:g} Hz, got {rate_hz:g} Hz; "
             "resample the recording"
         )
+
+
+def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
+    """The first note of a recording, (n,) or (n, channels), full scale 1. Raises FitRefused."""
+    _check_rate(rate_hz)
     x, warnings = _one_channel(samples, rate_hz)
     peak = float(np.abs(x).max())
     peak_db = gain_to_db(peak)
@@ -109,6 +142,9 @@ def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64
     x = np.asarray(array, dtype=np.float64)
     if not np.all(np.isfinite(x)):
         raise FitRefused(f"the recording holds {np.count_nonzero(~np.isfinite(x))} samples that are not finite")
+    largest = float(np.abs(x).max())
+    if largest > LARGEST:
+        raise FitRefused(f"the recording's samples must lie within ±{LARGEST:g} (full scale is 1), got {largest:.3g}")
     if x.ndim == 1:
         return x, warnings
     for channel in range(x.shape[1]):

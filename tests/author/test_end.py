@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -20,20 +21,18 @@ def autosaved(folder: Path) -> str:
     return found[0] if found else ""
 
 
-def ask_for_views(doc: Doc, count: int = 4) -> list[threading.Thread]:
-    """Let views be computed, one after the other."""
+def ask_for_views(doc: Doc) -> list[threading.Thread]:
+    """Let many views be computed, one after the other."""
 
-    def ask(note: int) -> None:
-        try:
+    def ask(velocity: int) -> None:
+        with contextlib.suppress(httpx.HTTPError):  # cut off
             httpx.get(
-                f"http://127.0.0.1:{doc.server.port}{doc.path}/analysis?note={note}&velocity=90&seconds=60",
+                f"http://127.0.0.1:{doc.server.port}{doc.path}/analysis?note=36&velocity={velocity}&seconds=10",
                 headers=doc.server.headers,
                 timeout=60,
             )
-        except httpx.HTTPError:
-            pass  # cut off
 
-    threads = [threading.Thread(target=ask, args=(note,)) for note in (36, 43, 48, 36)[:count]]
+    threads = [threading.Thread(target=ask, args=(velocity,)) for velocity in range(60, 90)]
     for thread in threads:
         thread.start()
     return threads

@@ -121,7 +121,7 @@ def test_export_and_import(serve: Serve, folder: Path) -> None:
         "a/b",
         "a\\b",
         ".hidden",
-        "x" * 200,
+        "x" * 201,
         "nul\0",
         "leading\n",
         "-a",

@@ -134,6 +134,38 @@ def test_a_fit_fills_the_controls(server: Server) -> None:
     assert doc.do("undo")["text"] == before
 
 
+def test_a_fit_is_for_the_string_it_was_made_for(server: Server) -> None:
+    """Not for another preset, nor for a string that has taken its place; where others of its values have been edited since,
+    the settings are those of the string as it is now."""
+    doc, other = server.open("fretted-bass"), server.open("tanpura")
+    doc.do("revert")
+    before = doc.state["text"]
+    sound = recording(server, doc, phrase="note", note=33, velocity=60, seconds=3)
+    job, found = fitted(server, doc, sound, 1)
+    assert found["state"] == "done", found
+    text = other.state["text"]
+    assert "fitted to another preset" in other.do("apply-fit", 409, job=job)["error"]
+    assert other.state["text"] == text
+
+    doc.set("string.1.length_m", 0.7)
+    shorter = doc.state["data"]["string"][1]
+    doc.do("apply-fit", job=job)
+    fit = doc.state["data"]["string"][1]
+    assert fit["length_m"] == shorter["length_m"] == 0.7
+    shown = {row["path"]: row["value"] for row in found["result"]["settings"]}  # type: ignore[index]
+    assert fit["youngs_modulus_gpa"] != pytest.approx(shown["string.1.youngs_modulus_gpa"], rel=0.05)
+    doc.do("undo")
+    doc.do("undo")
+
+    strings = doc.state["data"]["string"]
+    doc.set("string.1.name", "B")
+    renamed = doc.state["text"]
+    assert "replaced or moved since" in doc.do("apply-fit", 409, job=job)["error"]
+    assert doc.state["text"] == renamed
+    doc.do("undo")
+    assert doc.state["data"]["string"] == strings and doc.state["text"] == before
+
+
 @pytest.mark.parametrize("kind", ["text", "silence", "noise"])
 def test_recordings_that_cannot_be_fitted(server: Server, kind: str) -> None:
     samples = np.random.default_rng(1).normal(0.0, 0.1, 44100) if kind == "noise" else np.zeros(44100)

@@ -5,14 +5,12 @@ import math
 
 import numpy as np
 import pytest
-import soundfile
 
-from synth import cli
 from synth.compile import compile_string
 from synth.engine.engine import Engine
 from synth.engine.events import NOTE_ON, make_events
 from synth.fit import Fit, apply_settings, fit_recording, report, settings
-from synth.preset import Preset, contact_cents, load_preset, note_to_midi, parse_preset
+from synth.preset import Preset, contact_cents, load_preset, parse_preset
 from synth.units import cents, hz_to_midi
 from tests.fit.strings import draw, render, steel
 
@@ -121,53 +119,3 @@ def test_the_report_is_plain_and_bounded(fits: dict[str, Fit]) -> None:
             assert all(len(point) == 2 for part in curve.values() for point in part)
         stretch = dict(told["curves"]["frequency"]["line"])
         assert all(abs(stretch[n] - y) < 1.0 for n, y in told["curves"]["frequency"]["points"] if n <= 5)
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory) -> str:
-    path = tmp_path_factory.mktemp("fit") / "a.wav"
-    soundfile.write(path, render(steel(98.3, 2e-4), np.random.default_rng(9)), 44100, subtype="PCM_24")
-    return str(path)
-
-
-def test_the_command_writes_a_preset_with_its_comments(capsys, tmp_path, recording: str) -> None:
-    target = tmp_path / "new.toml"
-    assert cli.main(["fit", recording, "-p", "fretted-bass", "--string", "A", "-o", str(target)]) == 0
-    told = capsys.readouterr().out
-    assert "98.31 Hz, G2" in told and "Inharmonicity B" in told and f"written: {target}" in told
-    text = target.read_text()
-    assert "# A string maker's light long-scale set" in text and "# IA2018 figure 6" in text
-    preset = load_preset(str(target))
-    assert preset.string[1].name == "A" and preset.string[1].notes == (note_to_midi("G2"),) * 2
-    assert preset.string[1].cents == pytest.approx(100.0 * (hz_to_midi(98.3 * math.sqrt(1 + 2e-4)) - 43), abs=0.1)
-    assert preset.string[0] == load_preset("fretted-bass").string[0]
-    assert [path.name for path in tmp_path.iterdir()] == ["new.toml"]
-
-
-def test_the_command_as_json_and_without_a_preset(capsys, recording: str) -> None:
-    assert cli.main(["fit", recording, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["settings"] == [] and told["inharmonicity"] == pytest.approx(2e-4, rel=0.05)
-    assert cli.main(["fit", recording, "--json", "-p", "tanpura", "--string", "3"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert {"path": "string.3.notes", "value": "G2"} in told["settings"]
-
-
-def test_wrong_input_is_one_line(capsys, tmp_path, recording: str) -> None:
-    soundfile.write(tmp_path / "silent.wav", np.zeros(44100), 44100)
-    (tmp_path / "text.wav").write_text("no sound")
-    target = str(tmp_path / "new.toml")
-    for arguments, reason in (
-        ([str(tmp_path / "silent.wav")], "silent.wav: the recording is silent"),
-        ([str(tmp_path / "text.wav")], "text.wav: cannot be read"),
-        ([str(tmp_path / "none.wav")], "none.wav: there is no such file"),
-        ([recording, "-o", target], "say which with -p"),
-        ([recording, "-p", "tanpura", "--string", "9"], "--string must be one of 0 (Pa), 1 (Sa 1)"),
-        ([recording, "-p", "nothing"], "preset 'nothing' is not one of"),
-        ([str(tmp_path / "silent.wav"), "-p", "tanpura", "-o", target], "is silent"),
-        ([recording, "-p", "tanpura", "-o", str(tmp_path / "no" / "new.toml")], "there is no directory"),
-    ):
-        assert cli.main(["fit", *arguments]) == 2
-        lines = capsys.readouterr().err.splitlines()
-        assert len(lines) == 1 and reason in lines[0], lines
-    assert not (tmp_path / "new.toml").exists()

@@ -2,7 +2,7 @@
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
-import { h, noteName, number } from "./format.js";
+import { h, noteName, number, valueAt } from "./format.js";
 import { Figure, hertz, seconds, signed } from "./figure.js";
 import { follow } from "./job.js";
 import { fitted } from "./pictures.js";
@@ -13,12 +13,14 @@ const AUDIO = /\.(wav|wave|flac|aif|aiff|ogg)$/i;
 
 export function mount(element, { store, api }) {
   const dialog = element.closest("dialog");
-  let job = null;
+  /** The fit under way: {abort, job: followed, once it is begun}; what has another one, or none, before it is over is let go. */
+  let run = null;
+  /** What is shown: {job, doc, report}. */
   let result = null;
-
   let last = null;
+  let shownDoc = null;
 
-  const strings = h("select", { id: "fit-string", onchange: () => !found.hidden && listen(last) });
+  const strings = h("select", { id: "fit-string", onchange: () => (run !== null || result !== null) && listen(last) });
   const picker = h("input", {
     type: "file",
     id: "fit-file",
@@ -48,7 +50,7 @@ export function mount(element, { store, api }) {
     { class: "fit-working", hidden: true },
     h("span", { class: "fit-name" }),
     bar,
-    h("button", { type: "button", class: "quiet", onclick: () => job?.cancel() }, "Cancel"),
+    h("button", { type: "button", class: "quiet", id: "cancel-fit", onclick: () => begin() }, "Cancel"),
   );
   const refusal = h("div", { class: "fit-refusal", role: "alert", hidden: true });
   const found = h("div", { class: "fit-found", hidden: true });
@@ -78,7 +80,16 @@ export function mount(element, { store, api }) {
     tiles,
     warnings,
     h("div", { class: "plots" }, stretch.element, decay.element, levels.element),
-    h("p", { class: "unit" }, h("i", { class: "key-dot" }), " measured ", h("i", { class: "key-line" }), " fitted"),
+    h(
+      "p",
+      { class: "unit" },
+      h("i", { class: "key-dot" }),
+      " measured ",
+      h("i", { class: "key-dot hollow" }),
+      " measured, but not followed ",
+      h("i", { class: "key-line" }),
+      " fitted",
+    ),
     h("h3", {}, "What would be set"),
     settings,
     h(
@@ -89,7 +100,14 @@ export function mount(element, { store, api }) {
     ),
   );
 
+  /** Ready for a recording: what is under way is ended, what is shown is put away. */
   function begin() {
+    if (run !== null) {
+      run.abort.abort();
+      run.job?.cancel().catch(() => {}); // it has ended meanwhile
+      run = null;
+    }
+    result = null;
     for (const part of [working, refusal, found]) part.hidden = true;
     zone.hidden = false;
   }
@@ -106,27 +124,32 @@ export function mount(element, { store, api }) {
     working.hidden = false;
     working.firstChild.textContent = file.name;
     bar.removeAttribute("value");
+    const mine = { abort: new AbortController(), job: null };
+    run = mine;
     const { doc } = store.state.doc;
     try {
       const query = new URLSearchParams({ doc, string: strings.value });
-      const { job: id } = await api.post(`/api/fit?${query}`, file);
-      job = follow(api, id, (progress) => (bar.value = progress));
-      const report = await job.result;
-      result = { job: id, doc };
+      const { job } = await api.post(`/api/fit?${query}`, file, { signal: mine.abort.signal });
+      mine.job = follow(api, job, (progress) => mine === run && (bar.value = progress));
+      if (mine !== run) mine.job.cancel().catch(() => {});
+      const report = await mine.job.result;
+      if (mine !== run) return;
+      run = null;
+      result = { job, doc, report };
       show(report);
     } catch (error) {
+      if (mine !== run) return;
+      run = null;
       begin();
-      if (error.message !== "Cancelled") refuse(file.name, error.message);
+      refuse(file.name, error.message === "Cancelled" ? "another fit of this preset has been begun elsewhere" : error.message);
     } finally {
-      job = null;
-      working.hidden = true;
+      if (run === null) working.hidden = true;
     }
   }
 
   function refuse(name, reason) {
     refusal.replaceChildren(h("strong", {}, `${name} is not fitted`), h("p", {}, reason));
     refusal.hidden = false;
-    zone.hidden = false;
   }
 
   function show(report) {
@@ -144,6 +167,11 @@ export function mount(element, { store, api }) {
       fitted({ ...curves.decay, log: true, xName: "Hz", yName: "T60, s", say: (f, t) => `${hertz(f)}: ${seconds(t)}` }),
     );
     levels.show(fitted({ ...curves.level, xName: "partial", yName: "dB", say: (n, db) => `${n}: ${number(db, 3)} dB` }));
+    showSettings();
+    apply.focus({ preventScroll: true });
+  }
+
+  function showSettings() {
     settings.replaceChildren(
       h(
         "table",
@@ -152,27 +180,30 @@ export function mount(element, { store, api }) {
         h(
           "tbody",
           {},
-          ...report.settings.map(({ path, value }) => {
+          ...result.report.settings.map(({ path, label, unit, value }) => {
             const say = path.endsWith(".notes") ? noteWords : words;
             return h(
               "tr",
-              {},
-              h("th", { scope: "row" }, path),
-              h("td", {}, say(store.value(path))),
+              { "data-path": path },
+              h("th", { scope: "row", title: path }, unit ? `${label}, ${unit}` : label),
+              h("td", {}, say(valueAt(store.state.doc.data, path))),
               h("td", {}, say(value)),
             );
           }),
         ),
       ),
     );
-    apply.focus();
   }
 
   async function take() {
-    if (result.doc !== store.state.doc?.doc) return;
+    apply.disabled = true;
     const state = await store.applyFit(result.job);
-    if (state?.refused) return refuse("The fit", state.refused.message);
-    if (!state) return;
+    apply.disabled = false;
+    if (state?.refused) {
+      refuse("The string", state.refused.message);
+      refusal.scrollIntoView({ block: "nearest" });
+    }
+    if (!state || state.refused) return;
     dialog.close();
     begin();
     store.notify("The controls are filled with the fit; undo takes it back");
@@ -193,16 +224,24 @@ export function mount(element, { store, api }) {
     },
   );
 
-  store.on(["doc"], ({ doc }) => {
-    const names = (doc?.data.string ?? []).map((string, i) => `${i + 1}: ${string.name || string.notes}`);
-    if (names.join() === [...strings.options].map((option) => option.text).join()) return;
-    strings.replaceChildren(...names.map((name, i) => h("option", { value: i }, name)));
+  // ---- the strings of the document; until a recording is chosen here, the one that is shown outside
+  store.on(["doc", "table"], ({ doc, table }) => {
+    if ((doc?.doc ?? null) !== shownDoc) {
+      shownDoc = doc?.doc ?? null;
+      begin();
+    } else if (result !== null) showSettings();
+    const names = (doc?.data.string ?? []).map((string, i) => `${i + 1}: ${string.name || noteWords(string.notes)}`);
+    const chosen = Number(strings.value);
+    if (names.join("\n") !== [...strings.options].map((option) => option.text).join("\n"))
+      strings.replaceChildren(...names.map((name, i) => h("option", { value: i }, name)));
+    const free = !dialog.open && run === null && result === null;
+    strings.value = Math.max(0, Math.min(free ? table : chosen, names.length - 1));
   });
 }
 
 /** A value of the preset in a few words. */
 function words(value) {
-  if (value === null || value === undefined) return "–";
+  if (value === null || value === undefined || value.length === 0) return "–";
   if (Array.isArray(value))
     return value.length > 2
       ? `${value.length} values from ${words(value[0])} to ${words(value.at(-1))}`

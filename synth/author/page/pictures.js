@@ -385,7 +385,8 @@ export function fitted({ points, line, aside = [], xName, yName, log = false, sa
     const [xs, ys] = [all.map(([x]) => x), all.map(([, y]) => y)];
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const margin = 0.08 * (high - low) || 1;
-    const x = log ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
+    const across = log ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
+    const x = { ...across, ticks: () => across.ticks(Math.max(4, (box.right - box.left) / 50)) }; // the pictures are narrow
     const y = log
       ? logarithmic(0.75 * low, 1.35 * high, box.bottom, box.top)
       : linear(low - margin, high + margin, box.bottom, box.top);

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.author.views.contacts import Forces, binned, contacts_of, gather, touches
+from synth.author.views.contacts import Forces, before, binned, contacts_of, gather, touches
 from synth.author.views.formant import descending_formant
 from synth.author.views.instrument import draw
 from synth.author.views.pictures import rows_of_power, waveform
@@ -154,7 +154,8 @@ def _or_none(value: float, digits: int) -> float | None:
 
 
 def _contacts(forces: Forces, points: list[dict[str, Any]], seconds: float, period_s: float) -> dict[str, Any]:
-    found = [contact for contact in contacts_of(forces, period_s) if contact.start_s < seconds]
+    forces = before(forces, seconds)
+    found = contacts_of(forces, period_s)
     weakest = sorted((contact.impulse_ns for contact in found), reverse=True)[:MOST_CONTACTS][-1:] or [0.0]
     shown = [contact for contact in found if contact.impulse_ns >= weakest[0]][:MOST_CONTACTS]
     impulse, largest = binned(forces, len(points), seconds / TIME_BINS, TIME_BINS)

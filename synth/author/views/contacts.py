@@ -44,6 +44,12 @@ def gather(parts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], step_s: f
     return Forces(step, point, force, step_s)
 
 
+def before(forces: Forces, seconds: float) -> Forces:
+    """The touches of the steps that begin before `seconds`."""
+    early = forces.step * forces.step_s < seconds
+    return Forces(forces.step[early], forces.point[early], forces.force[early], forces.step_s)
+
+
 def contacts_of(forces: Forces, period_s: float) -> list[Contact]:
     """Every contact, in order of time."""
     pause = max(1, round(min(PAUSE_S, PAUSE_PERIODS * period_s) / forces.step_s))

@@ -75,9 +75,11 @@ def test_fit_is_shown_and_fills_the_controls(page, tmp_path):
     assert "110.0" in said or "109.9" in said
     for figure in range(3):
         page.until(lambda figure=figure: ink(page, figure) > 1000)
-    rows = {row.text.split()[0]: row.text for row in page.all(".settings tbody tr")}
+    rows = {row.get_attribute("data-path"): row.text for row in page.all(".settings tbody tr")}
     assert any(path.startswith("string.1.") for path in rows)
     assert not any(path.startswith(("string.0.", "string.2.", "string.3.")) for path in rows)
+    assert not any("string." in words or "_" in words for words in rows.values())
+    assert rows["string.1.notes"].startswith("Notes") and rows["string.1.cents"].startswith("Fine tuning, cents")
     page.find("#apply-fit").click()
     page.until(lambda: "edited" in page.script("return document.getElementById('doc-status').className"))
     page.find("#save").click()
@@ -121,12 +123,98 @@ def test_what_is_no_recording_is_refused(page, tmp_path):
 
 def test_recording_dropped_on_the_page_is_fitted(page, tmp_path):
     soundfile.write(tmp_path / "note.wav", plucked(2.0), RATE_HZ, subtype="PCM_16")
-    page.script(
-        """const bytes = Uint8Array.from(atob(arguments[0]), (c) => c.charCodeAt(0));
-        const files = new DataTransfer();
-        files.items.add(new File([bytes], "dropped.wav", {type: "audio/wav"}));
-        for (const type of ["dragover", "drop"])
-          document.body.dispatchEvent(new DragEvent(type, {dataTransfer: files, bubbles: true, cancelable: true}));""",
-        base64.b64encode((tmp_path / "note.wav").read_bytes()).decode(),
-    )
+    drop(page, tmp_path / "note.wav")
     assert "Pitch" in page.text(".fit-found .tiles")
+
+
+def drop(page, *paths, then=""):
+    """Drop files on the page one after the other, and run a script, all at once."""
+    return page.script(
+        """for (const text of arguments[0]) {
+          const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+          const files = new DataTransfer();
+          files.items.add(new File([bytes], "dropped.wav", {type: "audio/wav"}));
+          for (const type of ["dragover", "drop"])
+            document.body.dispatchEvent(new DragEvent(type, {dataTransfer: files, bubbles: true, cancelable: true}));
+        }
+        """
+        + then,
+        [base64.b64encode(path.read_bytes()).decode() for path in paths],
+    )
+
+
+def follow_jobs(page):
+    """From now on remember the jobs that the server begins."""
+    page.script(
+        """window.begun = [];
+        const plain = window.fetch;
+        window.fetch = async (path, options) => {
+          const fit = String(path).startsWith("/api/fit");
+          if (fit) window.begun.push("?");
+          try {
+            const answer = await plain(path, options);
+            if (fit) window.begun.push((await answer.clone().json()).job);
+            return answer;
+          } finally {
+            if (fit) window.begun.splice(window.begun.indexOf("?"), 1);
+          }
+        };"""
+    )
+
+
+def jobs_are_over(page):
+    return page.result(
+        """if (window.begun.includes("?")) return false;
+        for (const job of window.begun)
+          if ((await (await fetch("/api/jobs/" + job)).json()).state === "running") return false;
+        return true;"""
+    )
+
+
+STAGE = """return ["drop", "fit-working", "fit-found"].map((name) => !document.querySelector("#fit ." + name).hidden);"""
+WAITING, WORKING, FOUND = [True, False, False], [False, True, False], [False, False, True]
+
+
+def test_cancel_ends_a_fit_at_once(page, tmp_path):
+    """Also while the recording is still on its way."""
+    soundfile.write(tmp_path / "note.wav", plucked(12.0), RATE_HZ)
+    follow_jobs(page)
+    assert drop(page, tmp_path / "note.wav", then=STAGE) == WORKING
+    page.find("#cancel-fit")
+    assert page.script("document.getElementById('cancel-fit').click();" + STAGE) == WAITING
+    page.until(lambda: jobs_are_over(page))
+    assert drop(page, tmp_path / "note.wav", then="document.getElementById('cancel-fit').click();" + STAGE) == WAITING
+    page.until(lambda: jobs_are_over(page))
+    page.result("await new Promise((done) => setTimeout(done, 600));")  # longer than a job is left unasked
+    assert page.script(STAGE) == WAITING and not page.find("#fit-dialog").find_element("css selector", ".fit-refusal").text
+
+
+def test_of_two_recordings_the_second_is_fitted(page, tmp_path):
+    """What is said of the first, that it is no recording, is not said any more."""
+    (tmp_path / "first.wav").write_bytes(b"RIFF not at all")
+    soundfile.write(tmp_path / "second.wav", plucked(4.0, note_hz=164.0), RATE_HZ)
+    follow_jobs(page)
+    drop(page, tmp_path / "first.wav", tmp_path / "second.wav")
+    assert "164.0" in page.text(".fit-found .tiles")
+    page.until(lambda: jobs_are_over(page))
+    page.result("await new Promise((done) => setTimeout(done, 600));")
+    assert page.script(STAGE) == FOUND
+    assert page.script("return document.querySelector('#fit .fit-refusal').hidden")
+
+
+def test_a_fit_is_of_the_string_that_is_shown_and_goes_with_its_document(page, tmp_path):
+    soundfile.write(tmp_path / "note.wav", plucked(2.0), RATE_HZ)
+    chosen = "return document.getElementById('fit-string').selectedIndex"
+    page.until(lambda: page.script(chosen) == page.script("return document.getElementById('fit-string').length - 1"))
+    offer(page, tmp_path / "note.wav")
+    page.find(".fit-found .tiles")
+    assert page.script(STAGE) == FOUND
+    paths = [row.get_attribute("data-path") for row in page.all(".settings tbody tr")]
+    assert "string.3.notes" in paths
+    page.script("document.getElementById('fit-dialog').close()")
+    page.find("#open").click()
+    page.find('dialog [data-preset="tanpura"]').click()
+    page.until(lambda: page.text("#title") == "Tanpura")
+    page.find("#open-fit").click()
+    assert page.script(STAGE) == WAITING
+    assert page.script("return document.getElementById('fit-string').selectedOptions[0].text") == "4: kharaj"

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from synth.author.views import analysis
 from synth.author.views.analysis import analyse
 from synth.author.views.contacts import Forces, binned, contacts_of, gather, touches
 from synth.author.views.formant import descending_formant
@@ -100,6 +101,19 @@ def test_contacts_add_up() -> None:
         for contact in mine:
             assert 0.0 < contact["end_s"] - contact["start_s"] < 0.05
             assert contact["impulse_ns"] <= contact["peak_n"] * (contact["end_s"] - contact["start_s"]) * 1.001
+
+
+def test_what_is_touched_at_the_end_and_later_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine runs on for its delay: a fret that is first touched then has no contact in the time asked for."""
+    monkeypatch.setattr(analysis, "SHORTEST_S", 0.01)
+    points = analyse(preset("fretted-bass"), 28, 127, 0.5)["timeline"]["points"]
+    last = max(points, key=lambda point: point["first_s"])
+    shown = analyse(preset("fretted-bass"), 28, 127, last["first_s"] - 1e-5)
+    assert [point["point"] for point in shown["timeline"]["points"]] == [
+        point["point"] for point in points if point["first_s"] < last["first_s"]
+    ]
+    for point, impulses in zip(shown["timeline"]["points"], shown["timeline"]["impulse_ns"], strict=True):
+        assert sum(impulses) == pytest.approx(point["impulse_ns"], rel=2e-3)
 
 
 def test_steps_become_contacts() -> None:
