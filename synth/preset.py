@@ -418,6 +418,19 @@ WORDS = {
     "extra_forbidden": "no such key; see the README for the tables and their keys",
     "missing": "missing",
     "string_pattern_mismatch": "must be lower-case letters, digits and hyphens",
+    "int_from_float": "must be a whole number",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "finite_number": "must be a finite number",
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
 }
 
 
@@ -440,7 +453,8 @@ def validate_preset(data: dict[str, Any], origin: str) -> Preset:
             place = ".".join(str(part) for part in loc) or "file"
             if item["type"] == "too_short" and any(len(i["loc"]) > 1 and i["loc"][0] == item["loc"][0] for i in wrong):
                 continue  # the items are missing because each of them is wrong, which is said already
-            message = WORDS.get(item["type"], item["msg"].removeprefix("Value error, "))
+            own = item["msg"].removeprefix("Value error, ").replace("Input should be ", "must be ")
+            message = WORDS.get(item["type"], own)
             got = item.get("input")
             shown = f", got {got!r}" if isinstance(got, int | float | str | bool) and "got" not in message else ""
             problems.append((place, message + shown))

@@ -6,11 +6,13 @@ import asyncio
 import contextlib
 import json
 import math
+import sys
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -27,7 +29,7 @@ from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
-from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
+from synth.author.voice import kernels_are_cached, phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.author.workspace import MOST_BYTES
 from synth.fit import missing
 from synth.preset import PresetError, load_preset
@@ -35,7 +37,10 @@ from synth.preset import PresetError, load_preset
 PAGE = Path(__file__).parent / "page"
 #: how often what was edited is autosaved, and files are compared with the disk [s]
 AUTOSAVE_S, LOOK_S = 0.5, 1.0
+PREPARING = "Preparing the string engine: the first start only, about a minute; the page is there already, sound follows."
 MOST_BODY = 2 * MOST_BYTES
+#: why a WebSocket of a page is closed whose document belongs to an earlier run
+NO_DOCUMENT = 4404
 #: largest recording that is fitted [bytes]
 MOST_RECORDING = 100 << 20
 
@@ -63,7 +68,7 @@ def answering(handler: Handler) -> Handler:
             return problem(409, str(conflict), reason=conflict.reason)
         except PresetError as error:
             errors = [{"path": path, "message": message} for path, message in error.problems]
-            return problem(422, str(error).splitlines()[0], errors=errors)
+            return problem(422, _line(ValueError(str(error).splitlines()[0])), errors=errors)
         except FileNotFoundError as error:
             return problem(404, _line(error))
         except (ValueError, OSError) as error:
@@ -72,8 +77,9 @@ def answering(handler: Handler) -> Handler:
     return handle
 
 
-def problem(status: int, message: str, **more: Any) -> JSONResponse:
-    return JSONResponse({"error": message, **more}, status)
+def problem(status: int, message: str, **more: Any) -> Response:
+    # ASCII: what is refused may be what cannot be encoded
+    return Response(json.dumps({"error": message, **more}), status, media_type="application/json")
 
 
 def _line(error: Exception) -> str:
@@ -178,6 +184,7 @@ class App:
                 on(f"{doc}/randomise", self._randomise, "POST"),
                 on(f"{doc}/save", self._save, "POST"),
                 on(f"{doc}/save-as", self._save_as, "POST"),
+                on(f"{doc}/discard", self._discard, "POST"),
                 on(f"{doc}/duplicate", self._duplicate, "POST"),
                 on(f"{doc}/recover", self._recover, "POST"),
                 on(f"{doc}/export", self._export),
@@ -205,22 +212,31 @@ class App:
         finally:
             for task in tasks:
                 task.cancel()
+
+    def end(self) -> None:
+        """Write what is edited, and end what is computed; from then on views and jobs are refused. May be called again."""
+        try:
+            self.desk.autosave()
+        finally:
             self.jobs.close()
             self.viewer.close()
-            self.desk.autosave()
 
     async def _autosave(self) -> None:
         while True:
             await asyncio.sleep(AUTOSAVE_S)
-            await asyncio.to_thread(self.desk.autosave)  # a disk may take its time
+            for document in await asyncio.to_thread(self.desk.autosave):  # a disk may take its time
+                self.desk.tell(document)
 
     async def _look_at_disk(self) -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            self.desk.look_at_disk()
+            for document in await asyncio.to_thread(self.desk.look_at_disk):
+                self.desk.tell(document, "disk")
 
     def _warm_up(self, loop: asyncio.AbstractEventLoop) -> None:
         """Load (the first time compile) the kernels before anybody waits for them; in a thread that no end waits for."""
+        if not kernels_are_cached():
+            print(PREPARING, file=sys.stderr, flush=True)
         warm_up(self.rate_hz, self.quality)
         with contextlib.suppress(RuntimeError, OSError):  # the server has ended meanwhile
             loop.call_soon_threadsafe(self._ready)
@@ -251,7 +267,7 @@ class App:
                 "quality": self.quality,
                 "rate_hz": self.rate_hz,
                 "kernels": self.kernels,
-                "presets": self.desk.presets(),
+                "presets": await asyncio.to_thread(self.desk.presets),
                 "opened": opened.id if opened is not None else None,
                 "outputs": [
                     {"id": "browser", "label": "Browser", "available": True, "reason": None},
@@ -276,21 +292,29 @@ class App:
                 404, "there is no such document: it belongs to an earlier run of the program; open it anew"
             ) from None
 
-    def _told(self, document: Document) -> Response:
-        """The answer to what has changed a document, which every tab is told of."""
+    async def _told(self, document: Document, work: Callable[..., Any], *arguments: Any, **options: Any) -> Response:
+        """Change a document, beside the event loop, which sends the sound; tell every tab of it, and answer."""
+        await asyncio.to_thread(work, *arguments, **options)
         self.desk.tell(document)
-        return JSONResponse(document.state())
+        return JSONResponse(await asyncio.to_thread(document.state))
+
+    @staticmethod
+    async def _opened(work: Callable[..., Document], *arguments: Any) -> Response:
+        return JSONResponse(await asyncio.to_thread(lambda: work(*arguments).state()))
 
     async def _open(self, request: Request) -> Response:
         fields = await Fields.of(request)
-        return JSONResponse(self.desk.open(fields.get("preset", str)).state())
+        unsaved = fields.get("unsaved", str, None)
+        if unsaved is not None:
+            return await self._opened(self.desk.open_unsaved, unsaved)
+        return await self._opened(self.desk.open, fields.get("preset", str))
 
     async def _import(self, request: Request) -> Response:
         fields = await Fields.of(request)
         text = fields.get("text", str)
-        if len(text.encode()) > MOST_BYTES:
+        if len(text) > MOST_BYTES:
             raise Refused(413, f"text: larger than {MOST_BYTES >> 20} MB, which no preset is")
-        return JSONResponse(self.desk.bring_in(fields.get("filename", str), text).state())
+        return await self._opened(self.desk.bring_in, fields.get("filename", str), text)
 
     async def _state(self, request: Request) -> Response:
         return JSONResponse(self._document(request).state())
@@ -303,19 +327,16 @@ class App:
             if not isinstance(change, dict) or not isinstance(change.get("path"), str) or "value" not in change:
                 raise Refused(400, "changes: each must be a table of path and value")
             wanted.append((change["path"], change["value"]))
-        document.edit(wanted, fields.get("merge", str, None))
-        return self._told(document)
+        return await self._told(document, document.edit, wanted, fields.get("merge", str, None))
 
     async def _text(self, request: Request) -> Response:
         document = self._document(request)
-        document.set_text((await Fields.of(request)).get("text", str))
-        return self._told(document)
+        return await self._told(document, document.set_text, (await Fields.of(request)).get("text", str))
 
     def _doing(self, work: Callable[[Document], None]) -> Handler:
         async def handle(request: Request) -> Response:
             document = self._document(request)
-            work(document)
-            return self._told(document)
+            return await self._told(document, work, document)
 
         return handle
 
@@ -323,28 +344,42 @@ class App:
         document = self._document(request)
         fields = await Fields.of(request)
         groups = fields.get("groups", list, None)
-        document.randomise(fields.get("seed", int, None), groups)
-        return self._told(document)
+        return await self._told(document, document.randomise, fields.get("seed", int, None), groups)
 
     async def _save(self, request: Request) -> Response:
         document = self._document(request)
-        document.write(force=(await Fields.of(request)).get("force", bool, False))
-        return self._told(document)
+        force = (await Fields.of(request)).get("force", bool, False)
+        return await self._told(document, document.write, force=force)
 
     async def _save_as(self, request: Request) -> Response:
         document = self._document(request)
         fields = await Fields.of(request)
-        self.desk.save_as(document, fields.get("name", str), fields.get("overwrite", bool, False))
-        return self._told(document)
+        name, overwrite = fields.get("name", str), fields.get("overwrite", bool, False)
+        replaced = await asyncio.to_thread(self.desk.save_as, document, name, overwrite)
+        if replaced is not None:
+            self._lead(replaced, document)
+        self.desk.tell(document)
+        return JSONResponse(await asyncio.to_thread(document.state))
+
+    def _lead(self, gone: Document, to: Document | None) -> None:
+        """Tell the pages that show a document which one to show instead, if any."""
+        for connection in list(self.stage.connections):
+            if connection.document is gone:
+                connection.post({"type": "moved", "doc": to.id if to is not None else None})
+
+    async def _discard(self, request: Request) -> Response:
+        document = self._document(request)
+        await asyncio.to_thread(self.desk.discard, document)
+        self._lead(document, None)
+        return JSONResponse({})
 
     async def _duplicate(self, request: Request) -> Response:
         document = self._document(request)
-        return JSONResponse(self.desk.duplicate(document, (await Fields.of(request)).get("name", str)).state())
+        return await self._opened(self.desk.duplicate, document, (await Fields.of(request)).get("name", str))
 
     async def _recover(self, request: Request) -> Response:
         document = self._document(request)
-        document.recover((await Fields.of(request)).get("take", bool))
-        return self._told(document)
+        return await self._told(document, document.recover, (await Fields.of(request)).get("take", bool))
 
     # --- views and jobs ---
 
@@ -355,7 +390,7 @@ class App:
             document = self._document(request)
             query = request.query_params
             which = query.get("which", "current")
-            preset, text = document.preset_of(which), document.text_of(which)
+            version = document.version(which)
             arguments = {
                 parameter: _number(query, parameter, 0, 127 if parameter in ("note", "velocity") else 1e6, kind=kind)
                 for parameter, kind in view.parameters.items()
@@ -364,7 +399,7 @@ class App:
             if view.long:  # of a note as the session plays it
                 arguments |= {"quality": self.quality, "rate_hz": self.rate_hz}
             try:
-                body = await self.viewer.json(name, preset, text, arguments, request.is_disconnected)
+                body = await self.viewer.json(name, version.preset, version.text, arguments, request.is_disconnected)
             except Gone:
                 return Response(status_code=204)
             return Response(body, media_type="application/json")
@@ -376,7 +411,7 @@ class App:
         fields = await Fields.of(request)
         note, velocity = fields.get("note", int), fields.get("velocity", int)
         seconds = fields.get("seconds", (int, float), 1.0)
-        preset = document.preset
+        preset = document.preset_of(fields.get("which", str, "current"))
 
         def work(progress: Progress) -> Any:
             from synth.author.views.reference import compare
@@ -407,11 +442,10 @@ class App:
         if job.made.doc != document.id:
             raise Refused(409, "this was fitted to another preset; fit the recording anew")
         try:
-            settings = job.made.settings_of(document.preset)
+            settings = await asyncio.to_thread(job.made.settings_of, document.preset)
         except StringChanged as changed:
             raise Refused(409, str(changed)) from None
-        document.edit(settings, label="fit")
-        return self._told(document)
+        return await self._told(document, document.edit, settings, label="fit")
 
     def _a_job(self, key: str) -> Job:
         try:
@@ -430,9 +464,11 @@ class App:
     # --- sound ---
 
     async def _connect(self, socket: WebSocket) -> None:
-        document = self.desk.documents.get(socket.path_params["doc"])
-        if document is None:
-            await socket.close(4404, "there is no such document")
+        try:
+            document = self.desk[socket.path_params["doc"]]
+        except KeyError:
+            await socket.accept()  # a page is told why only of a connection that stood
+            await socket.close(NO_DOCUMENT, "there is no such document")
             return
         await Connection(socket, document, self.stage, rate_hz=self.rate_hz, quality=self.quality).run()
 
@@ -458,5 +494,6 @@ class App:
     async def _export(self, request: Request) -> Response:
         document = self._document(request)
         name = document.file.name if document.file is not None else f"{document.name}.toml"
-        headers = {"content-disposition": f'attachment; filename="{name}"'}
+        called = f'filename="{name}"' if name.isascii() and '"' not in name else f"filename*=UTF-8''{quote(name)}"
+        headers = {"content-disposition": f"attachment; {called}"}
         return Response(document.text.encode(), media_type="application/toml", headers=headers)

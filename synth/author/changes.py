@@ -8,10 +8,13 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import tomlkit
+from tomlkit import TOMLDocument
 from tomlkit.exceptions import TOMLKitError
 
-from synth.author.toml_edit import change
+from synth.author.toml_edit import change_in
 from synth.author.views.parameters import INSTEAD
+from synth.author.workspace import MOST_BYTES
 from synth.compile import make_string, note_frequency, obstacle_of, string_notes
 from synth.preset import Preset, PresetError, validate_preset
 
@@ -21,21 +24,64 @@ GROUPS = ("string", "obstacle", "pluck", "damping", "output")
 LEFT = ("notes", "gain_db", "cents", "count", "name", "length_m", "measured_frequencies_hz", "measured_decay_rates")
 TRIES = 12
 MOST_FRETS = 36
+#: most changes of one edit, and most values that they set
+MOST_CHANGES, MOST_VALUES = 1000, 5000
+
+
+def check_text(text: str, origin: str) -> None:
+    """Raises PresetError for a text that no file could hold, or that would not be read again."""
+    try:
+        size = len(text.encode())
+    except UnicodeEncodeError as error:
+        letter = f"U+{ord(text[error.start]):04X}"
+        raise PresetError(f"{origin}: {letter} is half a character, which no file can hold; take it out") from None
+    if size > MOST_BYTES:
+        raise PresetError(f"{origin}: {size} bytes; a preset has at most {MOST_BYTES}: shorten its lists or remarks")
+
+
+def check_size(changes: Sequence[tuple[str, Any]], origin: str) -> None:
+    """Raises PresetError for more changes, or longer values, than a preset has room for."""
+    if len(changes) > MOST_CHANGES:
+        raise PresetError(f"{origin}: {len(changes)} changes at once; at most {MOST_CHANGES}")
+    found = 0
+    for path, value in changes:
+        found += _values(value, MOST_VALUES)
+        if found > MOST_VALUES:
+            problem = f"longer than {MOST_VALUES} values"
+            raise PresetError(f"{origin}: {path[:80]}: {problem}", [(path, problem)])
+
+
+def _values(value: Any, most: int) -> int:
+    """How many values there are in plain data; counted no further than `most`."""
+    waiting, found = [value], 0
+    while waiting and found <= most:
+        each = waiting.pop()
+        found += 1
+        if isinstance(each, Mapping | list | tuple):
+            if len(each) > most:
+                return len(each)
+            waiting.extend(each.values() if isinstance(each, Mapping) else each)
+    return found + len(waiting)
 
 
 def apply(text: str, changes: Sequence[tuple[str, Any]], origin: str) -> tuple[str, Preset]:
     """The text with every (path, value) changed (None: taken out of the file), and its preset. Raises PresetError."""
     named = {path for path, _ in changes}
     for path, value in changes:
-        data = tomllib.loads(text)
-        for extra, extra_value in _consequences(data, path, value, named):
-            text = _changed(text, extra, extra_value, origin)
-        text = _changed(text, path, value, origin)
+        check_text(path, origin)
+        check_text(value if isinstance(value, str) else "", origin)
+    document = tomlkit.parse(text)
+    for path, value in changes:
+        for extra, extra_value in _consequences(document, path, value, named):
+            document = _changed(document, extra, extra_value, origin)
+        document = _changed(document, path, value, origin)
+    text = tomlkit.dumps(document)
     return text, checked(text, origin)
 
 
 def checked(text: str, origin: str) -> Preset:
     """The preset of a text of today's format. Raises PresetError, also where its strings cannot be made."""
+    check_text(text, origin)
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -57,9 +103,9 @@ def checked(text: str, origin: str) -> Preset:
     return preset
 
 
-def _changed(text: str, path: str, value: Any, origin: str) -> str:
+def _changed(document: TOMLDocument, path: str, value: Any, origin: str) -> TOMLDocument:
     try:
-        return change(text, path, value)
+        return change_in(document, path, value)
     except (KeyError, ValueError, TypeError, RecursionError, TOMLKitError):
         raise PresetError(f"{origin}: {path}: there is no such place", [(path, "there is no such place")]) from None
 
@@ -73,15 +119,16 @@ def _at(data: Any, parts: Sequence[str]) -> Any:
     return data
 
 
-def _consequences(data: dict[str, Any], path: str, value: Any, named: set[str]) -> list[tuple[str, Any]]:
+def _consequences(data: Mapping[str, Any], path: str, value: Any, named: set[str]) -> list[tuple[str, Any]]:
     """What else changes with `path`, unless `named` says it itself: one of a pair takes the other's place, and a fret more
     has a height."""
     *table, key = path.split(".")
     wanted: list[tuple[str, Any]] = []
     if value is not None:
         wanted += [(".".join([*table, pair[1 - pair.index(key)]]), None) for pair in INSTEAD if key in pair]
-    heights = _at(data, ["obstacle", "heights_mm"])
-    if path == "obstacle.count" and heights and isinstance(value, int) and 1 <= value <= MOST_FRETS:
+    heights = _at(data, ["obstacle", "heights_mm"]) if path == "obstacle.count" else None
+    if isinstance(heights, list) and heights and isinstance(value, int) and 1 <= value <= MOST_FRETS:
+        heights = list(heights)
         wanted.append(("obstacle.heights_mm", (heights + [heights[-1]] * value)[:value]))
     return [(each, new) for each, new in wanted if each not in named]
 

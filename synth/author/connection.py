@@ -52,7 +52,7 @@ class Connection:
         self._waiting: asyncio.Queue[dict[str, Any] | bytes] = asyncio.Queue()
         self.player = Player(
             document,
-            lambda message: self._loop.call_soon_threadsafe(self.post, message),
+            self._post_from_player,
             rate_hz=rate_hz,
             quality=quality,
             backlog=self._waiting.qsize,
@@ -62,6 +62,10 @@ class Connection:
     def post(self, message: dict[str, Any] | bytes) -> None:
         """Send, in the event loop's thread."""
         self._waiting.put_nowait(message)
+
+    def _post_from_player(self, message: dict[str, Any] | bytes) -> None:
+        with contextlib.suppress(RuntimeError):  # the server has ended
+            self._loop.call_soon_threadsafe(self.post, message)
 
     async def run(self) -> None:
         """Until the page goes."""

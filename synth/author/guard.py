@@ -1,14 +1,20 @@
 """Who is let in: only the page that this server gave out, on this machine, with its token.
 
 Every request passes here, WebSockets and the page's own files too. The name it was sent to must be the server's (so that no
-other site's name can be pointed at this machine), an Origin, where a browser gives one, must be the page's own, and the
-token that the address printed at the start carries must be shown: in the query of `/`, in the cookie that this sets, or as
-`Authorization: Bearer`.
+other site's name can be pointed at this machine), an Origin, where a browser gives one, must be the page's own, and one of
+two secrets must be shown: the token that the address printed at the start carries, in the query of `/` or as
+`Authorization: Bearer`; or the cookie that the page is given for it, which is another secret and counts only with a
+browser's word that the request comes from the page itself (Origin, or Sec-Fetch-Site).
+
+Limit: browsers send a cookie to every port of this machine. A server of somebody else here that the user visits sees it, and
+a program, unlike a page, can write the browser's word itself. Who lets others run servers on the machine closes the page's
+tab before visiting them; the token they do not see.
 """
 
 from __future__ import annotations
 
 import hmac
+import secrets
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
@@ -27,6 +33,7 @@ class Guard:
     def __init__(self, app: Any, port: int, token: str) -> None:
         self._app = app
         self._token = token.encode()
+        self._page = secrets.token_urlsafe(32).encode()
         self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
         self.cookie = f"jawari-{port}"
         policy = POLICY.format(sockets=" ".join(f"ws://{host}" for host in self._hosts))
@@ -52,7 +59,7 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = [*message.get("headers", []), *self._headers]
                 if by_query:
-                    cookie = f"{self.cookie}={self._token.decode()}; HttpOnly; SameSite=Strict; Path=/"
+                    cookie = f"{self.cookie}={self._page.decode()}; HttpOnly; SameSite=Strict; Path=/"
                     headers.append((b"set-cookie", cookie.encode()))
                 message = {**message, "headers": headers}
             await send(message)
@@ -72,27 +79,30 @@ class Guard:
         at_door = scope["type"] == "http" and scope["path"] == "/" and scope["method"] in ("GET", "HEAD")
         asked = parse_qs(scope["query_string"].decode("latin-1")).get("token", []) if at_door else []
         if asked:
-            if self._is_token(asked[-1]):
+            if _same(asked[-1], self._token):
                 return None, True
             return "wrong token: use the address that `synth author` printed", False
-        if any(site not in OWN_SITE for site in headers.get("sec-fetch-site", [])):
+        sites = headers.get("sec-fetch-site", [])
+        if any(site not in OWN_SITE for site in sites):
             return "requests of other pages are refused", False
-        shown = [value[7:] for value in headers.get("authorization", []) if value[:7].lower() == "bearer "]
+        tokens = [value[7:] for value in headers.get("authorization", []) if value[:7].lower() == "bearer "]
+        cookies = []
         for line in headers.get("cookie", []):
             try:
                 morsel = SimpleCookie(line).get(self.cookie)
             except CookieError:
                 continue
             if morsel is not None:
-                shown.append(morsel.value)
-        if not shown:
+                cookies.append(morsel.value)
+        if not tokens and not cookies:
             return "no token: use the address that `synth author` printed", False
-        if not any(self._is_token(each) for each in shown):
+        if any(_same(each, self._token) for each in tokens):
+            return None, False
+        if not any(_same(each, self._page) for each in cookies):
             return "wrong token: use the address that `synth author` printed", False
+        if not sites and not headers.get("origin"):  # both are checked above
+            return "the cookie counts only with a browser's word on where the request comes from", False
         return None, False
-
-    def _is_token(self, text: str) -> bool:
-        return hmac.compare_digest(text.encode("utf-8", "surrogateescape"), self._token)
 
     async def _refuse(self, scope: Any, reason: str, send: Any) -> None:
         body = f"403: {reason}\n".encode()
@@ -112,3 +122,7 @@ class Guard:
             await send({"type": "websocket.http.response.body", "body": body})
         else:
             await send({"type": "websocket.close", "code": 1008, "reason": reason})
+
+
+def _same(text: str, secret: bytes) -> bool:
+    return hmac.compare_digest(text.encode("utf-8", "surrogateescape"), secret)

@@ -27,25 +27,45 @@ ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class _Server(uvicorn.Server):
-    """Ends well on signals, and says when it listens."""
+    """Says when it listens, and lets `ends` end what requests wait for before it waits for them."""
 
-    def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], ends: Callable[[], None]) -> None:
         super().__init__(config)
         self._ready = ready
+        self._ends = ends
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started:
             self._ready()
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        logging.getLogger("uvicorn.error").addFilter(_is_news)
+        self._ends()
+        await super().shutdown(sockets)
+
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
+        yield  # see `signals_go_here`
+
+    def handle_exit(self, sig: int, frame: Any) -> None:
+        self.should_exit = True  # again and again: it ends soon, and in order
+
+    @contextlib.contextmanager
+    def signals_go_here(self) -> Iterator[None]:
+        """Signals ask it to end, however often they come: nothing that is done meanwhile is interrupted."""
         before = {each: signal.signal(each, self.handle_exit) for each in ENDING}
         try:
             yield
         finally:
             for each, handler in before.items():
                 signal.signal(each, handler)
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Not that requests are cut off by the end, which was asked for."""
+    cut_off = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return not cut_off and not str(record.msg).startswith("Cancel ")
 
 
 def workspace_of(preset: str | None, folder: str | None) -> tuple[Workspace, str | None]:
@@ -74,18 +94,19 @@ def serve(
 ) -> None:
     """Serve the page until a signal asks to end. `say` is given the page's address. Raises ValueError, OSError."""
     workspace, wanted = workspace_of(preset, folder)
-    desk = Desk(workspace)
-    if wanted is not None:
-        desk.opened = desk.open(wanted)
     token = secrets.token_urlsafe(32)
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    with contextlib.closing(listening):
+    with contextlib.closing(listening), contextlib.ExitStack() as opened:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((LOOPBACK, port))
         except OSError as error:
             raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from None
         port = listening.getsockname()[1]
+        opened.enter_context(workspace.alone())
+        desk = Desk(workspace)
+        if wanted is not None:
+            desk.opened = desk.open(wanted)
         app = App(desk, rate_hz=rate_hz, quality=quality)
         url = f"http://{LOOPBACK}:{port}/?token={token}"
 
@@ -104,7 +125,12 @@ def serve(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        asyncio.run(_Server(config, ready).serve(sockets=[listening]))
+        server = _Server(config, ready, app.end)
+        with server.signals_go_here():
+            try:
+                asyncio.run(server.serve(sockets=[listening]))
+            finally:  # whatever has gone wrong
+                app.end()
 
 
 def _websockets() -> Any:

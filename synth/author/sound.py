@@ -7,6 +7,7 @@ changes: each such state of it is a voice of its own until it has faded.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import queue
 import threading
@@ -44,6 +45,8 @@ OUTPUTS = ("browser", "server")
 #: how often the server's own output is looked after [s]
 LOOK_S = 0.05
 
+#: numbers of streams, of all players together: a page that changes from one to another does not confuse them
+_STREAMS = itertools.count(1)
 Emit = Callable[[dict[str, Any] | bytes], object]
 #: of an engine: the text's fingerprint, and the notes that it is prepared for (None: all)
 Key = tuple[str, frozenset[int] | None]
@@ -98,7 +101,8 @@ class Player:
         kind = message.get("type")
         if kind == "note_on":
             key, velocity = number(message, "key", 0, 127), number(message, "velocity", 0, 127)
-            self._do(lambda: self._note_on(key, velocity) if velocity else self._note_off(key))
+            preset, text = self._version(message)
+            self._do(lambda: self._note_on(preset, text, key, velocity) if velocity else self._note_off(key))
         elif kind == "note_off":
             key = number(message, "key", 0, 127)
             self._do(lambda: self._note_off(key))
@@ -112,9 +116,8 @@ class Player:
             bend = number(message, "value", -8192, 8191)
             self._do(lambda: self._set_bend(bend))
         elif kind == "audition":
-            which = message.get("which", "current")
+            preset, text = self._version(message)
             note, velocity = number(message, "note", 0, 127), number(message, "velocity", 1, 127)
-            preset, text = self._document.preset_of(which), self._document.text_of(which)
             wanted = phrase(str(message.get("phrase", "note")), preset, note, velocity, self._rate_hz)
             self._do(lambda: self._audition(preset, text, wanted))
         elif kind == "stop":
@@ -128,6 +131,11 @@ class Player:
             self._heard = number(message, "frame", 0, 1 << 32)
         else:
             raise ValueError(f"type: there is no message {kind!r}")
+
+    def _version(self, message: dict[str, Any]) -> tuple[Preset, str]:
+        """The preset and its text that a message speaks of. Raises ValueError."""
+        version = self._document.version(message.get("which", "current"))
+        return version.preset, version.text
 
     def stop(self) -> None:
         """Silence."""
@@ -149,24 +157,44 @@ class Player:
     # --- in the player's thread ---
 
     def _run(self) -> None:
-        while True:
+        going = True
+        while going:
             try:
-                command = self._commands.get(timeout=self._pause())
-            except queue.Empty:
-                if self._speaker is not None:
-                    self._look()
-                elif self._held_up():  # the time that passes does not count
-                    self._began = time.monotonic() - self._frame / self._rate_hz + self._ahead_s()
-                elif self._running:
-                    self._sound()
-                continue
-            if command is None:
-                self._stop()
-                return
-            try:
-                command()
-            except (ValueError, OSError) as error:
-                self._emit({"type": "error", "message": " ".join(str(error).split())})
+                going = self._turn()
+            except Exception as error:  # the next key is to find it at work again
+                LOG.exception("the player has failed")
+                self._emit({"type": "error", "message": f"the sound has failed ({type(error).__name__}); play again"})
+                self._give_up()
+
+    def _turn(self) -> bool:
+        """One command, block or look at the output; False: it was the last."""
+        try:
+            command = self._commands.get(timeout=self._pause())
+        except queue.Empty:
+            if self._speaker is not None:
+                self._look()
+            elif self._held_up():  # the time that passes does not count
+                self._began = time.monotonic() - self._frame / self._rate_hz + self._ahead_s()
+            elif self._running:
+                self._sound()
+            return True
+        if command is None:
+            self._stop()
+            return False
+        try:
+            command()
+        except (ValueError, OSError) as error:
+            self._emit({"type": "error", "message": " ".join(str(error).split())})
+        return True
+
+    def _give_up(self) -> None:
+        """Silence without the engines that there were."""
+        self._engines.clear()
+        try:
+            self._stop()
+        except Exception:
+            LOG.exception("the output cannot be closed")
+            self._speaker = None
 
     def _pause(self) -> float | None:
         """How long there is nothing to do but to listen [s]; None: for ever."""
@@ -218,8 +246,7 @@ class Player:
         self._voices.append(Voice(engine, wanted))
         self._start()
 
-    def _note_on(self, key: int, velocity: int) -> None:
-        preset, text = self._document.preset, self._document.text
+    def _note_on(self, preset: Preset, text: str, key: int, velocity: int) -> None:
         if key not in playable(preset):
             return
         self._begins()
@@ -286,7 +313,7 @@ class Player:
         """In a thread of its own: the whole compass."""
         try:
             engine = prepared_engine(preset, None, self._rate_hz, self._quality)
-        except (ValueError, OSError) as error:
+        except Exception as error:  # its keys go on one by one
             LOG.warning("%s cannot be prepared as a whole: %s", preset.name, error)
             self._do(self._whole_done)
             return
@@ -317,7 +344,7 @@ class Player:
 
     def _start(self) -> None:
         """A new stream, whose first frame is the next."""
-        self._stream += 1
+        self._stream = next(_STREAMS)
         self._frame = self._told_at = 0
         self._heard = None
         self._busy_s = 0.0
@@ -365,10 +392,10 @@ class Player:
             mix += voice.next()
         for voice in self._fading:
             mix += voice.next() * np.linspace(1.0, 0.0, BLOCK)[:, None]
-        self._fading.clear()
-        if self._voices and self._voices[0].ended:
+        self._fading = [voice for voice in self._voices if voice.overdue and not voice.ended]
+        if self._voices and (self._voices[0].ended or self._voices[0].overdue):
             self._live = None
-        self._voices = [voice for voice in self._voices if not voice.ended]
+        self._voices = [voice for voice in self._voices if not (voice.ended or voice.overdue)]
         self._emit(np.array([(self._stream, self._frame)], HEADER).tobytes() + mix.astype("<f4").tobytes())
         self._frame += BLOCK
         self._busy_s += time.perf_counter() - began
@@ -378,13 +405,13 @@ class Player:
         if frames >= LOAD_S * self._rate_hz:
             self._emit({"type": "load", "cpu": self._busy_s * self._rate_hz / frames})
             self._told_at, self._busy_s = self._frame, 0.0
-        if not self._voices:
+        if not self._voices and not self._fading:
             self._end()
 
 
 def number(message: dict[str, Any], name: str, low: int, high: int) -> int:
     """A whole number of a message. Raises ValueError."""
     value = message.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or not low <= value <= high:
-        raise ValueError(f"{name}: must be a whole number from {low} to {high}, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high or value != int(value):
+        raise ValueError(f"{name}: must be a whole number from {low} to {high}, got {repr(value)[:40]}")
     return int(value)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import tomlkit
+from tomlkit import TOMLDocument
 from tomlkit.container import Container
 from tomlkit.items import AoT, Array, Item, Table
 
@@ -63,10 +64,14 @@ def item_of(value: Any, *, inside: bool = False) -> Item:
 def change(text: str, path: str, value: Any) -> str:
     """The TOML text with the value at `path` replaced, put in, or (None) taken out. Raises KeyError for a path that leads
     nowhere."""
+    return tomlkit.dumps(change_in(tomlkit.parse(text), path, value))
+
+
+def change_in(document: TOMLDocument, path: str, value: Any) -> TOMLDocument:
+    """As `change`, of a document, which may itself be changed, also where it raises."""
     parts = path.split(".")
     if not all(_KEY.fullmatch(part) for part in parts):
         raise KeyError(path)
-    document = tomlkit.parse(text)
     place: Any = document
     for depth, part in enumerate(parts[:-1]):
         if isinstance(place, list):
@@ -74,7 +79,7 @@ def change(text: str, path: str, value: Any) -> str:
         elif part in place:
             place = place[part]
         elif value is None:
-            return text
+            return document
         else:  # a table that the file leaves out
             rest = _nested(parts[depth + 1 :], value, path)
             return _put(document, place, part, rest, path)
@@ -87,7 +92,9 @@ def change(text: str, path: str, value: Any) -> str:
             if index < len(place):
                 del place[index]
             if not place and isinstance(place, AoT):
-                return change(tomlkit.dumps(document), ".".join(parts[:-1]), None)
+                return change_in(document, ".".join(parts[:-1]), None)
+        elif isinstance(place, AoT) and not isinstance(value, Mapping):
+            raise KeyError(path)
         elif index == len(place):
             item = item_of(value, inside=isinstance(place, Array))
             if isinstance(item, Table):
@@ -95,11 +102,11 @@ def change(text: str, path: str, value: Any) -> str:
             place.append(item)
         else:
             place[index] = item_of(value, inside=isinstance(place, Array))
-        return tomlkit.dumps(document)
+        return document
     if value is None:
         if last in place:
             del place[last]
-        return tomlkit.dumps(document)
+        return document
     return _put(document, place, last, value, path)
 
 
@@ -121,30 +128,30 @@ def _nested(parts: Sequence[str], value: Any, path: str) -> Any:
     return value
 
 
-def _put(document: tomlkit.TOMLDocument, place: Any, key: str, value: Any, path: str) -> str:
-    """The document's text with `key` of a table set: where it stands, else behind the table's last key."""
+def _put(document: TOMLDocument, place: Any, key: str, value: Any, path: str) -> TOMLDocument:
+    """The document with `key` of a table set: where it stands, else behind the table's last key."""
     at_root = place is document
     becomes_table = at_root and (isinstance(value, Mapping) or (isinstance(value, list) and _tables(value)))
     item = item_of(value, inside=not becomes_table)
     if key in place:
         there = place[key]
-        if isinstance(there, Table | AoT) != becomes_table:
+        if isinstance(there, Table | AoT) != becomes_table or isinstance(there, Table) != isinstance(item, Table):
             raise KeyError(path)
         if becomes_table and isinstance(there, Table):
             _fill(there, item)
         else:
             place[key] = item
-        return tomlkit.dumps(document)
+        return document
     if becomes_table:
         text = tomlkit.dumps(document).rstrip("\n") + "\n\n"
-        return text + tomlkit.dumps({key: item}).rstrip("\n") + "\n"
+        return tomlkit.parse(text + tomlkit.dumps({key: item}).rstrip("\n") + "\n")
     if at_root:
-        return _put_at_root(document, key, item)
+        return tomlkit.parse(_put_at_root(document, key, item))
     if isinstance(place, Table):
         _append(place.value, key, item)
     else:
         place.append(key, item)
-    return tomlkit.dumps(document)
+    return document
 
 
 def _tables(value: list[Any]) -> bool:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from synth.preset import Preset, load_preset
 
 #: frames of a block, and of the largest that an engine here is given
 BLOCK, MOST_BLOCK = 512, 4096
-#: no voice goes on for longer [s]
+#: no voice sounds for longer after its last event [s]
 LONGEST_S = 120.0
 #: what follows a string's end: the decimator's and the limiter's memory [frames]
 FLUSH = 2 * BLOCK
@@ -37,6 +39,12 @@ def phrase_preset(preset: Preset, phrase: Phrase) -> Preset:
     return find(preset, int(struck[0])).preset if len(struck) == 1 else preset
 
 
+def kernels_are_cached() -> bool:
+    """Whether the engine of the program as it is has been compiled before; else its first use does."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    return folder is not None and next(Path(folder).rglob("advance._steps*.nbi"), None) is not None
+
+
 def warm_up(rate_hz: float, quality: str) -> None:
     """Let every kernel run once: strings alone, over a bridge and over frets."""
     for name, note in (("tanpura", 48), ("fretted-bass", 45)):
@@ -54,6 +62,7 @@ class Voice:
         self._events = phrase.events if phrase is not None else np.zeros(0, EVENT)
         self._given = 0
         self._at = 0
+        self._last_event = int(self._events["frame"].max(initial=0))
         self._live: list[tuple[int, ...]] = []
         self._flush = FLUSH
         self._block = np.zeros((BLOCK, 2))
@@ -62,6 +71,7 @@ class Voice:
     def send(self, kind: int, channel: int, a: int, b: int = 0) -> None:
         """An event at the beginning of the next block."""
         self._live.append((0, kind, channel, a, b))
+        self._last_event = max(self._last_event, self._at)
         self._flush = FLUSH
 
     def next(self) -> np.ndarray:
@@ -89,7 +99,12 @@ class Voice:
     @property
     def ended(self) -> bool:
         """Nothing sounds, and nothing will unless an event comes."""
-        return (self._flush <= 0 and not self._live) or self._at > LONGEST_S * self.engine.rate_hz
+        return self._flush <= 0 and not self._live
+
+    @property
+    def overdue(self) -> bool:
+        """It sounds on and on without an event, and is to fade."""
+        return self._at - self._last_event > LONGEST_S * self.engine.rate_hz
 
 
 def phrase_wav(engine: Engine, phrase: Phrase, seconds: float) -> bytes:

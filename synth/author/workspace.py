@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 import re
 import tempfile
+import time
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +19,11 @@ SUFFIX = ".toml"
 AUTOSAVE = ".autosave"
 #: largest preset that is read [bytes]
 MOST_BYTES = 1 << 20
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
+#: longest name of a file without its ending [bytes]: its autosave's and what stands behind that fit as well
+MOST_NAME = 200
+#: what a write that was cut short leaves, and after which time nobody can be writing it any more [s]
+_PART = re.compile(r"\..+\.toml(\.autosave)?\.[a-z0-9_]{8}\.part")
+STALE_S = 60.0
 
 
 class Workspace:
@@ -27,28 +35,61 @@ class Workspace:
             raise ValueError(f"--folder {folder}: there is no such directory; make it first")
 
     def file(self, name: str) -> Path:
-        """The path of a preset file (`name` with or without .toml), there or not. Raises ValueError for a name that is none,
-        or that leads out of the folder."""
+        """The path of a preset file (`name` with or without .toml), there or not; of a new one a name is asked for that any
+        system can write. Raises ValueError for a name that is none, or that leads out of the folder."""
         stem = name.removesuffix(SUFFIX)
-        if not _NAME.fullmatch(stem):
-            raise ValueError(
-                f"{name!r} is no name for a preset's file: letters, digits, space, . _ - only, and no folders, at most 100"
-            )
         path = self.folder / f"{stem}{SUFFIX}"
+        if not _readable(stem) or not (_writable(stem) or os.path.lexists(path)):
+            raise ValueError(
+                f"{name!r} is no name for a preset's file: letters, digits, space, . _ - only, and no folders, at most "
+                f"{MOST_NAME} bytes"
+            )
+        if not os.path.lexists(path):
+            path = path.with_name(unicodedata.normalize("NFC", path.name))
         target = path.resolve()
         if target.parent != self.folder:
             raise ValueError(f"{name}: leads out of {self.folder}; copy the file into it")
+        if target.suffix != SUFFIX or not _readable(target.stem):
+            raise ValueError(f"{name}: leads to {target.name}, which is no preset's file; rename that to end in {SUFFIX}")
         if target.exists() and not target.is_file():
             raise ValueError(f"{name}: is no regular file")
         return target
 
-    def files(self) -> Iterator[Path]:
-        """Preset files in the folder, by name; what is not one by its name is passed over."""
+    def files(self) -> Iterator[tuple[Path, str | None]]:
+        """Preset files in the folder, by name, each with the reason why it cannot be opened, if it cannot."""
         for path in sorted(self.folder.glob(f"*{SUFFIX}")):
-            try:
-                yield self.file(path.name)
-            except ValueError:
+            if path.name.startswith("."):
                 continue
+            try:
+                yield self.file(path.name), None
+            except (ValueError, OSError) as error:
+                yield path, str(error)
+
+    def tidy(self) -> None:
+        """Take away what writes that were cut short have left."""
+        for path in self.folder.glob(".*.part"):
+            with contextlib.suppress(OSError):
+                if _PART.fullmatch(path.name) and regular(path) and time.time() - path.stat().st_mtime > STALE_S:
+                    path.unlink()
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Have the folder for this process, so that no other takes its autosaves for those of one that crashed. Raises
+        OSError where another has it."""
+        handle = os.open(self.folder, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OSError(
+                    f"{self.folder}: another `synth author` works in this folder; open the preset on its page, or end it"
+                ) from None
+            except OSError:  # a file system that knows no locks
+                pass
+            self.tidy()
+            yield
+        finally:
+            os.close(handle)
 
     def embedded(self, name: str) -> Path | None:
         """The file of a preset that comes with the program."""
@@ -57,6 +98,36 @@ class Workspace:
     def autosave(self, label: str) -> Path:
         """Where an autosaved text lies: beside the file `label`, or that of a document that has none."""
         return self.folder / f".{label}{SUFFIX}{AUTOSAVE}"
+
+
+def _readable(stem: str) -> bool:
+    """Whether a file may be called so: one of the folder itself that is not hidden, with nothing that would not show."""
+    try:
+        size = len(stem.encode())
+    except UnicodeEncodeError:
+        return False
+    shows = all(letter == " " or letter.isprintable() for letter in stem)
+    return 0 < size <= MOST_NAME and shows and stem[0] != "." and not set(stem) & set("/\\")
+
+
+def _writable(stem: str) -> bool:
+    """Whether a new file may be called so: letters, marks and digits of any script, and a few signs between them."""
+    kinds = [unicodedata.category(letter)[0] for letter in stem]
+    return kinds[0] in "LN" and all(kind in "LMN" or letter in " ._-" for kind, letter in zip(kinds, stem, strict=True))
+
+
+def stem_of(filename: str) -> str:
+    """A name for a file made of one from elsewhere, perhaps with folders; what it cannot have becomes a hyphen."""
+    stem = unicodedata.normalize("NFC", re.split(r"[/\\]", filename)[-1].removesuffix(SUFFIX))
+    stem = "".join(letter if unicodedata.category(letter)[0] in "LMN" or letter in " ._-" else "-" for letter in stem)
+    while stem and (unicodedata.category(stem[0])[0] not in "LN" or len(stem.encode()) > MOST_NAME // 2):
+        stem = stem[:-1] if unicodedata.category(stem[0])[0] in "LN" else stem[1:]
+    return stem.rstrip(" .-") or "preset"
+
+
+def regular(path: Path) -> bool:
+    """Whether it is a file, and no link to one."""
+    return path.is_file() and not path.is_symlink()
 
 
 def read_text(path: Path) -> str:

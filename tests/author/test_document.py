@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from synth.author import document
+from synth.author import changes, document
 from synth.preset import parse_preset, preset_folder
 
 from .serverkit import Doc, Server
@@ -69,6 +70,11 @@ def test_back_to_the_default(doc: Doc) -> None:
         ("string.0.length_m", 10**400, "string.0.length_m", "must be finite"),
         ("string.0.length_m", [[]], "string.0.length_m", "must be a number"),
         ("pluck", 1, "pluck", "there is no such place"),
+        ("string.0", "x", "string.0", "there is no such place"),
+        ("string.4", 3.0, "string.4", "there is no such place"),
+        ("string", [], "string", "there is no such place"),
+        ("pluck", [{"position": 0.3}], "pluck", "there is no such place"),
+        ("string", {"position": 0.3}, "string", "there is no such place"),
         ("pluck.", 1, "pluck.", "there is no such place"),
         ("a = 1\nb", 1, "a = 1\nb", "there is no such place"),
         ("format", 3, "format", ""),
@@ -224,3 +230,82 @@ def test_values_that_are_too_deep(doc: Doc, depth: int) -> None:
     body = '{"changes": [{"path": "pluck.position", "value": ' + depth * "[" + depth * "]" + "}]}"
     answer = doc.server.client.post(f"{doc.path}/edit", content=body)
     assert answer.status_code in (400, 422) and "\n" not in answer.json()["error"]
+
+
+@pytest.mark.parametrize("path", ["remarks", "string.0.name", "sources"])
+def test_half_a_character_is_refused(doc: Doc, path: str) -> None:
+    before = doc.state
+    value = '["x\\ud800"]' if path == "sources" else '"x\\ud800"'
+    body = '{"changes": [{"path": "' + path + '", "value": ' + value + "}]}"
+    answer = doc.server.client.post(f"{doc.path}/edit", content=body)
+    assert answer.status_code == 422 and "U+D800" in answer.json()["error"]
+    text = '{"text": "# \\ud800"}'
+    answer = doc.server.client.post(f"{doc.path}/text", content=text)
+    assert answer.status_code == 422 and "U+D800" in answer.json()["error"]
+    assert doc.state == before
+
+
+def test_what_could_not_be_read_again_is_refused(doc: Doc) -> None:
+    before = doc.state
+    assert "at most" in doc.set("remarks", "x" * (1 << 20), 422)["error"]
+    assert "at most" in doc.do("text", 422, text=before["text"] + "#" * (1 << 20))["error"]
+    assert doc.state == before
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [{"path": "string.0.measured_frequencies_hz", "value": [1.0] * 100_000}],
+        [{"path": "string.0.measured_frequencies_hz", "value": [[1.0, 2.0]] * 4_000}],
+        [{"path": "pluck.position", "value": 0.3}] * 10_000,
+    ],
+)
+def test_more_than_a_preset_has_room_for(doc: Doc, changes: list[object]) -> None:
+    before = doc.state
+    answer = doc.do("edit", 422, changes=changes)
+    assert "longer than" in answer["error"] or "at most" in answer["error"]
+    assert doc.state == before
+
+
+def test_a_version_is_of_one_piece(tmp_path: Path) -> None:
+    """Whoever reads while another thread undoes and redoes gets a text and its own preset."""
+    made = document.Document("x", (preset_folder() / "tanpura.toml").read_text(encoding="utf-8"), tmp_path / "x")
+    made.edit([("pluck.position", 0.3)])
+    made.edit([("pluck.position", 0.2)])
+    ended = threading.Event()
+
+    def edit() -> None:
+        while not ended.is_set():
+            made.undo()
+            made.undo()
+            made.redo()
+            made.redo()
+
+    thread = threading.Thread(target=edit)
+    thread.start()
+    try:
+        for _ in range(20_000):
+            version = made.version()
+            assert f"position = {version.preset.pluck.position}\n" in version.text
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.mark.parametrize("name", ["tanpura", "fretted-bass", "jawari-harp"])
+def test_many_changes_are_those_one_by_one(name: str) -> None:
+    text = (preset_folder() / f"{name}.toml").read_text(encoding="utf-8")
+    wanted = [
+        ("remarks", "two\nlines"),
+        ("string.0.cents", 3.0),
+        ("body.direct_db", -3.0),
+        ("title", None),
+        ("string.0.gain_db", None),
+        ("string.0.gain_db", 2.0),
+        ("tuning.a4_hz", 442.0),
+        ("title", "New"),
+    ]
+    at_once, _ = changes.apply(text, wanted, "x")
+    for each in wanted:
+        text, _ = changes.apply(text, [each], "x")
+    assert at_once == text

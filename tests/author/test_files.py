@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import unicodedata
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
@@ -100,17 +102,32 @@ def test_export_and_import(serve: Serve, folder: Path) -> None:
     assert answer.text == doc.state["text"]
     assert answer.headers["content-disposition"] == 'attachment; filename="mine.toml"'
     state = server.post("/api/import", filename="C:\\sounds\\Borrowed one.toml", text=answer.text)
-    assert (state["name"], state["file"], state["dirty"]) == ("borrowed-one", None, True)
+    assert (state["name"], state["file"], state["dirty"]) == ("Borrowed one", None, True)
     assert not list(folder.glob("*orrowed*"))
     again = server.post("/api/import", filename="Borrowed one.toml", text=answer.text)
-    assert again["doc"] != state["doc"] and again["name"] == "borrowed-one-2"
+    assert again["doc"] != state["doc"] and again["name"] == "Borrowed one-2"
     assert "name: missing" in server.post("/api/import", 422, filename="x.toml", text="format = 2")["error"]
     assert "not valid TOML" in server.post("/api/import", 422, filename="x.toml", text="<html>")["error"]
 
 
 @pytest.mark.parametrize(
     "name",
-    ["../mine", "..", ".", "", "/etc/passwd", "a/b", "a\\b", ".hidden", "x" * 200, "nul\0", "leading\n", "é", "/tmp/x.toml"],
+    [
+        "../mine",
+        "..",
+        ".",
+        "",
+        "/etc/passwd",
+        "a/b",
+        "a\\b",
+        ".hidden",
+        "x" * 201,
+        "nul\0",
+        "leading\n",
+        "-a",
+        "a?",
+        "/tmp/x.toml",
+    ],
 )
 def test_names_outside_the_folder(serve: Serve, folder: Path, name: str) -> None:
     server = serve()
@@ -133,7 +150,8 @@ def test_links_out_of_the_folder(serve: Serve, folder: Path) -> None:
     (folder / "dangling.toml").symlink_to(folder.parent / "nothing.toml")
     (folder / "within.toml").symlink_to(folder / "mine.toml")
     server = serve()
-    assert "link.toml" not in {row["file"] for row in server.get("/api/session")["presets"]}
+    rows = {row["file"]: row["reason"] for row in server.get("/api/session")["presets"]}
+    assert "leads out" in rows["link.toml"] and rows["mine.toml"] is None
     doc = server.open("mine.toml")
     for name in ("link.toml", "dangling.toml"):
         assert "leads out" in server.post("/api/open", 400, preset=name)["error"]
@@ -245,7 +263,7 @@ def test_an_imported_preset_survives_a_crash(serve: Serve, folder: Path) -> None
     server.end(signal.SIGKILL)
     server = serve()
     row = next(row for row in server.get("/api/session")["presets"] if row["unsaved"])
-    doc = server.open(row["name"])
+    doc = Doc(server, server.post("/api/open", unsaved=row["name"])["doc"])
     assert doc.state["text"] == text and doc.state["dirty"]
     assert "recovered" in doc.state["notices"][0]
     doc.do("save-as", name="new")
@@ -276,7 +294,7 @@ def test_a_newer_format_is_refused(serve: Serve, folder: Path) -> None:
         (["nowhere.toml"], "nowhere.toml does not exist"),
         (["sitar"], "no such preset"),
         (["--folder", "nowhere"], "there is no such directory"),
-        (["broken.toml"], "not valid TOML"),
+        (["broken.toml"], "/broken.toml: not valid TOML"),
         (["--port", "70000"], "from 0 to 65535"),
         (["--rate", "12345"], "must be one of"),
     ],
@@ -292,3 +310,125 @@ def test_a_port_that_is_taken(serve: Serve, folder: Path) -> None:
     port = serve().port
     with pytest.raises(RuntimeError, match=f"exit code 2: synth: error: --port {port}: .*in use"):
         Server(folder, "--port", str(port))
+
+
+def test_two_on_one_folder(serve: Serve, folder: Path) -> None:
+    server = serve()
+    doc = server.open("mine.toml")
+    doc.set("title", "Of the first")
+    autosave = folder / ".mine.toml.autosave"
+    until(autosave.is_file)
+    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: .*another `synth author` works in this folder"):
+        Server(folder, "mine.toml")
+    assert autosave.is_file() and doc.state["dirty"]
+    server.end(signal.SIGKILL)  # and then it is free
+    assert serve().open("mine.toml").state["recovered"]
+
+
+def test_an_imported_preset_of_a_name_that_the_program_has(serve: Serve, folder: Path) -> None:
+    server = serve()
+    text = server.post("/api/import", filename="tanpura.toml", text=TANPURA.replace("jiva_um = 3.0", "jiva_um = 8.0"))[
+        "text"
+    ]
+    until(lambda: list(folder.glob(".*.toml.autosave")))
+    server.end(signal.SIGKILL)
+    server = serve()
+    row = server.get("/api/session")["presets"][0]
+    assert row["unsaved"] and row["name"] == "tanpura" and row["when"]
+    state = server.post("/api/open", unsaved="tanpura")
+    assert state["text"] == text and state["dirty"] and not state["embedded"]
+    assert server.post("/api/open", unsaved="tanpura")["doc"] == state["doc"]
+    assert server.open("tanpura").state["data"]["obstacle"]["jiva_um"] == 3.0
+    assert "left unsaved" in server.post("/api/open", 404, unsaved="sitar")["error"]
+
+
+def test_what_was_imported_can_be_thrown_away(serve: Serve, folder: Path) -> None:
+    server = serve()
+    doc = Doc(server, server.post("/api/import", filename="new.toml", text=TANPURA)["doc"])
+    until(lambda: autosaves(folder))
+    with doc.connect() as page:
+        doc.do("discard")
+        assert page.until("moved")["doc"] is None
+    assert autosaves(folder) == []
+    server.get(doc.path, 404)
+    assert not any(row["unsaved"] for row in server.get("/api/session")["presets"])
+    for name in ("mine.toml", "tanpura"):
+        assert server.open(name).do("discard", 409)["reason"] == "has-file"
+
+
+def test_saving_over_a_preset_keeps_what_a_crash_left_of_it(serve: Serve, folder: Path) -> None:
+    lost = edited_and_killed(serve, "mine.toml")
+    doc = serve().open("tanpura")
+    state = doc.do("save-as", name="mine", overwrite=True)
+    assert state["recovered"]["text"] == lost and not state["dirty"]
+    assert doc.do("recover", take=True)["text"] == lost
+
+
+def test_tabs_of_a_preset_that_is_written_over_are_led_on(serve: Serve, folder: Path) -> None:
+    server = serve()
+    other, doc = server.open("mine.toml"), server.open("tanpura")
+    with other.connect() as page:
+        doc.do("save-as", name="mine", overwrite=True)
+        assert page.until("moved")["doc"] == doc.key
+    assert other.state["doc"] == doc.key
+    with other.connect() as page:
+        assert page.until("state")["state"]["doc"] == doc.key
+
+
+def test_one_autosave_that_cannot_be_written(serve: Serve, folder: Path) -> None:
+    server = serve()
+    stuck, doc = server.open("mine.toml"), server.open("tanpura")
+    (folder / ".mine.toml.autosave").mkdir()
+    with stuck.connect() as page:
+        stuck.set("title", "Lost?")
+        doc.set("title", "Kept")
+        said = page.until("state", lambda message: message["state"]["autosave_problem"])
+        assert ".mine.toml.autosave: Is a directory" in said["state"]["autosave_problem"]
+        until(lambda: any("Kept" in path.read_text() for path in folder.glob(".emb*.autosave")))
+        (folder / ".mine.toml.autosave").rmdir()
+        page.until("state", lambda message: message["state"]["autosave_problem"] is None)
+    assert "Lost?" in (folder / ".mine.toml.autosave").read_text()
+
+
+def test_names_in_any_script(serve: Serve, folder: Path) -> None:
+    server = serve()
+    doc = server.open("tanpura")
+    state = doc.do("save-as", name=unicodedata.normalize("NFD", "Tānpūrā"))
+    assert state["file"] == "Tānpūrā.toml" and state["data"]["name"] == "tanpura"
+    assert server.open("Tānpūrā.toml").key == doc.key
+    name = quote("Tānpūrā.toml")
+    assert name in server.client.get(f"{doc.path}/export").headers["content-disposition"]
+    assert doc.do("save-as", name="तानपूरा")["file"] == "तानपूरा.toml"
+    assert server.post("/api/import", filename="वीणा (2)?.toml", text=TANPURA)["name"] == "वीणा -2"
+    for odd in ("t (1).toml", unicodedata.normalize("NFD", "é.toml")):
+        (folder / odd).write_text(TANPURA)
+        assert server.open(odd).state["file"] == odd  # what is there already can be read
+    (folder / os.fsdecode(b"\xff.toml")).write_text(TANPURA)
+    rows = {row["file"]: row["reason"] for row in server.get("/api/session")["presets"]}
+    assert rows["t (1).toml"] is None and "is no name" in rows["\ufffd.toml"]
+
+
+def test_links_to_what_is_no_preset(serve: Serve, folder: Path) -> None:
+    (folder / ".secret").write_text(TANPURA)
+    (folder / "link.toml").symlink_to(folder / ".secret")
+    (folder / ".mine.toml.autosave").symlink_to(folder / ".secret")
+    (folder / ".unsaved~x.toml.autosave").symlink_to(folder / ".secret")
+    server = serve()
+    assert "no preset's file" in server.post("/api/open", 400, preset="link.toml")["error"]
+    assert not any(row["unsaved"] for row in server.get("/api/session")["presets"])
+    doc = server.open("mine.toml")
+    assert doc.state["recovered"] is None
+    doc.set("title", "Mine")
+    until(lambda: not (folder / ".mine.toml.autosave").is_symlink())
+    assert (folder / ".secret").read_text() == TANPURA
+
+
+def test_what_a_write_that_was_cut_short_leaves(serve: Serve, folder: Path) -> None:
+    parts = [folder / f".{name}.abcd_123.part" for name in ("mine.toml", "mine.toml.autosave")]
+    young, foreign = folder / ".mine.toml.abcd_124.part", folder / ".other.abcd_123.part"
+    for path in (*parts, young, foreign):
+        path.write_text("half")
+    for path in (*parts, foreign):
+        os.utime(path, (1e9, 1e9))
+    serve()
+    assert autosaves(folder) == sorted([young.name, foreign.name])

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
+
+from synth.author.app import NO_DOCUMENT
 
 from .serverkit import Server
 
@@ -50,11 +52,23 @@ def test_the_token_in_the_address_opens_the_page_only(bare: httpx.Client, server
     answer = bare.get("/", params={"token": server.token})
     assert answer.status_code == 200
     cookie = answer.headers["set-cookie"]
-    assert cookie.startswith(f"jawari-{server.port}={server.token};")
+    assert cookie.startswith(f"jawari-{server.port}=") and server.token not in cookie
     assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
-    # from now on the cookie does
-    assert bare.get("/").status_code == 200
-    assert bare.get("/api/session").status_code == 200
+    # from now on the cookie does, in a browser
+    for word in ({"Sec-Fetch-Site": "same-origin"}, {"Sec-Fetch-Site": "none"}, {"Origin": str(bare.base_url).rstrip("/")}):
+        assert bare.get("/", headers=word).status_code == 200
+        assert bare.get("/api/session", headers=word).status_code == 200
+    assert refused(bare.get("/api/session"), "browser's word")
+    assert refused(bare.get("/api/session", headers={"Sec-Fetch-Site": "cross-site"}), "other pages")
+    # the two secrets do not stand for each other
+    secret = cookie.split("=", 1)[1].split(";")[0]
+    bare.cookies.clear()
+    own = {"Sec-Fetch-Site": "same-origin"}
+    assert refused(bare.get("/", params={"token": secret}, headers=own), "wrong token")
+    assert refused(bare.get("/api/session", headers={**own, "Authorization": f"Bearer {secret}"}), "wrong token")
+    assert refused(
+        bare.get("/api/session", headers={**own, "Cookie": f"jawari-{server.port}={server.token}"}), "wrong token"
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,6 +133,14 @@ def test_a_websocket_needs_them_too(server: Server) -> None:
     assert refusal.value.response.status_code == 403
     with doc.connect() as page:
         assert page.until("state")["state"]["doc"] == doc.key
+
+
+def test_a_websocket_of_a_document_that_is_gone(server: Server) -> None:
+    """The page is told so in a way that a browser passes on."""
+    url = f"ws://127.0.0.1:{server.port}/ws/nothing"
+    with connect(url, additional_headers=server.headers, proxy=None) as page, pytest.raises(ConnectionClosed) as end:
+        page.recv(timeout=60)
+    assert end.value.rcvd is not None and end.value.rcvd.code == NO_DOCUMENT == 4404
 
 
 def test_what_every_answer_says(server: Server, bare: httpx.Client) -> None:

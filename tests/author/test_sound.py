@@ -5,22 +5,28 @@ from __future__ import annotations
 import io
 import json
 import os
+import queue
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import soundfile
 
 from synth import Engine, load_preset
+from synth.author import voice
+from synth.author.document import Document
 from synth.author.phrases import NAMES, phrase
+from synth.author.sound import Player
 from synth.author.views.place import playable
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
-from synth.preset import Preset
+from synth.preset import Preset, preset_folder
 
-from .serverkit import ROOT, Doc, Page, Server
+from .serverkit import PATIENCE_S, ROOT, Doc, Page, Server
 
 RATE_HZ = 44100
 
@@ -124,6 +130,104 @@ def test_saved_and_current(server: Server) -> None:
     doc.do("revert")
 
 
+def test_keys_of_the_saved_version(server: Server) -> None:
+    doc = server.open("tanpura")
+    doc.set("pluck.position", 0.31)
+    note = make_events([(0, NOTE_ON, 0, 48, 100)])
+    saved = load_preset("tanpura")
+    versions = {
+        which: offline(preset, note, 2048)
+        for which, preset in (("saved", saved), ("current", saved.with_setting("pluck.position", "0.31")))
+    }
+    assert not np.array_equal(versions["saved"], versions["current"])
+    with doc.connect() as page:
+        for which, expected in versions.items():
+            page.send("note_on", key=48, velocity=100, which=which)
+            assert np.array_equal(listen(page, 2048), expected)
+            page.send("stop")
+            page.until("stopped")
+    doc.do("revert")
+
+
+def test_streams_have_numbers_of_their_own(server: Server) -> None:
+    """Whatever connection they come by: what a page knows of one says nothing of another."""
+    doc = server.open("tanpura")
+    numbers = []
+    for _ in range(2):
+        with doc.connect() as page:
+            page.send("note_on", key=48, velocity=100)
+            numbers.append(page.until("audio")["stream"])
+            page.send("stop")
+            page.until("stopped")
+    assert numbers[1] > numbers[0]
+
+
+class Listener:
+    """A player of a preset of the program, in this process; `sent` is what it sends."""
+
+    def __init__(self, folder: Path) -> None:
+        self.sent: queue.SimpleQueue[dict[str, Any] | bytes] = queue.SimpleQueue()
+        text = (preset_folder() / "jawari-harp.toml").read_text(encoding="utf-8")
+        document = Document("jawari-harp", text, folder / "autosave", embedded=True)
+        self.player = Player(document, self.sent.put, rate_hz=RATE_HZ, quality="draft")
+
+    def next(self, kind: str) -> Any:
+        """The next message of a type; of blocks of sound: the next that is not silence."""
+        while True:
+            message = self.sent.get(timeout=PATIENCE_S)
+            if isinstance(message, dict):
+                if message["type"] == kind:
+                    return message
+            elif kind == "sound" and np.frombuffer(message[8:], "<f4").any():
+                return np.frombuffer(message[8:], "<f4").reshape(-1, 2)
+
+
+@pytest.fixture
+def listener(tmp_path: Path) -> Iterator[Listener]:
+    made = Listener(tmp_path)
+    yield made
+    made.player.close()
+
+
+def test_what_nobody_foresaw_does_not_silence_it_for_ever(
+    listener: Listener, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(Voice, "next", lambda _: 1 / 0)
+        listener.player.ask({"type": "note_on", "key": 60, "velocity": 100})
+        assert "the sound has failed (ZeroDivisionError)" in listener.next("error")["message"]
+        listener.next("stopped")
+    assert "ZeroDivisionError" in caplog.text
+    listener.player.ask({"type": "note_on", "key": 60, "velocity": 100})
+    assert len(listener.next("sound")) == BLOCK
+
+
+def test_playing_goes_on_while_there_are_events(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What sounds on without any fades; nothing is cut off."""
+    longest_s = 0.5
+    monkeypatch.setattr(voice, "LONGEST_S", longest_s)
+    player = listener.player
+    player.ask({"type": "note_on", "key": 60, "velocity": 100})
+    stream, heard = listener.next("audio")["stream"], []
+    for _ in range(round(4 * longest_s * RATE_HZ / BLOCK)):
+        player.ask({"type": "bend", "value": 0})
+        heard.append(listener.next("sound"))
+    end = listener.next("stopped")
+    assert end["stream"] == stream and end["frame"] > (len(heard) + 0.9 * longest_s * RATE_HZ / BLOCK) * BLOCK
+
+
+def test_what_sounds_too_long_fades(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(voice, "LONGEST_S", 0.2)
+    listener.player.ask({"type": "note_on", "key": 60, "velocity": 100})
+    listener.next("audio")
+    blocks = []
+    while not isinstance(message := listener.sent.get(timeout=PATIENCE_S), dict) or message["type"] != "stopped":
+        if isinstance(message, bytes):
+            blocks.append(np.frombuffer(message[8:], "<f4").reshape(-1, 2))
+    assert np.abs(blocks[-2]).max() > 0.01
+    assert np.abs(blocks[-1][:64]).max() > 0.001 and np.abs(blocks[-1][-1]).max() == 0.0
+
+
 def test_a_phrase_again_begins_from_silence(server: Server) -> None:
     doc = server.open("tanpura")
     expected = wav(doc, phrase="note", note=48, velocity=100, seconds=0.3)
@@ -193,6 +297,10 @@ def test_only_the_last_that_played_sounds(server: Server) -> None:
         ({"type": "note_on", "key": 48}, "velocity: "),
         ({"type": "note_on", "key": None, "velocity": 3}, "key: "),
         ({"type": "note_on", "key": True, "velocity": 3}, "key: "),
+        ({"type": "note_on", "key": 48, "velocity": 3, "which": "other"}, "current or saved"),
+        ({"type": "note_on", "key": float("inf"), "velocity": 3}, "key: must be a whole number from 0 to 127, got inf"),
+        ({"type": "note_on", "key": float("nan"), "velocity": 3}, "key: must be a whole number from 0 to 127, got nan"),
+        ({"type": "note_on", "key": 10**400, "velocity": 3}, "key: must be a whole number from 0 to 127, got 1000"),
         ({"type": "bend", "value": 9000}, "value: must be a whole number from -8192 to 8191"),
         ({"type": "output", "id": "radio"}, "id: must be browser or server"),
         ({"type": "dance"}, "there is no message 'dance'"),
@@ -241,10 +349,10 @@ def test_phrases_can_be_played_everywhere(name: str, kind: str) -> None:
 
 def test_a_voice_ends_when_it_is_silent() -> None:
     preset = load_preset("jawari-harp")
-    voice = Voice(prepared_engine(preset, {60}, RATE_HZ, "draft"), phrase("note", preset, 60, 100, RATE_HZ))
+    one = Voice(prepared_engine(preset, {60}, RATE_HZ, "draft"), phrase("note", preset, 60, 100, RATE_HZ))
     blocks = []
-    while not voice.ended:
-        blocks.append(voice.next().copy())
+    while not one.ended:
+        blocks.append(one.next().copy())
     heard = np.concatenate(blocks)
     assert 2.0 < len(heard) / RATE_HZ < 20.0
     assert np.abs(heard[-BLOCK:]).max() < 1e-5

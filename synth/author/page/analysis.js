@@ -11,6 +11,11 @@ const WAIT_MS = 200;
 const LENGTHS = [0.5, 1, 3, 6, 10];
 const RANGES_DB = [50, 70, 90];
 const CLOSER_S = 0.1;
+/** Contacts are shown until the last one and this much longer. */
+const AFTER = 1.15;
+const SHORTEST_S = 0.02;
+/** A decay of which less than 10 dB is heard is not sure. */
+const SURE_LENGTHS = 6;
 // one time axis below the other
 const WIDE = { left: 58 };
 const DIFFERENCE_DB = 30;
@@ -20,7 +25,7 @@ export function mount(element, { store, api }) {
   let log = true;
   let rangeDb = 70;
   let compare = false;
-  let closer = false;
+  let stretch = "touched";
   let shown = null;
   let other = null;
   let timer = 0;
@@ -64,20 +69,29 @@ export function mount(element, { store, api }) {
   const cents = new Figure("Partials against number", { height: 180 });
   const decay = new Figure("Decay of partials against frequency", { height: 180 });
   const contacts = new Figure("Contacts", { height: 160, margins: WIDE });
-  const closerBox = h("input", { type: "checkbox", onchange: () => ((closer = closerBox.checked), draw()) });
-  contacts.tools.append(h("label", { class: "check" }, closerBox, `first ${seconds(CLOSER_S)}`));
+  const stretches = h(
+    "select",
+    { "aria-label": "Stretch of time shown", onchange: () => ((stretch = stretches.value), draw()) },
+    h("option", { value: "touched" }, "to the last contact"),
+    h("option", { value: "closer" }, `first ${seconds(CLOSER_S)}`),
+    h("option", { value: "whole" }, "whole note"),
+  );
+  contacts.tools.append(stretches);
   for (const figure of [cents, decay]) {
     figure.tools.append(h("i", { class: "key-dot" }), " measured", h("i", { class: "key-line" }), " model");
   }
+  const doubt = h("span", { hidden: true, title: "Less than 10 dB of its decay is heard in this length" }, "○ not sure");
+  decay.tools.append(doubt);
   const table = h("div", { class: "partials", tabindex: 0, role: "region", "aria-label": "Table of partials" });
   const cost = h("dl", { class: "tiles" });
+  const verdict = h("p", { class: "verdict" });
   const promise = h("p", { class: "muted promise" });
   const reference = h("div", { class: "reference" });
   element.append(
     head,
     h("div", { class: "plots" }, wave.element, spectrum.element, contacts.element, cents.element, decay.element),
     h("details", { class: "fold" }, h("summary", {}, "Table of partials"), table),
-    h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), cost, promise, reference),
+    h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), verdict, cost, promise, reference),
   );
   for (const figure of [wave, spectrum, contacts]) figure.element.classList.add("wide");
   for (const figure of [wave, spectrum, cents, decay, contacts]) figure.show((pen, box) => empty(pen, box, "…"));
@@ -95,24 +109,28 @@ export function mount(element, { store, api }) {
     if (!doc || !doc.notes.includes(note)) return;
     const mine = (request = new AbortController());
     const chosen = { note, velocity, which };
-    status.textContent = "computing…";
+    status.textContent = store.state.kernels === "loading" ? "waits for the string engine…" : "computing…";
     element.setAttribute("aria-busy", "true");
     const get = (view, query) => store.view(view, query, { signal: mine.signal });
     const opposite = which === "current" ? "saved" : "current";
+    let missing = "";
     try {
       const whole = { ...chosen, seconds: lengthS };
       const [analysis, second] = await Promise.all([
         get("analysis", whole),
         compare
-          ? get("analysis", { ...whole, which: opposite }).catch((error) =>
-              error.name === "AbortError" ? Promise.reject(error) : null,
-            )
+          ? get("analysis", { ...whole, which: opposite }).catch((error) => {
+              if (error.name === "AbortError") throw error;
+              const version = opposite === "saved" ? "saved" : "edited";
+              missing = `no comparison with the ${version} version: ${error.message}`;
+              return null;
+            })
           : null,
       ]);
       shown = analysis;
       other = second;
       caption.textContent = `${noteName(note)}, velocity ${velocity}${which === "saved" ? ", as saved" : ""}`;
-      status.textContent = "";
+      status.textContent = missing;
       draw();
       element.dispatchEvent(new CustomEvent("drawn", { detail: { revision: doc.revision, note } }));
       facts(await get("cost", chosen));
@@ -138,20 +156,28 @@ export function mount(element, { store, api }) {
       describeFormant(shown.formant),
     );
     cents.show(deviations(partials, other?.partials), `Deviation of ${partials.length} partials from the model, in cents`);
-    decay.show(decays(partials, other?.partials), `Decay times of ${partials.length} partials, measured and of the model`);
-    const { points } = shown.timeline;
-    contacts.setHeight(Math.max(74, 40 + Math.min(20, points.length) * (points.length > 8 ? 10 : 18)));
+    const longest_s = SURE_LENGTHS * lengthS;
+    doubt.hidden = !partials.some((p) => p.measured_t60_s > longest_s);
+    decay.show(decays(partials, other?.partials, longest_s), `Decay times of ${partials.length} partials, measured and of the model`);
+    const { points, bin_s } = shown.timeline;
+    contacts.setHeight(Math.max(116, 40 + Math.min(20, points.length) * (points.length > 8 ? 10 : 18)));
+    const end_s = stretchShown(points);
+    // single contacts where each is known or they are few enough
+    const single = end_s <= CLOSER_S || shown.contacts.length === points.reduce((sum, p) => sum + p.contacts, 0);
     contacts.show(
       points.length
-        ? contactTimeline(
-            points,
-            closer ? touches(shown) : bins(shown.timeline),
-            closer ? Math.min(CLOSER_S, lengthS) : lengthS,
-          )
+        ? contactTimeline(points, single ? touches(shown) : bins(shown.timeline), end_s, single ? 0 : bin_s)
         : (pen, box) => empty(pen, box, "The string touches nothing"),
       points.map((p) => `${p.label}: ${p.contacts} contacts, up to ${number(p.peak_n, 3)} N`).join("; ") || "No contacts",
     );
     table.replaceChildren(partialsTable(partials));
+  }
+
+  /** How much of the note the contacts are shown for, in s. */
+  function stretchShown(points) {
+    const last_s = Math.max(0, ...points.map((p) => p.last_s));
+    const until = { whole: lengthS, closer: CLOSER_S, touched: Math.max(SHORTEST_S, AFTER * last_s) };
+    return Math.min(lengthS, until[stretch]);
   }
 
   function describeFormant(formant) {
@@ -225,11 +251,26 @@ export function mount(element, { store, api }) {
         h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, ` ${more}`) : null)),
       ),
     );
+    verdict.textContent = `${speedInWords(found)} ${errorInWords(error)}`;
     promise.textContent = `${found.quality}: ${found.reason}`;
   }
 
-  store.on(["doc", "note", "velocity", "which"], ask);
+  store.on(["doc", "note", "velocity", "which", "kernels"], ask);
   store.on(["theme"], () => recolour());
+}
+
+function speedInWords({ load, polyphony }) {
+  const all = polyphony === 1 ? "its string" : `all ${polyphony} strings at once`;
+  if (load < 0.5) return `Plays live with room to spare: ${all} take ${number(100 * load, 2)} % of a core.`;
+  if (load < 1) return `Plays live, but close to the limit of a core with ${all}.`;
+  return `Too heavy for one core with ${all}: it takes more, fewer strings, or a coarser quality.`;
+}
+
+function errorInWords({ e, log_spectral_db }) {
+  if (log_spectral_db !== null && log_spectral_db < 1) return "Its spectrum is within 1 dB of a converged calculation's.";
+  if (e !== null && e < 0.01) return "The motion is that of a converged calculation to within 1 %.";
+  if (e !== null && e < 0.1) return "The motion is that of a converged calculation to within 10 %.";
+  return "It differs from a converged calculation; what is promised stands below.";
 }
 
 /** Stretches of time in which points were touched, with the largest force of each. */

@@ -3,10 +3,11 @@
 //   const api = createApi();
 //   await api.get("/api/session");                  // JSON; throws ApiError {status, message, errors, reason}
 //   await api.post("/api/open", {preset: "tanpura"});
-//   api.socket.connect(doc);                        // /ws/DOC, reconnects by itself until connect(null)
+//   api.socket.connect(doc);                        // /ws/DOC, reconnects by itself until connect(null) or "gone"
 //   api.socket.on("state", (message) => ...);       // JSON messages by their type; returns a function that ends it
 //   api.socket.on("binary", (arrayBuffer) => ...);  // binary frames as they are
 //   api.socket.on("open" | "closed", () => ...);    // the connection itself
+//   api.socket.on("gone", () => ...);               // a server answers that does not know this page or its document
 //   api.socket.send({type: "note_on", key: 48, velocity: 90});  // false where there is no connection
 
 /** A request that the server refused, or that did not reach it (status 0). */
@@ -19,6 +20,10 @@ export class ApiError extends Error {
     this.reason = body.reason ?? null;
   }
 }
+
+// The server closes a connection with this where the document belongs to an earlier run (NO_DOCUMENT in app.py).
+const NO_DOCUMENT = 4404;
+const [FIRST_PAUSE_MS, LONGEST_PAUSE_MS] = [250, 30000];
 
 export function createApi() {
   async function request(method, path, { body, signal } = {}) {
@@ -62,7 +67,7 @@ function createSocket() {
   let doc = null;
   let socket = null;
   let timer = 0;
-  let pause = 250;
+  let pause = FIRST_PAUSE_MS;
 
   function emit(type, message) {
     for (const listener of listeners.get(type) ?? []) listener(message);
@@ -70,6 +75,7 @@ function createSocket() {
 
   function dial() {
     clearTimeout(timer);
+    timer = 0;
     if (doc === null) return;
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const mine = new WebSocket(`${scheme}://${location.host}/ws/${encodeURIComponent(doc)}`);
@@ -77,7 +83,7 @@ function createSocket() {
     socket = mine;
     mine.addEventListener("open", () => {
       if (mine !== socket) return;
-      pause = 250;
+      pause = FIRST_PAUSE_MS;
       emit("open");
     });
     mine.addEventListener("message", ({ data }) => {
@@ -89,14 +95,39 @@ function createSocket() {
         emit("binary", data);
       }
     });
-    mine.addEventListener("close", () => {
+    mine.addEventListener("close", ({ code }) => {
       if (mine !== socket) return;
       socket = null;
       emit("closed");
-      timer = setTimeout(dial, pause);
-      pause = Math.min(2 * pause, 4000);
+      if (code === NO_DOCUMENT) emit("gone");
+      else wait();
     });
   }
+
+  function wait() {
+    clearTimeout(timer);
+    timer = setTimeout(redial, pause);
+    pause = Math.min(2 * pause, LONGEST_PAUSE_MS);
+  }
+
+  /** Connect again, if there is a server that still has the document: a WebSocket does not say why it is refused. */
+  async function redial() {
+    timer = 0;
+    const wanted = doc;
+    if (wanted === null || socket !== null) return;
+    const answer = await fetch(`/api/docs/${encodeURIComponent(wanted)}`).catch(() => null);
+    if (wanted !== doc || socket !== null || timer) return;
+    if (answer?.ok) dial();
+    else if (answer?.status === 403 || answer?.status === 404) emit("gone");
+    else wait();
+  }
+
+  // whoever comes back to the tab does not wait
+  window.addEventListener("focus", () => {
+    if (!timer) return;
+    clearTimeout(timer);
+    redial();
+  });
 
   return {
     connect(wanted) {
@@ -105,6 +136,7 @@ function createSocket() {
       const old = socket;
       socket = null;
       old?.close();
+      pause = FIRST_PAUSE_MS;
       dial();
     },
     on(type, listener) {

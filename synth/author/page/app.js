@@ -10,6 +10,7 @@ import { mount as mountInstrument } from "./instrument.js";
 import { mount as mountKeyboard } from "./keyboard.js";
 import { mount as mountNotices } from "./notices.js";
 import { mount as mountPlayer } from "./player.js";
+import { mount as mountSections } from "./sections.js";
 import { mount as mountStart } from "./start.js";
 import { createStore } from "./store.js";
 import { mount as mountTip } from "./tip.js";
@@ -27,9 +28,15 @@ mountFiles(at("files"), parts);
 mountInstrument(at("instrument"), parts);
 mountControls(at("controls"), parts);
 mountAnalysis(at("analysis"), parts);
+mountSections(at("sections"), at("work"));
 mountPlayer(at("player"), parts);
 mountKeyboard(at("keyboard"), parts);
 mountFit(at("fit"), parts);
+
+// notices stand above the dock, whatever it shows
+new ResizeObserver(() => {
+  document.documentElement.style.setProperty("--dock", `${at("dock").offsetHeight}px`);
+}).observe(at("dock"));
 
 store.on(["doc", "session"], ({ doc, session }) => {
   at("start").hidden = doc !== null || session === null;
@@ -37,9 +44,18 @@ store.on(["doc", "session"], ({ doc, session }) => {
   at("dock").hidden = doc === null;
 });
 
+/** The document of an address; none where it is no name. */
+function named(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return "";
+  }
+}
+
 // A reload of the tab goes on with its document; else what the command line named; else the page asks.
 const session = await store.refreshSession();
-const before = decodeURIComponent(location.hash.slice(1));
+const before = named(location.hash.slice(1));
 const known = before !== "" && (await api.get(`/api/docs/${encodeURIComponent(before)}`).catch(() => null)) !== null;
 if (known) await store.resume(before);
 else if (session?.opened) await store.resume(session.opened);

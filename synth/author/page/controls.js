@@ -2,8 +2,9 @@
 
 import { changesFor, listBeside, shownBeside } from "./edits.js";
 import { makeField } from "./field.js";
-import { h, noteName, valueAt } from "./format.js";
+import { h, valueAt } from "./format.js";
 import { latest } from "./latest.js";
+import { stringName } from "./wording.js";
 
 const GROUPS = {
   string: "Strings",
@@ -39,6 +40,9 @@ export function mount(element, { store }) {
   let tab = 0;
   let form = "";
   let resting = 0;
+  let told = {};
+  // the string that was chosen by its tab, and the note that it was chosen at: of two with the same note, it stays
+  let pinned = null;
 
   shuffle.addEventListener("click", () => store.randomise());
   search.addEventListener("input", filter);
@@ -80,6 +84,7 @@ export function mount(element, { store }) {
       return;
     }
     parameters = found;
+    store.setParameters(found);
     byPath = new Map(found.map((parameter) => [parameter.path, parameter]));
     const now = shapeOf(store.data());
     if (now !== shape) {
@@ -160,19 +165,19 @@ export function mount(element, { store }) {
   function makeTabs(parameter, rows) {
     const { path } = parameter;
     const data = store.data();
-    const panel = h("div", { role: "tabpanel", class: "tab-panel", "aria-label": `String ${title(rows[tab], tab)}` });
+    const panel = h("div", { role: "tabpanel", class: "tab-panel", "aria-label": `String ${stringName(rows[tab], tab)}` });
     const tabs = rows.map((row, i) => {
       const button = h(
         "button",
         { type: "button", role: "tab", "aria-selected": String(i === tab), tabindex: i === tab ? 0 : -1, "data-tab": i },
-        title(row, i),
+        stringName(row, i),
       );
-      button.addEventListener("click", () => choose(i));
+      button.addEventListener("click", () => lead(i));
       button.addEventListener("keydown", (event) => {
         const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
         if (step === undefined) return;
         event.preventDefault();
-        choose((i + step + rows.length) % rows.length);
+        lead((i + step + rows.length) % rows.length);
         groups.querySelector(`[data-tab="${tab}"]`).focus();
       });
       return button;
@@ -180,13 +185,22 @@ export function mount(element, { store }) {
     const add = h("button", { type: "button", class: "quiet small", "data-part": "add", "aria-label": "Add a string like the last" }, "+");
     add.addEventListener("click", () => {
       const index = rows.length;
-      store.edit(`${path}.${index}`, parameter.new).then((done) => done && choose(index));
+      store.edit(`${path}.${index}`, parameter.new).then((done) => done && lead(index));
     });
     const away = h("button", { type: "button", class: "quiet small", "data-part": "away" }, "remove this string");
     away.hidden = rows.length < 2;
     away.addEventListener("click", () => store.edit(`${path}.${tab}`, null));
     panel.append(...own(`${path}.${tab}`).map((one) => place(one, data)), h("div", { class: "row-tools" }, away));
     return h("div", { class: "tabs", "data-path": path }, h("div", { class: "tab-list", role: "tablist", "aria-label": "Strings" }, ...tabs, add), panel);
+  }
+
+  /** A string chosen by hand leads the picture and the sound to its own note. */
+  function lead(index) {
+    const { doc, table } = store.state;
+    const notes = store.data().string[index]?.notes;
+    if (index !== table && Array.isArray(notes) && doc.notes.includes(notes[0])) store.setNote(notes[0]);
+    pinned = { index, note: store.state.note };
+    choose(index);
   }
 
   function choose(index) {
@@ -217,12 +231,6 @@ export function mount(element, { store }) {
     return h("div", { class: "table-list", "data-path": path }, head, ...cards);
   }
 
-  function title(row, i) {
-    const low = Array.isArray(row.notes) ? noteName(row.notes[0]) : "";
-    const high = Array.isArray(row.notes) && row.notes[1] !== row.notes[0] ? `–${noteName(row.notes[1])}` : "";
-    return row.name || `${low}${high}` || String(i + 1);
-  }
-
   // ---- values
   function update() {
     const { doc, errors, which } = store.state;
@@ -233,7 +241,7 @@ export function mount(element, { store }) {
     for (const [path, field] of fields) {
       field.update(valueAt(data, path) ?? null, {
         saved: which === "saved" ? (valueAt(data, path) ?? null) : (valueAt(doc.saved, path) ?? null),
-        error: errorOf(path, errors),
+        error: which === "saved" ? undefined : errorOf(path, errors),
       });
     }
     for (const group of groups.children) group.classList.toggle("has-changes", group.querySelector(".control.changed") !== null);
@@ -244,12 +252,13 @@ export function mount(element, { store }) {
     return errors[path] ?? Object.entries(errors).find(([each]) => each.startsWith(`${path}.`))?.[1];
   }
 
-  /** Reasons that no field shows are told as notices. */
+  /** Reasons that have come and that no field shows are told as notices. */
   function tell({ errors }) {
     for (const [path, reason] of Object.entries(errors)) {
       const shown = [...fields.keys()].some((field) => path === field || path.startsWith(`${field}.`));
-      if (!shown) store.notify(`${path}: ${reason}`, "error");
+      if (!shown && told[path] !== reason) store.notify(`${store.labelOf(path)}: ${reason}`, "error");
     }
+    told = errors;
   }
 
   function filter() {
@@ -277,8 +286,12 @@ export function mount(element, { store }) {
     tell(state);
   });
   // the string that plays the note is the one that is shown
-  store.on(["table"], ({ table, doc }) => {
+  store.on(["table"], ({ table, note, doc }) => {
+    if (pinned !== null && pinned.note === note) return;
     if (doc !== null && parameters.length > 0 && table !== tab) choose(table);
     else tab = table;
+  });
+  store.on(["note"], ({ note }) => {
+    if (pinned !== null && pinned.note !== note) pinned = null;
   });
 }

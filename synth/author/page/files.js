@@ -3,14 +3,17 @@
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
 import { h } from "./format.js";
+import { moment, where } from "./presets.js";
 import { dropTarget, menu, sheet } from "./sheets.js";
 
 const LONGEST_PRESET = 1e6;
+/** Most comparisons of lines that are made to show what changed. */
+const MOST_COMPARED = 4e6;
 
 /** What the fields of a name take: the file's name without its ending. */
 export const stem = (file) => file.replace(/\.toml$/i, "");
 
-export function mount(element, { store }) {
+export function mount(element, { store, api }) {
   const doc = () => store.state.doc;
   const ownFile = () => doc()?.file && !doc().embedded;
 
@@ -20,9 +23,10 @@ export function mount(element, { store }) {
     const presets = session?.presets ?? [];
     const choose = async (preset) => {
       dialog.close();
-      await store.open(preset.file ?? preset.name);
+      await store.open(preset);
     };
-    const own = presets.filter((preset) => !preset.embedded);
+    const unsaved = presets.filter((preset) => preset.unsaved);
+    const own = presets.filter((preset) => !preset.embedded && !preset.unsaved);
     const embedded = presets.filter((preset) => preset.embedded);
     const list = (title, some) =>
       some.length === 0
@@ -42,10 +46,11 @@ export function mount(element, { store }) {
                       type: "button",
                       class: "quiet",
                       "data-preset": preset.file ?? preset.name,
+                      disabled: preset.reason !== null,
                       onclick: () => choose(preset),
                     },
                     h("span", {}, preset.title || preset.name),
-                    h("span", { class: "unit" }, preset.file ?? preset.name),
+                    h("span", { class: "unit" }, preset.embedded ? preset.name : where(preset)),
                   ),
                 ),
               ),
@@ -62,7 +67,12 @@ export function mount(element, { store }) {
       : [];
     const dialog = sheet(
       "Open",
-      [...dirty, ...list(session ? session.folder : "", own), ...list("Built in", embedded)],
+      [
+        ...dirty,
+        ...list("Not saved", unsaved),
+        ...list(session ? session.folder : "", own),
+        ...list("Built in", embedded),
+      ],
       [h("button", { type: "button", onclick: () => (dialog.close(), picker.click()) }, "Import a file…")],
     );
   }
@@ -179,7 +189,14 @@ export function mount(element, { store }) {
       );
       return;
     }
-    const result = await store.importText(file.name, await file.text());
+    let text;
+    try {
+      text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
+    } catch {
+      store.notify(`${file.name}: not a text file in UTF-8; save it as one in the program that wrote it`, "error");
+      return;
+    }
+    const result = await store.importText(file.name, text);
     if (result && !result.refused) store.notify(`${file.name} is imported; save it to keep it in the folder`);
   }
   dropTarget((file) => /\.toml$/i.test(file.name), take);
@@ -190,6 +207,44 @@ export function mount(element, { store }) {
     link.click();
     link.remove();
   }
+
+  // ---- throw away what was never saved
+  let leaving = false;
+
+  /** Nothing is open any more: the page begins anew. */
+  function leave() {
+    leaving = true;
+    history.replaceState(null, "", location.pathname);
+    location.reload();
+  }
+
+  function askDiscard() {
+    const { doc: id, name } = doc();
+    const dialog = sheet(
+      "Throw away?",
+      [h("p", {}, `${name} was never saved. Nothing of it is kept.`)],
+      [
+        h(
+          "button",
+          {
+            type: "button",
+            class: "primary",
+            onclick: async () => {
+              dialog.close();
+              try {
+                await api.post(`/api/docs/${encodeURIComponent(id)}/discard`);
+                leave();
+              } catch (error) {
+                store.notify(error.message, "error");
+              }
+            },
+          },
+          "Throw it away",
+        ),
+      ],
+    );
+  }
+  api.socket.on("moved", (message) => message.doc === null && leave());
 
   // ---- buttons
   const none = { disabled: () => doc() === null };
@@ -209,6 +264,7 @@ export function mount(element, { store }) {
         ["Import…", () => picker.click()],
         ["Export", exportFile, none],
         ["Back to saved", () => store.revert(), { disabled: () => !doc()?.dirty }],
+        ["Throw away…", askDiscard, { disabled: () => !doc() || ownFile() || doc().embedded }],
       ],
       { id: "more" },
     ),
@@ -253,6 +309,13 @@ export function mount(element, { store }) {
         ]),
       );
     }
+    if (state?.autosave_problem) {
+      shown.push(
+        banner("warn", `What you change cannot be autosaved: ${state.autosave_problem}. Save it, or export it.`, [
+          act("Save as…", saveAs),
+        ]),
+      );
+    }
     if (state?.disk === "changed") {
       shown.push(
         banner("warn", `${state.file} was changed by another program.`, [
@@ -291,22 +354,29 @@ export function mount(element, { store }) {
   }
 
   window.addEventListener("beforeunload", (event) => {
-    if (doc()?.dirty) event.preventDefault();
+    if (doc()?.dirty && !leaving) event.preventDefault();
   });
-}
-
-/** A time of the server (ISO 8601, or seconds since 1970) for people. */
-function moment(when) {
-  const date = new Date(typeof when === "number" ? 1000 * when : when);
-  if (Number.isNaN(date.getTime())) return String(when);
-  const today = date.toDateString() === new Date().toDateString();
-  return today
-    ? date.toLocaleTimeString([], { timeStyle: "short" })
-    : date.toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
 }
 
 /** What changed between two lists of lines: [[" " | "-" | "+", line]], changed ones with two lines round them. */
 export function difference(before, after) {
+  let same = 0; // at the end
+  const shorter = Math.min(before.length, after.length);
+  while (same < shorter && before.at(-1 - same) === after.at(-1 - same)) same++;
+  let first = 0; // at the beginning
+  while (first < shorter - same && before[first] === after[first]) first++;
+  const equal = (line) => [" ", line];
+  const end = before.slice(before.length - same).map(equal);
+  const rows = before.slice(0, first).map(equal);
+  rows.push(...compared(before.slice(first, before.length - same), after.slice(first, after.length - same)), ...end);
+  const near = (k) => rows.slice(Math.max(0, k - 2), k + 3).some(([sign]) => sign !== " ");
+  return rows.filter((_, k) => near(k));
+}
+
+/** All lines of both, with the longest common part; of very long ones all that is gone, then all that has come. */
+function compared(before, after) {
+  if (before.length * after.length > MOST_COMPARED)
+    return [...before.map((line) => ["-", line]), ...after.map((line) => ["+", line])];
   const table = Array.from({ length: before.length + 1 }, () => new Uint16Array(after.length + 1));
   for (let i = before.length - 1; i >= 0; i--)
     for (let j = after.length - 1; j >= 0; j--)
@@ -320,6 +390,5 @@ export function difference(before, after) {
     } else if (j >= after.length || (i < before.length && table[i + 1][j] >= table[i][j + 1])) rows.push(["-", before[i++]]);
     else rows.push(["+", after[j++]]);
   }
-  const near = (k) => rows.slice(Math.max(0, k - 2), k + 3).some(([sign]) => sign !== " ");
-  return rows.filter((_, k) => near(k));
+  return rows;
 }

@@ -1,8 +1,12 @@
 // The header: name and state of the document, undo and redo, edited or saved version, theme, the fit sheet.
 
+import { stepName } from "./wording.js";
+
+/** Loading kernels that are compiled already takes no longer than this. */
+const LOADING_MS = 5000;
 const THEMES = { auto: "as the system", light: "light", dark: "dark" };
 
-export function mount(page, { store }) {
+export function mount(page, { store, api }) {
   const at = (id) => page.getElementById(id);
   const undo = at("undo");
   const redo = at("redo");
@@ -60,9 +64,12 @@ export function mount(page, { store }) {
     status.classList.toggle("edited", doc?.dirty ?? false);
     undo.disabled = !doc?.can_undo;
     redo.disabled = !doc?.can_redo;
-    undo.title = doc?.undo_label ? `Undo: ${doc.undo_label}` : "Undo";
-    redo.title = doc?.redo_label ? `Redo: ${doc.redo_label}` : "Redo";
     for (const part of page.querySelectorAll(".bar-tools")) part.hidden = doc === null;
+  });
+  store.on(["doc", "parameters"], ({ doc, parameters }) => {
+    const step = (label) => (label ? `: ${stepName(label, parameters, doc.data)}` : "");
+    undo.title = `Undo${step(doc?.undo_label)}`;
+    redo.title = `Redo${step(doc?.redo_label)}`;
   });
   store.on(["which"], ({ which }) => {
     page.documentElement.dataset.which = which;
@@ -78,11 +85,37 @@ export function mount(page, { store }) {
     at("theme-label").textContent = `Colours: ${THEMES[theme]}`;
     at("theme").title = `Colours: ${THEMES[theme]}`;
   });
-  store.on(["connected"], ({ connected }) => {
-    const banner = at("banner");
-    banner.hidden = connected;
-    banner.textContent = connected
+  const banner = at("banner");
+  let patience = 0;
+  let long = false;
+  let gone = false;
+  const tell = ({ connected, kernels }) => {
+    const preparing = connected && kernels === "loading" && long;
+    banner.hidden = connected && !preparing;
+    banner.classList.toggle("calm", preparing);
+    banner.textContent = banner.hidden
       ? ""
-      : "No connection to the program. If it has ended, start it again: everything up to here is autosaved.";
+      : preparing
+        ? "Preparing the string engine for this machine: about a minute, at the first start only. Sound and analysis come then; editing works already."
+        : gone
+          ? "The program was started anew, or this preset was put away in another tab. Go on in the newest tab and close this one."
+          : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
+  };
+  store.on(["connected", "kernels"], tell);
+  for (const [type, value] of Object.entries({ gone: true, open: false })) {
+    api.socket.on(type, () => {
+      gone = value;
+      tell(store.state);
+    });
+  }
+  store.on(["kernels"], ({ kernels }) => {
+    page.documentElement.dataset.kernels = kernels;
+    clearTimeout(patience);
+    long = false;
+    if (kernels !== "loading") return;
+    patience = setTimeout(() => {
+      long = true;
+      tell(store.state);
+    }, LOADING_MS);
   });
 }

@@ -37,13 +37,16 @@ export function mount(element, { store }) {
   let ghost = null;
   let ghostKey = "";
   let hand = false;
+  let played = null;
   const motion = mountMotion(film, { store, panels: { whole, close }, redraw: draw });
   const edits = {
     async edit(changes, key) {
       if ((await store.editMany(changes, key)) !== null) return;
-      const reason = store.state.errors[changes.at(-1).path];
-      // the field may be out of sight
-      if (reason) store.notify(`Not moved. ${reason}`, "error");
+      const { path } = changes.at(-1);
+      const reason = store.state.errors[path];
+      // the field may be out of sight, and it has its value still
+      if (reason) store.notify(`Not moved. ${store.labelOf(path)}: ${reason}`, "error");
+      store.clearError(path);
       if (!hand) draw();
     },
     valueOf: (path) => store.value(path),
@@ -65,6 +68,11 @@ export function mount(element, { store }) {
       reason.textContent = error.message;
       return;
     }
+    const again = played?.doc === doc.doc && played.note === wanted && played.which === which;
+    if (again && played.table !== drawing.table && played.string !== drawing.string) {
+      store.notify(`${noteName(wanted)} is now played by the ${drawing.string} string`);
+    }
+    played = { doc: doc.doc, note: wanted, which, string: drawing.string, table: drawing.table };
     store.setTable(drawing.table);
     draw();
     await askGhost();
@@ -101,7 +109,8 @@ export function mount(element, { store }) {
       closeCaption.textContent = `${drawing.kind === "bridge" ? "The bridge" : "Near the saddle"}, heights × ${number(close.stretch(), 2)}`;
     }
     const string = `${drawing.string} string${drawing.fret ? `, fret ${drawing.fret}` : ""}`;
-    wholeCaption.textContent = `${string}, velocity ${store.state.velocity}, heights × ${number(whole.stretch(), 2)}`;
+    const version = store.state.which === "saved" ? "as saved: " : "";
+    wholeCaption.textContent = `${version}${string}, velocity ${store.state.velocity}, heights × ${number(whole.stretch(), 2)}`;
     motion.draw();
     reason.hidden = drawing.playable;
     reason.textContent = drawing.playable ? "" : `This note cannot sound: ${drawing.reason}`;

@@ -30,12 +30,22 @@ const LETTERS = [..."awsedftgyhujkolp;'"];
 const BLACK = new Set([1, 3, 6, 8, 10]);
 const VELOCITY_STEP = 12;
 const LAYOUT = "jawari-keyboard";
+const FOLDED = "jawari-keyboard-folded";
+// What stands for octaves that are left out, in white keys.
+const GAP = 0.6;
 
-/** The whole octaves round the notes, at least two: [first C, last B]. */
+/** The octaves that have notes, at least two, as runs of adjacent ones: [[first C, last B], …]. */
 export function compass(notes) {
-  const low = 12 * Math.floor(Math.min(...notes) / 12);
-  const high = 12 * Math.floor(Math.max(...notes) / 12) + 11;
-  return high - low >= 23 ? [low, high] : [Math.max(0, low - (low >= 12 ? 12 : 0)), Math.max(high, low + 11)];
+  const octaves = [...new Set(notes.map((note) => Math.floor(note / 12)))].sort((a, b) => a - b);
+  if (octaves.length === 1) octaves.unshift(octaves[0] - 1);
+  if (octaves[0] < 0) octaves.push(octaves.shift() + 2);
+  const runs = [];
+  for (const octave of octaves) {
+    const [first, last] = [12 * octave, 12 * octave + 11];
+    if (runs.at(-1)?.[1] === first - 1) runs.at(-1)[1] = last;
+    else runs.push([first, last]);
+  }
+  return runs;
 }
 
 /** Rows of a neck, the highest string first: [{name, open, frets}]; null where the strings are not few. */
@@ -58,13 +68,18 @@ export function mount(element, { store, api }) {
   let shape = "";
 
   // ---- playing
-  const playable = (key) => store.state.doc?.notes.includes(key) ?? false;
+  /** The notes of the version that is shown. */
+  const notesShown = () => {
+    const { doc, which } = store.state;
+    return (which === "saved" ? doc?.saved_notes : doc?.notes) ?? [];
+  };
+  const playable = (key) => notesShown().includes(key);
   const keysOf = (key) => element.querySelectorAll(`[data-key="${key}"]`);
 
   function press(key, velocity = store.state.velocity) {
     if (!playable(key)) return false;
     held.set(key, (held.get(key) ?? 0) + 1);
-    api.socket.send({ type: "note_on", key, velocity });
+    api.socket.send({ type: "note_on", key, velocity, which: store.state.which });
     for (const one of keysOf(key)) one.classList.add("down");
     return true;
   }
@@ -128,6 +143,14 @@ export function mount(element, { store, api }) {
   const layouts = h("span", { class: "segments", role: "group", "aria-label": "Layout" });
   const midiButton = h("button", { type: "button", class: "quiet", onclick: startMidi }, "MIDI");
   const midiText = h("span", { class: "unit midi-text", role: "status" });
+  const fold = h("button", {
+    type: "button",
+    class: "quiet key-fold",
+    onclick: () => {
+      localStorage.setItem(FOLDED, keys.hidden ? "no" : "yes");
+      unfold(keys.hidden);
+    },
+  });
   const hint = h("span", { class: "unit key-hint" });
   element.append(
     h(
@@ -140,9 +163,19 @@ export function mount(element, { store, api }) {
       midiButton,
       midiText,
       hint,
+      fold,
     ),
     keys,
   );
+
+  /** Show the keys, or leave their room to the pictures; computer keys and MIDI play all the same. */
+  function unfold(shown) {
+    keys.hidden = !shown;
+    fold.textContent = shown ? "Hide keys" : "Show keys";
+    fold.setAttribute("aria-expanded", String(shown));
+    if (shown && store.state.doc) show(store.state.note);
+  }
+  unfold(localStorage.getItem(FOLDED) !== "yes");
 
   function startMidi() {
     connectMidi(midi, (text, inputs) => {
@@ -155,12 +188,27 @@ export function mount(element, { store, api }) {
 
   // ---- keys
   function piano(notes) {
-    const [low, high] = compass(notes);
-    const whites = [];
-    for (let key = low; key <= high; key++) if (!BLACK.has(key % 12)) whites.push(key);
+    const runs = compass(notes);
+    const whites = runs.reduce((sum, [low, high]) => sum + (7 * (high + 1 - low)) / 12, GAP * (runs.length - 1));
     const bed = h("div", { class: "piano" });
-    bed.style.setProperty("--whites", whites.length);
+    bed.style.setProperty("--whites", whites);
     let place = 0;
+    for (const [i, [low, high]] of runs.entries()) {
+      if (i > 0) {
+        const title = `${noteName(runs[i - 1][1] + 1)} to ${noteName(low - 1)}: no string plays them`;
+        const gap = h("div", { class: "key-gap", title }, "…");
+        gap.style.left = `${(100 * place) / whites}%`;
+        gap.style.width = `${(100 * GAP) / whites}%`;
+        bed.append(gap);
+        place += GAP;
+      }
+      place = octaves(bed, low, high, place, whites);
+    }
+    return bed;
+  }
+
+  /** Keys from low to high, beginning `place` white keys from the left of `whites`; where they end. */
+  function octaves(bed, low, high, place, whites) {
     for (let key = low; key <= high; key++) {
       const black = BLACK.has(key % 12);
       const label = key % 12 === 0 ? h("span", { class: "key-name" }, noteName(key)) : null;
@@ -170,11 +218,11 @@ export function mount(element, { store, api }) {
         h("span", { class: "key-letter" }),
         label,
       );
-      one.style.left = `${(100 * (place - (black ? 0.31 : 0))) / whites.length}%`;
+      one.style.left = `${(100 * (place - (black ? 0.31 : 0))) / whites}%`;
       bed.append(one);
       if (!black) place += 1;
     }
-    return bed;
+    return place;
   }
 
   function fretboard(rows) {
@@ -207,11 +255,11 @@ export function mount(element, { store, api }) {
 
   function build() {
     const { doc } = store.state;
-    if (!doc || doc.notes.length === 0) {
+    if (notesShown().length === 0) {
       keys.replaceChildren(h("p", { class: "muted" }, doc ? "No note of this preset can be played." : ""));
       return;
     }
-    const rows = neck(doc.data);
+    const rows = neck(store.data());
     const choices = [["piano", "Piano"], ...(rows ? [["neck", rows[0].frets ? "Neck" : "Strings"]] : [])];
     const shown = rows && layout === "neck" ? "neck" : "piano";
     layouts.hidden = choices.length < 2;
@@ -220,7 +268,7 @@ export function mount(element, { store, api }) {
         h("button", { type: "button", "aria-pressed": String(shown === name), onclick: () => change(name) }, label),
       ),
     );
-    keys.replaceChildren(shown === "neck" ? fretboard(rows) : piano(doc.notes));
+    keys.replaceChildren(shown === "neck" ? fretboard(rows) : piano(notesShown()));
     for (const one of keys.querySelectorAll(".key")) {
       const key = Number(one.dataset.key);
       one.classList.toggle("mute", !playable(key));
@@ -340,8 +388,8 @@ export function mount(element, { store, api }) {
   window.addEventListener("blur", releaseAll);
 
   // ---- following the store
-  store.on(["doc"], ({ doc }) => {
-    const next = doc && JSON.stringify([doc.doc, doc.notes, neck(doc.data)]);
+  store.on(["doc", "which"], ({ doc }) => {
+    const next = doc && JSON.stringify([doc.doc, notesShown(), neck(store.data())]);
     if (next === shape) return;
     const other = !shape || !doc || JSON.parse(shape)[0] !== doc.doc;
     shape = next ?? "";

@@ -91,10 +91,16 @@ export class Player extends EventTarget {
     this.change({ sounding: false });
   }
 
+  /** Another connection: nothing of the one before comes any more. */
+  restart() {
+    this.silence();
+    this.silenced = null;
+    if (this.output !== "browser") this.link.send({ type: "output", id: this.output });
+  }
+
   /** A text message of the server that concerns sound. */
   message(message) {
     if (message.type === "audio") {
-      // another connection counts its streams anew
       this.node?.port.postMessage({ stop: true });
       this.stream = message.stream;
       this.silenced = null;

@@ -7,8 +7,17 @@ import { number } from "./format.js";
 
 /** Width that a scale of colours takes at the right of a picture. */
 const SCALE = 58;
+/** Contacts over time: width of a column, and how many between two contacts are too few to tell them apart. */
+const COLUMN = 2;
+const NEAR = 2;
 
 const inside = (box, x, y) => x >= box.left && x <= box.right && y >= box.top && y <= box.bottom;
+
+/** The largest of 1, 2, 5 times a power of ten that is not above a value. */
+function roundBelow(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return Number((power * [5, 2, 1].find((digit) => digit * power <= value * 1.000001)).toPrecision(6));
+}
 
 /** wave {bin_s, low, high}: the lowest and highest sample of every bin; other likewise, drawn as an outline. */
 export function waveform(wave, other = null, length_s = wave.bin_s * wave.low.length) {
@@ -19,7 +28,8 @@ export function waveform(wave, other = null, length_s = wave.bin_s * wave.low.le
     const box = { ...whole, right: whole.right - SCALE };
     const x = linear(0, length_s, box.left, box.right);
     const y = linear(-top, top, box.bottom, box.top);
-    axes(pen, box, { x, y, xName: "s" });
+    const mark = roundBelow(top);
+    axes(pen, box, { x, y: { ...y, ticks: () => [-mark, 0, mark] }, xName: "s", yName: "of full scale" });
     const area = ({ bin_s, low, high }) => {
       pen.beginPath();
       high.forEach((value, i) => pen.lineTo(x.at((i + 0.5) * bin_s), y.at(value)));
@@ -215,10 +225,17 @@ export function deviations(partials, other = null) {
   };
 }
 
-/** The same partials' decay times, measured (dots) and of the model (line), over frequency. */
-export function decays(partials, other = null) {
+/**
+ * The same partials' decay times, measured (dots) and of the model (line), over frequency.
+ *
+ * longest_s: a decay measured as longer is drawn hollow and grey and does not count for the scale.
+ */
+export function decays(partials, other = null, longest_s = Infinity) {
   const known = partials.filter((p) => p.model_t60_s > 0 || p.measured_t60_s > 0);
-  const times = [...known, ...(other ?? [])].flatMap((p) => [p.model_t60_s, p.measured_t60_s]).filter((t) => t > 0);
+  const unsure = (p) => p.measured_t60_s > longest_s;
+  const times = [...known, ...(other ?? [])]
+    .flatMap((p) => [p.model_t60_s, unsure(p) ? null : p.measured_t60_s])
+    .filter((t) => t > 0);
   const size = strength(partials);
   return (pen, box) => {
     const colours = theme();
@@ -236,17 +253,24 @@ export function decays(partials, other = null) {
       x,
       y,
     );
-    for (const p of other ?? []) if (p.measured_t60_s > 0) dot(pen, x.at(p.measured_hz), y.at(p.measured_t60_s), 3, false);
+    for (const p of other ?? [])
+      if (p.measured_t60_s > 0 && !unsure(p)) dot(pen, x.at(p.measured_hz), y.at(p.measured_t60_s), 3, false);
+    // what is beyond the scale lies at its edge
     const places = known.map((p) =>
-      p.measured_t60_s > 0 ? [x.at(p.measured_hz ?? p.model_hz), y.at(p.measured_t60_s)] : null,
+      p.measured_t60_s > 0
+        ? [x.at(p.measured_hz ?? p.model_hz), Math.max(box.top + 4, y.at(p.measured_t60_s))]
+        : null,
     );
     pen.fillStyle = colours.accent;
-    known.forEach((p, i) => places[i] && dot(pen, ...places[i], size(p)));
+    pen.strokeStyle = colours.muted;
+    pen.lineWidth = 1.25;
+    known.forEach((p, i) => places[i] && dot(pen, ...places[i], unsure(p) ? 2.5 : size(p), !unsure(p)));
     return (px, py) => {
       const i = nearest(places, px, py);
       if (i === null) return null;
       const p = known[i];
-      return `${p.number}: ${seconds(p.measured_t60_s)}, model ${p.model_t60_s > 0 ? seconds(p.model_t60_s) : "–"}`;
+      const doubt = unsure(p) ? " (too little of it heard to be sure)" : "";
+      return `${p.number}: ${seconds(p.measured_t60_s)}${doubt}, model ${p.model_t60_s > 0 ? seconds(p.model_t60_s) : "–"}`;
     };
   };
 }
@@ -265,8 +289,9 @@ export function empty(pen, box, words) {
  * When each point is touched, and how hard, in rows by point.
  *
  * points [{label}] from the nut; spans [{row, start_s, end_s, peak_n}], row among the points; length_s of the time axis.
+ * Contacts so close that single ones cannot be told apart, or closer than gap_s, are one strip, as strong as its weaker side.
  */
-export function contactTimeline(points, spans, length_s) {
+export function contactTimeline(points, spans, length_s, gap_s = 0) {
   const hardest = Math.max(1e-9, ...spans.map((span) => span.peak_n));
   return (pen, box) => {
     const colours = theme();
@@ -285,12 +310,14 @@ export function contactTimeline(points, spans, length_s) {
       if (i % every === 0) pen.fillText(label, plot.left - 7, plot.top + (i + 0.5) * row, plot.left - 4);
     });
     clipped(pen, plot, () => {
-      for (const span of spans) {
-        if (span.start_s > length_s) continue;
-        pen.fillStyle = sample(ramp, 0.25 + 0.75 * Math.sqrt(span.peak_n / hardest));
-        const from = x.at(span.start_s);
-        pen.fillRect(from, plot.top + span.row * row + 1, Math.max(1, x.at(span.end_s) - from), Math.max(1, row - 2));
-      }
+      const gap = Math.max(NEAR, Math.ceil((x.at(gap_s) - plot.left) / COLUMN));
+      columnsOf(spans, points.length, x, length_s).forEach((peaks, i) => {
+        bridged(peaks, gap).forEach((peak, column) => {
+          if (peak === 0) return;
+          pen.fillStyle = sample(ramp, 0.25 + 0.75 * Math.sqrt(peak / hardest));
+          pen.fillRect(plot.left + column * COLUMN, plot.top + i * row + 1, COLUMN, Math.max(1, row - 2));
+        });
+      });
     });
     forceScale(pen, box, ramp, hardest);
     return (px, py) => {
@@ -306,10 +333,34 @@ export function contactTimeline(points, spans, length_s) {
   };
 }
 
+/** The largest force in every column of pixels, by rows. */
+function columnsOf(spans, rows, x, length_s) {
+  const count = Math.max(1, Math.ceil((x.to - x.from) / COLUMN));
+  const found = Array.from({ length: rows }, () => new Float64Array(count));
+  const column = (time_s) => Math.max(0, Math.min(count - 1, Math.floor((x.at(time_s) - x.from) / COLUMN)));
+  for (const { row, start_s, end_s, peak_n } of spans) {
+    if (start_s > length_s) continue;
+    for (let at = column(start_s), last = column(end_s); at <= last; at++) found[row][at] = Math.max(found[row][at], peak_n);
+  }
+  return found;
+}
+
+/** With gaps of up to `gap` columns closed. */
+function bridged(peaks, gap) {
+  const closed = Float64Array.from(peaks);
+  let before = -1;
+  peaks.forEach((peak, at) => {
+    if (peak === 0) return;
+    if (before >= 0 && at - before <= gap + 1) closed.fill(Math.min(peak, peaks[before]), before + 1, at);
+    before = at;
+  });
+  return closed;
+}
+
 function forceScale(pen, box, ramp, hardest) {
   const colours = theme();
   const left = box.right - SCALE + 12;
-  const y = linear(0, 1, box.bottom, box.top + 14);
+  const y = linear(0, 1, box.bottom, box.top + 20);
   for (let line = Math.floor(y.to); line < y.from; line++) {
     pen.fillStyle = sample(ramp, 0.25 + 0.75 * Math.sqrt(y.invert(line)));
     pen.fillRect(left, line, 10, 1.5);

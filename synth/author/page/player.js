@@ -27,10 +27,8 @@ export function mount(element, { store, api }) {
   player.addEventListener("failed", (event) => store.notify(event.detail.message, "error"));
   for (const type of ["audio", "stopped", "load"]) api.socket.on(type, (message) => player.message(message));
   api.socket.on("binary", (buffer) => player.receive(buffer));
-  api.socket.on("open", () => {
-    player.silence();
-    if (player.output !== "browser") player.chooseOutput(player.output);
-  });
+  api.socket.on("open", () => player.restart());
+  api.socket.on("closed", () => player.silence());
 
   const play = (phrase) => {
     const { note, velocity, which } = store.state;
@@ -72,10 +70,10 @@ export function mount(element, { store, api }) {
 
   element.append(
     h("span", { class: "player-phrases" }, ...phrases, stop),
-    h("label", { class: "check" }, auto, "after each change"),
-    h("span", { class: "player-output" }, h("span", { class: "unit" }, "Sound from"), outputs, reason),
     h("label", { class: "player-volume" }, volume, volumeText),
     meter.element,
+    h("label", { class: "check" }, auto, "after each change"),
+    h("span", { class: "player-output" }, h("span", { class: "unit" }, "Sound from"), outputs, reason),
     load,
   );
 

@@ -46,14 +46,19 @@ export function mount(element, { store, api }) {
   }
 
   async function run() {
-    const { doc, note, velocity } = store.state;
+    const { doc, note, velocity, which } = store.state;
     const seconds = Number(length.value);
-    const about = { doc: doc.doc, revision: doc.revision, note, velocity, seconds };
+    const about = { doc: doc.doc, revision: doc.revision, note, velocity, which, seconds };
     busy(true);
     bar.removeAttribute("value");
     said.textContent = "";
     try {
-      const { job: id } = await api.post(`/api/docs/${encodeURIComponent(doc.doc)}/reference`, { note, velocity, seconds });
+      const { job: id } = await api.post(`/api/docs/${encodeURIComponent(doc.doc)}/reference`, {
+        note,
+        velocity,
+        seconds,
+        which,
+      });
       job = follow(api, id, (progress) => (bar.value = progress));
       const found = await job.result;
       of = about;
@@ -117,12 +122,17 @@ export function mount(element, { store, api }) {
   /** Say when what is shown belongs to an earlier version or another note. */
   function age() {
     if (!of) return;
-    const { doc, note, velocity } = store.state;
-    const same = doc?.doc === of.doc && doc.revision === of.revision && note === of.note && velocity === of.velocity;
+    const { doc, note, velocity, which } = store.state;
+    const same =
+      doc?.doc === of.doc &&
+      doc.revision === of.revision &&
+      note === of.note &&
+      velocity === of.velocity &&
+      which === of.which;
     result.classList.toggle("stale", !same);
-    const about = `${noteName(of.note)}, velocity ${of.velocity}, ${of.seconds} s`;
+    const about = `${noteName(of.note)}, velocity ${of.velocity}, ${of.seconds} s${of.which === "saved" ? ", as saved" : ""}`;
     said.textContent = same ? about : `${about}: of before, not of what is shown above`;
     result.hidden = doc?.doc !== of.doc;
   }
-  store.on(["doc", "note", "velocity"], age);
+  store.on(["doc", "note", "velocity", "which"], age);
 }

@@ -1,6 +1,7 @@
 // Before a document is open: the presets that there are.
 
 import { h } from "./format.js";
+import { where } from "./presets.js";
 
 export function mount(element, { store }) {
   store.on(["session"], ({ session }) => {
@@ -12,9 +13,14 @@ export function mount(element, { store }) {
         {},
         h(
           "button",
-          { type: "button", "data-preset": preset.name, onclick: () => store.open(preset.file ?? preset.name) },
+          {
+            type: "button",
+            "data-preset": preset.name,
+            disabled: preset.reason !== null,
+            onclick: () => store.open(preset),
+          },
           h("span", { class: "title" }, preset.title || preset.name),
-          h("span", { class: "where" }, preset.file ?? "built in"),
+          h("span", { class: "where" }, where(preset)),
         ),
       ),
     );

@@ -9,17 +9,22 @@
 // state.which     "current" | "saved" (A/B)                state.errors    {path: why the last edit was refused}
 // state.connected the WebSocket is up                      state.theme     "auto" | "light" | "dark"
 // state.table     number of the string that plays the note
+// state.kernels   "loading" (nothing can be computed yet) | "ready"
+// state.parameters  what GET …/parameters lists, [] before it came
 //
 // store.data() is the preset of the version that is shown (state.which); store.value(path) one value of it.
 // Actions return promises. They never throw: what the server refuses is shown as a notice, a refused edit (422) at its field
-// by state.errors, and the promise gives null; 409 (exists, changed on disk) is given to the caller as {refused: ApiError}.
+// by state.errors, and the promise gives null. 409 (exists, changed on disk) is given to who saves as {refused: ApiError}.
+// Refusals at fields go with their cause: when the value is changed, by whomever, or the text as a whole.
 
 import { ApiError } from "./api.js";
-import { valueAt } from "./format.js";
+import { noteName, same as equal, valueAt } from "./format.js";
+import { inWords, labelOf } from "./wording.js";
 
 const THEME = "jawari-theme";
 /** The note of a document, kept over reloads of the tab. */
 const NOTE = "jawari-note-";
+const KERNELS_MS = 3000;
 
 export function createStore(api) {
   const listeners = new Set();
@@ -30,6 +35,8 @@ export function createStore(api) {
     note: 60,
     velocity: 90,
     table: 0,
+    kernels: "ready",
+    parameters: [],
     which: "current",
     errors: {},
     connected: true,
@@ -74,8 +81,16 @@ export function createStore(api) {
   function failed(error) {
     if (error.name === "AbortError") return null;
     if (!(error instanceof ApiError)) throw error;
-    notify(error.message, "error");
+    notify(error.errors.length > 0 ? error.errors.map(said).join("; ") : error.message, "error");
     return null;
+  }
+
+  const label = (path) => labelOf(path, state.parameters, state.doc?.data);
+
+  /** A reason of the server in the words of the controls. */
+  function said({ path, message }) {
+    const words = inWords(message, state.parameters);
+    return path === "file" ? words : `${label(path)}: ${words}`;
   }
 
   // ---- the document
@@ -93,21 +108,42 @@ export function createStore(api) {
       for (const text of doc.notices ?? []) notify(text);
     }
     if (!same) patch.note = Number(sessionStorage.getItem(NOTE + doc.doc) ?? doc.data.string.at(-1).notes[0]);
+    if (same) patch.errors = stillWrong(state.doc.data, doc.data);
     const note = patch.note ?? state.note;
     if (doc.notes.length > 0 && !doc.notes.includes(note)) {
       patch.note = doc.notes.reduce((best, one) => (Math.abs(one - note) < Math.abs(best - note) ? one : best));
+      if (same) notify(`${noteName(note)} cannot be played any more: now at ${noteName(patch.note)}`);
     }
     set(patch);
     return doc;
   }
 
-  async function act(request) {
+  /** Reasons whose field is still there, with the value that it had. */
+  function stillWrong(before, after) {
+    const kept = Object.entries(state.errors).filter(([path]) => {
+      const parent = path.split(".").slice(0, -1).join(".");
+      const there = parent === "" || (valueAt(after, parent) ?? null) !== null;
+      return there && equal(valueAt(before, path), valueAt(after, path));
+    });
+    return kept.length === Object.keys(state.errors).length ? state.errors : Object.fromEntries(kept);
+  }
+
+  /** `asks`: the caller deals with a conflict. */
+  async function act(request, { asks = false } = {}) {
     try {
       return take(await request);
     } catch (error) {
-      if (error instanceof ApiError && error.status === 409) return { refused: error };
+      if (asks && error instanceof ApiError && error.status === 409) return { refused: error };
       return failed(error);
     }
+  }
+
+  /** What changes the whole text: it is the edited version that is seen then, and no refusal stands any more. */
+  async function changeAll(action, body) {
+    if (state.which === "saved") set({ which: "current" });
+    const result = await act(api.post(here(action), body));
+    if (result !== null && Object.keys(state.errors).length > 0) set({ errors: {} });
+    return result;
   }
 
   const here = (action) => `/api/docs/${encodeURIComponent(state.doc.doc)}/${action}`;
@@ -138,11 +174,11 @@ export function createStore(api) {
 
   function refuse(changes, error) {
     const errors = { ...state.errors };
-    const said = error.errors.length > 0 ? error.errors : [{ path: changes[0].path, message: error.message }];
-    for (const { path, message } of said) {
+    const reasons = error.errors.length > 0 ? error.errors : [{ path: changes[0].path, message: error.message }];
+    for (const { path, message } of reasons) {
       // a reason that names a table, or a value inside one, belongs to the field that was just edited
       const field = changes.find((c) => c.path === path || path.startsWith(`${c.path}.`)) ?? changes[0];
-      errors[field.path] = path === field.path ? message : `${path}: ${message}`;
+      errors[field.path] = path === field.path ? inWords(message, state.parameters) : said({ path, message });
     }
     set({ errors });
   }
@@ -166,9 +202,17 @@ export function createStore(api) {
     });
   }
 
+  /** Kernels that were loading may be there: a socket, which would say so, is there for documents only. */
+  async function lookAgain() {
+    if (state.kernels !== "loading") return;
+    const session = await api.get("/api/session").catch(() => null);
+    if (session?.kernels === "ready") set({ kernels: "ready" });
+    else setTimeout(lookAgain, KERNELS_MS);
+  }
+
   const actions = {
-    /** A preset by name or file. */
-    open: (preset) => act(api.post("/api/open", { preset })),
+    /** A row of the session's presets. */
+    open: ({ file, name, unsaved }) => act(api.post("/api/open", unsaved ? { unsaved: name } : { preset: file ?? name })),
     importText: (filename, text) => act(api.post("/api/import", { filename, text })),
     /** The document of this id, as after a reload of the tab. */
     resume: (doc) => act(api.get(`/api/docs/${encodeURIComponent(doc)}`)),
@@ -176,21 +220,26 @@ export function createStore(api) {
     edit: (path, value, mergeKey = null) => editMany([{ path, value }], mergeKey),
     /** Several values at once, [{path, value}]: all or none. */
     editMany,
-    undo: () => act(api.post(here("undo"))),
-    redo: () => act(api.post(here("redo"))),
-    revert: () => act(api.post(here("revert"))),
-    randomise: (groups = null, seed = null) => act(api.post(here("randomise"), { seed, groups })),
-    save: (force = false) => act(api.post(here("save"), { force })),
-    saveAs: (name, overwrite = false) => act(api.post(here("save-as"), { name, overwrite })),
-    duplicate: (name) => act(api.post(here("duplicate"), { name })),
-    recover: (takeIt) => act(api.post(here("recover"), { take: takeIt })),
-    reload: () => act(api.post(here("reload"))),
-    applyFit: (job) => act(api.post(here("apply-fit"), { job })),
+    undo: () => changeAll("undo"),
+    redo: () => changeAll("redo"),
+    revert: () => changeAll("revert"),
+    randomise: (groups = null, seed = null) => changeAll("randomise", { seed, groups }),
+    save: (force = false) => act(api.post(here("save"), { force }), { asks: true }),
+    saveAs: (name, overwrite = false) => act(api.post(here("save-as"), { name, overwrite }), { asks: true }),
+    duplicate: (name) => act(api.post(here("duplicate"), { name }), { asks: true }),
+    recover: (takeIt) => changeAll("recover", { take: takeIt }),
+    reload: () => changeAll("reload"),
+    applyFit: (job) => changeAll("apply-fit", { job }),
+    setParameters: (parameters) => set({ parameters }),
+    /** The words for a value's path: "Pa string, Length". */
+    labelOf: label,
     /** A GET of the document, /api/docs/DOC/WHAT?…, for what is shown of it; throws ApiError. */
     view: (what, query = {}, options = {}) => api.get(`${here(what)}?${new URLSearchParams(query)}`, options),
     refreshSession: async () => {
       try {
-        set({ session: await api.get("/api/session") });
+        const session = await api.get("/api/session");
+        set({ session, kernels: session.kernels });
+        if (session.kernels === "loading") setTimeout(lookAgain, KERNELS_MS);
       } catch (error) {
         failed(error);
       }
@@ -224,6 +273,9 @@ export function createStore(api) {
   api.socket.on("disk", (message) => {
     if (state.doc) set({ doc: { ...state.doc, disk: message.disk } });
   });
+  // saved over by another document, which goes on in its place
+  api.socket.on("moved", ({ doc }) => doc !== null && actions.resume(doc));
+  api.socket.on("kernels", (message) => set({ kernels: message.kernels }));
   api.socket.on("error", (message) => notify(message.message, "error"));
   api.socket.on("open", () => {
     // what happened while the connection was down

@@ -27,7 +27,7 @@ draw(preset, note, velocity=127) -> dict. Places x [m] count from the nut of the
 drag: what a drag of the thing changes, {x: D | None, height: D | None}; D is
 
     path, offset, factor   value = offset + factor · (x in m or height in mm), held within
-    minimum, maximum       as in `parameters`, None where there are none
+    minimum, maximum       as in `parameters`, None where there are none; a pluck goes no further than the middle
     anchor                 None, or the note whose entry of an anchored number the drag sets, a new one where it has none
                            (the edit sends the whole table)
     edits                  [{path, value}] that must be sent before the first such edit, usually []
@@ -130,6 +130,8 @@ class _Drags:
     def along(self, path: str, offset: float, factor: float, value: Any, edits: list[dict[str, Any]] | None = None) -> Drag:
         """D of a setting whose present value is `value`; one entry of a list is `path`.N."""
         minimum, maximum = self._ranges.get(path, (None, None))
+        if path in ("pluck.position", "pluck.position_hard"):
+            maximum = FARTHEST  # beyond counts as the middle
         return {
             "path": path,
             "offset": offset,

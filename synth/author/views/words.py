@@ -277,7 +277,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     },
     Pluck: {
         "position": Words(
-            "Place",
+            "Plucked at, from saddle",
             "Distance from the saddle as a share of the open string. A partial with a node there is missing: the middle is "
             "hollow, near the bridge thin and bright. Beyond the middle counts as the middle.",
             "of L",
@@ -286,7 +286,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             live=True,
         ),
         "position_hard": Words(
-            "Place, hard",
+            "Hardest pluck at, from saddle",
             "Where the hardest pluck goes; softer ones lie between. Players move towards the bridge for loud, biting notes.",
             "of L",
             (0.05, 0.5),
@@ -367,9 +367,9 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "pickup over it.",
         ),
         "position": Words(
-            "Place",
-            "Of pickup or probe from the saddle, as a share of the open string; partials with a node there are not heard. 0 "
-            "is the saddle itself.",
+            "Pickup at, from saddle",
+            "Place of pickup or probe as a share of the open string; partials with a node there are not heard. 0 is the "
+            "saddle itself.",
             "of L",
             (0.0, 0.4),
             0.001,

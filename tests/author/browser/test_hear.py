@@ -9,6 +9,7 @@ import mido
 import numpy as np
 import pytest
 import soundfile
+from selenium.webdriver import ActionChains
 
 from tests.author.browser.running import Author, Page, chromium, floats, set_value
 from tests.author.serverkit import ROOT
@@ -164,6 +165,66 @@ def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
     note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
     want = rendered(tmp_path / "mine.toml", note, 90, tmp_path)
     assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
+
+
+def test_keys_play_the_version_that_is_shown(page, tmp_path):
+    """As it is, then as it was saved: where a string has another note its old key comes back."""
+    page.script("document.querySelector('#player input[type=checkbox]').click()")  # keys alone sound
+    page.result(
+        """await fetch(`/api/docs/${location.hash.slice(1)}/edit`, {method: "POST", body: JSON.stringify({
+          changes: [{path: "string.0.notes", value: ["A2", "A2"]}, {path: "pluck.position", value: 0.2}], merge: null
+        })})"""
+    )
+    keys = "return [...document.querySelectorAll('.key:not(.mute)')].map((key) => Number(key.dataset.key))"
+    page.until(lambda: page.script(keys) == [36, 45, 48])
+    hold(page, 48)
+    edited = heard(page, "played")
+    silence(page)
+    page.find("#ab [data-which='saved']").click()
+    page.until(lambda: page.script(keys) == [36, 43, 48])
+    hold(page, 48)
+    saved = heard(page, "played")
+    want = rendered(tmp_path / "mine.toml", 48, 90, tmp_path)
+    assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
+
+
+def hold(page, key):
+    """Press a key of the piano and hold it until a while of it was heard."""
+    chain = ActionChains(page.driver).move_to_element(page.find(f"[data-key='{key}']"))
+    chain.click_and_hold().perform()
+    page.until(lambda: page.script("return window.heard.played.length > 0") and page.script(FRAMES) >= RATE_HZ // 2)
+    chain.release().perform()
+
+
+def test_octaves_that_nothing_plays_are_left_out(page):
+    runs = page.result("return (await import('/page/keyboard.js')).compass(given[0])", [36, 43, 48, 120])
+    assert runs == [[36, 59], [120, 131]]
+    for notes in ([0], [11, 3]):
+        assert page.result("return (await import('/page/keyboard.js')).compass(given[0])", notes) == [[0, 23]]
+    assert page.result("return (await import('/page/keyboard.js')).compass(given[0])", [50]) == [[36, 59]]
+
+
+def test_keys_can_be_put_away(page):
+    page.button("Hide keys").click()
+    assert not page.all(".keys")[0].is_displayed()
+    page.reload()
+    assert not page.all(".keys")[0].is_displayed()
+    page.button("Show keys").click()
+    assert page.find("[data-key='48']").is_displayed()
+
+
+@pytest.mark.parametrize("width", [1024, 1366])
+def test_the_dock_has_one_row_of_phrases(page, width):
+    size = page.driver.get_window_size()
+    page.driver.set_window_size(width, 900)
+    parts = [".player-phrases", ".player-volume", ".meter", ".player-output"]
+    middles = (
+        "return arguments[0].map((s) => document.querySelector(s).getBoundingClientRect()).map((r) => r.top + r.height / 2)"
+    )
+    page.until(lambda: page.script("return innerWidth") == width)
+    found = page.script(middles, parts)
+    page.driver.set_window_size(size["width"], size["height"])
+    assert max(found) - min(found) < 4
 
 
 def test_another_preset_sounds_after_the_first_was_stopped(page):

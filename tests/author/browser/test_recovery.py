@@ -86,3 +86,42 @@ def test_preset_that_has_no_file_is_recovered_too(driver, tmp_path):
         page.button("Take them", "#file-banners").click()
         page.until(lambda: page.field("pluck.position").get_property("value") == "0.27")
         page.open_nothing()
+
+
+def test_a_tab_of_an_earlier_run_says_so_and_rests(driver, folder):
+    """Started anew at the same address, the program does not know the tab."""
+    page = Page(driver)
+    with Author(folder, "mine.toml") as author:
+        page.open(author.address)
+        author.end(signal.SIGKILL)
+        port = author.port
+    page.until(lambda: "No connection" in page.text("#banner"))
+    page.script("const ask = window.fetch; window.asked = 0; window.fetch = (...of) => (window.asked++, ask(...of));")
+    with Author(folder, "mine.toml", "--port", str(port)):
+        page.until(lambda: "close this one" in page.text("#banner"))
+        asked = page.script("return window.asked")
+        assert asked > 0
+        page.script("window.dispatchEvent(new Event('focus'))")
+        page.result("await new Promise((done) => setTimeout(done, 1000))")
+        assert page.script("return window.asked") == asked
+        page.open_nothing()
+
+
+def test_imported_preset_with_the_name_of_a_built_in_one_is_recovered(driver, tmp_path):
+    text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8").replace("jiva_um = 3.0", "jiva_um = 8.0")
+    with Author(tmp_path) as author:
+        author.post("/api/import", filename="tanpura.toml", text=text)
+        left = tmp_path / ".unsaved~tanpura.toml.autosave"
+        Page(driver).until(left.exists)
+        author.end(signal.SIGKILL)
+    page = Page(driver)
+    (tmp_path / "odd.toml").symlink_to("/dev/null")
+    with Author(tmp_path) as author:
+        page.open(author.address)
+        cards = page.all("#start .cards button")
+        assert "tanpura: not saved, recovered from" in cards[0].text  # first
+        odd = next(card for card in cards if "odd.toml" in card.text)
+        assert "leads out" in odd.text and not odd.is_enabled()
+        cards[0].click()
+        page.until(lambda: page.field("obstacle.jiva_um").get_property("value") == "8")
+        page.open_nothing()

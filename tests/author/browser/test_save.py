@@ -152,3 +152,47 @@ def test_dropped_nonsense_is_refused_and_said(page):
 def test_export_is_the_text(page, folder):
     text = page.result("return (await fetch(`/api/docs/${location.hash.slice(1)}/export`)).text()")
     assert text == (folder / "mine.toml").read_text(encoding="utf-8")
+
+
+def test_dropped_preset_in_another_encoding_is_refused_and_said(page):
+    text = (PRESETS / "fretted-bass.toml").read_text(encoding="utf-8") + "# Bünde\n"
+    page.script(DROP.replace("[text]", "[Uint8Array.from(text, (letter) => letter.charCodeAt(0))]"), "bass.toml", text)
+    page.until(lambda: "UTF-8" in page.text(".notice.error"))
+    assert page.text("#title") == "Tanpura"
+
+
+def test_imported_preset_is_thrown_away(page, folder):
+    page.script(DROP, "bass.toml", (PRESETS / "fretted-bass.toml").read_text(encoding="utf-8"))
+    page.until(lambda: page.text("#title") == "Fretted bass")
+    left = folder / ".unsaved~bass.toml.autosave"
+    page.until(left.exists)
+    menu(page, "Throw away")
+    page.button("Throw it away", "dialog").click()
+    page.until(lambda: not left.exists())
+    page.until(lambda: page.text("#title") == "Tanpura")  # as the command line named it
+
+
+def test_tab_of_a_preset_that_is_written_over_shows_what_took_its_place(page, folder):
+    """Here the other tab is a script's."""
+    key = page.result(
+        "const post = async (path, body) => (await fetch(path, {method: 'POST', body: JSON.stringify(body)})).json();"
+        "const other = await post('/api/open', {preset: 'jawari-harp'});"
+        "await post(`/api/docs/${other.doc}/save-as`, {name: 'mine', overwrite: true});"
+        "return other.doc;"
+    )
+    page.until(lambda: page.text("#title") == "Jawari harp")
+    assert page.script("return location.hash.slice(1)") == key
+
+
+def test_difference_of_long_texts(page):
+    """Nothing that is equal at either end is compared, nor what is too long to be."""
+    rows = page.result(
+        "const { difference } = await import('/page/files.js');"
+        "const lines = (count, word) => Array.from({length: count}, (_, k) => `${word} ${k}`);"
+        "const same = lines(60000, 'same');"
+        "const one = difference([...same, 'old', ...same], [...same, 'new', ...same]);"
+        "const all = difference(lines(60000, 'a'), lines(60000, 'b'));"
+        "return [one, all.length];"
+    )
+    around = [[" ", f"same {k}"] for k in (59998, 59999)], [[" ", f"same {k}"] for k in (0, 1)]
+    assert rows == [[*around[0], ["-", "old"], ["+", "new"], *around[1]], 120_000]
