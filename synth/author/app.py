@@ -442,7 +442,7 @@ class App:
         if job.made.doc != document.id:
             raise Refused(409, "this was fitted to another preset; fit the recording anew")
         try:
-            settings = job.made.settings_of(document.preset)
+            settings = await asyncio.to_thread(job.made.settings_of, document.preset)
         except StringChanged as changed:
             raise Refused(409, str(changed)) from None
         return await self._told(document, document.edit, settings, label="fit")
