@@ -68,9 +68,11 @@ class Position:
 
 @dataclass(frozen=True)
 class CompiledString:
-    """One physical string and its positions, lowest note first."""
+    """One physical string and its positions, lowest note first: all of its `places`, or those that were asked for."""
 
     name: str
+    open_note: int
+    places: int
     open_length_m: float
     factor: int
     positions: tuple[Position, ...]
@@ -102,8 +104,11 @@ def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.nd
     return base * 2.0 ** ((preset.tuning.offset_cents + table.cents) / 1200.0)
 
 
-def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
-    """The open string of a table at one of its notes, tuned to `frequency_hz`."""
+def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, at the tension that a string without stiffness has at `frequency_hz`.
+
+    Its `inharmonicity` is what the table calls so.
+    """
 
     def mm(value):
         return None if value is None else 1e-3 * at_note(value, note)
@@ -122,7 +127,7 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
     else:
         assert table.inharmonicity is not None
         stiffness = at_note(table.inharmonicity, note) * ideal_tension * length**2 / math.pi**2
-    string = String(
+    return String(
         length_m=length,
         tension_n=ideal_tension,
         linear_density_kg_m=mu,
@@ -134,7 +139,12 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
         thermoelastic_q_inverse=at_note(table.thermoelastic_q_inverse, note),
         stiffness_law=table.stiffness_law,
         nut=tuple(NutResonance(mode.frequency_hz, mode.q, mode.mass_kg) for mode in preset.nut),
-    ).tuned(frequency_hz)
+    )
+
+
+def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, tuned to `frequency_hz`."""
+    string = ideal_string(preset, table, note, frequency_hz).tuned(frequency_hz)
     if table.measured_frequencies_hz:
         ratio = frequency_hz / table.measured_frequencies_hz[0]
         string = replace(string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz))
@@ -297,8 +307,10 @@ def compile_string(
     scheme: str = "exact-hold",
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
+    only_notes: set[int] | None = None,
 ) -> CompiledString:
-    """One physical string of a preset with all its positions. Raises PresetError naming the string."""
+    """One physical string of a preset with all its positions, or those of `only_notes`. Raises PresetError naming the
+    string."""
     label = table.name or midi_to_note(note)
     try:
         gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
@@ -310,9 +322,10 @@ def compile_string(
         neck = isinstance(preset.obstacle, FretsObstacle)
         count = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
         positions = []
-        for fret in range(count + 1):
-            if note + fret > 127:
-                break
+        places = min(count, 127 - note) + 1
+        for fret in range(places):
+            if only_notes is not None and note + fret not in only_notes:
+                continue
             string, obstacle, height = opened, whole, 0.0
             if neck:
                 speaking, obstacle = fretted(whole, fret, length)
@@ -347,6 +360,8 @@ def compile_string(
     force = 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
     return CompiledString(
         label,
+        note,
+        places,
         length,
         positions[0].plan.factor,
         tuple(positions),
@@ -368,8 +383,10 @@ def compile_preset(
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
     only_notes: set[int] | None = None,
+    every_fret: bool = True,
 ) -> CompiledPart:
-    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted."""
+    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted, and, unless `every_fret`,
+    positions too."""
     strings = []
     neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
     for table in preset.string:
@@ -386,6 +403,7 @@ def compile_preset(
                     scheme=scheme,
                     internal_rate_hz=internal_rate_hz,
                     note_hz=note_hz,
+                    only_notes=None if every_fret else only_notes,
                 )
             )
     return CompiledPart(preset, tuple(strings))

@@ -74,8 +74,8 @@ def audible_band_error(u: ArrayLike, ref: ArrayLike, rate_hz: float, factor: int
     return relative_error(decimate_signal(u, rate_hz, factor), decimate_signal(ref, rate_hz, ref_factor))
 
 
-def _stft_power(x: NDArray[np.float64], size: int, hop: int) -> NDArray[np.float64]:
-    """(frames, size//2 + 1) power spectra of Hann-windowed frames; the last one is filled up with zeros."""
+def stft_power(x: NDArray[np.float64], size: int, hop: int) -> NDArray[np.float64]:
+    """(frames, size//2 + 1) power spectra of Hann-windowed frames of `size` every `hop`, the last filled up with zeros."""
     frames = max(1, 1 + -(-(x.size - size) // hop))
     padded = np.zeros((frames - 1) * hop + size)
     padded[: x.size] = x
@@ -101,7 +101,7 @@ def log_spectral_distance(
     up to ``highest_hz``, without DC.
     """
     u, ref = _pair(_signal("u", u), _signal("ref", ref))
-    power_u, power_ref = _stft_power(u, size, hop), _stft_power(ref, size, hop)
+    power_u, power_ref = stft_power(u, size, hop), stft_power(ref, size, hop)
     bins = slice(1, 1 + int(min(highest_hz, rate_hz / 2) * size / rate_hz))
     power_u, power_ref = power_u[:, bins], power_ref[:, bins]
     floor = power_ref.max() * 10 ** (floor_db / 10)
@@ -339,6 +339,57 @@ def decay_time_s(
         length_s = _MAIN_LOBE_BINS / (0.8 * frequency_hz if bandwidth_hz is None else bandwidth_hz)
         t, envelope = _envelope(x, rate_hz, frequency_hz, length_s, 2000)
         magnitude = np.abs(envelope)
+    return _fitted_decay_s(t, magnitude, fit_db)
+
+
+def decay_times_s(
+    x: ArrayLike,
+    rate_hz: float,
+    frequencies_hz: ArrayLike,
+    *,
+    bandwidth_hz: float,
+    fit_db: tuple[float, float] = (-3.0, -33.0),
+) -> NDArray[np.float64]:
+    """:func:`decay_time_s` of many partials at once: one transform of the signal, a short one for each.
+
+    frequencies_hz : (k,) partials between 0 and rate_hz/2. bandwidth_hz, fit_db : as there, the same for all.
+
+    Returns (k,) T60 [s]; NaN where :func:`decay_time_s` would refuse. Raises ValueError for a signal shorter than the
+    window, 4/bandwidth_hz.
+    """
+    x = _signal("x", x)
+    frequencies = np.atleast_1d(np.asarray(frequencies_hz, dtype=np.float64))
+    length = max(3, round(_MAIN_LOBE_BINS / bandwidth_hz * rate_hz)) | 1
+    if x.size < length:
+        raise ValueError(
+            f"the signal must last at least {length / rate_hz:.3g} s for partials {bandwidth_hz:.4g} Hz wide, "
+            f"got {x.size / rate_hz:.3g} s; measure a longer piece"
+        )
+    window = blackman_harris(length)
+    size = 1 << int(np.ceil(np.log2(x.size + length)))
+    # beyond twice the main lobe the window's transform is below −92 dB: the envelope is in that many bins
+    band = int(np.ceil(2.0 * bandwidth_hz * size / rate_hz))
+    short = min(size, 1 << int(np.ceil(np.log2(2 * band + 1))))
+    near = np.arange(-(short // 2), short // 2)
+    spectrum_x, spectrum_w = np.fft.fft(x, size), np.fft.fft(window / window.sum(), size)[near]
+    at = np.arange(short) * (size // short)
+    inside = (at >= length - 1) & (at < x.size)
+    t = (at[inside] - length // 2) / rate_hz
+    out = np.full(frequencies.size, np.nan)
+    for k, frequency in enumerate(frequencies):
+        if not 0 < frequency < rate_hz / 2:
+            raise ValueError(f"frequencies_hz must lie between 0 and {rate_hz / 2:g} Hz, got {frequency:g} Hz")
+        piece = spectrum_x[(near + round(frequency * size / rate_hz)) % size] * spectrum_w
+        magnitude = np.abs(np.fft.ifft(np.fft.ifftshift(piece)))[inside]
+        try:
+            out[k] = _fitted_decay_s(t, magnitude, fit_db)
+        except ValueError:
+            continue  # it does not decay, or is not there
+    return out
+
+
+def _fitted_decay_s(t: NDArray[np.floating], magnitude: NDArray[np.floating], fit_db: tuple[float, float]) -> float:
+    """T60 from magnitudes (n,) at times t (n,); see :func:`decay_time_s`."""
     if magnitude.size == 0 or not magnitude.max() > 0:
         raise ValueError("x must sound to have a decay time, got silence or less than 50 ms")
     loudest = int(np.argmax(magnitude))

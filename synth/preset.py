@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -28,11 +29,18 @@ from pydantic import (
 
 from synth.units import midi_to_note, note_to_midi
 
-FORMAT = 1
+FORMAT = 2
 
 
 class PresetError(ValueError):
-    """A preset that cannot be used; the message names the file and every wrong field."""
+    """A preset that cannot be used; the message names the file and every wrong field.
+
+    problems: (path such as "pluck.position", what is wrong with it) of each; empty where no field is to blame.
+    """
+
+    def __init__(self, message: str, problems: Sequence[tuple[str, str]] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
 
 
 def _note(value: Any) -> int:
@@ -65,9 +73,13 @@ NoteRange = Annotated[tuple[int, int], BeforeValidator(_note_range)]
 def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"must be {what}, got {value!r}")
-    if not math.isfinite(value):
-        raise ValueError(f"must be finite, got {value}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"must be finite, got {number}")
+    return number
 
 
 def _anchors(value: Any) -> Any:
@@ -98,16 +110,22 @@ def at_note(value: float | dict[int, float], note: float) -> float:
     return points[-1][1]
 
 
-def _range(low: float, high: float):
-    """Check a plain or anchored number against [low, high]."""
+@dataclass(frozen=True)
+class Between:
+    """A plain or anchored number lies in [low, high]."""
 
-    def check(value: float | dict[int, float]) -> float | dict[int, float]:
+    low: float
+    high: float
+
+    def __call__(self, value: float | dict[int, float]) -> float | dict[int, float]:
         for number in value.values() if isinstance(value, dict) else (value,):
-            if not low <= number <= high:
-                raise ValueError(f"must lie between {low:g} and {high:g}, got {number:g}")
+            if not self.low <= number <= self.high:
+                raise ValueError(f"must lie between {self.low:g} and {self.high:g}, got {number:g}")
         return value
 
-    return AfterValidator(check)
+
+def _range(low: float, high: float) -> AfterValidator:
+    return AfterValidator(Between(low, high))
 
 
 class Table(BaseModel):
@@ -292,10 +310,12 @@ class Mapping_(Table):
 class Preset(Table):
     """A whole instrument."""
 
-    format: Literal[1]
+    format: Literal[2]
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
     title: str = ""
     description: str = ""
+    #: the author's notes, of any number of lines
+    remarks: str = ""
     sources: tuple[str, ...] = ()
     tuning: Tuning = Tuning()
     string: tuple[StringTable, ...] = Field(min_length=1, max_length=128)
@@ -342,7 +362,7 @@ class Preset(Table):
                     place = child
             except (ValueError, IndexError, TypeError, AttributeError):
                 raise PresetError(f"{self.name}: no setting {key!r} ({part!r} does not exist)") from None
-        return _validated(data, f"{self.name} with {key}={value}")
+        return validate_preset(data, f"{self.name} with {key}={value}")
 
 
 def parse_preset(text: str, origin: str) -> Preset:
@@ -351,17 +371,46 @@ def parse_preset(text: str, origin: str) -> Preset:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise PresetError(f"{origin}: not valid TOML: {error}") from None
-    return _validated(migrate(data, origin), origin)
+    migrate(data, origin)
+    return validate_preset(data, origin)
 
 
-def migrate(data: dict[str, Any], origin: str) -> dict[str, Any]:
-    """The data of an older format in today's. Raises PresetError for a format that is missing or newer."""
+def _to_2(data: dict[str, Any]) -> None:
+    data["format"] = 2
+
+
+#: from each older format to the next: what changes, in words, and what does it in place (to data or a tomlkit document)
+MIGRATIONS: dict[int, tuple[str, Callable[[dict[str, Any]], None]]] = {
+    1: ("format 2 has remarks, the author's notes", _to_2),
+}
+
+
+def format_of(data: Mapping[str, Any], origin: str) -> int:
+    """The format of a preset's data. Raises PresetError for one that is missing or that this program does not read."""
     version = data.get("format")
-    if version == FORMAT:
-        return data
     if version is None:
-        raise PresetError(f"{origin}: format: missing; a preset begins with format = {FORMAT}")
-    raise PresetError(f"{origin}: format: must be {FORMAT}, got {version!r}; this program reads no other")
+        problem = f"missing; a preset begins with format = {FORMAT}"
+    elif isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        problem = f"must be a whole number from 1 to {FORMAT}, got {version!r}"
+    elif version > FORMAT:
+        problem = (
+            f"{int(version)} is newer than what this program reads, which is 1 to {FORMAT}: install a newer version of it"
+        )
+    else:
+        return int(version)
+    raise PresetError(f"{origin}: format: {problem}", [("format", problem)])
+
+
+def migrate(data: dict[str, Any], origin: str) -> list[str]:
+    """Bring the data of an older format to today's, in place; what has changed, in words. Raises PresetError."""
+    version = format_of(data, origin)
+    words = []
+    while version < FORMAT:
+        word, step = MIGRATIONS[version]
+        step(data)
+        words.append(word)
+        version += 1
+    return words
 
 
 #: what pydantic says in its own words
@@ -369,6 +418,19 @@ WORDS = {
     "extra_forbidden": "no such key; see the README for the tables and their keys",
     "missing": "missing",
     "string_pattern_mismatch": "must be lower-case letters, digits and hyphens",
+    "int_from_float": "must be a whole number",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "finite_number": "must be a finite number",
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
 }
 
 
@@ -376,11 +438,12 @@ WORDS = {
 KINDS = ("none", "bridge", "points", "frets")
 
 
-def _validated(data: dict[str, Any], origin: str) -> Preset:
+def validate_preset(data: dict[str, Any], origin: str) -> Preset:
+    """A preset from data of today's format. Raises PresetError with all that is wrong."""
     try:
         return Preset.model_validate(data)
     except ValidationError as error:
-        lines = []
+        problems = []
         wrong = error.errors()
         for item in wrong:
             # pydantic puts the kind of a table that has several into the path; the file does not
@@ -390,11 +453,12 @@ def _validated(data: dict[str, Any], origin: str) -> Preset:
             place = ".".join(str(part) for part in loc) or "file"
             if item["type"] == "too_short" and any(len(i["loc"]) > 1 and i["loc"][0] == item["loc"][0] for i in wrong):
                 continue  # the items are missing because each of them is wrong, which is said already
-            message = WORDS.get(item["type"], item["msg"].removeprefix("Value error, "))
+            own = item["msg"].removeprefix("Value error, ").replace("Input should be ", "must be ")
+            message = WORDS.get(item["type"], own)
             got = item.get("input")
             shown = f", got {got!r}" if isinstance(got, int | float | str | bool) and "got" not in message else ""
-            lines.append(f"{origin}: {place}: {message}{shown}")
-        raise PresetError("\n".join(lines)) from None
+            problems.append((place, message + shown))
+        raise PresetError("\n".join(f"{origin}: {place}: {what}" for place, what in problems), problems) from None
 
 
 def preset_folder() -> Path:

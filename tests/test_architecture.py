@@ -1,5 +1,5 @@
 """Imports go one way only: units → physics, solver, dsp → measures, exact → plan, preset → compile, case → scene → methods
-→ simulation → engine → host → live → cli.
+→ simulation → engine → host, tune, fit → live → author → cli.
 """
 
 import ast
@@ -22,8 +22,9 @@ FLOORS = (
     {"methods"},
     {"simulation"},
     {"engine"},
-    {"host", "tune"},
+    {"host", "tune", "fit"},
     {"live"},
+    {"author"},
     {"cli"},
     {"__main__"},
 )

@@ -282,7 +282,7 @@ def test_presets_are_listed_shown_and_checked(capsys, tmp_path) -> None:
 
 
 def test_a_wrong_preset_is_told_with_all_its_faults(capsys, tmp_path) -> None:
-    (tmp_path / "wrong.toml").write_text('format = 1\nname = "Wrong Name"\nvolume = 11\n')
+    (tmp_path / "wrong.toml").write_text('format = 2\nname = "Wrong Name"\nvolume = 11\n')
     assert cli.main(["presets", "check", str(tmp_path / "wrong.toml")]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) >= 3

@@ -31,7 +31,7 @@ BRIDGE = '[obstacle]\nkind = "bridge"\ndistance_mm = 6\njiva_um = {jiva}\n'
 
 def make(tables: str = "", notes: str = "G2", more: str = "", top: str = "") -> Preset:
     return parse_preset(
-        f'format = 1\nname = "x"\n{top}\n{STRING.format(name="S", notes=notes, more=more)}{PLUCK}{tables}', "x"
+        f'format = 2\nname = "x"\n{top}\n{STRING.format(name="S", notes=notes, more=more)}{PLUCK}{tables}', "x"
     )
 
 
@@ -124,6 +124,16 @@ def test_every_note_of_a_range_is_a_string():
     assert [s.positions[0].note for s in few.strings] == [50]
     assert [s.positions[0].note for s in compile_preset(make(NECK), only_notes={50}).strings] == [43]
     assert compile_preset(make(), only_notes=set()).strings == ()
+
+
+def test_single_frets_of_a_neck():
+    whole = compile_preset(make(NECK), only_notes={45}).strings[0]
+    part = compile_preset(make(NECK), only_notes={45}, every_fret=False).strings[0]
+    assert (part.places, part.open_note) == (whole.places, whole.open_note) == (len(whole.positions), 43)
+    (alone,) = part.positions
+    same = whole.positions[2]
+    assert (alone.note, alone.fret) == (same.note, same.fret) == (45, 2)
+    assert all(np.array_equal(a, b) for a, b in zip(vars(alone).values(), vars(same).values(), strict=True))
 
 
 def test_pluck_force_draws_the_open_string_as_far_as_asked():

@@ -284,6 +284,27 @@ def test_decay_time_ignores_what_lies_under_the_fit():
     assert ms.decay_time_s(x, rate, f1) == pytest.approx(t60, rel=0.01)
 
 
+def test_decay_times_of_many_partials_are_those_of_each():
+    rate, f1 = 44100, 131.0
+    x, f, _ = stiff_string(rate, f1, 2.0, decay_per_s=1.5)
+    together = ms.decay_times_s(x, rate, f[:20], bandwidth_hz=0.4 * f1)
+    each = [ms.decay_time_s(x, rate, frequency, bandwidth_hz=0.4 * f1) for frequency in f[:20]]
+    np.testing.assert_allclose(together, each, rtol=2e-3)
+    np.testing.assert_allclose(together, np.log(1000) / (1.5 * (1 + 0.3 * np.arange(20))), rtol=5e-3)
+
+
+def test_decay_times_leave_out_what_does_not_decay():
+    rate = 44100
+    t = np.arange(rate) / rate
+    x = np.sin(2 * np.pi * 500 * t) + np.exp(-3 * t) * np.sin(2 * np.pi * 900 * t)
+    times = ms.decay_times_s(x, rate, [500.0, 900.0], bandwidth_hz=80.0)
+    assert np.isnan(times[0]) and times[1] == pytest.approx(np.log(1000) / 3, rel=5e-3)
+    with pytest.raises(ValueError, match="the signal must last at least"):
+        ms.decay_times_s(x[:1000], rate, [900.0], bandwidth_hz=80.0)
+    with pytest.raises(ValueError, match="frequencies_hz must lie between"):
+        ms.decay_times_s(x, rate, [23000.0], bandwidth_hz=80.0)
+
+
 def test_decay_time_says_why_it_cannot_be_measured():
     rate = 44100
     steady = np.sin(2 * np.pi * 100 * np.arange(rate) / rate)

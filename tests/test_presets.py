@@ -9,7 +9,17 @@ from synth.compile import CompiledString, compile_preset
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.measures import decay_time_s
-from synth.preset import Preset, PresetError, at_note, list_presets, load_preset, parse_preset
+from synth.preset import (
+    FORMAT,
+    MIGRATIONS,
+    Preset,
+    PresetError,
+    at_note,
+    list_presets,
+    load_preset,
+    migrate,
+    parse_preset,
+)
 from synth.tune import single_strings
 from synth.units import midi_to_hz
 
@@ -238,6 +248,8 @@ def test_settings_and_round_trip(name: str) -> None:
     [
         ("pluck.position", "2", r"pluck\.position: .*less than 1, got 2"),
         ("pluck.position", "near", r"pluck\.position: .*got 'near'"),
+        ("obstacle", '{kind = "frets", count = 19.5}', r"obstacle\.count: must be a whole number, got 19\.5"),
+        ("title", "3", r"title: must be text, got 3"),
         ("pluck.positon", "0.2", r"pluck\.positon: no such key"),
         ("plucks.position", "0.2", r"plucks: no such key"),
         ("string.9.cents", "1", r"no setting 'string\.9\.cents' \('9' does not exist\)"),
@@ -257,7 +269,7 @@ def test_wrong_settings_name_the_key(key: str, value: str, message: str) -> None
 
 
 GOOD = """
-format = 1
+format = 2
 name = "mine"
 [[string]]
 notes = "C3"
@@ -282,8 +294,11 @@ def test_the_shortest_preset() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("format = 1\n", "", r"format: missing"),
-        ("format = 1", "format = 2", r"format: must be 1, got 2"),
+        ("format = 2\n", "", r"format: missing"),
+        ("format = 2", "format = 3", r"format: 3 is newer than what this program reads, which is 1 to 2"),
+        ("format = 2", "format = 0", r"format: must be a whole number from 1 to 2, got 0"),
+        ("format = 2", "format = true", r"format: must be a whole number from 1 to 2, got True"),
+        ("format = 2", 'format = "2"', r"format: must be a whole number from 1 to 2, got '2'"),
         ('"mine"', '"My Preset"', r"name: must be lower-case"),
         ('name = "mine"\n', "", r"name: missing"),
         ('"C3"', '"H3"', r"string\.0\.notes: must be one note"),
@@ -324,6 +339,24 @@ def test_wrong_presets_name_table_and_key(old: str, new: str, message: str) -> N
     assert GOOD.count(old) >= 1
     with pytest.raises(PresetError, match=r"^mine\.toml: " + message):
         parse_preset(GOOD.replace(old, new, 1), "mine.toml")
+
+
+def test_a_preset_of_format_1() -> None:
+    assert parse_preset(GOOD.replace("format = 2", "format = 1"), "mine.toml") == parse_preset(GOOD, "mine.toml")
+
+
+def test_every_older_format_has_a_way_to_todays() -> None:
+    assert sorted(MIGRATIONS) == list(range(1, FORMAT))
+    data = {"format": 1, "name": "mine"}
+    assert migrate(data, "mine.toml") == [words for words, _ in MIGRATIONS.values()]
+    assert data == {"format": FORMAT, "name": "mine"}
+    assert migrate(data, "mine.toml") == []
+
+
+def test_problems_by_field() -> None:
+    with pytest.raises(PresetError) as error:
+        parse_preset(GOOD.replace("0.9", "-1").replace('"mine"', '"Mine"'), "mine.toml")
+    assert dict(error.value.problems).keys() == {"name", "string.0.length_m"}
 
 
 def test_all_errors_at_once() -> None:

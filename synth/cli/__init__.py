@@ -1,4 +1,4 @@
-"""The command line: `synth render`, `play`, `drone`, `devices`, `presets`, `plan`, `simulate`.
+"""The command line: `synth render`, `play`, `drone`, `author`, `fit`, `devices`, `presets`, `plan`, `simulate`.
 
 Exit codes: 0 done; 1 failed for a reason that lies in the program; 2 wrong usage or input (one line on
 standard error says what); 130 or 143 interrupted or terminated. Everything heavy is imported where it is
@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from synth.cli import devices, drone, plan, play, presets, render, simulate
+from synth.cli import author, devices, drone, fit, plan, play, presets, render, simulate
 from synth.cli.common import Parser
 
 
@@ -87,6 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     render.add(commands)
     play.add(commands)
     drone.add(commands)
+    author.add(commands)
+    fit.add(commands)
     devices.add(commands)
     presets.add(commands)
     plan.add(commands)

@@ -117,7 +117,7 @@ def build_bank(
                     s_coff,
                     cmax,
                     s_goff,
-                    len(string.positions),
+                    string.places,
                     string.open_length_m,
                     string.pluck_force_n,
                     string.impedance_kg_s,
@@ -127,7 +127,7 @@ def build_bank(
                     bus_of[1] if factor > 1 else -1,
                     len(strings) * span * QUANTUM,
                     fade,
-                    1e-6 * at_note(preset.mapping.pressure_um, string.positions[0].note),
+                    1e-6 * at_note(preset.mapping.pressure_um, string.open_note),
                 )
             )
             row += _padded(span * QUANTUM * factor)

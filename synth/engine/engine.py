@@ -78,6 +78,8 @@ class Engine:
     note_hz      (128,) frequencies that replace the presets' equal temperament
     bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
                  all, id, value at 0, value at 127), None for the parameter's own range
+    only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
+                 every_fret what else can be played on the others. No effect on the sound of those notes
     mpe          begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
     threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     Raises ValueError (PresetError among them) for what cannot be played.
@@ -98,6 +100,7 @@ class Engine:
         note_hz: np.ndarray | None = None,
         economy: bool | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
+        every_fret: bool = True,
         threads: int | str = 1,
         bindings: Bindings | None = None,
         mpe: bool = False,
@@ -136,6 +139,7 @@ class Engine:
         self.note_hz = note_hz
         self.economy = quality in ("draft", "standard") if economy is None else economy
         self._only_notes = only_notes
+        self._every_fret = every_fret
         self.rate_hz = 0.0
         self.threads = threads
         self.mpe = mpe
@@ -165,6 +169,7 @@ class Engine:
                     internal_rate_hz=self.internal_rate_hz,
                     note_hz=self.note_hz,
                     only_notes=wanted,
+                    every_fret=self._every_fret,
                 )
             compiled.append(cache[key])
         self.compiled = tuple(compiled)

@@ -59,7 +59,7 @@ def preset(
     more: str = "",
 ) -> Preset:
     """A preset out of its tables."""
-    text = f"""format = 1
+    text = f"""format = 2
 name = "{name}"
 {strings}
 [obstacle]

@@ -11,6 +11,7 @@ import pytest
 from synth.engine import layout
 from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM
 from synth.measures import click_ratios, sounding_fundamental
+from synth.preset import load_preset
 from synth.units import cents
 
 from .kit import BRIDGE, FREE, NECK, RATE_HZ, awake, bank_of, engine, place, play, preset, state_of, steel, until_state_at
@@ -504,3 +505,17 @@ def test_a_part_without_wanted_notes_is_silent():
     assert {(u.part, u.note) for u in made.report().unplayed} == {(0, 50)}
     alone = engine(FREE, only_notes=[set()])
     assert not play(alone, [(0, NOTE_ON, 0, 50, 100)], 3000).any()
+
+
+def test_notes_prepared_alone_sound_the_same():
+    """The same string and fret is chosen where the other frets are not there, and again while it sounds."""
+    bass = load_preset("fretted-bass")
+    whole = engine(bass, quality="draft")
+    for note in (28, 38, 45, 63):
+        alone = engine(bass, quality="draft", only_notes=[{note}], every_fret=False)
+        rows = [(0, NOTE_ON, 0, note, 100), (4000, NOTE_OFF, 0, note), (6000, NOTE_ON, 0, note, 60)]
+        heard = []
+        for made in (whole, alone):
+            made.reset()
+            heard.append(play(made, rows, 12000))
+        assert np.array_equal(*heard) and np.abs(heard[0]).max() > 0.05

@@ -14,7 +14,7 @@ from matplotlib.ticker import NullFormatter
 
 from speed_error.grid import BASE_HZ, ELASTIC, INELASTIC, Run
 from speed_error.tables import rate
-from synth.measures import _stft_power
+from synth.measures import stft_power
 
 if TYPE_CHECKING:
     from speed_error.session import Session
@@ -260,7 +260,7 @@ def spectrograms(session: Session, case: str) -> None:
     figure, axes = plt.subplots(1, len(lines), figsize=(3.6 * len(lines), 3.6), sharey=True, squeeze=False)
     top = None
     for axis, (name, u, _) in zip(axes[0], lines, strict=True):
-        level = 10.0 * np.log10(np.maximum(_stft_power(u, size, hop).T, 1e-300))
+        level = 10.0 * np.log10(np.maximum(stft_power(u, size, hop).T, 1e-300))
         top = float(level.max()) if top is None else top
         extent = (size / 2 / BASE_HZ, (level.shape[1] * hop + size / 2) / BASE_HZ, 0.0, BASE_HZ / 2e3)
         image = axis.imshow(level - top, origin="lower", aspect="auto", extent=extent, cmap="viridis", vmin=-70.0, vmax=0.0)

@@ -1,0 +1,297 @@
+// The controls: made from GET …/parameters, in groups, with a search field; strings and resonances as tables of their own.
+
+import { changesFor, listBeside, shownBeside } from "./edits.js";
+import { makeField } from "./field.js";
+import { h, valueAt } from "./format.js";
+import { latest } from "./latest.js";
+import { stringName } from "./wording.js";
+
+const GROUPS = {
+  string: "Strings",
+  obstacle: "What they touch",
+  pluck: "Pluck",
+  damping: "Damping",
+  output: "Pickup and body",
+  mapping: "Keys and pressure",
+  about: "About this preset",
+};
+/** Groups that a step at random may change. */
+const SHUFFLED = ["string", "obstacle", "pluck", "damping", "output"];
+/** Tables that stand first in their group, last first. */
+const ORDER = ["nut", "string"];
+/** Lists of tables, one of which is shown at a time. */
+const TABS = ["string"];
+const REST_MS = 300;
+
+export function mount(element, { store }) {
+  const search = h("input", { type: "search", placeholder: "Find a control", "aria-label": "Find a control", id: "control-search" });
+  const shuffle = h("button", { type: "button", id: "randomise" }, "Randomise");
+  shuffle.title = "Step every number a little at random: one step of undo";
+  const none = h("p", { class: "controls-none muted", hidden: true }, "No control of that name.");
+  const groups = h("fieldset", { class: "control-groups" });
+  const body = h("div", { class: "controls-body" }, groups, none);
+  element.append(h("div", { class: "controls-head" }, search, shuffle), body);
+
+  const shut = new Set(["about", "mapping"]);
+  let parameters = [];
+  let byPath = new Map();
+  let fields = new Map();
+  let shape = "";
+  let tab = 0;
+  let form = "";
+  let resting = 0;
+  let told = {};
+  // the string that was chosen by its tab, and the note that it was chosen at: of two with the same note, it stays
+  let pinned = null;
+
+  shuffle.addEventListener("click", () => store.randomise());
+  search.addEventListener("input", filter);
+  search.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    search.value = "";
+    filter();
+  });
+
+  const context = {
+    store,
+    parameterOf: (path) => byPath.get(path),
+    commit(path, value, merge) {
+      return store.editMany(changesFor(byPath.get(path), value, store.state.doc.data, byPath), merge);
+    },
+    commitMany: (changes, merge = null) => store.editMany(changes, merge),
+    refuse: (path, reason) => (reason === null ? store.clearError(path) : store.refuse(path, reason)),
+  };
+
+  // ---- building: again only where the set of controls changed, so that focus and sliders stay
+  const shapeOf = (data) => JSON.stringify([parameters.map(({ path, kind, choices }) => [path, kind, choices?.length]), tab, data.string.map((one) => one.name)]);
+
+  function follow({ doc }) {
+    if (doc === null) return;
+    update();
+    // a drag changes numbers only: what is suggested beside them may wait until it rests
+    const now = JSON.stringify(store.data(), (_, value) => (typeof value === "number" ? 0 : value));
+    clearTimeout(resting);
+    resting = setTimeout(ask, now === form ? REST_MS : 0);
+    form = now;
+  }
+
+  const ask = latest(async () => {
+    let found;
+    try {
+      found = await store.view("parameters", { which: store.state.which });
+    } catch (error) {
+      store.notify(error.message, "error");
+      return;
+    }
+    parameters = found;
+    store.setParameters(found);
+    byPath = new Map(found.map((parameter) => [parameter.path, parameter]));
+    const now = shapeOf(store.data());
+    if (now !== shape) {
+      shape = now;
+      build();
+    } else {
+      for (const field of fields.values()) {
+        const { label } = field.parameter;
+        Object.assign(field.parameter, byPath.get(field.parameter.path), { label });
+      }
+    }
+    update();
+  });
+
+  function build() {
+    const data = store.data();
+    const focus = element.contains(document.activeElement) ? document.activeElement : null;
+    const kept = focus && [focus.closest("[data-path]")?.dataset.path, focus.dataset.part];
+    const scroll = body.scrollTop;
+    fields = new Map();
+    tab = Math.min(tab, data.string.length - 1);
+    groups.replaceChildren();
+    for (const [group, title] of Object.entries(GROUPS)) {
+      const mine = parameters.filter((parameter) => parameter.group === group);
+      if (mine.length > 0) groups.append(makeGroup(group, title, mine, data));
+    }
+    filter();
+    body.scrollTop = scroll;
+    if (kept?.[0]) {
+      const part = kept[1] ? `[data-part="${kept[1]}"]` : "input, select, textarea, button";
+      groups.querySelector(`[data-path="${kept[0]}"] ${part}`)?.focus({ preventScroll: true });
+    }
+  }
+
+  function makeGroup(group, title, mine, data) {
+    const summary = h("summary", {}, h("h2", {}, title));
+    const details = h("details", { class: "group", "data-group": group, open: !shut.has(group) }, summary);
+    details.addEventListener("toggle", () => {
+      if (search.value !== "") return;
+      if (details.open) shut.delete(group);
+      else shut.add(group);
+    });
+    if (SHUFFLED.includes(group)) {
+      const one = h("button", { type: "button", class: "quiet small", "data-part": "shuffle" }, "randomise");
+      one.setAttribute("aria-label", `Randomise ${title}`);
+      one.addEventListener("click", (event) => {
+        event.preventDefault();
+        store.randomise([group]);
+      });
+      summary.append(one);
+    }
+    // the strings themselves before what concerns all of them
+    const ordered = [...mine].sort((a, b) => ORDER.indexOf(b.path.split(".")[0]) - ORDER.indexOf(a.path.split(".")[0]));
+    for (const parameter of ordered) {
+      if (parameter.kind === "list" && parameter.item === "table") {
+        const rows = valueAt(data, parameter.path) ?? [];
+        details.append(TABS.includes(parameter.path) ? makeTabs(parameter, rows) : makeRows(parameter, rows));
+      } else if (!parameters.some((list) => list.item === "table" && parameter.path.startsWith(`${list.path}.`))) {
+        details.append(place(parameter, data));
+      }
+    }
+    return details;
+  }
+
+  function place(parameter, data) {
+    // a list that shows another's column has both names
+    const other = byPath.get(listBeside(parameter.path));
+    const label = other ? `${parameter.label}, ${other.label.toLowerCase()}` : parameter.label;
+    const field = makeField({ ...parameter, label }, context);
+    fields.set(parameter.path, field);
+    if (shownBeside(parameter.path, data)) field.element.hidden = true;
+    return field.element;
+  }
+
+  const own = (path) => parameters.filter((parameter) => parameter.table === path);
+
+  /** Strings: one at a time, chosen by tabs. */
+  function makeTabs(parameter, rows) {
+    const { path } = parameter;
+    const data = store.data();
+    const panel = h("div", { role: "tabpanel", class: "tab-panel", "aria-label": `String ${stringName(rows[tab], tab)}` });
+    const tabs = rows.map((row, i) => {
+      const button = h(
+        "button",
+        { type: "button", role: "tab", "aria-selected": String(i === tab), tabindex: i === tab ? 0 : -1, "data-tab": i },
+        stringName(row, i),
+      );
+      button.addEventListener("click", () => lead(i));
+      button.addEventListener("keydown", (event) => {
+        const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        if (step === undefined) return;
+        event.preventDefault();
+        lead((i + step + rows.length) % rows.length);
+        groups.querySelector(`[data-tab="${tab}"]`).focus();
+      });
+      return button;
+    });
+    const add = h("button", { type: "button", class: "quiet small", "data-part": "add", "aria-label": "Add a string like the last" }, "+");
+    add.addEventListener("click", () => {
+      const index = rows.length;
+      store.edit(`${path}.${index}`, parameter.new).then((done) => done && lead(index));
+    });
+    const away = h("button", { type: "button", class: "quiet small", "data-part": "away" }, "remove this string");
+    away.hidden = rows.length < 2;
+    away.addEventListener("click", () => store.edit(`${path}.${tab}`, null));
+    panel.append(...own(`${path}.${tab}`).map((one) => place(one, data)), h("div", { class: "row-tools" }, away));
+    return h("div", { class: "tabs", "data-path": path }, h("div", { class: "tab-list", role: "tablist", "aria-label": "Strings" }, ...tabs, add), panel);
+  }
+
+  /** A string chosen by hand leads the picture and the sound to its own note. */
+  function lead(index) {
+    const { doc, table } = store.state;
+    const notes = store.data().string[index]?.notes;
+    if (index !== table && Array.isArray(notes) && doc.notes.includes(notes[0])) store.setNote(notes[0]);
+    pinned = { index, note: store.state.note };
+    choose(index);
+  }
+
+  function choose(index) {
+    tab = index;
+    shape = shapeOf(store.data());
+    build();
+    update();
+  }
+
+  /** Resonances: all below each other. */
+  function makeRows(parameter, rows) {
+    const { path, label, tip } = parameter;
+    const data = store.data();
+    const add = h("button", { type: "button", class: "quiet small", "data-part": "add" }, "+ resonance");
+    add.addEventListener("click", () => store.edit(`${path}.${rows.length}`, parameter.new));
+    const cards = rows.map((row, i) => {
+      const away = h("button", { type: "button", class: "icon", "data-part": `away ${i}`, "aria-label": `Remove resonance ${i + 1}` }, "×");
+      away.addEventListener("click", () => store.edit(`${path}.${i}`, null));
+      return h(
+        "div",
+        { class: "card" },
+        h("div", { class: "card-head" }, h("span", { class: "muted" }, `Resonance ${i + 1}`), away),
+        ...own(`${path}.${i}`).map((one) => place(one, data)),
+      );
+    });
+    const name = h("button", { type: "button", class: "control-name", "data-tip": tip, "data-tip-tap": true }, label);
+    const head = h("div", { class: "control-head" }, h("span", { class: "control-mark" }), name, h("span", { class: "control-entry" }, add));
+    return h("div", { class: "table-list", "data-path": path }, head, ...cards);
+  }
+
+  // ---- values
+  function update() {
+    const { doc, errors, which } = store.state;
+    if (doc === null) return;
+    const data = store.data();
+    groups.disabled = which === "saved";
+    shuffle.disabled = which === "saved";
+    for (const [path, field] of fields) {
+      field.update(valueAt(data, path) ?? null, {
+        saved: which === "saved" ? (valueAt(data, path) ?? null) : (valueAt(doc.saved, path) ?? null),
+        error: which === "saved" ? undefined : errorOf(path, errors),
+      });
+    }
+    for (const group of groups.children) group.classList.toggle("has-changes", group.querySelector(".control.changed") !== null);
+  }
+
+  /** Why an edit of this field, or of a value in it, was refused. */
+  function errorOf(path, errors) {
+    return errors[path] ?? Object.entries(errors).find(([each]) => each.startsWith(`${path}.`))?.[1];
+  }
+
+  /** Reasons that have come and that no field shows are told as notices. */
+  function tell({ errors }) {
+    for (const [path, reason] of Object.entries(errors)) {
+      const shown = [...fields.keys()].some((field) => path === field || path.startsWith(`${field}.`));
+      if (!shown && told[path] !== reason) store.notify(`${store.labelOf(path)}: ${reason}`, "error");
+    }
+    told = errors;
+  }
+
+  function filter() {
+    const words = search.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
+    let any = false;
+    for (const group of groups.children) {
+      let here = false;
+      for (const control of group.querySelectorAll(".control")) {
+        const { path, label, tip } = fields.get(control.dataset.path).parameter;
+        const text = `${label} ${path} ${group.dataset.group} ${tip}`.toLowerCase();
+        const found = words.every((word) => text.includes(word));
+        control.classList.toggle("filtered", !found);
+        here ||= found && !control.hidden;
+      }
+      group.hidden = !here && words.length > 0;
+      group.open = words.length > 0 ? here : !shut.has(group.dataset.group);
+      any ||= here;
+    }
+    none.hidden = any || words.length === 0;
+  }
+
+  store.on(["doc", "which"], follow);
+  store.on(["errors"], (state) => {
+    update();
+    tell(state);
+  });
+  // the string that plays the note is the one that is shown
+  store.on(["table"], ({ table, note, doc }) => {
+    if (pinned !== null && pinned.note === note) return;
+    if (doc !== null && parameters.length > 0 && table !== tab) choose(table);
+    else tab = table;
+  });
+  store.on(["note"], ({ note }) => {
+    if (pinned !== null && pinned.note !== note) pinned = null;
+  });
+}

@@ -1,0 +1,297 @@
+// One control: its name with the physics as a tip, slider, exact entry with unit, mark and way back, reason of a refusal.
+//
+//   const field = makeField(parameter, context);   // parameter as GET …/parameters describes it
+//   field.element; field.update(value, {saved, error})
+//
+// context: {store, parameterOf(path), commit(path, value, mergeKey), commitMany(changes, mergeKey), refuse(path, reason)}.
+// What is typed is sent on Enter or when the field is left; `refuse` shows a reason without asking the server.
+
+import { makeAnchors } from "./anchors.js";
+import { h, number, noteName, parseNote, plain, same } from "./format.js";
+import { makeNumbers } from "./numbers.js";
+import { keyStep, makeScale, parseNumber, STEPS } from "./scale.js";
+import { hiddenTip } from "./tip.js";
+
+/** Edits of a slider that follow each other within this time are one step of undo. */
+const PAUSE_MS = 1000;
+
+let fields = 0;
+
+export function makeField(parameter, context) {
+  const { path, label, unit, tip } = parameter;
+  const id = `control-${(fields += 1)}`;
+  const name = h("button", { type: "button", class: "control-name", "data-tip": tip, "data-tip-tap": true, id: `${id}-name` }, label);
+  const mark = h("span", { class: "control-mark", "aria-hidden": "true" });
+  const back = h("button", { type: "button", class: "icon control-back", "data-part": "back" }, "↺");
+  const error = h("p", { class: "control-error", id: `${id}-error`, role: "alert", hidden: true });
+  const labels = { "aria-labelledby": `${id}-name`, "aria-describedby": `${id}-tip ${id}-error` };
+  const body = makeBody(parameter, { ...context, labels });
+  const head = h("div", { class: "control-head" }, mark, name, h("span", { class: "control-entry" }, ...body.entry), back);
+  const element = h(
+    "div",
+    { class: `control kind-${parameter.kind}`, "data-path": path, role: "group", "aria-labelledby": `${id}-name` },
+    head,
+    ...body.below,
+    error,
+    hiddenTip(`${id}-tip`, unit ? `${tip} In ${unit}.` : tip),
+  );
+  let way = null;
+  back.addEventListener("click", () => context.commit(path, way, null));
+
+  return {
+    element,
+    parameter,
+    update(value, { saved, error: reason }) {
+      const fallback = parameter.default ?? null;
+      const changed = !same(value, saved);
+      // back to the saved value if it was changed since, else to the default
+      way = changed && !same(saved, fallback) ? saved : null;
+      const target = changed ? saved : fallback;
+      const named = parameter.kind === "text" || parameter.required;
+      back.hidden = same(value, target) || (named && !changed);
+      back.classList.toggle("to-saved", changed);
+      back.title = `Back to ${changed ? "saved" : "default"}: ${brief(target)}`;
+      back.setAttribute("aria-label", `${label}: ${back.title.toLowerCase()}`);
+      mark.classList.toggle("changed", changed);
+      mark.title = changed ? `Saved: ${brief(saved)}` : "";
+      element.classList.toggle("changed", changed);
+      element.classList.toggle("unset", value === null || value === undefined);
+      error.hidden = !reason;
+      error.textContent = reason ?? "";
+      body.update(value, Boolean(reason));
+    },
+  };
+}
+
+/** A value in a few words. */
+function brief(value) {
+  if (value === null || value === undefined) return "not given";
+  if (typeof value === "number") return number(value);
+  if (Array.isArray(value)) return `${value.length} values`;
+  if (typeof value === "object") return "by note";
+  return String(value) || "empty";
+}
+
+function makeBody(parameter, context) {
+  switch (parameter.kind) {
+    case "number":
+      return makeNumber(parameter, context);
+    case "anchored":
+      return makeAnchors(parameter, context, makeNumber(parameter, context));
+    case "choice":
+      return makeChoice(parameter, context);
+    case "flag":
+      return makeFlag(parameter, context);
+    case "notes":
+      return makeText(parameter, context, showNotes, readNotes);
+    case "list":
+      if (parameter.item === "number") return makeNumbers(parameter, context);
+      return makeText(parameter, context);
+    default:
+      return makeText(parameter, context);
+  }
+}
+
+/** A text field that takes numbers; arrows step it, Enter and leaving it commit, Escape gives up. */
+export function numberInput(parameter, { commit, attributes = {} }) {
+  const input = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", spellcheck: "false", ...attributes });
+  let shown = "";
+  let last = 0;
+  let key = 0;
+  const refused = (reason) => {
+    input.setAttribute("aria-invalid", "true");
+    input.setCustomValidity(reason);
+    input.title = reason;
+  };
+  const settle = () => {
+    delete input.dataset.typing;
+    input.removeAttribute("aria-invalid");
+    input.setCustomValidity("");
+    input.title = "";
+  };
+  const send = (merge) => {
+    const text = input.value.trim();
+    if (text === shown) {
+      settle();
+      return;
+    }
+    const value = parseNumber(text);
+    if (text === "" && parameter.optional) {
+      settle();
+      commit(null, null);
+    } else if (Number.isNaN(value)) {
+      refused(`“${text}” is no number`);
+      commit(undefined, null, `must be a number, got “${text}”`);
+    } else {
+      settle();
+      commit(value, merge);
+    }
+  };
+  input.addEventListener("input", () => {
+    input.dataset.typing = "yes";
+  });
+  input.addEventListener("change", () => send(null));
+  input.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") send(null);
+    if (event.key === "Escape") {
+      input.value = shown;
+      settle();
+      commit(undefined, null, null);
+    }
+    if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
+    const value = parseNumber(input.value);
+    if (Number.isNaN(value)) return;
+    event.preventDefault();
+    const step = keyStep(value, parameter) * (event.shiftKey ? 10 : 1);
+    const next = value + (event.key === "ArrowUp" ? step : -step);
+    input.value = plain(Math.min(parameter.maximum ?? Infinity, Math.max(parameter.minimum ?? -Infinity, next)));
+    if (performance.now() - last > PAUSE_MS) key += 1;
+    last = performance.now();
+    send(`arrows ${attributes["data-part"]} ${key}`);
+  });
+  return {
+    input,
+    update(value, invalid) {
+      const typing = input.dataset.typing === "yes" && document.activeElement === input;
+      const before = shown;
+      shown = plain(value);
+      // what was refused stays in the field, to be put right
+      if (!typing && !(invalid && before === shown && input.value !== shown)) input.value = shown;
+      if (invalid) input.setAttribute("aria-invalid", "true");
+      else if (!typing) settle();
+    },
+  };
+}
+
+function makeNumber(parameter, { commit, refuse, labels }) {
+  const { path, unit } = parameter;
+  const entry = numberInput(parameter, {
+    commit: (value, merge, reason) => (value === undefined ? refuse(path, reason) : commit(path, value, merge && `${merge} ${path}`)),
+    attributes: { class: "control-number", "data-part": "number", placeholder: "–", ...labels },
+  });
+  const below = [];
+  let slider = null;
+  let held = false;
+  const travel = parameter.usual ?? [parameter.minimum, parameter.maximum];
+  let scale = null;
+  if (travel.every(Number.isFinite)) {
+    slider = h("input", { type: "range", min: 0, max: STEPS, step: 1, class: "control-slider", "data-part": "slider", ...labels });
+    let last = 0;
+    let key = 0;
+    slider.addEventListener("pointerdown", () => {
+      held = true;
+      key += 1;
+    });
+    for (const end of ["pointerup", "pointercancel", "change", "blur"]) slider.addEventListener(end, () => (held = false));
+    slider.addEventListener("input", () => {
+      if (!held && performance.now() - last > PAUSE_MS) key += 1;
+      last = performance.now();
+      const value = scale.value(Number(slider.value));
+      entry.input.value = plain(value);
+      slide(value);
+      commit(path, value, `slider ${path} ${key}`);
+    });
+    below.push(slider);
+  }
+  const slide = (value) => {
+    slider.style.setProperty("--at", `${(100 * scale.place(value)) / STEPS}%`);
+    slider.setAttribute("aria-valuetext", `${number(value)} ${unit ?? ""}`.trim());
+  };
+  return {
+    entry: [entry.input, h("span", { class: "unit" }, unit ?? "")],
+    below,
+    update(value, invalid) {
+      if (held) return;
+      entry.update(value, invalid);
+      if (slider === null) return;
+      const given = typeof value === "number";
+      const place = given ? value : typeof parameter.suggested === "number" ? parameter.suggested : travel[0];
+      // a value outside of what is usual widens the slider's travel
+      scale = makeScale({ ...parameter, minimum: Math.min(travel[0], place), maximum: Math.max(travel[1], place) });
+      slider.classList.toggle("unset", !given);
+      slider.value = scale.place(place);
+      slide(place);
+      if (!given) slider.setAttribute("aria-valuetext", "not given");
+    },
+  };
+}
+
+function makeChoice(parameter, { commitMany, labels }) {
+  const select = h("select", { "data-part": "choice", ...labels });
+  for (const { value, label } of parameter.choices) select.append(h("option", { value }, label));
+  select.addEventListener("change", () => commitMany(parameter.choices.find(({ value }) => value === select.value).edits));
+  return {
+    entry: [select],
+    below: [],
+    update(value) {
+      select.value = value ?? "";
+    },
+  };
+}
+
+function makeFlag(parameter, { commit, labels }) {
+  const { path } = parameter;
+  const box = h("input", { type: "checkbox", role: "switch", "data-part": "flag", ...labels });
+  box.addEventListener("change", () => commit(path, box.checked, null));
+  return {
+    entry: [box],
+    below: [],
+    update(value) {
+      box.checked = Boolean(value);
+    },
+  };
+}
+
+function makeText(parameter, { commit, refuse, labels }, show = (value) => value ?? "", read = (text) => text) {
+  const { path } = parameter;
+  const many = parameter.item === "text";
+  const long = parameter.multiline || many;
+  const box = long
+    ? h("textarea", { rows: path === "remarks" ? 7 : 3, "data-part": "text", ...labels })
+    : h("input", { type: "text", autocomplete: "off", "data-part": "text", class: "control-text", ...labels });
+  const shownAs = (value) => (many ? (value ?? []).join("\n") : show(value));
+  let shown = "";
+  const send = () => {
+    if (box.value === shown) return;
+    delete box.dataset.typing;
+    const value = many ? box.value.split("\n").filter((line) => line.trim() !== "") : read(box.value);
+    if (value === undefined) refuse(path, `“${box.value}” is no note such as G2, and no range such as E1-C7`);
+    else commit(path, value, null);
+  };
+  box.addEventListener("input", () => {
+    box.dataset.typing = "yes";
+  });
+  box.addEventListener("change", send);
+  box.addEventListener("keydown", (event) => {
+    if (event.key === "Enter" && !long) send();
+    if (event.key === "Escape") {
+      box.value = shown;
+      delete box.dataset.typing;
+    }
+  });
+  return {
+    entry: long ? [] : [box],
+    below: long ? [box] : [],
+    update(value, invalid) {
+      const before = shown;
+      shown = shownAs(value);
+      const typing = box.dataset.typing === "yes" && document.activeElement === box;
+      if (!typing && !(invalid && before === shown)) box.value = shown;
+      if (invalid) box.setAttribute("aria-invalid", "true");
+      else box.removeAttribute("aria-invalid");
+    },
+  };
+}
+
+function showNotes(value) {
+  if (!Array.isArray(value)) return value ?? "";
+  const [low, high] = value.map(noteName);
+  return low === high ? low : `${low}–${high}`;
+}
+
+/** "G2", "E1-C7": as the file writes it; undefined where it is none. */
+function readNotes(text) {
+  const ends = text.split(/\s*[–]\s*|(?<=\d)\s*-\s*/).map(parseNote);
+  if (ends.length > 2 || ends.includes(null)) return undefined;
+  return ends.map((note) => noteName(note).replace("♯", "#")).join("-");
+}

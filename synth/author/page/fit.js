@@ -1,0 +1,260 @@
+// Fitting a string of the preset to a recording: drop a note, look at the fit against the data, take it over.
+//
+//   mount(element, {store, api}): fills the element and follows the store from then on.
+
+import { h, noteName, number, valueAt } from "./format.js";
+import { Figure, hertz, seconds, signed } from "./figure.js";
+import { follow } from "./job.js";
+import { fitted } from "./pictures.js";
+import { dropTarget } from "./sheets.js";
+
+const MOST_BYTES = 100e6;
+const AUDIO = /\.(wav|wave|flac|aif|aiff|ogg)$/i;
+
+export function mount(element, { store, api }) {
+  const dialog = element.closest("dialog");
+  /** The fit under way: {abort, job: followed, once it is begun}; what has another one, or none, before it is over is let go. */
+  let run = null;
+  /** What is shown: {job, doc, report}. */
+  let result = null;
+  let last = null;
+  let shownDoc = null;
+
+  const strings = h("select", { id: "fit-string", onchange: () => (run !== null || result !== null) && listen(last) });
+  const picker = h("input", {
+    type: "file",
+    id: "fit-file",
+    accept: ".wav,.flac,audio/*",
+    class: "hidden-text",
+    onchange: () => {
+      if (picker.files[0]) listen(picker.files[0]);
+      picker.value = "";
+    },
+  });
+  const zone = h(
+    "div",
+    { class: "drop" },
+    h("p", {}, "Drop a recording of one plucked string here"),
+    h("p", { class: "muted" }, "WAV or FLAC; one note, from before it is plucked until it has faded."),
+    h("label", { class: "button", for: "fit-file", tabindex: 0, role: "button" }, "Choose a file…"),
+    picker,
+  );
+  zone.querySelector("label").addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" && event.key !== " ") return;
+    event.preventDefault();
+    picker.click();
+  });
+  const bar = h("progress", { max: 1, "aria-label": "Fit" });
+  const working = h(
+    "div",
+    { class: "fit-working", hidden: true },
+    h("span", { class: "fit-name" }),
+    bar,
+    h("button", { type: "button", class: "quiet", id: "cancel-fit", onclick: () => begin() }, "Cancel"),
+  );
+  const refusal = h("div", { class: "fit-refusal", role: "alert", hidden: true });
+  const found = h("div", { class: "fit-found", hidden: true });
+  element.append(
+    h(
+      "div",
+      { class: "sheet-head fit-head" },
+      h("h2", {}, "Fit to a recording"),
+      h("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => dialog.close() }, "×"),
+    ),
+    h("label", { class: "fit-string" }, h("span", {}, "String"), strings),
+    zone,
+    working,
+    refusal,
+    found,
+  );
+
+  // ---- what the fit says
+  const tiles = h("dl", { class: "tiles" });
+  const warnings = h("ul", { class: "warnings" });
+  const stretch = new Figure("Frequency against number, above n f₀", { height: 170 });
+  const decay = new Figure("T60 against frequency", { height: 170 });
+  const levels = new Figure("Level at the onset against number", { height: 170 });
+  const settings = h("div", { class: "settings", tabindex: 0, role: "region", "aria-label": "Settings" });
+  const apply = h("button", { type: "button", class: "primary", id: "apply-fit", onclick: take }, "Fill the controls");
+  found.append(
+    tiles,
+    warnings,
+    h("div", { class: "plots" }, stretch.element, decay.element, levels.element),
+    h(
+      "p",
+      { class: "unit" },
+      h("i", { class: "key-dot" }),
+      " measured ",
+      h("i", { class: "key-dot hollow" }),
+      " measured, but not followed ",
+      h("i", { class: "key-line" }),
+      " fitted",
+    ),
+    h("h3", {}, "What would be set"),
+    settings,
+    h(
+      "div",
+      { class: "sheet-actions" },
+      h("button", { type: "button", onclick: () => begin() }, "Another recording"),
+      apply,
+    ),
+  );
+
+  /** Ready for a recording: what is under way is ended, what is shown is put away. */
+  function begin() {
+    if (run !== null) {
+      run.abort.abort();
+      run.job?.cancel().catch(() => {}); // it has ended meanwhile
+      run = null;
+    }
+    result = null;
+    for (const part of [working, refusal, found]) part.hidden = true;
+    zone.hidden = false;
+  }
+
+  async function listen(file) {
+    if (!store.state.doc) return;
+    begin();
+    last = file;
+    if (file.size > MOST_BYTES)
+      return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are taken`);
+    if (store.state.session?.fit && !store.state.session.fit.available)
+      return refuse(file.name, store.state.session.fit.reason);
+    zone.hidden = true;
+    working.hidden = false;
+    working.firstChild.textContent = file.name;
+    bar.removeAttribute("value");
+    const mine = { abort: new AbortController(), job: null };
+    run = mine;
+    const { doc } = store.state.doc;
+    try {
+      const query = new URLSearchParams({ doc, string: strings.value });
+      const { job } = await api.post(`/api/fit?${query}`, file, { signal: mine.abort.signal });
+      mine.job = follow(api, job, (progress) => mine === run && (bar.value = progress));
+      if (mine !== run) mine.job.cancel().catch(() => {});
+      const report = await mine.job.result;
+      if (mine !== run) return;
+      run = null;
+      result = { job, doc, report };
+      show(report);
+    } catch (error) {
+      if (mine !== run) return;
+      run = null;
+      begin();
+      refuse(file.name, error.message === "Cancelled" ? "another fit of this preset has been begun elsewhere" : error.message);
+    } finally {
+      if (run === null) working.hidden = true;
+    }
+  }
+
+  function refuse(name, reason) {
+    refusal.replaceChildren(h("strong", {}, `${name} is not fitted`), h("p", {}, reason));
+    refusal.hidden = false;
+  }
+
+  function show(report) {
+    zone.hidden = true;
+    found.hidden = false;
+    tiles.replaceChildren(
+      ...report.facts.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))),
+    );
+    warnings.replaceChildren(...report.warnings.map((words) => h("li", {}, words)));
+    const { curves } = report;
+    stretch.show(
+      fitted({ ...curves.frequency, xName: "partial", yName: "cents", say: (n, c) => `${n}: ${signed(c)} cents` }),
+    );
+    decay.show(
+      fitted({ ...curves.decay, log: true, xName: "Hz", yName: "T60, s", say: (f, t) => `${hertz(f)}: ${seconds(t)}` }),
+    );
+    levels.show(fitted({ ...curves.level, xName: "partial", yName: "dB", say: (n, db) => `${n}: ${number(db, 3)} dB` }));
+    showSettings();
+    apply.focus({ preventScroll: true });
+  }
+
+  function showSettings() {
+    settings.replaceChildren(
+      h(
+        "table",
+        {},
+        h("thead", {}, h("tr", {}, ...["", "now", "fitted"].map((name) => h("th", { scope: "col" }, name)))),
+        h(
+          "tbody",
+          {},
+          ...result.report.settings.map(({ path, label, unit, value }) => {
+            const say = path.endsWith(".notes") ? noteWords : words;
+            return h(
+              "tr",
+              { "data-path": path },
+              h("th", { scope: "row", title: path }, unit ? `${label}, ${unit}` : label),
+              h("td", {}, say(valueAt(store.state.doc.data, path))),
+              h("td", {}, say(value)),
+            );
+          }),
+        ),
+      ),
+    );
+  }
+
+  async function take() {
+    apply.disabled = true;
+    const state = await store.applyFit(result.job);
+    apply.disabled = false;
+    if (state?.refused) {
+      refuse("The string", state.refused.message);
+      refusal.scrollIntoView({ block: "nearest" });
+    }
+    if (!state || state.refused) return;
+    dialog.close();
+    begin();
+    store.notify("The controls are filled with the fit; undo takes it back");
+  }
+
+  // ---- where recordings come from: the zone, the whole page, the button
+  zone.addEventListener("dragover", (event) => {
+    event.preventDefault();
+    zone.classList.add("over");
+  });
+  for (const type of ["dragleave", "drop"]) zone.addEventListener(type, () => zone.classList.remove("over"));
+  dropTarget(
+    (file) => AUDIO.test(file.name),
+    (file) => {
+      if (!store.state.doc) return;
+      if (!dialog.open) dialog.showModal();
+      listen(file);
+    },
+  );
+
+  // ---- the strings of the document; until a recording is chosen here, the one that is shown outside
+  store.on(["doc", "table"], ({ doc, table }) => {
+    if ((doc?.doc ?? null) !== shownDoc) {
+      shownDoc = doc?.doc ?? null;
+      begin();
+    } else if (result !== null) showSettings();
+    const names = (doc?.data.string ?? []).map((string, i) => `${i + 1}: ${string.name || noteWords(string.notes)}`);
+    const chosen = Number(strings.value);
+    if (names.join("\n") !== [...strings.options].map((option) => option.text).join("\n"))
+      strings.replaceChildren(...names.map((name, i) => h("option", { value: i }, name)));
+    const free = !dialog.open && run === null && result === null;
+    strings.value = Math.max(0, Math.min(free ? table : chosen, names.length - 1));
+  });
+}
+
+/** A value of the preset in a few words. */
+function words(value) {
+  if (value === null || value === undefined || value.length === 0) return "–";
+  if (Array.isArray(value))
+    return value.length > 2
+      ? `${value.length} values from ${words(value[0])} to ${words(value.at(-1))}`
+      : value.map(words).join(" – ");
+  if (typeof value === "object")
+    return Object.entries(value)
+      .map(([note, v]) => `${note} ${words(v)}`)
+      .join(", ");
+  return typeof value === "number" ? number(value, 5) : String(value);
+}
+
+/** The notes of a string, [lowest, highest] or as they are written. */
+function noteWords(value) {
+  if (!Array.isArray(value)) return words(value);
+  return [...new Set(value)].map((note) => (typeof note === "number" ? noteName(note) : note)).join("–");
+}

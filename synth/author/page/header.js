@@ -1,0 +1,121 @@
+// The header: name and state of the document, undo and redo, edited or saved version, theme, the fit sheet.
+
+import { stepName } from "./wording.js";
+
+/** Loading kernels that are compiled already takes no longer than this. */
+const LOADING_MS = 5000;
+const THEMES = { auto: "as the system", light: "light", dark: "dark" };
+
+export function mount(page, { store, api }) {
+  const at = (id) => page.getElementById(id);
+  const undo = at("undo");
+  const redo = at("redo");
+
+  // the address names the document: what it skips to is no part of it
+  page.querySelector(".skip").addEventListener("click", (event) => {
+    event.preventDefault();
+    at("controls").focus();
+  });
+  undo.addEventListener("click", () => store.undo());
+  redo.addEventListener("click", () => store.redo());
+  page.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+    // in a field that is being written, the browser's own undo of typing
+    const field = event.target.closest?.("textarea, input[type=text], input[type=search]");
+    if (field && (field.dataset.typing === "yes" || !field.closest("[data-path]"))) return;
+    const key = event.key.toLowerCase();
+    const back = key === "z" && !event.shiftKey;
+    const forth = (key === "z" && event.shiftKey) || key === "y";
+    if (!back && !forth) return;
+    event.preventDefault();
+    if (back && store.state.doc?.can_undo) store.undo();
+    if (forth && store.state.doc?.can_redo) store.redo();
+  });
+
+  const versions = [...at("ab").querySelectorAll("[role=radio]")];
+  for (const button of versions) {
+    button.addEventListener("click", () => store.setWhich(button.dataset.which));
+    button.addEventListener("keydown", (event) => {
+      if (!["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"].includes(event.key)) return;
+      event.preventDefault();
+      const other = versions.find((one) => one !== button);
+      store.setWhich(other.dataset.which);
+      other.focus();
+    });
+  }
+
+  at("theme").addEventListener("click", () => {
+    const names = Object.keys(THEMES);
+    store.setTheme(names[(names.indexOf(store.state.theme) + 1) % names.length]);
+  });
+
+  const sheet = at("fit-dialog");
+  at("open-fit").addEventListener("click", () => sheet.showModal());
+  // a click beside the sheet closes it
+  sheet.addEventListener("click", (event) => {
+    if (event.target === sheet) sheet.close();
+  });
+
+  store.on(["doc"], ({ doc }) => {
+    at("title").textContent = doc?.title || doc?.name || "jawari";
+    page.title = doc ? `${doc.dirty ? "• " : ""}${doc.name} – jawari` : "jawari";
+    const status = at("doc-status");
+    status.textContent = doc === null ? "" : doc.dirty ? "edited" : (doc.file ?? (doc.embedded ? "built in" : "not saved"));
+    status.classList.toggle("edited", doc?.dirty ?? false);
+    undo.disabled = !doc?.can_undo;
+    redo.disabled = !doc?.can_redo;
+    for (const part of page.querySelectorAll(".bar-tools")) part.hidden = doc === null;
+  });
+  store.on(["doc", "parameters"], ({ doc, parameters }) => {
+    const step = (label) => (label ? `: ${stepName(label, parameters, doc.data)}` : "");
+    undo.title = `Undo${step(doc?.undo_label)}`;
+    redo.title = `Redo${step(doc?.redo_label)}`;
+  });
+  store.on(["which"], ({ which }) => {
+    page.documentElement.dataset.which = which;
+    for (const button of versions) {
+      const chosen = button.dataset.which === which;
+      button.setAttribute("aria-checked", chosen);
+      button.tabIndex = chosen ? 0 : -1;
+    }
+  });
+  store.on(["theme"], ({ theme }) => {
+    if (theme === "auto") delete page.documentElement.dataset.theme;
+    else page.documentElement.dataset.theme = theme;
+    at("theme-label").textContent = `Colours: ${THEMES[theme]}`;
+    at("theme").title = `Colours: ${THEMES[theme]}`;
+  });
+  const banner = at("banner");
+  let patience = 0;
+  let long = false;
+  let gone = false;
+  const tell = ({ connected, kernels }) => {
+    const preparing = connected && kernels === "loading" && long;
+    banner.hidden = connected && !preparing;
+    banner.classList.toggle("calm", preparing);
+    banner.textContent = banner.hidden
+      ? ""
+      : preparing
+        ? "Preparing the string engine for this machine: about a minute, at the first start only. Sound and analysis come then; editing works already."
+        : gone
+          ? "The program was started anew, or this preset was put away in another tab. Go on in the newest tab and close this one."
+          : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
+  };
+  store.on(["connected", "kernels"], tell);
+  for (const [type, value] of Object.entries({ gone: true, open: false })) {
+    api.socket.on(type, () => {
+      gone = value;
+      tell(store.state);
+    });
+  }
+  store.on(["kernels"], ({ kernels }) => {
+    page.documentElement.dataset.kernels = kernels;
+    clearTimeout(patience);
+    long = false;
+    if (kernels !== "loading") return;
+    patience = setTimeout(() => {
+      long = true;
+      tell(store.state);
+    }, LOADING_MS);
+  });
+}

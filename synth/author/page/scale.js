@@ -1,0 +1,45 @@
+// Sliders' places and values: linear, logarithmic, and logarithmic on both sides of zero where the range spans it.
+
+/** Steps of a slider from end to end. */
+export const STEPS = 1000;
+
+/** {place(value) → 0..STEPS, value(place)}; values have the digits that a person would write. */
+export function makeScale({ minimum: low, maximum: high, integer, scale }) {
+  const knee = Math.max(Math.abs(low), Math.abs(high)) / 1000;
+  const bend =
+    scale !== "log" ? [(x) => x, (y) => y] : low > 0 ? [Math.log, Math.exp] : [(x) => Math.asinh(x / knee), (y) => knee * Math.sinh(y)];
+  const first = bend[0](low);
+  const last = bend[0](high);
+  return {
+    place: (value) => (STEPS * (bend[0](Math.min(high, Math.max(low, value))) - first)) / (last - first),
+    value(place) {
+      if (place <= 0) return low;
+      if (place >= STEPS) return high;
+      const exact = bend[1](first + ((last - first) * place) / STEPS);
+      const around = bend[1](first + ((last - first) * (place + 1)) / STEPS) - exact;
+      return Math.min(high, Math.max(low, tidy(exact, around, integer)));
+    },
+  };
+}
+
+/** The value with no more digits than tell it from its neighbour at `distance`; whole where it must be. */
+function tidy(value, distance, integer) {
+  if (integer) return Math.round(value);
+  const unit = 10 ** Math.floor(Math.log10(Math.abs(distance) || 1));
+  return Number((Math.round(value / unit) * unit).toPrecision(12));
+}
+
+/** How far an arrow key moves a number: a hundredth of it, rounded to 1, 2 or 5 of its digit; whole where it must be. */
+export function keyStep(value, { step, integer }) {
+  if (integer) return 1;
+  const size = Math.abs(value) / 100 || step || 0.01;
+  const digit = 10 ** Math.floor(Math.log10(size));
+  const lead = size / digit;
+  return digit * (lead < 1.5 ? 1 : lead < 3.5 ? 2 : 5);
+}
+
+/** What is typed into a number field; NaN where it is no number. Comma and real minus sign are taken. */
+export function parseNumber(text) {
+  const clean = text.trim().replace("−", "-").replace(",", ".");
+  return /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(clean) ? Number(clean) : NaN;
+}

@@ -1,0 +1,146 @@
+"""The server: on the loopback only, until it is asked to end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib.util
+import logging
+import secrets
+import signal
+import socket
+import webbrowser
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import uvicorn
+
+from synth.author.app import App
+from synth.author.desk import Desk
+from synth.author.guard import Guard
+from synth.author.workspace import SUFFIX, Workspace
+
+LOOPBACK = "127.0.0.1"
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class _Server(uvicorn.Server):
+    """Says when it listens, and lets `ends` end what requests wait for before it waits for them."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], ends: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._ready = ready
+        self._ends = ends
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        logging.getLogger("uvicorn.error").addFilter(_is_news)
+        self._ends()
+        await super().shutdown(sockets)
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield  # see `signals_go_here`
+
+    def handle_exit(self, sig: int, frame: Any) -> None:
+        self.should_exit = True  # again and again: it ends soon, and in order
+
+    @contextlib.contextmanager
+    def signals_go_here(self) -> Iterator[None]:
+        """Signals ask it to end, however often they come: nothing that is done meanwhile is interrupted."""
+        before = {each: signal.signal(each, self.handle_exit) for each in ENDING}
+        try:
+            yield
+        finally:
+            for each, handler in before.items():
+                signal.signal(each, handler)
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Not that requests are cut off by the end, which was asked for."""
+    cut_off = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return not cut_off and not str(record.msg).startswith("Cancel ")
+
+
+def workspace_of(preset: str | None, folder: str | None) -> tuple[Workspace, str | None]:
+    """The workspace, and what to open in it: a file lies in its own folder. Raises ValueError."""
+    if preset is not None and (preset.endswith(SUFFIX) or Path(preset).is_file()):
+        file = Path(preset)
+        if not file.is_file():
+            raise ValueError(f"preset file {preset} does not exist")
+        if folder is not None and Path(folder).resolve() != file.resolve().parent:
+            raise ValueError(f"--folder {folder}: {preset} lies in another folder; leave --folder out")
+        if file.suffix != SUFFIX:
+            raise ValueError(f"{preset}: a preset's file ends in .toml; rename it")
+        return Workspace(file.resolve().parent), file.resolve().name
+    return Workspace(folder or "."), preset
+
+
+def serve(
+    preset: str | None,
+    *,
+    folder: str | None = None,
+    port: int = 0,
+    rate_hz: int = 44100,
+    quality: str = "standard",
+    browser: bool = True,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serve the page until a signal asks to end. `say` is given the page's address. Raises ValueError, OSError."""
+    workspace, wanted = workspace_of(preset, folder)
+    token = secrets.token_urlsafe(32)
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    with contextlib.closing(listening), contextlib.ExitStack() as opened:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((LOOPBACK, port))
+        except OSError as error:
+            raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from None
+        port = listening.getsockname()[1]
+        opened.enter_context(workspace.alone())
+        desk = Desk(workspace)
+        if wanted is not None:
+            desk.opened = desk.open(wanted)
+        app = App(desk, rate_hz=rate_hz, quality=quality)
+        url = f"http://{LOOPBACK}:{port}/?token={token}"
+
+        def ready() -> None:
+            say(url)
+            if browser:
+                Thread(target=_open_browser, args=(url,), daemon=True).start()
+
+        config = uvicorn.Config(
+            Guard(app.asgi(), port, token),
+            log_level="warning",
+            access_log=False,
+            ws=_websockets(),
+            ws_max_size=1 << 16,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=2,
+            server_header=False,
+        )
+        server = _Server(config, ready, app.end)
+        with server.signals_go_here():
+            try:
+                asyncio.run(server.serve(sockets=[listening]))
+            finally:  # whatever has gone wrong
+                app.end()
+
+
+def _websockets() -> Any:
+    """uvicorn's WebSocket protocol: the one that websockets has not declared outdated, where there is a choice."""
+    has = importlib.util.find_spec("uvicorn.protocols.websockets.websockets_sansio_impl") is not None
+    return "websockets-sansio" if has else "websockets"
+
+
+def _open_browser(url: str) -> None:
+    try:
+        webbrowser.open(url)
+    except webbrowser.Error as error:
+        logging.getLogger(__name__).warning("no browser could be opened: %s", error)

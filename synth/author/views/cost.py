@@ -1,0 +1,104 @@
+"""What a note costs on this machine, what its plan promises, and how far it is from a converged run.
+
+estimate(preset, note, velocity=100, *, quality="standard", rate_hz=44100.0) -> dict
+
+    quality, rate_hz (internal), factor (times the output rate), modes, contacts
+    scene             "nothing to touch", "bridge" or "impacts": what decides the promise
+    promise, reason   of the plan, in words
+    real_time_factor  seconds of sound per second of one core, of this string from the pluck on, measured over `MEASURED_S`
+    worst_block       largest share of its time that a block of `BLOCK_FRAMES` took
+    polyphony, load   strings that the preset lets sound, and the share of one core that so many of these would take
+    compile_s         time to prepare this note
+    error             {over_s, e, e_100ms, log_spectral_db, third_octave_db} of the first `COMPARED_S`, against the quality
+                      `reference`; e of the displacement, the others of the sound (over longer e grows)
+    reference_rate_hz of that run
+    qualities         [{quality, rate_hz, factor, promise}] what the others would take and promise
+
+Times are processor time of the thread that computes, so that other programs count little. Raises PresetError where no string
+plays the note, ValueError for a quality that there is not.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from synth.author.views.place import find, speaking
+from synth.author.views.runs import differences, run
+from synth.author.views.tape import QUALITY, RATE_HZ
+from synth.compile import note_frequency
+from synth.engine.engine import Engine
+from synth.engine.events import EVENT, NOTE_ON, make_events
+from synth.plan import BRIDGE, FREE, IMPACTS, QUALITIES, choose_factor, scene_kind
+from synth.preset import Preset
+
+MEASURED_S = 1.0
+COMPARED_S = 0.4
+BLOCK_FRAMES = 256
+SCENES = {FREE: "nothing to touch", BRIDGE: "bridge", IMPACTS: "impacts"}
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def estimate(
+    preset: Preset, note: int, velocity: int = 100, *, quality: str = QUALITY, rate_hz: float = RATE_HZ
+) -> dict[str, Any]:
+    """The cost of one note; see the module's docstring."""
+    if quality not in QUALITIES:
+        raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
+    place = find(preset, note)
+    begun = time.thread_time()
+    engine = Engine([place.preset], quality=quality, limiter=False, only_notes=[{note}], every_fret=False)
+    engine.prepare(rate_hz, BLOCK_FRAMES)
+    compiled_s = time.thread_time() - begun
+    blocks = _blocks_s(engine, note, velocity)
+    factor = blocks.size * BLOCK_FRAMES / rate_hz / blocks.sum()
+    position = next(p for p in engine.compiled[0].strings[0].positions if p.fret == place.fret)
+    scene = speaking(place)
+    kind = scene_kind(scene.opened, scene.below.positions_m)
+    mine, reference = (run(place, velocity, COMPARED_S, q, rate_hz=rate_hz) for q in (quality, "reference"))
+    polyphony = preset.mapping.polyphony
+    return {
+        "quality": quality,
+        "rate_hz": position.plan.rate_hz,
+        "factor": position.plan.factor,
+        "modes": position.plan.modes,
+        "contacts": int(position.eta.size),
+        "scene": SCENES[kind],
+        "promise": position.plan.error,
+        "reason": position.plan.reason,
+        "real_time_factor": round(float(factor), 1),
+        "worst_block": round(float(blocks.max()) * rate_hz / BLOCK_FRAMES, 4),
+        "polyphony": polyphony,
+        "load": round(float(polyphony / factor), 4),
+        "compile_s": round(compiled_s, 4),
+        "error": {"over_s": COMPARED_S, **differences(mine, reference, rate_hz)},
+        "reference_rate_hz": reference.position.plan.rate_hz,
+        "qualities": [
+            _quality(note_frequency(place.preset, place.table, place.opened, None), kind, q, rate_hz) for q in QUALITIES
+        ],
+    }
+
+
+def _quality(open_hz: float, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
+    """What a quality takes and promises on a string whose open note has this pitch."""
+    factor, promise = choose_factor(open_hz, kind, quality, rate_hz)
+    return {"quality": quality, "rate_hz": factor * rate_hz, "factor": factor, "promise": promise}
+
+
+def _blocks_s(engine: Engine, note: int, velocity: int) -> np.ndarray:
+    """Processor time of every block from the pluck on [s]."""
+    events = make_events([(0, NOTE_ON, 0, note, velocity)])
+    out = np.zeros((BLOCK_FRAMES, 2))
+    engine.process(events, out)  # what a first call waits for is no cost of the note
+    engine.reset()
+    taken = []
+    for _ in range(math.ceil(MEASURED_S * engine.rate_hz / BLOCK_FRAMES)):
+        begun = time.thread_time()
+        engine.process(events, out)
+        taken.append(time.thread_time() - begun)
+        events = np.zeros(0, EVENT)
+    return np.array(taken)

@@ -1,0 +1,286 @@
+"""The instrument from the side, to scale: the string at rest, what lies under it, where it is plucked and heard.
+
+draw(preset, note, velocity=127) -> dict. Places x [m] count from the nut of the open string, the saddle is at
+`open_length_m`; heights [mm] count from the line of the open string at rest, upwards. Rounded to 1e-6 m and 1e-5 mm.
+
+    note, note_name, string (its name), table (index of its table in the file), opened (its open note), fret (0: open)
+    open_length_m   from nut to saddle
+    length_m        speaking length at this note
+    frequency_hz    pitch of the note
+    tension_n, linear_density_kg_m, impedance_kg_s, inharmonicity, diameter_mm   of the speaking string
+    tension_share   its tension over what its core bears before drawn steel breaks (2 GPa)
+    kind            of the obstacle: "none", "bridge", "points", "frets"
+    nut, saddle     {x, height}
+    rest            [[x, mm] …] the string at rest at this note, a line over what it lies on (without its stiffness)
+    points          [{index, x, height, gap_mm, label, in_play, drag}] the obstacle, from the nut: gap_mm from the string at
+                    rest at this note down to the point (negative: pressed); in_play: the note can touch it
+    frets           [x …] of a neck, else []
+    thread          {x, height} of a bridge: the thread (jiva) on which the string ends, else None
+    finger          {x, height, fret} of a stopped note, else None
+    pluck           {x, x_hard, width_m, displacement_mm (at this velocity and note),
+                    shape [[x, mm] …] the string as it is let go, drag}
+    output          {kind, x, width_m (a pickup's aperture), height (mm, of a pickup's magnet, else None), drag}
+    extent_mm       [lowest, highest] of all heights here
+    playable, reason   False and why where this note cannot sound (a fret above the string at rest)
+    places          [{string, table, opened, fret}] every other place of the same note
+
+drag: what a drag of the thing changes, {x: D | None, height: D | None}; D is
+
+    path, offset, factor   value = offset + factor · (x in m or height in mm), held within
+    minimum, maximum       as in `parameters`, None where there are none; a pluck goes no further than the middle
+    anchor                 None, or the note whose entry of an anchored number the drag sets, a new one where it has none
+                           (the edit sends the whole table)
+    edits                  [{path, value}] that must be sent before the first such edit, usually []
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+from synth.author.views.parameters import ranges
+from synth.author.views.place import Place, find, open_string, speaking
+from synth.physics.obstacle import Obstacle
+from synth.physics.string import String
+from synth.preset import BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
+from synth.tune import single_strings
+from synth.units import midi_to_note
+
+#: where drawn steel breaks [Pa]
+BREAKS_PA = 2e9
+#: ends of what live pluck positions are held in, as shares of the speaking length (`engine.strings.draw`)
+NEAREST, FARTHEST = 0.02, 0.5
+
+Drag = dict[str, Any]
+
+
+def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
+    """The drawing of one note; see the module's docstring. Raises PresetError where no string plays it or none can."""
+    place = find(preset, note)
+    opened, obstacle = open_string(place)
+    length = opened.length_m
+    drags = _Drags(place, length)
+    neck = isinstance(preset.obstacle, FretsObstacle)
+    stopped = 0 < place.fret <= len(obstacle)
+    fret_x, fret_height = (
+        (obstacle.positions_m[place.fret - 1], obstacle.heights_m[place.fret - 1]) if stopped else (0.0, 0.0)
+    )
+    reason = ""
+    try:
+        string = speaking(place).string
+    except ValueError as error:
+        string, reason = opened.with_length(length - fret_x), str(error)
+    rest = _rest(fret_x, fret_height, length, obstacle, place)
+    points = _points(obstacle, place, rest, fret_x, drags)
+    pluck = _pluck(place, opened, string, velocity, fret_height, drags)
+    output = _output(place, string, length, drags)
+    heights = [0.0, *(point["height"] for point in points), *(h for _, h in pluck["shape"]), output["height"] or 0.0]
+    core = place.table.core_diameter_mm or place.table.diameter_mm
+    area = math.pi * (1e-3 * at_note(core, place.opened)) ** 2 / 4.0
+    return {
+        "note": note,
+        "note_name": midi_to_note(note),
+        "string": place.label,
+        "table": place.index,
+        "opened": place.opened,
+        "fret": place.fret,
+        "open_length_m": _m(length),
+        "length_m": _m(string.length_m),
+        "frequency_hz": round(place.sounding_hz, 4),
+        "tension_n": round(string.tension_n, 3),
+        "tension_share": round(string.tension_n / (area * BREAKS_PA), 4),
+        "linear_density_kg_m": float(f"{string.linear_density_kg_m:.6g}"),
+        "impedance_kg_s": float(f"{string.impedance_kg_s:.6g}"),
+        "inharmonicity": float(f"{string.inharmonicity:.6g}"),
+        "diameter_mm": round(1e3 * string.diameter_m, 4),
+        "kind": preset.obstacle.kind,
+        "nut": {"x": 0.0, "height": 0.0},
+        "saddle": {"x": _m(length), "height": 0.0},
+        "rest": rest,
+        "points": points,
+        "frets": [point["x"] for point in points] if neck else [],
+        "thread": {"x": _m(length), "height": 0.0} if isinstance(preset.obstacle, BridgeObstacle) else None,
+        "finger": {"x": _m(fret_x), "height": _mm(fret_height), "fret": place.fret} if place.fret else None,
+        "pluck": pluck,
+        "output": output,
+        "extent_mm": [min(heights), max(heights)],
+        "playable": not reason,
+        "reason": reason,
+        "places": _elsewhere(preset, place),
+    }
+
+
+def _m(metres: float) -> float:
+    return round(metres, 6)
+
+
+def _mm(metres: float) -> float:
+    return round(1e3 * metres, 5)
+
+
+class _Drags:
+    """Makes the drags of one string: value = offset + factor · coordinate, within the control's range."""
+
+    def __init__(self, place: Place, length_m: float) -> None:
+        self.place = place
+        self.length_m = length_m
+        self._ranges = ranges(place.preset)
+
+    def along(self, path: str, offset: float, factor: float, value: Any, edits: list[dict[str, Any]] | None = None) -> Drag:
+        """D of a setting whose present value is `value`; one entry of a list is `path`.N."""
+        minimum, maximum = self._ranges.get(path, (None, None))
+        if path in ("pluck.position", "pluck.position_hard"):
+            maximum = FARTHEST  # beyond counts as the middle
+        return {
+            "path": path,
+            "offset": offset,
+            "factor": factor,
+            "minimum": minimum,
+            "maximum": maximum,
+            "anchor": self.place.opened if isinstance(value, dict) else None,
+            "edits": edits or [],
+        }
+
+
+def _rest(fret_x: float, fret_height: float, length: float, obstacle: Obstacle, place: Place) -> list[list[float]]:
+    """Nut, fret, saddle and the points that lift the string between them: the upper hull of all from the fret on."""
+    ends = [(fret_x, fret_height), (length, 0.0)]
+    beyond = [(x, h) for x, h in zip(obstacle.positions_m, obstacle.heights_m, strict=True) if fret_x < x < length]
+    hull: list[tuple[float, float]] = []
+    for x, h in [ends[0], *beyond, ends[1]]:
+        while len(hull) > 1 and _turns_up(hull[-2], hull[-1], (x, h)):
+            hull.pop()
+        hull.append((x, h))
+    if place.fret:
+        hull.insert(0, (0.0, 0.0))
+    return [[_m(x), _mm(h)] for x, h in hull]
+
+
+def _turns_up(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    """b lies on or below the line from a to c."""
+    return (b[1] - a[1]) * (c[0] - a[0]) <= (c[1] - a[1]) * (b[0] - a[0])
+
+
+def _height_at(line: list[list[float]], x: float) -> float:
+    """Of a line of [x, mm] at x [mm]."""
+    for (x0, h0), (x1, h1) in pairwise(line):
+        if x <= x1:
+            return h0 + (h1 - h0) * (x - x0) / (x1 - x0) if x1 > x0 else h1
+    return line[-1][1]
+
+
+def _points(obstacle: Obstacle, place: Place, rest: list[list[float]], fret_x: float, drags: _Drags) -> list[dict[str, Any]]:
+    shape = place.preset.obstacle
+    taut = rest if not place.fret else rest[1:]
+    straight = [taut[0], taut[-1]]
+    out = []
+    for index, (x, height) in enumerate(zip(obstacle.positions_m, obstacle.heights_m, strict=True)):
+        line = straight if x > fret_x else rest
+        out.append(
+            {
+                "index": index,
+                "x": _m(x),
+                "height": _mm(height),
+                "gap_mm": round(_height_at(line, x) - 1e3 * height, 5),
+                "label": _label(place, index),
+                "in_play": not isinstance(shape, FretsObstacle) or index >= place.fret,
+                "drag": _drag_of_point(place, obstacle, index, drags),
+            }
+        )
+    return out
+
+
+def _label(place: Place, index: int) -> str:
+    match place.preset.obstacle:
+        case FretsObstacle():
+            return f"fret {index + 1}"
+        case BridgeObstacle():
+            return "bridge"
+        case _:
+            return f"point {index + 1}"
+
+
+def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) -> dict[str, Drag | None]:
+    shape, length = place.preset.obstacle, drags.length_m
+    if isinstance(shape, BridgeObstacle):
+        if shape.distance_mm is not None:
+            x = drags.along("obstacle.distance_mm", 1e3 * length, -1e3, shape.distance_mm)
+        else:
+            x = drags.along("obstacle.distance_ratio", 1.0, -1.0 / length, shape.distance_ratio)
+        return {"x": x, "height": drags.along("obstacle.jiva_um", 0.0, -1e3, shape.jiva_um)}
+    if isinstance(shape, PointsObstacle):
+        return {
+            "x": drags.along(f"obstacle.positions_mm.{index}", 0.0, 1e3, None),
+            "height": drags.along(f"obstacle.heights_mm.{index}", 0.0, 1.0, None),
+        }
+    assert isinstance(shape, FretsObstacle)
+    edits: list[dict[str, Any]] = []
+    if not shape.heights_mm:  # a neck given by its action gets the heights that it has, one by one
+        heights = [_mm(height) for height in obstacle.heights_m]
+        table = {"kind": "frets", "count": shape.count, "heights_mm": heights}
+        edits = [{"path": "obstacle", "value": table}]
+    height = drags.along(f"obstacle.heights_mm.{index}", 0.0, 1.0, None, edits)
+    return {"x": None, "height": height}
+
+
+def _pluck(place: Place, opened: String, string: String, velocity: int, fret_height: float, drags: _Drags) -> dict[str, Any]:
+    table, length, speaking = place.preset.pluck, opened.length_m, string.length_m
+    strength = velocity / 127.0
+    hard = table.position if table.position_hard is None else table.position_hard
+    width_hard = table.width_mm if table.width_hard_mm is None else table.width_hard_mm
+    share = table.position + strength * (hard - table.position)
+    distance = min(max(share * length, NEAREST * speaking), FARTHEST * speaking)
+    width = min(1e-3 * (table.width_mm + strength * (width_hard - table.width_mm)), 1.5 * distance)
+    x = table.position * length
+    full = at_note(table.displacement_mm, place.opened)
+    force = 1e-3 * full * opened.tension_n * length / (x * (length - x)) * strength**table.velocity_exponent
+    moved = force * distance * (speaking - distance) / (string.tension_n * speaking)
+    crest = fret_height * distance / speaking + moved
+    start = [] if not place.fret else [[0.0, 0.0]]
+    if table.position_hard is None:
+        place_now = drags.along("pluck.position", 1.0, -1.0 / length, table.position)
+    elif strength < 0.5:  # share = (1 − strength) position + strength position_hard
+        part = 1.0 - strength
+        place_now = drags.along("pluck.position", (1.0 - strength * hard) / part, -1.0 / (length * part), table.position)
+    else:
+        offset = (1.0 - (1.0 - strength) * table.position) / strength
+        place_now = drags.along("pluck.position_hard", offset, -1.0 / (length * strength), hard)
+    displacement = None
+    if moved > 0.0:  # the crest lies above the fret's line by what the pluck moves, which is proportional to the setting
+        factor = full / (1e3 * moved)
+        line = 1e3 * fret_height * distance / speaking
+        displacement = drags.along("pluck.displacement_mm", -line * factor, factor, table.displacement_mm)
+    return {
+        "x": _m(length - distance),
+        "x_hard": _m(length - hard * length),
+        "width_m": _m(width),
+        "displacement_mm": _mm(moved),
+        "shape": [*start, [_m(length - speaking), _mm(fret_height)], [_m(length - distance), _mm(crest)], [_m(length), 0.0]],
+        "drag": {"x": place_now, "height": displacement},
+    }
+
+
+def _output(place: Place, string: String, length: float, drags: _Drags) -> dict[str, Any]:
+    output = place.preset.output
+    distance = min(output.position * length, 0.98 * string.length_m)
+    pickup = output.kind == "pickup"
+    return {
+        "kind": output.kind,
+        "x": _m(length - distance),
+        "width_m": _m(1e-3 * output.aperture_mm) if pickup else 0.0,
+        "height": -output.distance_mm if pickup else None,
+        "drag": {
+            "x": drags.along("output.position", 1.0, -1.0 / length, output.position),
+            "height": drags.along("output.distance_mm", 0.0, -1.0, output.distance_mm) if pickup else None,
+        },
+    }
+
+
+def _elsewhere(preset: Preset, place: Place) -> list[dict[str, Any]]:
+    out = []
+    for index, opened, alone in single_strings(preset, {place.note}):
+        if (index, opened) != (place.index, place.opened):
+            other = Place(alone, index, opened, place.note - opened)
+            out.append({"string": other.label, "table": index, "opened": opened, "fret": other.fret})
+    return out

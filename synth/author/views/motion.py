@@ -1,0 +1,199 @@
+"""The string in slow motion: the engine's own steps, looked at every few of them, with the forces of contact.
+
+film(preset, note, velocity=100, seconds=0.05, frames=150, *, start_s=0.0, quality="standard", rate_hz=44100.0) -> dict.
+
+The note is held; time counts from the moment the finger touches the string, which is when the key goes down. x [m] and
+heights [mm] are those of `instrument.draw`: from the nut of the open string, from its line at rest; force in N, upwards on
+the string.
+
+    rate_hz        internal rate; `step_s` its step
+    start_s        time of the first frame: `start_s` as asked for, to the next state that the engine keeps (8 steps)
+    dt_s           between frames, a whole number of such states, so no frame is an interpolation
+    release_s      when the finger lets go
+    length_s       how long the note can be looked at (`LONGEST_S`)
+    slow_motion    how many times slower a film of 25 frames a second shows it
+    x              [M] places: evenly along the speaking string, more of them near a bridge, and every point of contact
+    rest           [M] the string's line at rest [mm]
+    frames         [[M heights, mm] per frame]
+    points         [{index (in the obstacle from the nut), label, x, height, at (place in `x`)}] what the note can touch
+    force          [[N per point] per frame] the largest since the frame before it: a contact shorter than a frame shows
+    impulse        [[N s per point] per frame] the sum of the same time
+    finger         [height (mm) to which the finger draws the string, null without it] per frame; `finger_x` its place
+    output         [the instrument's sound at the frame's time, before any limiter] per frame
+    height_mm      [lowest, highest] of all frames
+    largest_n      of `force`
+
+Raises PresetError where no string plays the note, ValueError for a time or a number of frames out of range.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from synth.author.views.instrument import draw
+from synth.author.views.place import Speaking, find, speaking
+from synth.author.views.tape import QUALITY, RATE_HZ, Taped
+from synth.compile import Position
+from synth.physics.modes import mode_shapes
+from synth.physics.tail import lumped_tail
+from synth.preset import Preset
+from synth.solver.lanes import BLOCK
+
+LONGEST_S = 10.0
+MOST_FRAMES = 300
+#: places along the speaking string; near a bridge, from its saddle, in shares of the bridge's distance
+EVEN = 96
+NEAR_A_BRIDGE = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.2, 1.5, 2.0, 2.7, 3.6)
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def film(
+    preset: Preset,
+    note: int,
+    velocity: int = 100,
+    seconds: float = 0.05,
+    frames: int = 150,
+    *,
+    start_s: float = 0.0,
+    quality: str = QUALITY,
+    rate_hz: float = RATE_HZ,
+) -> dict[str, Any]:
+    """The film of one note; see the module's docstring."""
+    if not 2 <= frames <= MOST_FRAMES:
+        raise ValueError(f"frames must lie between 2 and {MOST_FRAMES}, got {frames}")
+    if not (start_s >= 0.0 and seconds > 0.0 and start_s + seconds <= LONGEST_S):
+        raise ValueError(f"the film must lie within 0 and {LONGEST_S:g} s, got {start_s:g} s and {seconds:g} s more")
+    place = find(preset, note)
+    drawing = draw(preset, note, velocity)
+    engine = Taped(place, quality, rate_hz)
+    position = engine.position
+    step_s = engine.step_s
+    stride = max(1, round(seconds / ((frames - 1) * BLOCK * step_s))) * BLOCK
+    first = round(start_s / (BLOCK * step_s)) * BLOCK
+    wanted = first + stride * np.arange(frames)
+    shots = _shots(engine, velocity, wanted, stride)
+    scene = speaking(place)
+    x = _places(scene)
+    shapes = _shapes(scene, position, x)
+    heights = shots.q @ shapes.T
+    nut = drawing["open_length_m"] - position.length_m
+    rest = position.rest_height_m * (1.0 - x / position.length_m)
+    output = _sound_at(shots.out, wanted * step_s, engine)
+    in_play = [point for point in drawing["points"] if point["in_play"]]
+    points = [
+        {**{name: point[name] for name in ("index", "label", "x", "height")}, "at": int(np.argmin(np.abs(x - contact)))}
+        for point, contact in zip(in_play, scene.reached.positions_m, strict=True)
+    ]
+    all_mm = 1e3 * (heights + rest)
+    return {
+        "rate_hz": position.plan.rate_hz,
+        "step_s": step_s,
+        "start_s": round(first * step_s, 9),
+        "dt_s": stride * step_s,
+        "release_s": round(engine.compiled[0].strings[0].draw_s * rate_hz) / rate_hz,
+        "length_s": LONGEST_S,
+        "slow_motion": round(1.0 / (25.0 * stride * step_s), 1),
+        "x": [round(float(place_m), 6) for place_m in nut + x],
+        "rest": _rounded(1e3 * rest, 5),
+        "frames": _rounded(all_mm, 4),
+        "points": points,
+        "force": _mostly_zero(shots.force, 4),
+        "impulse": _mostly_zero(shots.impulse, 8),
+        "finger": [None if math.isnan(h) else round(1e3 * h + _line(rest, x, drawing, nut), 4) for h in shots.finger],
+        "finger_x": drawing["pluck"]["x"],
+        "output": _rounded(output, 6),
+        "height_mm": [round(float(all_mm.min()), 4), round(float(all_mm.max()), 4)],
+        "largest_n": round(float(shots.force.max(initial=0.0)), 4),
+    }
+
+
+class _Shots:
+    """What the tape had at the wanted steps. F frames, C contacts, N modes."""
+
+    def __init__(self, frames: int, contacts: int, modes: int) -> None:
+        self.q = np.zeros((frames, modes))
+        self.finger = np.full(frames, np.nan)
+        self.force = np.zeros((frames, contacts))
+        self.impulse = np.zeros((frames, contacts))
+        self.out = np.zeros(0)
+
+
+def _shots(engine: Taped, velocity: int, wanted: np.ndarray, stride: int) -> _Shots:
+    position = engine.position
+    shots = _Shots(wanted.size, position.eta.size, position.omega.size)
+    out = []
+    best = np.full(wanted.size, np.iinfo(np.int64).max)
+    for piece in engine.play(velocity, (int(wanted[-1]) + BLOCK) * engine.step_s):
+        out.append(piece.out.copy())
+        if piece.ends.size:
+            # the state nearest to each wanted step: at it, but for the rests of blocks around a release
+            nearest = np.searchsorted(piece.ends, wanted)
+            for candidate in (nearest - 1, nearest):
+                inside = (candidate >= 0) & (candidate < piece.ends.size)
+                at = np.where(inside, candidate, 0)
+                off = np.where(inside, np.abs(piece.ends[at] - wanted), np.iinfo(np.int64).max)
+                better = off < best
+                shots.q[better] = piece.q[at[better]]
+                shots.finger[better] = piece.finger[at[better]]
+                best[better] = off[better]
+        _add_forces(shots, piece.force, piece.first, wanted, stride, engine.step_s)
+    shots.out = np.concatenate(out)
+    shots.q[wanted == 0] = position.q_rest
+    return shots
+
+
+def _add_forces(shots: _Shots, force: np.ndarray, first: int, wanted: np.ndarray, stride: int, step_s: float) -> None:
+    """Forces of steps first, first + 1, … to the frames in whose time they act: after the one before, up to it."""
+    steps, points = np.nonzero(force > 0.0)
+    frame = (first + steps - int(wanted[0])) // stride + 1
+    keep = (frame >= 0) & (frame < wanted.size)
+    values = force[steps[keep], points[keep]]
+    np.maximum.at(shots.force, (frame[keep], points[keep]), values)
+    np.add.at(shots.impulse, (frame[keep], points[keep]), values * step_s)
+
+
+def _places(scene: Speaking) -> np.ndarray:
+    """(M,) from the nut end of the speaking string [m], rising."""
+    length = scene.string.length_m
+    contacts = np.asarray(scene.reached.positions_m, dtype=float)
+    places = [np.linspace(0.0, length, EVEN + 1), contacts]
+    if contacts.size == 1:
+        distance = min(contacts[0], length - contacts[0])
+        near = distance * np.array(NEAR_A_BRIDGE)
+        places.append(length - near if contacts[0] > 0.5 * length else near)
+    x = np.unique(np.round(np.concatenate(places), 7))
+    return x[(x >= 0.0) & (x <= length)]
+
+
+def _shapes(scene: Speaking, position: Position, x: np.ndarray) -> np.ndarray:
+    """(M, N) what each mode of the position, the lumped ones too, is at places x."""
+    own = position.own
+    if position.omega.size == own:
+        return mode_shapes(position.length_m, x, own)
+    tail = lumped_tail(scene.string, scene.reached.positions_m, own, position.plan.rate_hz)
+    shapes = mode_shapes(position.length_m, x, tail.modes)
+    return np.hstack([shapes[:, :own], tail.weights(shapes)])
+
+
+def _sound_at(out: np.ndarray, times_s: np.ndarray, engine: Taped) -> np.ndarray:
+    """(F,) the sound that leaves the string at these times."""
+    at = np.round(times_s * engine.rate_hz).astype(int) + engine.latency_samples
+    return out[np.minimum(at, out.size - 1)]
+
+
+def _line(rest: np.ndarray, x: np.ndarray, drawing: dict[str, Any], nut: float) -> float:
+    """Height of the rest line where the finger is [mm]."""
+    return 1e3 * float(np.interp(drawing["pluck"]["x"] - nut, x, rest))
+
+
+def _rounded(array: np.ndarray, digits: int) -> list[Any]:
+    return np.round(array, digits).tolist()
+
+
+def _mostly_zero(array: np.ndarray, digits: int) -> list[list[float]]:
+    """Rows of numbers, zeros as short as they can be: of many points few are touched."""
+    return [[value or 0 for value in row] for row in np.round(array, digits).tolist()]

@@ -1,0 +1,326 @@
+"""Every setting of a preset as a control: what the schema of `synth.preset` allows, in the words of `words`.
+
+describe(preset) -> list of dicts, in the order of the file, one for every setting that this preset can have now:
+
+    path      where it stands, "string.0.length_m"; what an edit names
+    group     "string", "obstacle", "pluck", "damping", "output", "mapping" or "about"
+    table     the path of its table, "string.0", "nut.1", "pluck"; "" at the top: controls of one table belong together
+    label, unit, tip   words; unit "" for a bare number, a text or a choice
+    kind      "number"    a number
+              "anchored"  a number, or {note: number} (notes as numbers or names), interpolated between
+              "choice"    one of `choices`
+              "text"      a line; with `multiline` several
+              "notes"     "G2" or "E1-C7"; in data [lowest, highest]
+              "flag"      true or false
+              "list"      of `item`: "number", "text" or "table"; the tables' own controls follow in the list
+    minimum, maximum   ends of the control, both accepted; of a list the number of its items; None: no limit
+    above, below       limits that are themselves refused, None where the end is accepted
+    usual     [low, high] of real instruments, for the travel of a slider and for randomising; None: nothing usual
+    step      what exact entry counts in, None for what is not a number
+    integer   whole numbers only
+    scale     "linear", or "log" where the usual range spans a factor of 20 or more
+    default   value where the file has none, None: there is none (`required`) or it is then absent (`optional`)
+    required  the file must have it
+    optional  may be absent (null): the default is its absence
+    suggested  for what is absent: the value that sounds like what stands in its place; None where there is none
+    instead_of paths of settings that exclude this one: an edit that sets it sets them to null as well
+    together_with  paths that must be set, or absent, along with this one
+    choices   [{value, label, edits}] of a choice, edits: the changes [{path, value}] that choose it, in one edit; else None
+    new       of a list of tables: a valid item, which an edit of `path`.N appends, N how many there are; else None
+    live      heard at the next pluck without compiling anything (`engine.parameters`)
+
+The values are not here: they are the document's data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
+
+from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, WORDS, Words
+from synth.compile import ideal_string, note_frequency, obstacle_of
+from synth.preset import (
+    KINDS,
+    Between,
+    BodyMode,
+    BridgeObstacle,
+    FretsObstacle,
+    NutMode,
+    Preset,
+    StringTable,
+    Table,
+    at_note,
+    contact_cents,
+)
+
+#: not a setting: the version of the file's form
+NOT_SETTINGS = frozenset({"format"})
+#: texts of several lines
+MULTILINE = frozenset({"description", "remarks"})
+#: from which ratio of the usual range's ends on a slider is logarithmic
+LOG_FROM = 20.0
+#: a valid obstacle of each kind, for changing over
+OBSTACLE_OF_KIND: dict[str, dict[str, Any]] = {
+    "none": {"kind": "none"},
+    "bridge": {"kind": "bridge", "distance_ratio": 0.007, "jiva_um": 3.0},
+    "points": {"kind": "points"},
+    "frets": {"kind": "frets", "count": 20, "action_12th_mm": 2.2, "relief_mm": 0.2, "nut_height_mm": 0.5},
+}
+#: an item to begin with, of lists of tables that may be empty
+NEW_ITEMS: dict[type[Table], dict[str, float]] = {
+    NutMode: {"frequency_hz": 150.0, "q": 1.0, "mass_kg": 1.0},
+    BodyMode: {"frequency_hz": 200.0, "q": 20.0, "gain_db": -12.0},
+}
+#: pairs of which one stands in place of the other, and pairs that go together
+INSTEAD = (
+    ("linear_density_g_m", "density_kg_m3"),
+    ("youngs_modulus_gpa", "inharmonicity"),
+    ("distance_mm", "distance_ratio"),
+    ("action_12th_mm", "heights_mm"),
+)
+TOGETHER = (("core_diameter_mm", "winding_diameter_mm"),)
+
+Numbers = float | dict[int, float]
+
+
+def describe(preset: Preset) -> list[dict[str, Any]]:
+    """The controls of a preset; see the module's docstring."""
+    out = []
+    for entry, table in _of_table(preset, Preset, "", preset):
+        name = entry["path"].rpartition(".")[2]
+        if getattr(table, name) in (None, ()) and (entry["optional"] or entry["instead_of"]):
+            entry["suggested"] = _suggestion(preset, table, name)
+        out.append(entry)
+    return out
+
+
+def ranges(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
+    """(minimum, maximum) of every setting, by its path."""
+    return {entry["path"]: (entry["minimum"], entry["maximum"]) for entry, _ in _of_table(preset, Preset, "", preset)}
+
+
+def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> Iterator[tuple[dict[str, Any], Table]]:
+    """Every control of a table and of those within it, with the table that it stands in."""
+    for name, field in kind.model_fields.items():
+        if not prefix and name in NOT_SETTINGS:
+            continue
+        path = f"{prefix}.{name}" if prefix else name
+        value = getattr(table, name)
+        inner, metadata = _unwrapped(field.annotation, field.metadata)
+        if isinstance(value, Table) and get_origin(inner) is not tuple:
+            yield from _of_table(preset, type(value), path, value)
+            continue
+        yield _control(preset, kind, table, name, path, inner, metadata), table
+        if isinstance(value, tuple) and value and isinstance(value[0], Table):
+            for index, item in enumerate(value):
+                yield from _of_table(preset, type(item), f"{path}.{index}", item)
+
+
+def _unwrapped(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
+    """A field's type without None and without Annotated, and all its metadata."""
+    found = list(metadata)
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *more = get_args(annotation)
+            found += more
+            continue
+        if get_origin(annotation) in (Union, UnionType):
+            kinds = [kind for kind in get_args(annotation) if kind is not NoneType]
+            if len(kinds) == 1:
+                annotation = kinds[0]
+                continue
+        return annotation, found
+
+
+def _control(
+    preset: Preset, kind: type[Table], table: Table, name: str, path: str, inner: Any, metadata: list[Any]
+) -> dict[str, Any]:
+    words = WORDS[kind][name]
+    field = kind.model_fields[name]
+    required = field.is_required()
+    default = None if required else _plain(field.get_default(call_default_factory=True))
+    entry: dict[str, Any] = {
+        "path": path,
+        "group": GROUPS[path.split(".")[0]],
+        "table": path.rpartition(".")[0],
+        "label": words.label,
+        "unit": words.unit,
+        "tip": words.tip,
+        "kind": "",
+        "multiline": name in MULTILINE,
+        "item": None,
+        **_limits(metadata, words),
+        "usual": list(words.usual) if words.usual else None,
+        "step": words.step,
+        "integer": inner is int,
+        "scale": "log" if words.usual and words.usual[0] > 0.0 and words.usual[1] >= LOG_FROM * words.usual[0] else "linear",
+        "default": default,
+        "required": required,
+        "optional": not required and default is None,
+        "suggested": None,
+        "instead_of": [_beside(path, other) for other in _partners(INSTEAD, name) if other in kind.model_fields],
+        "together_with": [_beside(path, other) for other in _partners(TOGETHER, name) if other in kind.model_fields],
+        "choices": None,
+        "new": None,
+        "live": words.live,
+    }
+    if path == "obstacle.kind":
+        entry.update(kind="choice", default="none", required=False, choices=_obstacles(preset))
+    elif get_origin(inner) is Literal:
+        labels = CHOICES[kind, name]
+        entry.update(kind="choice")
+        entry["choices"] = [
+            {"value": value, "label": labels[value], "edits": [{"path": path, "value": value}]} for value in get_args(inner)
+        ]
+    elif inner is bool:
+        entry.update(kind="flag")
+    elif inner is str:
+        entry.update(kind="text")
+    elif inner == tuple[int, int]:
+        entry.update(kind="notes")
+    elif inner in (int, float):
+        entry.update(kind="number")
+    elif get_origin(inner) is tuple:
+        entry.update(kind="list", **_list_item(get_args(inner)[0], table, name))
+    else:
+        entry.update(kind="anchored")
+    return entry
+
+
+def _list_item(item: Any, table: Table, name: str) -> dict[str, Any]:
+    if item is float:
+        return {"item": "number"}
+    if item is str:
+        return {"item": "text"}
+    if item is StringTable:
+        new = _plain(getattr(table, name)[-1].model_dump(exclude_unset=True))
+    else:
+        new = NEW_ITEMS[item]
+    return {"item": "table", "new": new}
+
+
+def _limits(metadata: list[Any], words: Words) -> dict[str, Any]:
+    """minimum, maximum, above, below of a field's metadata. An end that is refused is moved inside by a step."""
+    out: dict[str, Any] = {"minimum": None, "maximum": None, "above": None, "below": None}
+    step = words.step or 0.0
+    for item in _flat(metadata):
+        match item:
+            case Between(low=low, high=high):
+                out.update(minimum=low, maximum=high)
+            case Ge(ge=low):
+                out["minimum"] = low
+            case Le(le=high):
+                out["maximum"] = high
+            case Gt(gt=low):
+                out.update(above=low, minimum=round(low + step, 12))  # type: ignore[operator, call-overload]
+            case Lt(lt=high):
+                out.update(below=high, maximum=round(high - step, 12))  # type: ignore[operator, call-overload]
+            case MinLen(min_length=low):
+                out["minimum"] = low
+            case MaxLen(max_length=high):
+                out["maximum"] = high
+    return out
+
+
+def _flat(metadata: list[Any]) -> Iterator[Any]:
+    for item in metadata:
+        func = getattr(item, "func", None)
+        yield func if isinstance(func, Between) else item
+
+
+def _plain(value: Any) -> Any:
+    """The JSON of a default or an item."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _beside(path: str, name: str) -> str:
+    return f"{path.rpartition('.')[0]}.{name}"
+
+
+def _partners(pairs: tuple[tuple[str, str], ...], name: str) -> list[str]:
+    return [b if name == a else a for a, b in pairs if name in (a, b)]
+
+
+def _obstacles(preset: Preset) -> list[dict[str, Any]]:
+    """The kinds of obstacle, each with the edits that change over; the present one keeps its numbers."""
+    shortest = min(at_note(table.length_m, note) for table in preset.string for note in table.notes)
+    out = []
+    for kind in KINDS:
+        value = dict(OBSTACLE_OF_KIND[kind])
+        if kind == "points":
+            value["positions_mm"], value["heights_mm"] = [round(500.0 * shortest, 1)], [-1.0]
+        if kind == preset.obstacle.kind:
+            value = {"kind": kind, **_plain(preset.obstacle.model_dump(exclude_unset=True))}
+        edits: list[dict[str, Any]] = [{"path": "obstacle", "value": value}]
+        if kind != "bridge" and preset.mapping.pressure_um != 0.0:  # there would be no bridge to move
+            edits.append({"path": "mapping.pressure_um", "value": None})
+        out.append({"value": kind, "label": OBSTACLES[kind], "edits": edits})
+    return out
+
+
+def _suggestion(preset: Preset, table: Table, name: str) -> Any:
+    """The value of an absent setting that sounds like what stands in its place."""
+    if isinstance(table, StringTable):
+        return _of_string(preset, table, name)
+    if isinstance(table, BridgeObstacle):
+        first = preset.string[0]
+        length = at_note(first.length_m, first.notes[0])
+        if name == "distance_mm" and table.distance_ratio is not None:
+            return _rounded(1e3 * table.distance_ratio * length)
+        return (
+            _rounded(at_note(table.distance_mm, first.notes[0]) * 1e-3 / length) if table.distance_mm is not None else None
+        )
+    if isinstance(table, FretsObstacle):
+        if name == "action_12th_mm":
+            return _rounded(-table.heights_mm[11]) if table.count >= 12 else None
+        first = preset.string[0]
+        try:
+            heights = obstacle_of(preset, first.notes[0], at_note(first.length_m, first.notes[0])).heights_m
+        except ValueError:
+            return None
+        return [_rounded(1e3 * height) for height in heights]
+    return {"position_hard": preset.pluck.position, "width_hard_mm": preset.pluck.width_mm}.get(name)
+
+
+def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
+    notes = sorted({note for _, value in table if isinstance(value, dict) for note in value} & set(range(*table.notes)))
+    if name == "core_diameter_mm":
+        return _mapped(table.diameter_mm, 0.35)
+    if name == "winding_diameter_mm":
+        return _mapped(table.diameter_mm, 0.3)
+    values = {}
+    for note in [table.notes[0], *notes, table.notes[1]]:
+        try:
+            model_hz = note_frequency(preset, table, note, None) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
+            string = ideal_string(preset, table, note, model_hz)
+        except ValueError:
+            return None
+        bent = string.core_diameter_m or string.diameter_m
+        values[note] = _rounded(
+            {
+                "linear_density_g_m": 1e3 * string.linear_density_kg_m,
+                "density_kg_m3": string.linear_density_kg_m / (math.pi * string.diameter_m**2 / 4.0),
+                "youngs_modulus_gpa": 1e-9 * string.bending_stiffness_n_m2 / (math.pi * bent**4 / 64.0),
+                "inharmonicity": string.inharmonicity,
+            }[name]
+        )
+    same = set(values.values())
+    return same.pop() if len(same) == 1 else _plain(values)
+
+
+def _mapped(value: Numbers, factor: float) -> Any:
+    if isinstance(value, dict):
+        return {str(note): _rounded(factor * number) for note, number in value.items()}
+    return _rounded(factor * value)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")

@@ -1,0 +1,103 @@
+"""Where a preset plays a note: string and fret, chosen as the engine does on a silent instrument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from synth.compile import make_string, note_frequency, obstacle_of, string_notes
+from synth.physics.obstacle import Obstacle, fretted
+from synth.physics.string import String
+from synth.preset import FretsObstacle, Preset, PresetError, StringTable, contact_cents, playable_range
+from synth.tune import single_strings
+from synth.units import midi_to_note
+
+
+@dataclass(frozen=True)
+class Place:
+    """A note on a string. `preset` has that string only, whose table had number `index` and is now the first."""
+
+    preset: Preset
+    index: int
+    opened: int
+    fret: int
+
+    @property
+    def note(self) -> int:
+        return self.opened + self.fret
+
+    @property
+    def table(self) -> StringTable:
+        return self.preset.string[0]
+
+    @property
+    def label(self) -> str:
+        """The string's name, or its open note's."""
+        return self.table.name or midi_to_note(self.opened)
+
+    @property
+    def sounding_hz(self) -> float:
+        """The pitch that the note should be heard at [Hz]."""
+        return note_frequency(self.preset, self.table, self.note, None)
+
+    def model_hz(self, fret: int) -> float:
+        """The first mode that the string is tuned to at a fret [Hz]: the pitch less the contact's calibrated shift."""
+        note = self.opened + fret
+        return note_frequency(self.preset, self.table, note, None) * 2.0 ** (-contact_cents(self.preset, note) / 1200.0)
+
+
+@dataclass(frozen=True)
+class Speaking:
+    """The strings of a place. `below`: what lies under the open one, `reached` under the speaking one, each from its own
+    nut end and line at rest; `fret_x_m`, `fret_height_m`: where the fret is, under the open one."""
+
+    opened: String
+    string: String
+    below: Obstacle
+    reached: Obstacle
+    fret_x_m: float
+    fret_height_m: float
+
+
+def open_string(place: Place) -> tuple[String, Obstacle]:
+    """The open string of a place and what lies below it. Raises ValueError for a string that cannot be tuned."""
+    opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
+    return opened, obstacle_of(place.preset, place.opened, opened.length_m)
+
+
+def speaking(place: Place) -> Speaking:
+    """The speaking string of a place, as the engine's model of it. Raises ValueError where it cannot sound."""
+    opened, below = open_string(place)
+    below.check(opened.length_m)
+    if not isinstance(place.preset.obstacle, FretsObstacle):
+        return Speaking(opened, opened, below, below, 0.0, 0.0)
+    length, reached = fretted(below, place.fret, opened.length_m)
+    if not place.fret:
+        return Speaking(opened, opened, below, reached, 0.0, 0.0)
+    string = opened.with_length(length).tuned(place.model_hz(place.fret))
+    return Speaking(opened, string, below, reached, below.positions_m[place.fret - 1], below.heights_m[place.fret - 1])
+
+
+def find(preset: Preset, note: int) -> Place:
+    """The place that the engine takes for the note on a silent instrument: the lowest fret, among equals the first string.
+
+    An open string counts as the first fret. Raises PresetError where no string plays it.
+    """
+    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    best: Place | None = None
+    for index, opened, alone in single_strings(preset, {note}):
+        place = Place(alone, index, opened, note - opened)
+        if best is None or (frets and max(1, place.fret) < max(1, best.fret)):
+            best = place
+    if best is None:
+        low, high = playable_range(preset)
+        raise PresetError(
+            f"{preset.name}: no string plays {midi_to_note(note)}; its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
+        )
+    return best
+
+
+def playable(preset: Preset) -> list[int]:
+    """The MIDI notes that a preset's strings and frets give, in order."""
+    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    notes = {opened + fret for table in preset.string for opened in string_notes(table) for fret in range(frets + 1)}
+    return sorted(note for note in notes if note <= 127)

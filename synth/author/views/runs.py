@@ -1,0 +1,95 @@
+"""A note played at a quality, heard and seen: its sound, and the displacement that the project's promises are about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from synth.author.views.place import Place
+from synth.author.views.tape import RATE_HZ
+from synth.compile import Position
+from synth.engine.engine import Engine
+from synth.engine.events import EVENT, NOTE_ON, make_events
+from synth.measures import log_spectral_distance, relative_error, third_octave_distance
+from synth.preset import BridgeObstacle, Preset
+
+#: where the displacement is looked at, from the saddle, as a share of the open string: at a bridge just behind its edge
+SEEN_AT, SEEN_AT_A_BRIDGE = 0.05, 0.009
+#: frames between two looks at whether to go on
+BLOCK_FRAMES = 2048
+#: of the start, where promises about single blows hold [s]
+ONSET_S = 0.1
+
+
+@dataclass(frozen=True)
+class Run:
+    """One note from the touch of the finger on, without the engine's latency: (frames,) each."""
+
+    sound: np.ndarray
+    displacement: np.ndarray
+    position: Position
+    release_s: float
+
+
+def run(
+    place: Place,
+    velocity: int,
+    seconds: float,
+    quality: str,
+    *,
+    rate_hz: float = RATE_HZ,
+    internal_rate_hz: float | None = None,
+    go_on: Callable[[float], None] | None = None,
+) -> Run:
+    """The note, held, as the engine plays it at a quality, without a limiter.
+
+    go_on: called with the share done, 0 … 1, between blocks; what it raises ends the run.
+    """
+    engine = Engine(
+        [place.preset, _seen(place.preset)],
+        quality=quality,
+        internal_rate_hz=internal_rate_hz,
+        limiter=False,
+        only_notes=[{place.note}, {place.note}],
+        every_fret=False,
+    )
+    if go_on is not None:
+        go_on(0.0)
+    engine.prepare(rate_hz, BLOCK_FRAMES)
+    frames = round(seconds * rate_hz) + engine.latency_samples
+    stems = np.zeros((2, frames, 2))
+    events = make_events([(0, NOTE_ON, channel, place.note, velocity) for channel in (0, 1)])
+    for start in range(0, frames, BLOCK_FRAMES):
+        if go_on is not None:
+            go_on(start / frames)
+        block = np.zeros((2, min(BLOCK_FRAMES, frames - start), 2))
+        engine.process(events, np.zeros(block.shape[1:]), block)
+        stems[:, start : start + BLOCK_FRAMES] = block
+        events = np.zeros(0, EVENT)
+    late = engine.latency_samples
+    string = engine.compiled[0].strings[0]
+    position = next(p for p in string.positions if p.fret == place.fret)
+    return Run(stems[0, late:, 0], stems[1, late:, 0], position, string.draw_s)
+
+
+def _seen(preset: Preset) -> Preset:
+    """The preset with the string's displacement as its output, and no body."""
+    at = SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
+    output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": 0.0})
+    return preset.model_copy(update={"output": output, "body": type(preset.body)()})
+
+
+def differences(mine: Run, reference: Run, rate_hz: float = RATE_HZ) -> dict[str, float | None]:
+    """{e, e_100ms, log_spectral_db, third_octave_db} of two runs of equal length: e of the displacements, the others of the
+    sounds; None where a string that does not move has no error."""
+    onset = round(ONSET_S * rate_hz)
+    if not (reference.displacement.any() and reference.sound.any()):
+        return {"e": None, "e_100ms": None, "log_spectral_db": None, "third_octave_db": None}
+    return {
+        "e": float(f"{relative_error(mine.displacement, reference.displacement):.3g}"),
+        "e_100ms": float(f"{relative_error(mine.displacement[:onset], reference.displacement[:onset]):.3g}"),
+        "log_spectral_db": float(f"{log_spectral_distance(mine.sound, reference.sound, rate_hz):.3g}"),
+        "third_octave_db": float(f"{third_octave_distance(mine.sound, reference.sound, rate_hz):.3g}"),
+    }

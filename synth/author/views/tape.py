@@ -1,0 +1,176 @@
+"""An engine that keeps a tape of its one string: the modes every few steps and the force at every point in every step.
+
+The engine calls its strings' steps by address (`engine.advance.entries`). Here stands another function at that address,
+which has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
+cut them, so what sounds is what sounds without a tape (rests of less than a block, where a finger lets go, go step by step).
+Strings do not fly and modes do not rest here, as at the quality `fine`: on the tape there is one string at one rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cfunc
+
+from synth.author.views.place import Place
+from synth.compile import Position
+from synth.engine.advance import entries
+from synth.engine.engine import Engine
+from synth.engine.events import EVENT, NOTE_ON, make_events
+from synth.engine.layout import F8, FIELDS, I8, NO_FINGER, QUANTUM, SPAN, STEP, F8x2, fields
+from synth.engine.views import CORE_PARTS, bank_of, call_back, opener, scratch_of, state_of, table
+from synth.solver.lanes import BLOCK
+
+#: what views are of unless told otherwise, as `synth render` and a live stream are [Hz]
+QUALITY = "standard"
+RATE_HZ = 44100.0
+#: frames that are computed between two looks at the tape
+PIECE = 4096
+#: places in `Tape.written`: steps and shots since it was last read
+STEPS, SHOTS = range(2)
+#: shots beside those of whole blocks that a piece may have, for rests of blocks
+MORE_SHOTS = 256
+
+
+class Tape(NamedTuple):
+    """What stands behind the engine's own arrays in its core table."""
+
+    written: I8  # (2,)
+    force: F8x2  # (steps, contacts) [N]
+    ends: I8  # (shots,) steps made before each shot, since the tape was last read
+    q: F8x2  # (shots, cap) coordinates of the modes
+    finger: F8  # (shots,) height to which the finger holds the string [m], nan without one
+    out: F8  # (2 · steps of a span,) outputs of the steps that are being made
+    step: int  # address of the engine's own function
+
+
+FIELDS[Tape] = fields(Tape)
+tape_of = opener(Tape, sum(1 + dimensions for part in CORE_PARTS for _, dimensions in FIELDS[part].values()))
+
+
+def _taped_steps(core: int, desk: int, s: int, steps: int) -> None:
+    bank, state, scratch, tape = bank_of(core), state_of(core), scratch_of(desk), tape_of(core)
+    me = state.sounding[s]
+    fixed = bank.strings[s]
+    points = bank.parts[fixed.part].use_q + bank.parts[fixed.part].use_v
+    model = bank.models[me.model]
+    contacts = model.contacts
+    record = scratch.record.reshape(-1)
+    at = 0
+    while at < steps:
+        count = BLOCK if steps - at >= BLOCK else 1
+        fingered = me.phase != NO_FINGER
+        call_back(tape.step, core, desk, s, count)
+        for p in range(points):
+            for t in range(count):
+                tape.out[p * steps + at + t] = scratch.out[p * count + t]
+        at += count
+        made, shot = tape.written[STEPS], tape.written[SHOTS]
+        if made + count > tape.force.shape[0] or shot >= tape.ends.size:
+            continue
+        for t in range(count):
+            for k in range(contacts):
+                if count < BLOCK:
+                    tape.force[made + t, k] = state.force[fixed.coff + k]
+                elif contacts == 1 and not fingered:
+                    tape.force[made + t, k] = scratch.forces[t]
+                else:
+                    tape.force[made + t, k] = record[t * contacts + k]
+        for j in range(model.n):
+            tape.q[shot, j] = state.q[fixed.off + j]
+        tape.finger[shot] = scratch.path[count] if fingered else np.nan
+        tape.ends[shot] = made + count
+        tape.written[STEPS] = made + count
+        tape.written[SHOTS] = shot + 1
+    for i in range(points * steps):
+        scratch.out[i] = tape.out[i]
+
+
+@cache
+def _compiled() -> Any:
+    """`_taped_steps` as a C function, kept for as long as its address is in use."""
+    return cfunc("void(int64, int64, int64, int64)", cache=True)(_taped_steps)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What the tape holds of some steps. K steps, M shots, C contacts, N modes; views that the next piece overwrites."""
+
+    first: int  # steps before it since the note began
+    force: np.ndarray  # (K, C) [N]
+    ends: np.ndarray  # (M,) steps since the note began
+    q: np.ndarray  # (M, N)
+    finger: np.ndarray  # (M,) [m], nan without a finger
+    out: np.ndarray  # (frames,) left channel, late by the engine's latency
+
+
+class Taped(Engine):
+    """An engine with the one string of a place."""
+
+    def __init__(self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ) -> None:
+        super().__init__(
+            [place.preset], quality=quality, limiter=False, economy=False, only_notes=[{place.note}], every_fret=False
+        )
+        self.place = place
+        self.prepare(rate_hz, PIECE)
+
+    def prepare(self, rate_hz: float, max_block: int = PIECE) -> None:
+        """As the engine's, and the tape begins."""
+        super().prepare(rate_hz, max_block)
+        string = self.compiled[0].strings[0]
+        steps = (max_block + SPAN * QUANTUM) * string.factor
+        shots = steps // BLOCK + MORE_SHOTS
+        contacts = max(position.eta.size for position in string.positions)
+        modes = max(position.omega.size for position in string.positions)
+        self.tape = Tape(
+            np.zeros(2, np.int64),
+            np.zeros((steps, max(1, contacts))),
+            np.zeros(shots, np.int64),
+            np.zeros((shots, modes)),
+            np.zeros(shots),
+            np.zeros(2 * SPAN * QUANTUM * string.factor),
+            entries()[1],
+        )
+        # behind the tables that the engine made: it looks no further than their end
+        self._core = np.concatenate([self._core, table(self.tape)])
+        self._taped_steps = _compiled()
+        self._shared.task[STEP] = self._taped_steps.address
+
+    @property
+    def position(self) -> Position:
+        """The model of the note's place."""
+        return next(p for p in self.compiled[0].strings[0].positions if p.fret == self.place.fret)
+
+    @property
+    def step_s(self) -> float:
+        return 1.0 / self.position.plan.rate_hz
+
+    def play(self, velocity: int, seconds: float) -> Iterator[Piece]:
+        """The note, held, from the touch of the finger until `seconds` later, in pieces."""
+        self.reset()
+        note = make_events([(0, NOTE_ON, 0, self.place.note, velocity)])
+        position = self.position
+        modes, contacts = position.omega.size, position.eta.size
+        made = 0
+        left = round(seconds * self.rate_hz) + self.latency_samples
+        while left > 0:
+            out = np.zeros((min(left, PIECE), 2))
+            self.tape.written[:] = 0
+            self.process(note, out)
+            steps, shots = (int(count) for count in self.tape.written)
+            tape = self.tape
+            yield Piece(
+                made,
+                tape.force[:steps, :contacts],
+                made + tape.ends[:shots],
+                tape.q[:shots, :modes],
+                tape.finger[:shots],
+                out[:, 0],
+            )
+            made += steps
+            left -= len(out)
+            note = np.zeros(0, EVENT)

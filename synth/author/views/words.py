@@ -1,0 +1,450 @@
+"""The words of the controls: label, unit, usual range and the physics of every field of a preset.
+
+Ranges and defaults are the schema's (`parameters`); here stands what the schema cannot know. Keys are the schema's class and
+field.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from synth.preset import (
+    Body,
+    BodyMode,
+    BridgeObstacle,
+    Damping,
+    FretsObstacle,
+    Mapping_,
+    NoObstacle,
+    NutMode,
+    Output,
+    Pluck,
+    PointsObstacle,
+    Preset,
+    StringTable,
+    Table,
+    Tuning,
+)
+
+
+@dataclass(frozen=True)
+class Words:
+    """label and tip, in English; unit, "" for a bare number; usual: (low, high) of real instruments; step: what exact entry
+    counts in; live: heard without a new pluck, or at the next one without compiling anew."""
+
+    label: str
+    tip: str
+    unit: str = ""
+    usual: tuple[float, float] | None = None
+    step: float | None = None
+    live: bool = False
+
+
+#: group of a table of the file
+GROUPS = {
+    "name": "about",
+    "title": "about",
+    "description": "about",
+    "sources": "about",
+    "remarks": "about",
+    "tuning": "string",
+    "string": "string",
+    "nut": "string",
+    "obstacle": "obstacle",
+    "pluck": "pluck",
+    "damping": "damping",
+    "output": "output",
+    "body": "output",
+    "mapping": "mapping",
+}
+
+_OBSTACLE_KIND = Words(
+    "What the string touches",
+    "Nothing; the thread and edge of a tanpura's bridge; any points; the frets of a neck. What the string meets while it "
+    "swings makes the buzz, the slap, the rattle.",
+)
+
+WORDS: dict[type[Table], dict[str, Words]] = {
+    Preset: {
+        "name": Words("Name", "How commands call the preset: lower-case letters, digits and hyphens, up to 64."),
+        "title": Words("Title", "What people read in lists."),
+        "description": Words("Description", "The instrument in a sentence: strings, tuning, what makes its sound."),
+        "sources": Words("Sources", "Where the numbers come from: papers, measurements, makers' data, one a line."),
+        "remarks": Words(
+            "Remarks", "The author's notes: what was tried, what is still to do. Nothing reads them but people."
+        ),
+        "string": Words("Strings", "One table for each string, or one for a range of notes with a string for every note."),
+        "nut": Words(
+            "Resonances of the nut end",
+            "What holds the string gives way at its resonances. A narrow one takes the energy of notes near it (a dead "
+            "spot), a broad one shortens all of them.",
+        ),
+    },
+    Tuning: {
+        "a4_hz": Words("Concert pitch", "Frequency of A4; all strings follow.", "Hz", (415.0, 466.0), 0.1),
+        "offset_cents": Words("Tuning", "Raises or lowers all strings, by their tension.", "cents", (-100.0, 100.0), 1.0),
+        "contact_cents": Words(
+            "Contact correction",
+            "A string that rests on its bridge for a part of every period speaks shorter and sounds some cents sharp. "
+            "That much is taken off its tension, by note; measured by tools/tune-presets.",
+            "cents",
+            (0.0, 5.0),
+            0.01,
+        ),
+    },
+    NutMode: {
+        "frequency_hz": Words(
+            "Resonance",
+            "Where the structure swings by itself; a note there is short and shifted.",
+            "Hz",
+            (40.0, 1000.0),
+            1.0,
+        ),
+        "q": Words(
+            "Q", "How narrow it is: high, one note suffers; below 1, the whole compass loses evenly.", "", (0.4, 60.0), 0.1
+        ),
+        "mass_kg": Words(
+            "Moving mass",
+            "What the string has to shake: the lighter, the more it takes from the note.",
+            "kg",
+            (0.05, 10.0),
+            0.01,
+        ),
+    },
+    StringTable: {
+        "name": Words("Name", "What the player calls the string: Pa, Sa, E, G."),
+        "notes": Words("Notes", "The open string's note (G2), or a range with a string for every note in it (E1-C7)."),
+        "length_m": Words(
+            "Length",
+            "Speaking length between nut and saddle. At the same pitch tension grows with its square: a long string is "
+            "tight and nearly harmonic, a short one slack and stiff.",
+            "m",
+            (0.1, 1.4),
+            0.001,
+        ),
+        "diameter_mm": Words(
+            "Diameter",
+            "Outer diameter. A thick plain string is heavier and much stiffer (fourth power): sharper partials, shorter "
+            "brightness. The air damps by it too.",
+            "mm",
+            (0.2, 2.6),
+            0.001,
+        ),
+        "linear_density_g_m": Words(
+            "Mass per length",
+            "Of a wound string, from the maker's data. Heavier: more tension at the same pitch, a louder string that is "
+            "harder to draw aside.",
+            "g/m",
+            (0.3, 35.0),
+            0.01,
+        ),
+        "density_kg_m3": Words(
+            "Density",
+            "Of a plain string's material: steel 7850, bronze 8800, brass 8500, nylon 1070, gut 1300.",
+            "kg/m³",
+            (1000.0, 9000.0),
+            10.0,
+        ),
+        "core_diameter_mm": Words(
+            "Core",
+            "Diameter of a wound string's core, which alone resists bending; its winding adds mass, hardly stiffness.",
+            "mm",
+            (0.2, 0.7),
+            0.001,
+        ),
+        "winding_diameter_mm": Words(
+            "Winding wire",
+            "Diameter of the wire around the core; it rubs at the air more than a plain string.",
+            "mm",
+            (0.1, 1.0),
+            0.001,
+        ),
+        "youngs_modulus_gpa": Words(
+            "Young's modulus",
+            "Stiffness of the core's material: steel 200, bronze 110, nylon 3, gut 6. It stretches the partials upwards; "
+            "on a bridge, the stiffer the string, the lower the formant of its buzz.",
+            "GPa",
+            (1.0, 300.0),
+            1.0,
+        ),
+        "inharmonicity": Words(
+            "Inharmonicity B",
+            "Partial j lies at j·f·√(1 + Bj²). 0 is a perfectly limp string; 10⁻⁵ to 10⁻⁴ are guitars and basses, "
+            "10⁻³ a piano's treble.",
+            "",
+            (1e-6, 1e-3),
+            1e-7,
+        ),
+        "viscoelastic_loss": Words(
+            "Inner friction",
+            "Loss angle of the material as it bends. It takes the high partials first, the more the stiffer the string: "
+            "steel 0.005, wound 0.01, nylon and gut several times that.",
+            "",
+            (0.001, 0.1),
+            0.0001,
+        ),
+        "thermoelastic_q_inverse": Words(
+            "Heat loss",
+            "1/Q of heat flowing in the metal; it shortens all partials by the same number of periods. 0.0002 is plain "
+            "steel, 0.000006 a wound bass string.",
+            "",
+            (0.0, 0.001),
+            1e-6,
+        ),
+        "stiffness_law": Words(
+            "Law of stiffness",
+            "How partials stretch: sqrt is the exact law of a pinned stiff string, linear (1 + Bj²/2) what some published "
+            "data follow; they differ in the high partials only.",
+        ),
+        "cents": Words("Fine tuning", "Of this string alone, by its tension.", "cents", (-50.0, 50.0), 0.1),
+        "gain_db": Words("Level", "Of this string in the mix; it changes nothing of its motion.", "dB", (-12.0, 12.0), 0.1),
+        "measured_frequencies_hz": Words(
+            "Measured partials",
+            "Frequencies of partials 1, 2, … as measured on a real string, moved with its tuning; behind the last one the "
+            "model goes on.",
+            "Hz",
+        ),
+        "measured_decay_rates": Words(
+            "Measured decay rates",
+            "Decay rates σ of partials 1, 2, … as measured (amplitude e^(−σt), T60 = 6.91/σ); behind the last one the model "
+            "goes on.",
+            "1/s",
+        ),
+    },
+    NoObstacle: {"kind": _OBSTACLE_KIND},
+    BridgeObstacle: {
+        "kind": _OBSTACLE_KIND,
+        "distance_mm": Words(
+            "Thread to edge",
+            "How far the bridge's edge of contact lies before the string's end on the thread. The longer, the higher the "
+            "formant of the buzz begins and the further it sinks.",
+            "mm",
+            (2.0, 20.0),
+            0.1,
+        ),
+        "distance_ratio": Words(
+            "Thread to edge, of the length",
+            "The same as a share of the open string, so that strings of all lengths have the same bridge.",
+            "of L",
+            (0.002, 0.03),
+            0.0001,
+        ),
+        "jiva_um": Words(
+            "Thread (jiva)",
+            "How high the thread lifts the string off the bridge. 0 rests on it and buzzes most, some µm open and close "
+            "every period, beyond 20 only hard plucks touch; below 0 the string is pressed and the buzz dies.",
+            "µm",
+            (0.0, 30.0),
+            0.5,
+            live=True,
+        ),
+    },
+    PointsObstacle: {
+        "kind": _OBSTACLE_KIND,
+        "positions_mm": Words("Places", "Points of contact, counted from the nut, rising; each needs its height.", "mm"),
+        "heights_mm": Words(
+            "Heights", "Of the points above the string at rest: −1 lies a millimetre below it, 0 just touches.", "mm"
+        ),
+    },
+    FretsObstacle: {
+        "kind": _OBSTACLE_KIND,
+        "count": Words(
+            "Frets", "How many, in equal temperament; every string plays as many notes above its own.", "", (12.0, 24.0), 1.0
+        ),
+        "action_12th_mm": Words(
+            "Action at fret 12",
+            "Gap between string and fret 12. Low is easy to play and slaps the frets when struck hard, high is clean.",
+            "mm",
+            (0.8, 4.0),
+            0.05,
+        ),
+        "relief_mm": Words(
+            "Relief",
+            "Hollow of the neck under a straightedge, half way; it makes room where the string swings widest.",
+            "mm",
+            (0.0, 0.6),
+            0.01,
+        ),
+        "nut_height_mm": Words(
+            "Gap at fret 1", "Between the open string and fret 1: what the nut's slots leave.", "mm", (0.2, 1.0), 0.01
+        ),
+        "heights_mm": Words(
+            "Fret heights",
+            "Of every fret above the open string at rest (−2 lies two millimetres below it), in place of action and relief: "
+            "a worn or high fret buzzes by itself.",
+            "mm",
+        ),
+    },
+    Pluck: {
+        "position": Words(
+            "Plucked at, from saddle",
+            "Distance from the saddle as a share of the open string. A partial with a node there is missing: the middle is "
+            "hollow, near the bridge thin and bright. Beyond the middle counts as the middle.",
+            "of L",
+            (0.05, 0.5),
+            0.001,
+            live=True,
+        ),
+        "position_hard": Words(
+            "Hardest pluck at, from saddle",
+            "Where the hardest pluck goes; softer ones lie between. Players move towards the bridge for loud, biting notes.",
+            "of L",
+            (0.05, 0.5),
+            0.001,
+        ),
+        "displacement_mm": Words(
+            "Displacement",
+            "How far the hardest pluck draws the open string aside; stopped notes are plucked with the same force. Level, "
+            "and how much is touched.",
+            "mm",
+            (0.2, 6.0),
+            0.05,
+            live=True,
+        ),
+        "velocity_exponent": Words(
+            "Velocity curve",
+            "Displacement grows as velocity to this power: 1 even, 2 twice the dynamics in dB, 0 the same for every key.",
+            "",
+            (0.5, 2.0),
+            0.05,
+        ),
+        "width_mm": Words(
+            "Finger width",
+            "Length of string under the finger: flesh 15, nail 3, plectrum 1. It rounds the corner: partials whose half "
+            "wave is shorter are hardly plucked.",
+            "mm",
+            (1.0, 25.0),
+            0.1,
+            live=True,
+        ),
+        "width_hard_mm": Words(
+            "Finger width, hard",
+            "At the hardest pluck, where the tip or the nail digs in; softer ones lie between.",
+            "mm",
+            (1.0, 25.0),
+            0.1,
+        ),
+        "draw_ms": Words(
+            "Drawing time",
+            "From touching the string to letting it go. The note comes that much after the key; short is a flick, long lets "
+            "the old sound be heard dying under the finger.",
+            "ms",
+            (1.0, 20.0),
+            0.5,
+        ),
+        "finger_stiffness_n_mm": Words(
+            "Finger stiffness",
+            "How firmly the finger holds the string while it draws: flesh gives way, plectrum and nail do not.",
+            "N/mm",
+            (5.0, 500.0),
+            0.1,
+        ),
+        "finger_loss": Words(
+            "Finger loss",
+            "What the finger takes from passing waves, in the string's own impedance: 2 takes most, 0 only holds it.",
+            "× Z",
+            (0.1, 5.0),
+            0.05,
+        ),
+    },
+    Damping: {
+        "ring_on": Words(
+            "Ring on", "No hand damps the string when the key goes up: tanpura, sitar, harp with open strings."
+        ),
+        "release_s": Words(
+            "Damping time",
+            "How fast the hand silences the string after the note: time to −60 dB.",
+            "s",
+            (0.03, 2.0),
+            0.01,
+            live=True,
+        ),
+    },
+    Output: {
+        "kind": Words(
+            "What is heard",
+            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, or a magnetic "
+            "pickup over it.",
+        ),
+        "position": Words(
+            "Pickup at, from saddle",
+            "Place of pickup or probe as a share of the open string; partials with a node there are not heard. 0 is the "
+            "saddle itself.",
+            "of L",
+            (0.0, 0.4),
+            0.001,
+        ),
+        "distance_mm": Words(
+            "Pickup distance",
+            "From magnet to string at rest. Near, wide swings distort: the even harmonics of a growling pickup.",
+            "mm",
+            (1.0, 10.0),
+            0.1,
+        ),
+        "aperture_mm": Words(
+            "Pickup aperture",
+            "Length of string that the magnet sees; partials with a wave shorter than that are averaged away.",
+            "mm",
+            (5.0, 40.0),
+            0.5,
+        ),
+        "gain_db": Words(
+            "Level",
+            "Of the whole instrument. Set so that the hardest key peaks near −6 dBFS.",
+            "dB",
+            (-60.0, 60.0),
+            0.5,
+            live=True,
+        ),
+    },
+    Body: {
+        "direct_db": Words(
+            "Direct sound", "Level of the string itself beside the body's resonances.", "dB", (-40.0, 6.0), 0.5
+        ),
+        "resonance": Words(
+            "Resonances of the body",
+            "Measured peaks of the body's mobility, added to the direct sound; each colours and rings.",
+        ),
+    },
+    BodyMode: {
+        "frequency_hz": Words("Peak", "Frequency of the resonance's maximum.", "Hz", (60.0, 5000.0), 1.0),
+        "q": Words("Q", "How narrow and how long: it rings to −60 dB in 2.2·Q/f seconds.", "", (3.0, 100.0), 0.1),
+        "gain_db": Words("Gain", "Of the peak, relative to the string's own sound.", "dB", (-40.0, 20.0), 0.5),
+    },
+    Mapping_: {
+        "polyphony": Words(
+            "Polyphony",
+            "How many strings may sound at once; beyond it the quietest is cut within 30 ms.",
+            "",
+            (4.0, 64.0),
+            1.0,
+        ),
+        "pressure_um": Words(
+            "Pressure moves the bridge",
+            "How far full key pressure raises the bridge under the string (below 0: lowers it): a tanpura clears up as its "
+            "bridge sinks.",
+            "µm",
+            (-30.0, 10.0),
+            0.5,
+        ),
+        "pressure_cents": Words(
+            "Pressure bends",
+            "How far full key pressure stretches the string, as a finger behind the fret does.",
+            "cents",
+            (0.0, 100.0),
+            1.0,
+        ),
+    },
+}
+
+#: values of choices and what they say
+CHOICES: dict[tuple[type[Table], str], dict[str, str]] = {
+    (StringTable, "stiffness_law"): {"sqrt": "pinned stiff string", "linear": "1 + Bj²/2"},
+    (Output, "kind"): {
+        "force": "force on the saddle",
+        "displacement": "displacement",
+        "velocity": "velocity",
+        "pickup": "magnetic pickup",
+    },
+}
+OBSTACLES = {"none": "nothing", "bridge": "tanpura bridge", "points": "points", "frets": "frets"}

@@ -1,0 +1,168 @@
+"""The folder that the tool works in: which files are its presets, and which names may be written."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import tempfile
+import time
+import unicodedata
+from collections.abc import Iterator
+from pathlib import Path
+
+from synth.preset import preset_folder
+
+SUFFIX = ".toml"
+#: what an autosaved text's file is called, behind the name of the preset's own
+AUTOSAVE = ".autosave"
+#: largest preset that is read [bytes]
+MOST_BYTES = 1 << 20
+#: longest name of a file without its ending [bytes]: its autosave's and what stands behind that fit as well
+MOST_NAME = 200
+#: what a write that was cut short leaves, and after which time nobody can be writing it any more [s]
+_PART = re.compile(r"\..+\.toml(\.autosave)?\.[a-z0-9_]{8}\.part")
+STALE_S = 60.0
+
+
+class Workspace:
+    """Preset files in `folder`, and the presets that come with the program."""
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder).resolve()
+        if not self.folder.is_dir():
+            raise ValueError(f"--folder {folder}: there is no such directory; make it first")
+
+    def file(self, name: str) -> Path:
+        """The path of a preset file (`name` with or without .toml), there or not; of a new one a name is asked for that any
+        system can write. Raises ValueError for a name that is none, or that leads out of the folder."""
+        stem = name.removesuffix(SUFFIX)
+        path = self.folder / f"{stem}{SUFFIX}"
+        if not _readable(stem) or not (_writable(stem) or os.path.lexists(path)):
+            raise ValueError(
+                f"{name!r} is no name for a preset's file: letters, digits, space, . _ - only, and no folders, at most "
+                f"{MOST_NAME} bytes"
+            )
+        if not os.path.lexists(path):
+            path = path.with_name(unicodedata.normalize("NFC", path.name))
+        target = path.resolve()
+        if target.parent != self.folder:
+            raise ValueError(f"{name}: leads out of {self.folder}; copy the file into it")
+        if target.suffix != SUFFIX or not _readable(target.stem):
+            raise ValueError(f"{name}: leads to {target.name}, which is no preset's file; rename that to end in {SUFFIX}")
+        if target.exists() and not target.is_file():
+            raise ValueError(f"{name}: is no regular file")
+        return target
+
+    def files(self) -> Iterator[tuple[Path, str | None]]:
+        """Preset files in the folder, by name, each with the reason why it cannot be opened, if it cannot."""
+        for path in sorted(self.folder.glob(f"*{SUFFIX}")):
+            if path.name.startswith("."):
+                continue
+            try:
+                yield self.file(path.name), None
+            except (ValueError, OSError) as error:
+                yield path, str(error)
+
+    def tidy(self) -> None:
+        """Take away what writes that were cut short have left."""
+        for path in self.folder.glob(".*.part"):
+            with contextlib.suppress(OSError):
+                if _PART.fullmatch(path.name) and regular(path) and time.time() - path.stat().st_mtime > STALE_S:
+                    path.unlink()
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Have the folder for this process, so that no other takes its autosaves for those of one that crashed. Raises
+        OSError where another has it."""
+        handle = os.open(self.folder, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OSError(
+                    f"{self.folder}: another `synth author` works in this folder; open the preset on its page, or end it"
+                ) from None
+            except OSError:  # a file system that knows no locks
+                pass
+            self.tidy()
+            yield
+        finally:
+            os.close(handle)
+
+    def embedded(self, name: str) -> Path | None:
+        """The file of a preset that comes with the program."""
+        return {path.stem: path for path in preset_folder().glob(f"*{SUFFIX}")}.get(name)
+
+    def autosave(self, label: str) -> Path:
+        """Where an autosaved text lies: beside the file `label`, or that of a document that has none."""
+        return self.folder / f".{label}{SUFFIX}{AUTOSAVE}"
+
+
+def _readable(stem: str) -> bool:
+    """Whether a file may be called so: one of the folder itself that is not hidden, with nothing that would not show."""
+    try:
+        size = len(stem.encode())
+    except UnicodeEncodeError:
+        return False
+    shows = all(letter == " " or letter.isprintable() for letter in stem)
+    return 0 < size <= MOST_NAME and shows and stem[0] != "." and not set(stem) & set("/\\")
+
+
+def _writable(stem: str) -> bool:
+    """Whether a new file may be called so: letters, marks and digits of any script, and a few signs between them."""
+    kinds = [unicodedata.category(letter)[0] for letter in stem]
+    return kinds[0] in "LN" and all(kind in "LMN" or letter in " ._-" for kind, letter in zip(kinds, stem, strict=True))
+
+
+def stem_of(filename: str) -> str:
+    """A name for a file made of one from elsewhere, perhaps with folders; what it cannot have becomes a hyphen."""
+    stem = unicodedata.normalize("NFC", re.split(r"[/\\]", filename)[-1].removesuffix(SUFFIX))
+    stem = "".join(letter if unicodedata.category(letter)[0] in "LMN" or letter in " ._-" else "-" for letter in stem)
+    while stem and (unicodedata.category(stem[0])[0] not in "LN" or len(stem.encode()) > MOST_NAME // 2):
+        stem = stem[:-1] if unicodedata.category(stem[0])[0] in "LN" else stem[1:]
+    return stem.rstrip(" .-") or "preset"
+
+
+def regular(path: Path) -> bool:
+    """Whether it is a file, and no link to one."""
+    return path.is_file() and not path.is_symlink()
+
+
+def read_text(path: Path) -> str:
+    """A preset's text as it stands. Raises OSError, ValueError."""
+    with path.open("rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise ValueError(f"{path.name}: larger than {MOST_BYTES >> 20} MB, which no preset is")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path.name}: not a text file in UTF-8") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file beside its place and rename it, so that it is whole whatever happens. Raises OSError."""
+    handle, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(text.encode("utf-8"))
+            file.flush()
+            os.fsync(file.fileno())
+        try:
+            mode = path.stat().st_mode & 0o777
+        except FileNotFoundError:
+            mask = os.umask(0)
+            os.umask(mask)
+            mode = 0o666 & ~mask
+        os.chmod(beside, mode)
+        os.replace(beside, path)
+    except BaseException:
+        Path(beside).unlink(missing_ok=True)
+        raise
+    directory = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)

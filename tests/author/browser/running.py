@@ -1,0 +1,142 @@
+"""A real `synth author` in a process of its own, and real Chromium pages on it."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
+
+from tests.author.serverkit import Server
+
+#: on a folder: Author(folder, preset)
+Author = Server
+PATIENCE_S = 90.0
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--autoplay-policy=no-user-gesture-required",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-sync",
+    "--no-first-run",
+    "--password-store=basic",
+)
+
+
+def why_not() -> str:
+    """Why no page can be opened here; empty if one can."""
+    missing = [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
+    return f"{' and '.join(missing)} not installed (apt-get install chromium chromium-driver)" if missing else ""
+
+
+class Page:
+    """A window of Chromium with the page in it."""
+
+    def __init__(self, driver: webdriver.Chrome) -> None:
+        self.driver = driver
+
+    def open(self, address: str) -> None:
+        self.driver.get(address)
+        self.ready()
+
+    def ready(self) -> None:
+        self.until(lambda: self.script("return document.documentElement.dataset.ready === 'yes'"))
+
+    def reload(self) -> None:
+        self.driver.refresh()
+        self.ready()
+
+    def open_nothing(self) -> None:
+        """Leave the page, whatever is unsaved in it."""
+        self.script("window.addEventListener('beforeunload', (event) => event.stopImmediatePropagation(), true)")
+        self.driver.get("about:blank")
+
+    def field(self, path: str) -> WebElement:
+        """Where the number of a control is typed."""
+        return self.find(f'[data-path="{path}"] input[type="text"]')
+
+    def script(self, source: str, *arguments: Any) -> Any:
+        return self.driver.execute_script(source, *arguments)  # type: ignore[no-untyped-call]
+
+    def await_script(self, source: str, *arguments: Any) -> Any:
+        """The result of the body of an async function."""
+        self.driver.set_script_timeout(PATIENCE_S)
+        return self.driver.execute_async_script(  # type: ignore[no-untyped-call]
+            "const done = arguments[arguments.length - 1];"
+            f"(async (...given) => {{ {source} }})(...[...arguments].slice(0, -1)).then((value) => done([value, null]),"
+            " (error) => done([null, String(error)]));",
+            *arguments,
+        )
+
+    def result(self, source: str, *arguments: Any) -> Any:
+        value, error = self.await_script(source, *arguments)
+        if error is not None:
+            raise RuntimeError(error)
+        return value
+
+    def until(self, holds: Callable[[], Any], patience_s: float = PATIENCE_S) -> Any:
+        """Wait for it: its value. What the page has replaced in between is looked for again."""
+        gone = (StaleElementReferenceException,)
+        wait = WebDriverWait(self.driver, patience_s, poll_frequency=0.05, ignored_exceptions=gone)
+        return wait.until(lambda _: holds())
+
+    def find(self, selector: str) -> WebElement:
+        """The first such element that is to be seen, as soon as there is one."""
+        return self.until(lambda: next((e for e in self.all(selector) if e.is_displayed()), None))
+
+    def all(self, selector: str) -> list[WebElement]:
+        return self.driver.find_elements("css selector", selector)
+
+    def button(self, words: str, within: str = "body") -> WebElement:
+        """The first button to be seen whose text begins so."""
+
+        def found() -> WebElement | None:
+            return next((e for e in self.all(f"{within} button") if e.is_displayed() and e.text.startswith(words)), None)
+
+        return self.until(found)
+
+    def text(self, selector: str) -> str:
+        return self.find(selector).text
+
+    def errors(self) -> list[str]:
+        """What the browser has complained of, without what is expected of a server that is gone."""
+        entries = self.driver.get_log("browser")  # type: ignore[no-untyped-call]
+        return [e["message"] for e in entries if e["level"] == "SEVERE"]
+
+
+@contextmanager
+def chromium(width: int = 1280, height: int = 900) -> Iterator[webdriver.Chrome]:
+    """A Chromium of its own."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium")
+    for flag in (*FLAGS, f"--window-size={width},{height}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def set_value(page: Page, path: str, value: float) -> None:
+    """Type a number into the control of a path, as a person does."""
+    field = page.field(path)
+    field.send_keys(Keys.CONTROL, "a", Keys.NULL, f"{value}\n")
+
+
+def floats(text: str) -> np.ndarray:
+    """Samples from base64 of float32."""
+    return np.frombuffer(base64.b64decode(text), "<f4")

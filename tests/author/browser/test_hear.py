@@ -1,0 +1,261 @@
+"""What the page plays is, sample for sample, what `synth render` writes."""
+
+import base64
+import os
+import subprocess
+import sys
+
+import mido
+import numpy as np
+import pytest
+import soundfile
+from selenium.webdriver import ActionChains
+
+from tests.author.browser.running import Author, Page, chromium, floats, set_value
+from tests.author.serverkit import ROOT
+
+PRESETS = ROOT / "presets"
+RATE_HZ = 44100
+HEARD_S = 1.0
+
+# What the page receives, and what its audio thread puts out, both from the player's own events.
+LISTEN = """
+window.heard = {received: [], played: []};
+for (const type of ["received", "played"])
+  document.getElementById("player").addEventListener(type, ({detail}) => window.heard[type].push(detail));
+"""
+FORGET = "window.heard = {received: [], played: []};"
+FRAMES = """
+const last = window.heard.played.at(-1);
+const parts = window.heard.played.filter((part) => part.stream === last.stream);
+return parts.reduce((frames, part) => frames + part.samples.length / 2, 0);
+"""
+# [first frame, base64 of the samples] of the newest stream's parts
+PARTS = """
+const parts = window.heard[arguments[0]];
+const { stream } = window.heard.played.at(-1);
+return parts.filter((part) => part.stream === stream).map(({frame, samples}) => {
+  const bytes = new Uint8Array(samples.buffer, samples.byteOffset, samples.byteLength);
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+  return [frame, btoa(text)];
+});
+"""
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with chromium() as driver:
+        yield driver
+
+
+@pytest.fixture
+def page(driver, tmp_path):
+    (tmp_path / "mine.toml").write_text((PRESETS / "tanpura.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    with Author(tmp_path, "mine.toml") as author:
+        page = Page(driver)
+        page.open(author.address)
+        page.script(LISTEN)
+        yield page
+        page.open_nothing()
+
+
+def silence(page):
+    """Nothing sounds, so that nothing fades over what comes next, and nothing is remembered."""
+    page.find(".player-phrases .quiet").click()
+    page.until(lambda: "sounding" not in page.script("return document.getElementById('player').className"))
+    page.result("await new Promise((done) => setTimeout(done, 200))")  # a fade takes 6 ms
+    page.script(FORGET)
+
+
+def heard(page, kind):
+    """[(first frame, samples (frames, 2))]: the newest stream's parts."""
+    return [(first, floats(text).reshape(-1, 2)) for first, text in page.script(PARTS, kind)]
+
+
+def is_beginning_of(parts, want):
+    """Whether parts are, bit for bit, what stands at their frames in `want`, from frame 0 on. A machine that stands still
+    for seconds may leave some out, never change one."""
+    assert parts[0][0] == 0
+    return all(np.array_equal(samples, want[first : first + len(samples)]) for first, samples in parts)
+
+
+def rendered(preset, note, velocity, folder, held_s=2.0):
+    """What `synth render` writes for the note from frame 0 on, (frames, 2)."""
+    song = mido.MidiFile(ticks_per_beat=1000)
+    track = song.add_track()
+    track.append(mido.MetaMessage("set_tempo", tempo=1_000_000))
+    track.append(mido.Message("note_on", note=note, velocity=velocity))
+    track.append(mido.Message("note_off", note=note, velocity=64, time=round(1000 * held_s)))
+    song.save(folder / "note.mid")
+    command = [sys.executable, "-m", "synth", "render", "note.mid", "-p", str(preset), "-o", "note.wav", "--quiet"]
+    command += ["--bit-depth", "float", "--no-limiter", "--quality", "standard", "-r", str(RATE_HZ), "--tail", "12"]
+    subprocess.run(command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True)
+    samples, rate = soundfile.read(folder / "note.wav", dtype="float32", always_2d=True)
+    assert rate == RATE_HZ
+    return samples
+
+
+def test_note_is_what_render_writes(page, tmp_path):
+    frames = round(HEARD_S * RATE_HZ)
+    note, velocity = 48, 90
+    page.script("document.querySelector('[data-key=\"48\"]').scrollIntoView()")
+    page.find("[data-key='48']").click()
+    page.until(lambda: page.text(".key-note") == "C3")
+    silence(page)
+    page.find("[data-phrase='note']").click()
+    page.until(lambda: page.script(FRAMES) >= frames)
+    received, played = heard(page, "received"), heard(page, "played")
+    want = rendered(tmp_path / "mine.toml", note, velocity, tmp_path)
+    assert np.abs(want[:frames]).max() > 0.01
+    assert is_beginning_of(received, want) and is_beginning_of(played, want)
+
+
+def test_changed_preset_is_heard_at_once_as_it_would_be_rendered(page, tmp_path):
+    frames = round(HEARD_S * RATE_HZ)
+    set_value(page, "pluck.position", 0.2)
+    page.until(lambda: page.script(FRAMES) >= frames)
+    played = heard(page, "played")
+    page.find("#save").click()
+    page.until(lambda: "0.2" in (tmp_path / "mine.toml").read_text(encoding="utf-8"))
+    page.until(lambda: page.text("#doc-status") == "mine.toml")
+    note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
+    assert is_beginning_of(played, rendered(tmp_path / "mine.toml", note, 90, tmp_path))
+
+
+def test_wav_of_the_server_is_the_same_sound(page, tmp_path):
+    name = page.script("return location.hash.slice(1)")
+    values = page.result(
+        """const answer = await fetch(`/api/docs/${given[0]}/sound.wav?phrase=note&note=48&velocity=90&which=current`);
+        const bytes = new Uint8Array(await answer.arrayBuffer());
+        let text = "";
+        for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+        return btoa(text);""",
+        name,
+    )
+    (tmp_path / "page.wav").write_bytes(base64.b64decode(values))
+    samples, _ = soundfile.read(tmp_path / "page.wav", dtype="float32", always_2d=True)
+    want = rendered(tmp_path / "mine.toml", 48, 90, tmp_path)
+    frames = min(len(samples), len(want))
+    assert frames > 2 * RATE_HZ
+    np.testing.assert_array_equal(samples[:frames], want[:frames])
+
+
+def test_keys_of_the_computer_and_the_mouse_sound(page):
+    page.script("document.activeElement.blur()")
+    page.find("body").send_keys("a")
+    page.until(lambda: page.script(FRAMES) > 0)
+    assert page.text(".key-note") == "C2"
+    silence(page)
+    page.find("[data-key='43']").click()
+    page.until(lambda: page.script(FRAMES) > 0)
+    assert all(np.isfinite(samples).all() for _, samples in heard(page, "played"))
+    assert page.text(".key-note") == "G2"
+
+
+def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
+    frames = RATE_HZ // 2
+    set_value(page, "pluck.position", 0.2)
+    page.until(lambda: page.script(FRAMES) >= frames)
+    edited = heard(page, "played")
+    silence(page)
+    page.find("#ab [data-which='saved']").click()
+    page.until(lambda: page.script(FRAMES) >= frames)
+    saved = heard(page, "played")
+    note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
+    want = rendered(tmp_path / "mine.toml", note, 90, tmp_path)
+    assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
+
+
+def test_keys_play_the_version_that_is_shown(page, tmp_path):
+    """As it is, then as it was saved: where a string has another note its old key comes back."""
+    page.script("document.querySelector('#player input[type=checkbox]').click()")  # keys alone sound
+    page.result(
+        """await fetch(`/api/docs/${location.hash.slice(1)}/edit`, {method: "POST", body: JSON.stringify({
+          changes: [{path: "string.0.notes", value: ["A2", "A2"]}, {path: "pluck.position", value: 0.2}], merge: null
+        })})"""
+    )
+    keys = "return [...document.querySelectorAll('.key:not(.mute)')].map((key) => Number(key.dataset.key))"
+    page.until(lambda: page.script(keys) == [36, 45, 48])
+    hold(page, 48)
+    edited = heard(page, "played")
+    silence(page)
+    page.find("#ab [data-which='saved']").click()
+    page.until(lambda: page.script(keys) == [36, 43, 48])
+    hold(page, 48)
+    saved = heard(page, "played")
+    want = rendered(tmp_path / "mine.toml", 48, 90, tmp_path)
+    assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
+
+
+def hold(page, key):
+    """Press a key of the piano and hold it until a while of it was heard."""
+    chain = ActionChains(page.driver).move_to_element(page.find(f"[data-key='{key}']"))
+    chain.click_and_hold().perform()
+    page.until(lambda: page.script("return window.heard.played.length > 0") and page.script(FRAMES) >= RATE_HZ // 2)
+    chain.release().perform()
+
+
+def test_octaves_that_nothing_plays_are_left_out(page):
+    runs = page.result("return (await import('/page/keyboard.js')).compass(given[0])", [36, 43, 48, 120])
+    assert runs == [[36, 59], [120, 131]]
+    for notes in ([0], [11, 3]):
+        assert page.result("return (await import('/page/keyboard.js')).compass(given[0])", notes) == [[0, 23]]
+    assert page.result("return (await import('/page/keyboard.js')).compass(given[0])", [50]) == [[36, 59]]
+
+
+def test_keys_can_be_put_away(page):
+    page.button("Hide keys").click()
+    assert not page.all(".keys")[0].is_displayed()
+    page.reload()
+    assert not page.all(".keys")[0].is_displayed()
+    page.button("Show keys").click()
+    assert page.find("[data-key='48']").is_displayed()
+
+
+@pytest.mark.parametrize("width", [1024, 1366])
+def test_the_dock_has_one_row_of_phrases(page, width):
+    size = page.driver.get_window_size()
+    page.driver.set_window_size(width, 900)
+    parts = [".player-phrases", ".player-volume", ".meter", ".player-output"]
+    middles = (
+        "return arguments[0].map((s) => document.querySelector(s).getBoundingClientRect()).map((r) => r.top + r.height / 2)"
+    )
+    page.until(lambda: page.script("return innerWidth") == width)
+    found = page.script(middles, parts)
+    page.driver.set_window_size(size["width"], size["height"])
+    assert max(found) - min(found) < 4
+
+
+def test_another_preset_sounds_after_the_first_was_stopped(page):
+    page.find("[data-phrase='note']").click()
+    page.until(lambda: page.script(FRAMES) > 0)
+    silence(page)
+    page.find("#open").click()
+    page.find('dialog [data-preset="jawari-harp"]').click()
+    page.until(lambda: page.text("#title") == "Jawari harp")
+    page.until(lambda: page.find("[data-phrase='note']").is_enabled())
+    page.find("[data-phrase='note']").click()
+    page.until(lambda: page.script(FRAMES) >= RATE_HZ // 2)
+    assert max(np.abs(samples).max() for _, samples in heard(page, "played")) > 0.01
+
+
+def test_output_of_the_server_is_offered_or_says_why_not(page):
+    session = page.result("return (await fetch('/api/session')).json()")
+    for output in session["outputs"]:
+        button = page.find(f"[data-output='{output['id']}']")
+        assert button.is_enabled() == output["available"]
+        if not output["available"]:
+            assert output["reason"] and output["reason"] in page.text(".player-reason")
+
+
+def test_midi_that_is_refused_is_said(page):
+    for name, words in (("NotAllowedError", "does not allow"), ("InvalidStateError", "no MIDI")):
+        page.script(
+            "navigator.requestMIDIAccess = () => Promise.reject(new DOMException('no', arguments[0]));"
+            "const button = [...document.querySelectorAll('.keyboard-head button')].find((b) => b.textContent === 'MIDI');"
+            "button.disabled = false; button.click();",
+            name,
+        )
+        page.until(lambda words=words: words in page.text(".midi-text"))
+    assert page.errors() == []

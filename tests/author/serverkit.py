@@ -1,0 +1,141 @@
+"""A real `synth author` in a process of its own, and clients of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+from urllib.parse import urlsplit
+
+import httpx
+from websockets.sync.client import ClientConnection, connect
+
+ROOT = Path(__file__).resolve().parents[2]
+#: the first sound may wait for the kernels to be compiled [s]
+PATIENCE_S = 240.0
+
+
+class Server:
+    """`synth author` on a folder. `get` and `post` show the token; answers are checked unless a status is expected."""
+
+    def __init__(self, folder: Path, *arguments: str, env: dict[str, str] | None = None) -> None:
+        self.folder = folder
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "synth", "author", "--no-browser", *arguments],
+            cwd=folder,
+            env={**(env or os.environ), "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout is not None and self._process.stderr is not None
+        self.address = self._process.stdout.readline().strip()
+        if not self.address:
+            _, said = self._process.communicate()
+            raise RuntimeError(f"exit code {self._process.returncode}: {said}")
+        parts = urlsplit(self.address)
+        self.port = parts.port
+        self.token = parts.query.removeprefix("token=")
+        self.headers = {"Authorization": f"Bearer {self.token}"}
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=self.headers, timeout=PATIENCE_S)
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self, by: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
+        """Exit code, and what it said on standard error."""
+        self.client.close()
+        if self._process.poll() is None:
+            self._process.send_signal(by)
+        _, said = self._process.communicate(timeout=PATIENCE_S)
+        return self._process.returncode, said
+
+    def get(self, path: str, status: int = 200) -> Any:
+        answer = self.client.get(path)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def post(self, path: str, status: int = 200, **fields: Any) -> Any:
+        answer = self.client.post(path, json=fields)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def open(self, preset: str) -> Doc:
+        return Doc(self, self.post("/api/open", preset=preset)["doc"])
+
+
+class Doc:
+    """One document of a server."""
+
+    def __init__(self, server: Server, key: str) -> None:
+        self.server, self.key = server, key
+        self.path = f"/api/docs/{key}"
+
+    @property
+    def state(self) -> Any:
+        return self.server.get(self.path)
+
+    def do(self, what: str, status: int = 200, **fields: Any) -> Any:
+        return self.server.post(f"{self.path}/{what}", status, **fields)
+
+    def set(self, path: str, value: Any, status: int = 200, merge: str | None = None) -> Any:
+        return self.do("edit", status, changes=[{"path": path, "value": value}], merge=merge)
+
+    def connect(self) -> Page:
+        return Page(
+            connect(f"ws://127.0.0.1:{self.server.port}/ws/{self.key}", additional_headers=self.server.headers, proxy=None)
+        )
+
+
+class Page:
+    """The WebSocket of a page, open within a `with`."""
+
+    socket: ClientConnection
+
+    def __init__(self, opening: connect) -> None:
+        self._opening = opening
+
+    def __enter__(self) -> Self:
+        self.socket = self._opening.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._opening.__exit__(None, None, None)
+
+    def send(self, kind: str, **fields: Any) -> None:
+        self.socket.send(json.dumps({"type": kind, **fields}))
+
+    def receive(self) -> dict[str, Any] | bytes:
+        message = self.socket.recv(timeout=PATIENCE_S)
+        return message if isinstance(message, bytes) else json.loads(message)
+
+    def until(self, kind: str, holds: Callable[[dict[str, Any]], bool] = lambda _: True) -> dict[str, Any]:
+        """The next text message of a type for which something holds."""
+        while True:
+            message = self.receive()
+            if isinstance(message, dict) and message["type"] == kind and holds(message):
+                return message
+
+
+def until(holds: Callable[[], Any], seconds: float = PATIENCE_S) -> Any:
+    """Wait for something to be true; what it is then."""
+    end = time.monotonic() + seconds
+    while True:
+        found = holds()
+        if found or time.monotonic() > end:
+            assert found, "waited in vain"
+            return found
+        time.sleep(0.02)
