@@ -48,7 +48,9 @@ def shutdown(status, reason):
 def connect():
     missing = dict(zip(wanted["ports"], inputs, strict=True))
     while missing and not gone.is_set():
-        for name in list(missing):
+        # asked for first: the library prints every connection that fails, and who reads may let the pipe run full
+        there = {port.name for port in client.get_ports()}
+        for name in missing.keys() & there:
             try:
                 client.connect(name, missing[name])
             except jack.JackError:
