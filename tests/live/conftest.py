@@ -13,15 +13,15 @@ StartServer = Callable[..., JackServer]
 
 @pytest.fixture
 def jack_server() -> Iterator[StartServer]:
-    """jack_server(frames=256, rate_hz=44100) -> JackServer that runs until the end of the test, or of a `with`: a user can
-    have but eight at a time."""
+    """jack_server(frames=256, rate_hz=44100, sync=False) -> JackServer that runs until the end of the test, or of a
+    `with`: a user can have but eight at a time."""
     reason = why_not()
     if reason:
         pytest.skip(reason)
     started: list[JackServer] = []
 
-    def start(frames: int = 256, rate_hz: int = 44100) -> JackServer:
-        started.append(JackServer(frames, rate_hz))
+    def start(frames: int = 256, rate_hz: int = 44100, sync: bool = False) -> JackServer:
+        started.append(JackServer(frames, rate_hz, sync))
         return started[-1]
 
     try:

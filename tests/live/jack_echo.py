@@ -1,7 +1,6 @@
-"""Puts the third byte of each MIDI message into an audio port, at its frame."""
+"""Puts the third byte of each MIDI message into an audio port, at its frame, until it reads a line."""
 
 import sys
-import threading
 
 import jack
 import numpy as np
@@ -21,4 +20,6 @@ def process(frames):
 
 client.activate()
 print("ready", flush=True)
-threading.Event().wait()
+sys.stdin.readline()
+client.deactivate()
+client.close()

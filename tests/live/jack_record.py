@@ -13,31 +13,19 @@ wanted = json.loads(sys.argv[1])
 client = jack.Client("capture", no_start_server=True, servername=wanted["server"])
 inputs = [client.inports.register(f"in_{number}") for number in range(len(wanted["ports"]))]
 samples = np.zeros((len(inputs), int(wanted["seconds"] * client.samplerate)), np.float32)
+periods = []
 at = 0
-start = 0
-steady = True
-xruns = 0
 gone = threading.Event()
 
 
 @client.set_process_callback
 def process(frames):
-    global at, start, steady
-    now = client.last_frame_time
-    if at == 0:
-        start = now
-    elif (now - start) & 0xFFFFFFFF != at and at + frames <= samples.shape[1]:
-        steady = False
+    global at
     if at + frames <= samples.shape[1]:
+        periods.append((client.last_frame_time, at))
         for row, port in zip(samples, inputs, strict=True):
             row[at : at + frames] = np.frombuffer(port.get_buffer(), np.float32)
         at += frames
-
-
-@client.set_xrun_callback
-def xrun(delayed_us):
-    global xruns
-    xruns += 1
 
 
 @client.set_shutdown_callback
@@ -72,7 +60,8 @@ threading.Thread(target=connect, daemon=True).start()
 sys.stdin.readline()
 if not gone.is_set():
     client.deactivate()
-np.savez(wanted["file"], samples=samples[:, :at], start=start, xruns=xruns, steady=steady)
+times, places = np.array(periods, np.int64).reshape(-1, 2).T
+np.savez(wanted["file"], samples=samples[:, :at], times=times, places=places)
 sys.stdout.flush()
 if not gone.is_set():
     client.close()

@@ -38,20 +38,23 @@ class JackServer:
     name     for `servername`
     env      environment of a process whose clients are to find this server and to start none
     frames, rate_hz   of the dummy driver
+    sync     every period waits until all clients have done theirs, however late: on a busy machine JACK's time has gaps,
+             and no client's samples have any. Otherwise, as JACK does by default, a client that is late loses its period.
     Raises RuntimeError, with what jackd said, where it does not start.
     """
 
-    def __init__(self, frames: int = 256, rate_hz: int = 44100) -> None:
+    def __init__(self, frames: int = 256, rate_hz: int = 44100, sync: bool = False) -> None:
         self.name = f"jawari-{os.getpid()}-{next(_numbers)}"
         self.frames = frames
         self.rate_hz = rate_hz
         self.env = dict(os.environ, JACK_DEFAULT_SERVER=self.name, JACK_NO_START_SERVER="1")
         self._ended = False
+        waits = ["-S", "-t", str(int(1000 * PATIENCE_S))] if sync else []
         deadline = time.monotonic() + PATIENCE_S
         while True:
             said = ""
             for realtime in (["-R", "-P", "70"], ["-r"]):  # the first needs a permission
-                self._process = _jackd(self.name, *realtime, frames=frames, rate_hz=rate_hz)
+                self._process = _jackd(self.name, *realtime, *waits, frames=frames, rate_hz=rate_hz)
                 if _answers(self._process, self.name, self.env):
                     return
                 said = _terminate(self._process)
@@ -179,13 +182,19 @@ class _Helper:
 
 @dataclass(frozen=True)
 class Recorded:
-    """samples: (ports, frames) float32 as they came; start: JACK's frame time of the first; xruns: while it recorded;
-    steady: whether JACK's time went on without a gap and no period was missed."""
+    """samples: (ports, frames) float32 as they came; times: JACK's frame time at the begin of each period (32 bits);
+    places: where in `samples` it begins. JACK's time may have gaps where the samples have none."""
 
     samples: np.ndarray
-    start: int
-    xruns: int
-    steady: bool
+    times: np.ndarray
+    places: np.ndarray
+
+    def place(self, time: int) -> int:
+        """Where in `samples` a frame time of JACK lies. Raises ValueError for one that no period had."""
+        since = (time - self.times) & 0xFFFFFFFF
+        lengths = np.diff(self.places, append=self.samples.shape[1])
+        (found,) = np.flatnonzero(since < lengths)
+        return int(self.places[found] + since[found])
 
 
 class Capture(_Helper):
@@ -206,7 +215,7 @@ class Capture(_Helper):
     def stop(self) -> Recorded:
         self._end()
         with np.load(self._file) as file:
-            return Recorded(file["samples"], int(file["start"]), int(file["xruns"]), bool(file["steady"]))
+            return Recorded(file["samples"], file["times"], file["places"])
 
 
 class Sender(_Helper):

@@ -1,6 +1,6 @@
 """Plays events by PortAudio's default output, in a process of its own: play_events.py {"block": …, "rate": …, "rows": […],
 "seconds": …, "busy": …, "send": …, "ahead": …, "file": …}. Says "open", waits for a line, plays, keeps what the engine was
-given and the meters."""
+given."""
 
 from __future__ import annotations
 
@@ -48,12 +48,11 @@ def main() -> None:
             time.sleep(max(0.0, begin + frame / job["rate"] - time.monotonic()))
             deck.send(*event)
     time.sleep(max(0.0, begin + job["seconds"] - time.monotonic()))
-    meters = deck.meters()
     stop.set()
     output.stop()
     output.close()
     deck.close()
-    np.savez(job["file"], events=deck.drain_events(), xruns=meters.xruns, stalls=meters.stalls, late=meters.late_ours)
+    np.savez(job["file"], events=deck.drain_events())
 
 
 if __name__ == "__main__":
