@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import base64
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
-from tests.author.serverkit import Server
+from tests.author.serverkit import ROOT, Server
 
 #: on a folder: Author(folder, preset)
 Author = Server
+PRESETS = ROOT / "presets"
 PATIENCE_S = 90.0
 FLAGS = (
     "--headless=new",
@@ -129,6 +133,21 @@ def chromium(width: int = 1280, height: int = 900) -> Iterator[webdriver.Chrome]
         yield driver
     finally:
         driver.quit()
+
+
+def copy_preset(preset: str, file: Path) -> None:
+    """A preset of the program as a file of the user's."""
+    file.write_text((PRESETS / f"{preset}.toml").read_text(encoding="utf-8"), encoding="utf-8")
+
+
+def name_of(request: pytest.FixtureRequest) -> str:
+    """A name for a file of the test's own."""
+    return re.sub("[^a-z0-9]+", "-", request.node.name.lower()).strip("-")
+
+
+def state(page: Page) -> Any:
+    """What the server says of the page's document."""
+    return page.result("return (await fetch('/api/docs/' + location.hash.slice(1))).json();")
 
 
 def set_value(page: Page, path: str, value: float) -> None:

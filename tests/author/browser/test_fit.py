@@ -7,23 +7,16 @@ import pytest
 import soundfile
 
 from synth.preset import load_preset
-from tests.author.browser.running import Author, Page, chromium
+from tests.author.browser.running import Author, Page, copy_preset
 from tests.author.serverkit import ROOT
 
 RATE_HZ = 44100
 NOTE_HZ, INHARMONICITY, PLUCKED_AT = 110.0, 2e-4, 0.21
 
 
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
-
-
 @pytest.fixture
 def page(driver, tmp_path):
-    text = (ROOT / "presets" / "fretted-bass.toml").read_text(encoding="utf-8")
-    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    copy_preset("fretted-bass", tmp_path / "mine.toml")
     with Author(tmp_path, "mine.toml") as author:
         page = Page(driver)
         page.open(author.address)

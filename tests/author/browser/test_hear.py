@@ -11,10 +11,9 @@ import pytest
 import soundfile
 from selenium.webdriver import ActionChains
 
-from tests.author.browser.running import Author, Page, chromium, floats, set_value
+from tests.author.browser.running import floats, set_value
 from tests.author.serverkit import ROOT
 
-PRESETS = ROOT / "presets"
 RATE_HZ = 44100
 HEARD_S = 1.0
 
@@ -43,21 +42,10 @@ return parts.filter((part) => part.stream === stream).map(({frame, samples}) => 
 """
 
 
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
-
-
 @pytest.fixture
-def page(driver, tmp_path):
-    (tmp_path / "mine.toml").write_text((PRESETS / "tanpura.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    with Author(tmp_path, "mine.toml") as author:
-        page = Page(driver)
-        page.open(author.address)
-        page.script(LISTEN)
-        yield page
-        page.open_nothing()
+def page(page):
+    page.script(LISTEN)
+    return page
 
 
 def silence(page):

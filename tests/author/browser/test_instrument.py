@@ -1,20 +1,10 @@
 """The drawing: drags by mouse and arrow keys, the scale, notes, the film of the string."""
 
-from pathlib import Path
-
 import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from tests.author.browser.running import Author, Page, chromium
-
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
+from tests.author.browser.running import PRESETS, Author, Page, state
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +34,6 @@ def opened(driver, author):
 
     yield open_
     page.open_nothing()
-
-
-def state(page):
-    return page.result("return (await fetch('/api/docs/' + location.hash.slice(1))).json();")
 
 
 def handle(page, name):

@@ -1,22 +1,11 @@
 """The page as a person uses it: opening, exact entry, sliders, undo, refusals, ways back, A/B, keyboard, sizes, colours."""
 
-import re
-from pathlib import Path
-
 import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from synth.preset import load_preset
-from tests.author.browser.running import Author, Page, chromium, set_value
-
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
+from tests.author.browser.running import Author, Page, copy_preset, name_of, set_value, state
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +18,8 @@ def author(tmp_path_factory):
 @pytest.fixture
 def page(driver, author, request):
     """A page with a tanpura of the test's own."""
-    name = re.sub("[^a-z0-9]+", "-", request.node.name.lower()).strip("-")
-    text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8")
-    (author.folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    name = name_of(request)
+    copy_preset("tanpura", author.folder / f"{name}.toml")
     page = Page(driver)
     driver.set_window_size(1280, 900)
     page.open(author.address)
@@ -50,10 +38,6 @@ def opened(page, name):
     page.script("arguments[0].scrollIntoView()", card)
     card.click()
     page.until(lambda: page.all('.control[data-path="pluck.position"]'))
-
-
-def state(page):
-    return page.result("return (await fetch('/api/docs/' + location.hash.slice(1))).json();")
 
 
 def value_of(page, path):
@@ -404,8 +388,7 @@ def test_colours_follow_the_system_and_the_button(page, scheme):
 
 def test_start_with_many_presets_scrolls(driver, author):
     for number in range(40):
-        text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8")
-        (author.folder / f"zz-{number:02}.toml").write_text(text, encoding="utf-8")
+        copy_preset("tanpura", author.folder / f"zz-{number:02}.toml")
     page = Page(driver)
     page.open(author.address)
     opened(page, "zz-39.toml")

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.author.browser.running import Author, Page, chromium, set_value
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
+from tests.author.browser.running import Author, Page, set_value
 
 
 @pytest.fixture(scope="module")

@@ -1,26 +1,9 @@
 """A crash loses nothing: the server is killed, started again on the same folder, and offers what was never saved."""
 
 import signal
-from pathlib import Path
-
-import pytest
 
 from synth.preset import load_preset
-from tests.author.browser.running import Author, Page, chromium, set_value
-
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
-
-
-@pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "mine.toml").write_text((PRESETS / "tanpura.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    return tmp_path
+from tests.author.browser.running import PRESETS, Author, Page, set_value
 
 
 def crash_after_edit(driver, folder):

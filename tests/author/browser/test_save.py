@@ -1,35 +1,9 @@
 """What is saved is the file, with its comments; nothing is written over unasked; a reload of the tab loses nothing."""
 
-from pathlib import Path
-
-import pytest
-
 from synth.preset import load_preset
-from tests.author.browser.running import Author, Page, chromium, set_value
+from tests.author.browser.running import PRESETS, copy_preset, set_value
 
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
 REMARK = "# 0 rests on the bridge and buzzes most"
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
-
-
-@pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "mine.toml").write_text((PRESETS / "tanpura.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    return tmp_path
-
-
-@pytest.fixture
-def page(driver, folder):
-    with Author(folder, "mine.toml") as author:
-        page = Page(driver)
-        page.open(author.address)
-        yield page
-        page.open_nothing()
 
 
 def dirty(page):
@@ -79,7 +53,7 @@ def menu(page, entry):
 
 
 def test_save_as_writes_over_another_file_only_when_told_twice(page, folder):
-    (folder / "other.toml").write_text((PRESETS / "fretted-bass.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    copy_preset("fretted-bass", folder / "other.toml")
     before = (folder / "other.toml").read_bytes()
     edit(page, "pluck.position", 0.31)
     menu(page, "Save as")

@@ -1,28 +1,8 @@
 """Two tabs on one document show the same, whoever edits."""
 
-from pathlib import Path
-
 import pytest
 
-from tests.author.browser.running import Author, Page, chromium, set_value
-
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
-
-
-@pytest.fixture
-def page(driver, tmp_path):
-    (tmp_path / "mine.toml").write_text((PRESETS / "tanpura.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    with Author(tmp_path, "mine.toml") as author:
-        page = Page(driver)
-        page.open(author.address)
-        yield page
-        page.open_nothing()
+from tests.author.browser.running import set_value
 
 
 @pytest.fixture

@@ -1,20 +1,9 @@
 """What the page says: refusals in words, gone with their cause and in nobody's way; what leads picture and note."""
 
-import re
-from pathlib import Path
-
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.author.browser.running import Author, Page, chromium, set_value
-
-PRESETS = Path(__file__).resolve().parents[3] / "presets"
-
-
-@pytest.fixture(scope="module")
-def driver():
-    with chromium() as driver:
-        yield driver
+from tests.author.browser.running import Author, Page, copy_preset, name_of, set_value, state
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +18,8 @@ def opened(driver, author, request):
     page = Page(driver)
 
     def open_(preset):
-        name = re.sub("[^a-z0-9]+", "-", request.node.name.lower()).strip("-")
-        text = (PRESETS / f"{preset}.toml").read_text(encoding="utf-8")
-        (author.folder / f"{name}.toml").write_text(text, encoding="utf-8")
+        name = name_of(request)
+        copy_preset(preset, author.folder / f"{name}.toml")
         page.open(author.address)
         card = page.find(f'[data-preset="{name}"]')
         page.script("arguments[0].scrollIntoView()", card)
@@ -42,10 +30,6 @@ def opened(driver, author, request):
 
     yield open_
     page.open_nothing()
-
-
-def state(page):
-    return page.result("return (await fetch('/api/docs/' + location.hash.slice(1))).json();")
 
 
 def edit(page, *changes):
