@@ -34,6 +34,7 @@ from synth.preset import (
     StringTable,
     at_note,
     contact_cents,
+    fret_count,
     playable_range,
 )
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
@@ -102,6 +103,11 @@ def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.nd
     else:
         base = midi_to_hz(note, preset.tuning.a4_hz)
     return base * 2.0 ** ((preset.tuning.offset_cents + table.cents) / 1200.0)
+
+
+def string_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None = None) -> float:
+    """First mode that a string is tuned to for a note [Hz]: the note's pitch less the contact's calibrated shift."""
+    return note_frequency(preset, table, note, note_hz) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
 
 
 def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
@@ -315,14 +321,12 @@ def compile_string(
     try:
         gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
         frequency = note_frequency(preset, table, note, note_hz)
-        shift = contact_cents(preset, note)
-        opened = make_string(preset, table, note, frequency * 2.0 ** (-shift / 1200.0))
+        opened = make_string(preset, table, note, string_frequency(preset, table, note, note_hz))
         length = opened.length_m
         whole = obstacle_of(preset, note, length)
         neck = isinstance(preset.obstacle, FretsObstacle)
-        count = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
         positions = []
-        places = min(count, 127 - note) + 1
+        places = min(fret_count(preset), 127 - note) + 1
         for fret in range(places):
             if only_notes is not None and note + fret not in only_notes:
                 continue
@@ -331,9 +335,7 @@ def compile_string(
                 speaking, obstacle = fretted(whole, fret, length)
                 height = whole.heights_m[fret - 1] if fret else 0.0
                 if fret:
-                    target = note_frequency(preset, table, note + fret, note_hz)
-                    target *= 2.0 ** (-contact_cents(preset, note + fret) / 1200.0)
-                    string = opened.with_length(speaking).tuned(target)
+                    string = opened.with_length(speaking).tuned(string_frequency(preset, table, note + fret, note_hz))
             positions.append(
                 compile_position(
                     preset,
@@ -388,7 +390,7 @@ def compile_preset(
     """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted, and, unless `every_fret`,
     positions too."""
     strings = []
-    neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    neck = fret_count(preset)
     for table in preset.string:
         for note in string_notes(table):
             if only_notes is not None and not any(n in only_notes for n in range(note, note + neck + 1)):
@@ -425,7 +427,7 @@ def describe_plan(
     rows: list[dict[str, Any]] = []
     for table in preset.string:
         opens = string_notes(table)
-        neck = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+        neck = fret_count(preset)
         if note is None:
             wanted = sorted({opens[0], opens[len(opens) // 2], opens[-1]})
         else:

@@ -472,8 +472,9 @@ def list_presets() -> list[Preset]:
     return [load_preset(str(path)) for path in sorted(preset_folder().glob("*.toml"))]
 
 
-def load_preset(name_or_path: str) -> Preset:
-    """A preset by name (of those that come with the program) or by file. Raises PresetError or OSError."""
+def preset_path(name_or_path: str) -> Path:
+    """The file of a preset by name (of those that come with the program), or that file. Raises PresetError where there is
+    none."""
     path = Path(name_or_path)
     if path.suffix != ".toml" and not path.is_file():
         path = preset_folder() / f"{name_or_path}.toml"
@@ -484,16 +485,26 @@ def load_preset(name_or_path: str) -> Preset:
             )
     elif not path.is_file():
         raise PresetError(f"preset file {name_or_path} does not exist")
+    return path
+
+
+def load_preset(name_or_path: str) -> Preset:
+    """A preset by name (of those that come with the program) or by file. Raises PresetError or OSError."""
+    path = preset_path(name_or_path)
     try:
         return parse_preset(path.read_text(encoding="utf-8-sig"), str(name_or_path))
     except UnicodeDecodeError:
         raise PresetError(f"{name_or_path}: not a text file in UTF-8") from None
 
 
+def fret_count(preset: Preset) -> int:
+    """How many frets the neck has; 0 without one."""
+    return preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+
+
 def playable_range(preset: Preset) -> tuple[int, int]:
     """Lowest and highest MIDI note that the preset's strings can be asked for."""
-    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
-    return min(s.notes[0] for s in preset.string), max(s.notes[1] for s in preset.string) + frets
+    return min(s.notes[0] for s in preset.string), max(s.notes[1] for s in preset.string) + fret_count(preset)
 
 
 def contact_cents(preset: Preset, note: float) -> float:

@@ -18,7 +18,7 @@ from synth.compile import note_frequency
 from synth.engine.engine import Engine
 from synth.engine.events import NOTE_ON, make_events
 from synth.measures import sounding_fundamental
-from synth.preset import FretsObstacle, Preset, StringTable, at_note, contact_cents
+from synth.preset import FretsObstacle, Preset, StringTable, at_note, contact_cents, fret_count
 from synth.units import cents, midi_to_note
 
 #: the reference pluck, and the part of the sound that has a pitch, counted from the moment the string is let go
@@ -73,7 +73,7 @@ def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tu
 
     notes: only strings that can play one of these; None: all.
     """
-    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    frets = fret_count(preset)
     for index, table in enumerate(preset.string):
         for opened in range(table.notes[0], table.notes[1] + 1):
             if notes is None or any(opened <= note <= opened + frets for note in notes):

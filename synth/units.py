@@ -3,6 +3,8 @@
 import math
 import re
 
+#: a decay rate [1/s] times the time in which the level falls by 60 dB [s]
+LN_1000 = math.log(1000.0)
 _SEMITONES = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _ACCIDENTALS = {"": 0, "#": 1, "♯": 1, "##": 2, "x": 2, "b": -1, "♭": -1, "bb": -2}
 _NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")

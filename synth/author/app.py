@@ -24,6 +24,7 @@ from starlette.websockets import WebSocket
 from synth.author.connection import Connection, Stage
 from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
+from synth.author.errors import one_line
 from synth.author.fitting import FittedString, StringChanged, fit_string
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
@@ -85,7 +86,7 @@ def problem(status: int, message: str, **more: Any) -> Response:
 def _line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return " ".join(str(error).split()) or type(error).__name__
+    return one_line(error)
 
 
 async def body_of(request: Request, most: int) -> bytes:

@@ -10,6 +10,7 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from synth.author.document import Document
+from synth.author.errors import one_line
 from synth.author.sound import Player
 
 
@@ -104,4 +105,4 @@ class Connection:
         try:
             self.player.ask(message)
         except ValueError as error:
-            self.post({"type": "error", "message": " ".join(str(error).split())})
+            self.post({"type": "error", "message": one_line(error)})

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from synth.author.document import Conflict, Document, preset_name
-from synth.author.workspace import AUTOSAVE, SUFFIX, Workspace, read_text, regular, stem_of, write_text
+from synth.author.workspace import AUTOSAVE, SUFFIX, Workspace, read_text, regular, stem_of
 from synth.preset import PresetError
+from synth.targets import write_text
 
 LOG = logging.getLogger(__name__)
 #: before the names of autosave files of documents without a file: those that come with the program, and imported ones

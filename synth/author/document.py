@@ -23,8 +23,9 @@ import tomlkit
 
 from synth.author import changes
 from synth.author.views.place import playable
-from synth.author.workspace import read_text, regular, write_text
+from synth.author.workspace import read_text, regular
 from synth.preset import FORMAT, Preset, PresetError, format_of, migrate
+from synth.targets import write_text
 
 STEPS = 500
 

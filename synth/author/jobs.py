@@ -11,6 +11,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from synth.author.errors import one_line
+
 LOG = logging.getLogger(__name__)
 #: jobs at a time, and how many are remembered
 AT_ONCE, KEPT = 2, 50
@@ -62,7 +64,7 @@ class Job:
                 return
             if not isinstance(error, ValueError | OSError):
                 LOG.exception("%s failed", self.about)
-            self._error = " ".join(str(error).split()) or type(error).__name__
+            self._error = one_line(error)
             self.state = "failed"
             return
         self._progress = 1.0

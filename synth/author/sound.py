@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from synth.author.document import Document, fingerprint
+from synth.author.errors import one_line
 from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
 from synth.author.views.place import playable
@@ -184,7 +185,7 @@ class Player:
         try:
             command()
         except (ValueError, OSError) as error:
-            self._emit({"type": "error", "message": " ".join(str(error).split())})
+            self._emit({"type": "error", "message": one_line(error)})
         return True
 
     def _give_up(self) -> None:

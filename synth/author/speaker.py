@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 
+from synth.author.errors import one_line
 from synth.author.phrases import Phrase
 from synth.engine.engine import Engine
 from synth.live.deck import Deck, Meters
@@ -26,7 +27,7 @@ def why_not(rate_hz: float) -> tuple[str | None, str | None]:
                 raise DeviceError("the audio output that was used does not answer any more; start the program anew")
             return portaudio.check_output(None, rate_hz), None
     except (DeviceError, OSError, ImportError) as error:
-        return None, " ".join(str(error).split())
+        return None, one_line(error)
 
 
 class Speaker:

@@ -61,14 +61,9 @@ def item_of(value: Any, *, inside: bool = False) -> Item:
     return tomlkit.item(value)
 
 
-def change(text: str, path: str, value: Any) -> str:
-    """The TOML text with the value at `path` replaced, put in, or (None) taken out. Raises KeyError for a path that leads
-    nowhere."""
-    return tomlkit.dumps(change_in(tomlkit.parse(text), path, value))
-
-
 def change_in(document: TOMLDocument, path: str, value: Any) -> TOMLDocument:
-    """As `change`, of a document, which may itself be changed, also where it raises."""
+    """The document with the value at `path` replaced, put in, or (None) taken out; `document` itself may be changed, also
+    where it raises: KeyError for a path that leads nowhere."""
     parts = path.split(".")
     if not all(_KEY.fullmatch(part) for part in parts):
         raise KeyError(path)

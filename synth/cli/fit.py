@@ -87,14 +87,10 @@ def _write(source: str, target: str, values: list[tuple[str, Any]]) -> None:
 
     from synth.author import changes
     from synth.author.document import current, preset_name
-    from synth.author.workspace import write_text
-    from synth.preset import preset_folder
-    from synth.targets import is_special
+    from synth.preset import preset_path
+    from synth.targets import is_special, write_text
 
-    path = Path(source)
-    if path.suffix != ".toml" and not path.is_file():
-        path = preset_folder() / f"{source}.toml"
-    text, _ = current(path.read_text(encoding="utf-8-sig"), source)
+    text, _ = current(preset_path(source).read_text(encoding="utf-8-sig"), source)
     special = is_special(target)
     named = [] if special else [("name", preset_name(Path(target).stem))]
     text, _ = changes.apply(text, [*values, *named], source)

@@ -14,7 +14,6 @@ import numpy as np
 from numba import cfunc, njit
 
 from synth.engine.coefficients import (
-    LN_1000,
     damping,
     grip_of,
     lags_of,
@@ -52,6 +51,7 @@ from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
 from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.vectors import FAST, dot
+from synth.units import LN_1000
 
 #: a mode is put to rest when its largest possible output is below this (−160 dBFS)
 PRUNE_BELOW = 1e-8

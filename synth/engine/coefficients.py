@@ -12,10 +12,10 @@ from synth.solver.blocks import fill_lags, fill_rows
 from synth.solver.fingers import Grip, fill_grip
 from synth.solver.lanes import ROWS
 from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
+from synth.units import LN_1000
 
 #: T60 of a stolen or silenced string, and of what a bend carries beyond half the internal rate [s]
 CUT_S = 0.03
-LN_1000 = math.log(1000.0)
 
 
 @njit(inline="always")

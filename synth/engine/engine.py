@@ -36,7 +36,7 @@ from synth.engine.views import table
 from synth.engine.zones import LOWER, MOST_MEMBERS
 from synth.preset import Preset, playable_range
 from synth.solver.laws import law_of
-from synth.units import db_to_gain, hz_to_midi, midi_to_note
+from synth.units import LN_1000, db_to_gain, hz_to_midi, midi_to_note
 
 DC_BLOCK_HZ = 8.0
 #: the limiter holds the mix this far below full scale, where every file format can hold it [dBFS]
@@ -304,7 +304,7 @@ class Engine:
             (float(position.sigma.min()) for part in self.compiled for s in part.strings for position in s.positions),
             default=1.0,
         )
-        return min(60.0, math.log(1000.0) / max(slowest, 1e-3))
+        return min(60.0, LN_1000 / max(slowest, 1e-3))
 
     @property
     def silent(self) -> bool:

@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from synth.engine.coefficients import LN_1000, rest_state, set_rest
+from synth.engine.coefficients import rest_state, set_rest
 from synth.engine.expression import bend_of, height_of, pluck_place, settle
 from synth.engine.flight import touch_down
 from synth.engine.layout import (
@@ -21,6 +21,7 @@ from synth.engine.layout import (
 )
 from synth.engine.views import bank_of, scratch_of, settings_of, state_of
 from synth.solver.vectors import dot
+from synth.units import LN_1000
 
 #: time in which the left hand brings a sounding string to a higher fret [s]
 PRESS_S = 0.004

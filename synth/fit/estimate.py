@@ -17,7 +17,7 @@ from synth.fit.partials import Measured, Stretch, measure_partials
 from synth.fit.pitch import find_series
 from synth.fit.pluck import CLEAR_DB, Pluck, fit_pluck
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
-from synth.units import cents
+from synth.units import LN_1000, cents, gain_to_db
 
 #: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: as measured
 LAW_CENTS, LAW_T60 = 1.5, 0.1
@@ -151,7 +151,7 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
     by_number = {p.number: p for p in found}
     count = max(JUDGED, max(by_number))
     law_hz = stretch.frequencies_hz(np.arange(1, count + 1))
-    law_t60 = math.log(1000.0) / np.maximum(losses.decay_rates(stretch, count), 1e-9)
+    law_t60 = LN_1000 / np.maximum(losses.decay_rates(stretch, count), 1e-9)
     result = []
     for n in range(1, count + 1):
         p = by_number.get(n)
@@ -213,7 +213,7 @@ def _explained(note: Note, found: list[Measured]) -> float:
 def _noise_floor_dbfs(note: Note, found: list[Measured]) -> float:
     """Before the onset where there is something, else from between the partials."""
     if note.noise_rms > 0.0:
-        return 20.0 * math.log10(note.noise_rms)
+        return gain_to_db(note.noise_rms)
     first = max(found, key=lambda p: p.snr_db)
     return first.level_db - first.snr_db
 
@@ -237,7 +237,7 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
             f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
             "these are not one string's; record one plucked string, the others damped"
         )
-    lasting = [p for p in strong if p.decay <= math.log(1000.0) / _LONGEST_T60_S]
+    lasting = [p for p in strong if p.decay <= LN_1000 / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
         raise FitRefused("the sound does not decay as a plucked string does; record one pluck and let it ring")
     good = [p for p in low if p.steady]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from synth.fit.exponential import Bands, fit_exponential, fit_level_line
 from synth.fit.pitch import Series
 from synth.fit.recording import FitRefused, Note
+from synth.units import LN_1000, gain_to_db
 
 MOST_PARTIALS = 60
 #: a partial must stand that far out of what surrounds it [dB]
@@ -69,7 +70,7 @@ class Measured:
     @property
     def t60_s(self) -> float:
         """ln(1000)/σ [s]."""
-        return math.log(1000.0) / self.decay
+        return LN_1000 / self.decay
 
 
 @dataclass(frozen=True)
@@ -136,22 +137,22 @@ def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measu
     if fit is None or abs(fit.shift_hz) > 0.3 * bands.spacing_hz:
         return None
     rms = float(np.sqrt(np.mean(np.abs(y) ** 2)))
-    snr = 20.0 * math.log10(max(rms, 1e-30) / max(noise, 1e-12 * rms, 1e-30))
+    snr = gain_to_db(max(rms, 1e-30) / max(noise, 1e-12 * rms, 1e-30))
     if snr < LEAST_SNR_DB or fit.misfit > 0.9:
         return None
     single = fit.misfit < max(_SINGLE_MISFIT, 2.5 * min(1.0, 10.0 ** (-snr / 20.0)))
     line = fit_level_line(t, y, noise)
     if single or line is None:
         shift, shift_error = fit.shift_hz, fit.shift_error_hz
-        level = 20.0 * math.log10(fit.amplitude / bands.gain(fit.decay))
-        level_error = 20.0 * math.log10(1.0 + fit.amplitude_error / fit.amplitude)
+        level = gain_to_db(fit.amplitude / bands.gain(fit.decay))
+        level_error = gain_to_db(1.0 + fit.amplitude_error / fit.amplitude)
         # What the noise does not explain may be a slow change that looks like decay over a short piece.
         wobble = max(0.0, fit.misfit - 1.5 * min(1.0, 10.0 ** (-snr / 20.0)))
         decay, decay_error = fit.decay, fit.decay_error + 3.0 * wobble / (fit.end_s - fit.begin_s)
         steady = single
     else:
         shift, shift_error = line.shift_hz, line.shift_error_hz
-        level, level_error = line.level_db - 20.0 * math.log10(bands.gain(line.decay)), line.roughness_db
+        level, level_error = line.level_db - gain_to_db(bands.gain(line.decay)), line.roughness_db
         decay, decay_error = line.decay, line.decay_error
         decay_error = decay_error if line.range_db > _LEAST_RANGE_DB else math.inf
         steady = fit.misfit < _MOST_MISFIT

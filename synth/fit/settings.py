@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from synth.compile import make_string, note_frequency
+from synth.compile import make_string, string_frequency
 from synth.fit.estimate import JUDGED, LAW_CENTS, LAW_T60, Fit
 from synth.fit.pluck import CLEAR_DB
 from synth.physics.modes import decay_rates, modal_frequencies, model_decay_rates
 from synth.physics.string import String
-from synth.preset import Preset, StringTable, at_note, contact_cents, validate_preset
-from synth.units import cents, hz_to_midi, midi_to_note
+from synth.preset import Preset, StringTable, at_note, validate_preset
+from synth.units import LN_1000, cents, hz_to_midi, midi_to_note
 
 #: how many partials are written as measured, where they are
 MOST_MEASURED = 24
@@ -90,8 +90,7 @@ class _Filling:
         """The string as it is with what has been found so far."""
         preset = apply_settings(self.preset, self.found)
         table = preset.string[self.index]
-        target = note_frequency(preset, table, self.note, None) * 2.0 ** (-contact_cents(preset, self.note) / 1200.0)
-        return make_string(preset, table, self.note, target)
+        return make_string(preset, table, self.note, string_frequency(preset, table, self.note))
 
     def _retune(self, table: StringTable) -> int:
         """The MIDI note of the recording; a string of one note gets it, and the cents that are left."""
@@ -153,7 +152,7 @@ class _Filling:
 
         from scipy.optimize import nnls
 
-        wanted = np.array([math.log(1000.0) / p.t60_s for p in self.fit.partials])
+        wanted = np.array([LN_1000 / p.t60_s for p in self.fit.partials])
         n = wanted.size
         bare = model_decay_rates(replace(string, viscoelastic_loss=0.0, thermoelastic_q_inverse=0.0), n)
         viscoelastic = model_decay_rates(replace(string, viscoelastic_loss=1.0, thermoelastic_q_inverse=0.0), n) - bare
@@ -172,9 +171,9 @@ class _Filling:
         stretch = [cents(float(a) / float(hz[0]), p.hz / partials[0].hz) for a, p in zip(hz, partials, strict=False)]
         if max(map(abs, stretch)) > LAW_CENTS:
             self._set("measured_frequencies_hz", [float(f"{p.hz:.7g}") for p in partials])
-        t60 = math.log(1000.0) / decay_rates(string, JUDGED)
+        t60 = LN_1000 / decay_rates(string, JUDGED)
         if max(abs(float(a) / p.t60_s - 1.0) for a, p in zip(t60, partials, strict=False)) > LAW_T60:
-            self._set("measured_decay_rates", [float(f"{math.log(1000.0) / p.t60_s:.5g}") for p in partials])
+            self._set("measured_decay_rates", [float(f"{LN_1000 / p.t60_s:.5g}") for p in partials])
 
     def _pluck(self) -> None:
         pluck = self.fit.pluck

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from synth.engine.events import PARAMETER, TUNING
 from synth.host.midi import PERCUSSION_CHANNEL
+from synth.units import midi_to_note
 
 if TYPE_CHECKING:
+    from synth.engine.engine import Unplayed
     from synth.preset import Preset
 
 BASS_PRESET = "fretted-bass"
@@ -140,6 +142,19 @@ def notes_of_parts(keys: Mapping[tuple[int, int], set[int]], casting: Casting) -
         if part >= 0:
             wanted[part] |= notes
     return wanted
+
+
+def unplayed_rows(unplayed: Sequence[Unplayed], labels: Sequence[str]) -> list[dict[str, Any]]:
+    """What a report says of notes that found no string; `labels` of the parts."""
+    return [
+        {
+            "part": labels[each.part] if each.part >= 0 else "no part",
+            "note": midi_to_note(each.note),
+            "count": each.times,
+            "reason": each.reason,
+        }
+        for each in unplayed
+    ]
 
 
 def load_presets(

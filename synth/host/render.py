@@ -205,15 +205,7 @@ def render_file(
     peak = rendering.peak * gain
     if told.unsolved_contacts:
         note(f"in {told.unsolved_contacts} steps the contact forces were not solved exactly; please report this")
-    unplayed = [
-        {
-            "part": casting.parts[each.part].label if each.part >= 0 else "no part",
-            "note": midi_to_note(each.note),
-            "count": each.times,
-            "reason": each.reason,
-        }
-        for each in told.unplayed
-    ]
+    unplayed = parts.unplayed_rows(told.unplayed, [part.label for part in casting.parts])
     return RenderReport(
         output=settings.output,
         stems=outputs.stem_paths,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from synth.preset import Preset
+from synth.targets import write_text
 from synth.units import midi_to_note
 
 
@@ -19,7 +20,7 @@ def preset_text(preset: Preset) -> str:
 
 def write_preset(preset: Preset, path: str | Path) -> None:
     """Raises OSError."""
-    Path(path).write_text(preset_text(preset), encoding="utf-8")
+    write_text(Path(path), preset_text(preset))
 
 
 def _plain(value: Any, key: str = "") -> Any:

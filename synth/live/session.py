@@ -40,7 +40,7 @@ from synth.live.status import Status, StatusLine
 from synth.live.stderr import give_back
 from synth.preset import Preset
 from synth.targets import check_target
-from synth.units import db_to_gain, midi_to_note
+from synth.units import db_to_gain
 
 if TYPE_CHECKING:
     from synth.engine.parameters import Binding
@@ -591,15 +591,6 @@ class Session:
 
     def _make_report(self) -> LiveReport:
         meters, told, settings = self.deck.meters(), self.engine.report(), self._settings
-        unplayed = [
-            {
-                "part": self._labels[each.part] if each.part >= 0 else "no part",
-                "note": midi_to_note(each.note),
-                "count": each.times,
-                "reason": each.reason,
-            }
-            for each in told.unplayed
-        ]
         return LiveReport(
             output=self._output.name,
             rate_hz=self.rate_hz,
@@ -622,7 +613,7 @@ class Session:
             stolen=int(told.stolen),
             taken_over=int(told.taken_over),
             limiter_reduction_db=float(told.limiter_reduction_db),
-            unplayed=unplayed,
+            unplayed=parts.unplayed_rows(told.unplayed, self._labels),
             files=self.files,
         )
 

@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass
 from typing import TextIO
 
-from synth.units import midi_to_note
+from synth.units import gain_to_db, midi_to_note
 
 #: shortest time between two looks of the line [s]
 PERIOD_S = 0.1
@@ -37,7 +37,7 @@ class Status:
 
 def status_text(status: Status, width: int) -> str:
     """The line, of at most `width` characters: what matters least is left out first."""
-    dbfs = 20.0 * math.log10(status.peak) if status.peak > 1e-10 else -math.inf
+    dbfs = gain_to_db(status.peak) if status.peak > 1e-10 else -math.inf
     level = f"{max(dbfs, -99.9):5.1f} dB" if dbfs > -99.9 else " silent "
     filled = round(METER_CELLS * min(1.0, max(0.0, 1.0 - dbfs / METER_LOW_DBFS))) if dbfs > METER_LOW_DBFS else 0
     pieces = [

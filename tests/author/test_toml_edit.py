@@ -6,15 +6,20 @@ import difflib
 import tomllib
 
 import pytest
+import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synth.author.toml_edit import change
+from synth.author.toml_edit import change_in
 from synth.preset import preset_folder
 
 TEXT = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
 CLEARS = "# pressing a key lowers the bridge until the string hardly touches it: the buzz clears"
 NAMES = ("tanpura", "fretted-bass", "jawari-harp")
+
+
+def change(text: str, path: str, value: object) -> str:
+    return tomlkit.dumps(change_in(tomlkit.parse(text), path, value))
 
 
 def changed_lines(before: str, after: str) -> list[str]:

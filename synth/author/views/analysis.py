@@ -41,7 +41,7 @@ from synth.compile import Position
 from synth.measures import decay_times_s, partials, peak, sounding_fundamental, stft_power
 from synth.preset import Preset, contact_cents
 from synth.tune import WINDOW_S
-from synth.units import cents, gain_to_db
+from synth.units import LN_1000, cents, gain_to_db
 
 SHORTEST_S, LONGEST_S = 0.2, 10.0
 #: columns of the spectrogram at most, and what is black in it
@@ -124,7 +124,7 @@ def _partials(ring: np.ndarray, rate_hz: float, position: Position, shift_cents:
     """The partials of what rings after the release against the modes of the string's model."""
     model_hz = position.omega[: position.own] / (2.0 * math.pi) * 2.0 ** (shift_cents / 1200.0)
     model_hz = model_hz[: int(np.searchsorted(model_hz, min(PARTIALS_TO_HZ, 0.45 * rate_hz)))][:PARTIALS]
-    t60_s = math.log(1000.0) / position.sigma[: model_hz.size]
+    t60_s = LN_1000 / position.sigma[: model_hz.size]
     measured = np.full(model_hz.size, np.nan)
     level_db = np.full(model_hz.size, -np.inf)
     decay_s = np.full(model_hz.size, np.nan)
@@ -140,7 +140,7 @@ def _partials(ring: np.ndarray, rate_hz: float, position: Position, shift_cents:
             "number": j + 1,
             "model_hz": round(float(model_hz[j]), 3),
             "measured_hz": _or_none(measured[j], 3),
-            "cents": _or_none(1200.0 * math.log2(measured[j] / model_hz[j]), 2),
+            "cents": round(cents(measured[j], model_hz[j]), 2) if math.isfinite(measured[j]) else None,
             "model_t60_s": round(float(t60_s[j]), 3),
             "measured_t60_s": _or_none(decay_s[j], 3),
             "level_db": _or_none(level_db[j], 2) if math.isfinite(measured[j]) else None,

@@ -42,7 +42,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, WORDS, Words
-from synth.compile import ideal_string, note_frequency, obstacle_of
+from synth.compile import ideal_string, obstacle_of, string_frequency
 from synth.preset import (
     KINDS,
     Between,
@@ -54,7 +54,6 @@ from synth.preset import (
     StringTable,
     Table,
     at_note,
-    contact_cents,
 )
 
 #: not a setting: the version of the file's form
@@ -299,8 +298,7 @@ def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
     values = {}
     for note in [table.notes[0], *notes, table.notes[1]]:
         try:
-            model_hz = note_frequency(preset, table, note, None) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
-            string = ideal_string(preset, table, note, model_hz)
+            string = ideal_string(preset, table, note, string_frequency(preset, table, note))
         except ValueError:
             return None
         bent = string.core_diameter_m or string.diameter_m

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.compile import make_string, note_frequency, obstacle_of, string_notes
+from synth.compile import make_string, note_frequency, obstacle_of, string_frequency, string_notes
 from synth.physics.obstacle import Obstacle, fretted
 from synth.physics.string import String
-from synth.preset import FretsObstacle, Preset, PresetError, StringTable, contact_cents, playable_range
+from synth.preset import FretsObstacle, Preset, PresetError, StringTable, fret_count, playable_range
 from synth.tune import single_strings
 from synth.units import midi_to_note
 
@@ -41,21 +41,18 @@ class Place:
 
     def model_hz(self, fret: int) -> float:
         """The first mode that the string is tuned to at a fret [Hz]: the pitch less the contact's calibrated shift."""
-        note = self.opened + fret
-        return note_frequency(self.preset, self.table, note, None) * 2.0 ** (-contact_cents(self.preset, note) / 1200.0)
+        return string_frequency(self.preset, self.table, self.opened + fret)
 
 
 @dataclass(frozen=True)
 class Speaking:
     """The strings of a place. `below`: what lies under the open one, `reached` under the speaking one, each from its own
-    nut end and line at rest; `fret_x_m`, `fret_height_m`: where the fret is, under the open one."""
+    nut end and line at rest."""
 
     opened: String
     string: String
     below: Obstacle
     reached: Obstacle
-    fret_x_m: float
-    fret_height_m: float
 
 
 def open_string(place: Place) -> tuple[String, Obstacle]:
@@ -69,12 +66,10 @@ def speaking(place: Place) -> Speaking:
     opened, below = open_string(place)
     below.check(opened.length_m)
     if not isinstance(place.preset.obstacle, FretsObstacle):
-        return Speaking(opened, opened, below, below, 0.0, 0.0)
+        return Speaking(opened, opened, below, below)
     length, reached = fretted(below, place.fret, opened.length_m)
-    if not place.fret:
-        return Speaking(opened, opened, below, reached, 0.0, 0.0)
-    string = opened.with_length(length).tuned(place.model_hz(place.fret))
-    return Speaking(opened, string, below, reached, below.positions_m[place.fret - 1], below.heights_m[place.fret - 1])
+    string = opened.with_length(length).tuned(place.model_hz(place.fret)) if place.fret else opened
+    return Speaking(opened, string, below, reached)
 
 
 def find(preset: Preset, note: int) -> Place:
@@ -82,7 +77,7 @@ def find(preset: Preset, note: int) -> Place:
 
     An open string counts as the first fret. Raises PresetError where no string plays it.
     """
-    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    frets = fret_count(preset)
     best: Place | None = None
     for index, opened, alone in single_strings(preset, {note}):
         place = Place(alone, index, opened, note - opened)
@@ -98,6 +93,6 @@ def find(preset: Preset, note: int) -> Place:
 
 def playable(preset: Preset) -> list[int]:
     """The MIDI notes that a preset's strings and frets give, in order."""
-    frets = preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    frets = fret_count(preset)
     notes = {opened + fret for table in preset.string for opened in string_notes(table) for fret in range(frets + 1)}
     return sorted(note for note in notes if note <= 127)
