@@ -96,6 +96,7 @@ function makeBody(parameter, context) {
 export function numberInput(parameter, { commit, attributes = {} }) {
   const input = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", spellcheck: "false", ...attributes });
   let shown = "";
+  let sent = null; // on its way to the server: after Enter comes a change event of the same text
   let last = 0;
   let key = 0;
   const refused = (reason) => {
@@ -111,26 +112,26 @@ export function numberInput(parameter, { commit, attributes = {} }) {
   };
   const send = (merge) => {
     const text = input.value.trim();
-    if (text === shown) {
+    if (text === (sent ?? shown)) {
       settle();
       return;
     }
-    const value = parseNumber(text);
-    if (text === "" && parameter.optional) {
-      settle();
-      commit(null, null);
-    } else if (Number.isNaN(value)) {
+    const away = text === "" && parameter.optional;
+    const value = away ? null : parseNumber(text);
+    if (Number.isNaN(value)) {
       refused(`“${text}” is no number`);
       commit(undefined, null, `must be a number, got “${text}”`);
-    } else {
-      settle();
-      commit(value, merge);
+      return;
     }
+    settle();
+    sent = text;
+    commit(value, away ? null : merge);
   };
   input.addEventListener("input", () => {
     input.dataset.typing = "yes";
   });
   input.addEventListener("change", () => send(null));
+  input.addEventListener("blur", () => (sent = null));
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") send(null);
     if (event.key === "Escape") {
@@ -155,6 +156,7 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       const typing = input.dataset.typing === "yes" && document.activeElement === input;
       const before = shown;
       shown = plain(value);
+      sent = null;
       // what was refused stays in the field, to be put right
       if (!typing && !(invalid && before === shown && input.value !== shown)) input.value = shown;
       if (invalid) input.setAttribute("aria-invalid", "true");
@@ -251,17 +253,22 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     : h("input", { type: "text", autocomplete: "off", "data-part": "text", class: "control-text", ...labels });
   const shownAs = (value) => (many ? (value ?? []).join("\n") : show(value));
   let shown = "";
+  let sent = null; // as of a number
   const send = () => {
-    if (box.value === shown) return;
+    if (box.value === (sent ?? shown)) return;
     delete box.dataset.typing;
     const value = many ? box.value.split("\n").filter((line) => line.trim() !== "") : read(box.value);
     if (value === undefined) refuse(path, `“${box.value}” is no note such as G2, and no range such as E1-C7`);
-    else commit(path, value, null);
+    else {
+      sent = box.value;
+      commit(path, value, null);
+    }
   };
   box.addEventListener("input", () => {
     box.dataset.typing = "yes";
   });
   box.addEventListener("change", send);
+  box.addEventListener("blur", () => (sent = null));
   box.addEventListener("keydown", (event) => {
     if (event.key === "Enter" && !long) send();
     if (event.key === "Escape") {
@@ -275,6 +282,7 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     update(value, invalid) {
       const before = shown;
       shown = shownAs(value);
+      sent = null;
       const typing = box.dataset.typing === "yes" && document.activeElement === box;
       if (!typing && !(invalid && before === shown)) box.value = shown;
       if (invalid) box.setAttribute("aria-invalid", "true");

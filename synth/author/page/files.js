@@ -276,6 +276,8 @@ export function mount(element, { store, api }) {
     if (key !== "s" && key !== "o") return;
     event.preventDefault();
     if (document.querySelector("dialog[open]")) return;
+    // what is typed in a field and not yet entered is meant too
+    if (event.target.dataset?.typing === "yes") event.target.dispatchEvent(new Event("change", { bubbles: true }));
     if (key === "o") open();
     else if (event.shiftKey) saveAs();
     else save();

@@ -28,8 +28,8 @@ export function mount(page, { store, api }) {
     const forth = (key === "z" && event.shiftKey) || key === "y";
     if (!back && !forth) return;
     event.preventDefault();
-    if (back && store.state.doc?.can_undo) store.undo();
-    if (forth && store.state.doc?.can_redo) store.redo();
+    if (back) store.undo();
+    else store.redo();
   });
 
   const versions = [...at("ab").querySelectorAll("[role=radio]")];

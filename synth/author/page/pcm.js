@@ -2,13 +2,14 @@
 
 const HEADER_BYTES = 8;
 const HEARD_EVERY_MS = 50;
+const SILENT_AFTER_MS = 2000;
 
 /**
  * link: {send(message)} to the server; what comes back is given to message() and receive().
  *
- * Events (detail): "received" {stream, frame, samples} as the server sent them, "began" {stream, delay_s} (the first frame
- * is scheduled, to be heard so much later), "played" {stream, frame, samples} as they went out, all interleaved stereo;
- * "status" (see .status), "failed" {message}.
+ * Events (detail): "received" {stream, frame, samples} as the server sent them, "began" {stream, time_s,
+ * context} (the first frame goes out at this time of the audio context), "played" {stream, frame, samples} as they went
+ * out, all interleaved stereo; "status" (see .status), "failed" {message}.
  */
 export class Player extends EventTarget {
   constructor(link) {
@@ -24,6 +25,7 @@ export class Player extends EventTarget {
     this.ready = null;
     this.lastHeard = 0;
     this.silenced = null;
+    this.silent = false;
     this.early = [];
     this.status = { sounding: false, starved: 0, dropped: 0, cpu: null, stream: 0 };
   }
@@ -106,6 +108,7 @@ export class Player extends EventTarget {
       this.silenced = null;
       if (message.rate_hz !== this.context?.sampleRate && this.output === "browser") this.unlock(message.rate_hz);
       this.change({ sounding: true, stream: message.stream });
+      setTimeout(() => this.complain(message.stream), SILENT_AFTER_MS);
     } else if (message.type === "stopped") {
       this.node?.port.postMessage({ end: this.stream });
       this.change({ sounding: false });
@@ -136,11 +139,22 @@ export class Player extends EventTarget {
         this.link.send({ type: "heard", frame: data.frame + data.samples.length / 2 });
       }
     } else if (data.began !== undefined) {
-      const delay = data.time - this.context.currentTime + (this.context.outputLatency || this.context.baseLatency || 0);
-      this.dispatchEvent(new CustomEvent("began", { detail: { stream: data.began, delay_s: delay } }));
+      // without asking outputLatency, for whose answer Firefox may wait for ever while it opens the device
+      this.dispatchEvent(
+        new CustomEvent("began", { detail: { stream: data.began, time_s: data.time, context: this.context } }),
+      );
     } else if (data.starved !== undefined) {
       if (this.status.sounding) this.change({ starved: this.status.starved + 1 });
     } else if (data.dropped !== undefined) this.change({ dropped: this.status.dropped + data.dropped });
+  }
+
+  /** Say so, once, where the browser gives no sound: without a device, or held back, its audio stands still. */
+  complain(stream) {
+    if (this.output !== "browser" || this.stream !== stream || !this.status.sounding) return;
+    const silent = this.context?.state !== "running";
+    if (silent && !this.silent)
+      this.fail("this browser gives no sound: let this page play, plug in an audio output, or choose the server's output");
+    this.silent = silent;
   }
 
   change(part) {

@@ -141,19 +141,36 @@ export function createStore(api) {
   /** What changes the whole text: it is the edited version that is seen then, and no refusal stands any more. */
   async function changeAll(action, body) {
     if (state.which === "saved") set({ which: "current" });
-    const result = await act(api.post(here(action), body));
+    const result = await act(after(action, body));
     if (result !== null && Object.keys(state.errors).length > 0) set({ errors: {} });
     return result;
   }
 
   const here = (action) => `/api/docs/${encodeURIComponent(state.doc.doc)}/${action}`;
 
+  /** POST what concerns the whole document when the edits before it have come. */
+  async function after(action, body) {
+    const url = here(action);
+    await sent;
+    return api.post(url, body);
+  }
+
+  /** Undo or redo, where there is something after the edits that are on their way. */
+  async function stepThere(action, possible) {
+    if (state.doc !== null) await sent;
+    return state.doc?.[possible] ? changeAll(action) : null;
+  }
+
   // Edits leave one after the other; while one is under way, later ones of the same drag replace each other.
   const queue = [];
   let sending = false;
+  let sent = Promise.resolve();
 
-  async function send() {
-    if (sending) return;
+  function send() {
+    if (!sending) sent = sendAll();
+  }
+
+  async function sendAll() {
     sending = true;
     while (queue.length > 0) {
       const job = queue.shift();
@@ -220,13 +237,13 @@ export function createStore(api) {
     edit: (path, value, mergeKey = null) => editMany([{ path, value }], mergeKey),
     /** Several values at once, [{path, value}]: all or none. */
     editMany,
-    undo: () => changeAll("undo"),
-    redo: () => changeAll("redo"),
+    undo: () => stepThere("undo", "can_undo"),
+    redo: () => stepThere("redo", "can_redo"),
     revert: () => changeAll("revert"),
     randomise: (groups = null, seed = null) => changeAll("randomise", { seed, groups }),
-    save: (force = false) => act(api.post(here("save"), { force }), { asks: true }),
-    saveAs: (name, overwrite = false) => act(api.post(here("save-as"), { name, overwrite }), { asks: true }),
-    duplicate: (name) => act(api.post(here("duplicate"), { name }), { asks: true }),
+    save: (force = false) => act(after("save", { force }), { asks: true }),
+    saveAs: (name, overwrite = false) => act(after("save-as", { name, overwrite }), { asks: true }),
+    duplicate: (name) => act(after("duplicate", { name }), { asks: true }),
     recover: (takeIt) => changeAll("recover", { take: takeIt }),
     reload: () => changeAll("reload"),
     applyFit: (job) => changeAll("apply-fit", { job }),

@@ -3,19 +3,26 @@
 import pytest
 
 from tests.author.browser.running import Author, Page, chromium, copy_preset, why_not
+from tests.author.serverkit import until
 
 
 @pytest.fixture(scope="session", autouse=True)
-def browser():
-    """Skips where there is none."""
-    reason = why_not()
-    if reason:
-        pytest.skip(reason)
+def compiled(tmp_path_factory):
+    """Kernels that need not be compiled while a page waits for them."""
+    with Author(tmp_path_factory.mktemp("presets")) as author:
+        until(lambda: author.get("/api/session")["kernels"] == "ready")
+        for preset, note in (("tanpura", 48), ("fretted-bass", 43)):
+            doc = author.open(preset)
+            for view in ("motion", "analysis"):
+                author.get(f"{doc.path}/{view}?note={note}")
 
 
 @pytest.fixture(scope="module")
 def driver():
-    """A browser for all tests of a module."""
+    """A Chromium for all tests of a module; skips where there is none."""
+    reason = why_not()
+    if reason:
+        pytest.skip(reason)
     with chromium() as driver:
         yield driver
 

@@ -114,6 +114,25 @@ def test_undo_and_redo_by_button_and_keys(page):
     assert page.errors() == []
 
 
+def test_keys_wait_for_the_edit_before_them(page, author, request):
+    """Enter, and at once Ctrl-Z or Ctrl-S: the edit is undone, or saved."""
+    field = page.field("pluck.width_mm")
+    typed = (Keys.CONTROL, "a", Keys.NULL, "9", Keys.ENTER, Keys.CONTROL)
+    file = author.folder / f"{name_of(request)}.toml"
+    for _ in range(5):
+        before = state(page)["revision"]
+        field.send_keys(*typed, "z")
+        page.until(lambda before=before: state(page)["revision"] >= before + 2)
+        assert state(page)["can_redo"] and not state(page)["dirty"]
+        page.until(lambda: value_of(page, "pluck.width_mm") == "18")
+    field.send_keys(*typed, "s")
+    page.until(lambda: load_preset(str(file)).pluck.width_mm == 9)
+    field.send_keys(Keys.CONTROL, "a", Keys.NULL, "8", Keys.CONTROL, "s")  # without Enter
+    page.until(lambda: load_preset(str(file)).pluck.width_mm == 8)
+    page.until(lambda: not state(page)["dirty"])
+    assert page.errors() == []
+
+
 def test_ctrl_z_in_a_field_undoes_its_typing_then_its_edit(page):
     field = page.field("pluck.position")
     set_value(page, "pluck.position", 0.31)

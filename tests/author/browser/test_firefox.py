@@ -1,0 +1,132 @@
+"""The page in the other browser: it opens, edits, drags, sounds and saves there as it does in Chromium."""
+
+import numpy as np
+import pytest
+
+from synth.preset import load_preset
+from tests.author.browser.firefox import CONTROL, ENTER, Firefox, null_sink, why_not
+from tests.author.browser.listening import FORGET, FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered
+from tests.author.browser.running import Author
+
+if why_not():
+    pytest.skip(why_not(), allow_module_level=True)
+
+STATE = "return (await fetch('/api/docs/' + location.hash.slice(1))).json()"
+FIELD = '[data-path="{}"] input[type="text"]'
+
+
+@pytest.fixture(scope="module")
+def firefox():
+    with null_sink(RATE_HZ) as sink, Firefox(sink) as firefox:
+        yield firefox
+
+
+@pytest.fixture
+def page(firefox, folder):
+    """A Firefox with the preset mine.toml open."""
+    with Author(folder, "mine.toml") as author:
+        firefox.open(author.address)
+        yield firefox
+        firefox.open_nothing()
+
+
+def state(page):
+    return page.script(STATE)
+
+
+def value_of(page, path):
+    return float(page.script("return document.querySelector(arguments[0]).value", FIELD.format(path)))
+
+
+def set_value(page, path, value):
+    page.click(FIELD.format(path))
+    page.keys("a", held=CONTROL)
+    page.keys(*str(value), ENTER)
+    page.until(lambda: str(value) in state(page)["text"])
+
+
+def test_what_is_typed_is_taken_undone_and_saved(page, folder):
+    set_value(page, "pluck.position", 0.31)
+    page.script("document.activeElement.blur()")
+    page.keys("z", held=CONTROL)
+    page.until(lambda: not state(page)["dirty"])
+    assert value_of(page, "pluck.position") == 0.42
+    set_value(page, "pluck.width_mm", 9)
+    page.keys("s", held=CONTROL)
+    page.until(lambda: not state(page)["dirty"])
+    assert load_preset(str(folder / "mine.toml")).pluck.width_mm == 9.0
+    assert page.errors() == []
+
+
+def test_a_wrong_value_is_refused_at_the_field(page):
+    page.click(FIELD.format("pluck.position"))
+    page.keys("a", held=CONTROL)
+    page.keys(*"1.5", ENTER)
+    error = "return document.querySelector('.control[data-path=\"pluck.position\"] .control-error').textContent"
+    page.until(lambda: "less than 1" in page.script(error))
+    assert not state(page)["dirty"]
+
+
+def test_the_pluck_is_dragged(page):
+    page.drag('[data-handle="pluck"] .reach', 120)
+    page.until(lambda: state(page)["dirty"])
+    page.until(lambda: page.script("return document.querySelector('.handle.held')") is None)
+    page.until(lambda: state(page)["data"]["pluck"]["position"] == pytest.approx(value_of(page, "pluck.position")))
+    assert 0.1 < value_of(page, "pluck.position") < 0.4
+    page.click("#undo")
+    page.until(lambda: not state(page)["dirty"])
+    assert page.errors() == []
+
+
+def silence(page):
+    page.click(".player-phrases .quiet")
+    page.until(lambda: not page.script("return document.getElementById('player').classList.contains('sounding')"))
+    page.script("await new Promise((done) => setTimeout(done, 200))")  # a fade takes 6 ms
+    page.script(FORGET)
+
+
+def test_what_sounds_is_what_render_writes(page, folder):
+    page.script(LISTEN)
+    page.click('[data-phrase="note"]')
+    page.until(lambda: page.script(FRAMES) > 0)  # the device is open: it may take longer than a sound is kept
+    silence(page)
+    page.click('[data-phrase="note"]')
+    page.until(lambda: page.script(FRAMES) >= RATE_HZ)
+    played = heard(page, "played")
+    note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
+    want = rendered(folder / "mine.toml", note, 90, folder)
+    assert np.abs(want[:RATE_HZ]).max() > 0.01
+    assert is_beginning_of(heard(page, "received"), want) and is_beginning_of(played, want)
+    silence(page)
+    page.script("document.activeElement.blur()")
+    page.keys("a")
+    page.until(lambda: page.script(FRAMES) > 0)
+    assert page.script("return document.querySelector('.key-note').textContent") == "C2"
+    assert page.errors() == []
+
+
+def test_without_a_sound_card_it_says_so(folder):
+    with Firefox() as firefox, Author(folder, "mine.toml") as author:
+        firefox.open(author.address)
+        firefox.click('[data-phrase="drone"]')
+        firefox.until(lambda: "this browser gives no sound" in firefox.script("return document.body.textContent"))
+        firefox.open_nothing()
+
+
+def test_pictures_are_drawn(page):
+    """The string, its film, and every picture of the analysis have something on them."""
+    page.until(lambda: page.script("return document.querySelector('.facts').textContent.startsWith('Pitch')"))
+    painted = """return [...document.querySelectorAll('canvas')].filter((each) => each.checkVisibility()).map((each) =>
+      new Set(new Uint32Array(each.getContext('2d').getImageData(0, 0, each.width, each.height).data.buffer)).size)"""
+    page.until(lambda: page.script(painted) and min(page.script(painted)) > 1)
+    assert page.script("return document.querySelectorAll('.stage svg path').length") > 3
+    assert page.errors() == []
+
+
+def test_on_400_pixels_nothing_is_cut_off(page):
+    page.size(400, 800)
+    try:
+        page.until(lambda: page.script("return document.scrollingElement.scrollWidth") <= 400)
+        set_value(page, "pluck.position", 0.25)
+    finally:
+        page.size(1280, 900)
