@@ -36,7 +36,7 @@ class JackServer:
     """A running jackd of its own name, to be used with `with`.
 
     name     for `servername`
-    env      environment of a process whose clients are to find this server and to start none
+    env      environment of a process whose clients are to find this server and to start none, nor another sound card
     frames, rate_hz   of the dummy driver
     sync     every period waits until all clients have done theirs, however late: on a busy machine JACK's time has gaps,
              and no client's samples have any. Otherwise, as JACK does by default, a client that is late loses its period.
@@ -47,7 +47,12 @@ class JackServer:
         self.name = f"jawari-{os.getpid()}-{next(_numbers)}"
         self.frames = frames
         self.rate_hz = rate_hz
-        self.env = dict(os.environ, JACK_DEFAULT_SERVER=self.name, JACK_NO_START_SERVER="1")
+        self.env = dict(
+            os.environ,
+            JACK_DEFAULT_SERVER=self.name,
+            JACK_NO_START_SERVER="1",
+            ALSA_CONFIG_PATH=str(HERE / "no-sound-card.conf"),
+        )
         self._ended = False
         waits = ["-S", "-t", str(int(1000 * PATIENCE_S))] if sync else []
         deadline = time.monotonic() + PATIENCE_S
