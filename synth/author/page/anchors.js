@@ -55,8 +55,8 @@ export function makeAnchors(parameter, { store, commit, refuse, labels }, single
         });
         const entry = numberInput({ ...parameter, optional: false }, {
           commit: (changed, merge, reason) => {
-            if (changed === undefined) refuse(path, reason && `${noteName(note)}: ${reason}`);
-            else send(points().map((point, j) => (j === i ? [point[0], changed] : point)), merge);
+            if (changed === undefined) return refuse(path, reason && `${noteName(note)}: ${reason}`);
+            return send(points().map((point, j) => (j === i ? [point[0], changed] : point)), merge);
           },
           attributes: { class: "row-number", "data-part": `value ${i}`, "aria-label": `${parameter.label} at ${noteName(note)}` },
         });

@@ -92,11 +92,33 @@ function makeBody(parameter, context) {
   }
 }
 
-/** A text field that takes numbers; arrows step it, Enter and leaving it commit, Escape gives up. */
+/** What a field has sent and has no answer to yet: it is not sent again (after Enter comes a change event) nor written over. */
+function makeSending(answered) {
+  let text = null;
+  return {
+    get text() {
+      return text;
+    },
+    send(what, answer) {
+      text = what;
+      const done = () => {
+        if (text !== what) return;
+        text = null;
+        answered();
+      };
+      answer.then(done, done);
+    },
+  };
+}
+
+/** A text field that takes numbers; `commit` gives a promise; arrows step it, Enter and leaving it commit, Escape gives up. */
 export function numberInput(parameter, { commit, attributes = {} }) {
   const input = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", spellcheck: "false", ...attributes });
   let shown = "";
-  let sent = null; // on its way to the server: after Enter comes a change event of the same text
+  let wrong = false;
+  const sending = makeSending(() => {
+    if (!wrong && input.dataset.typing !== "yes") input.value = shown;
+  });
   let last = 0;
   let key = 0;
   const refused = (reason) => {
@@ -112,7 +134,7 @@ export function numberInput(parameter, { commit, attributes = {} }) {
   };
   const send = (merge) => {
     const text = input.value.trim();
-    if (text === (sent ?? shown)) {
+    if (text === (sending.text ?? shown)) {
       settle();
       return;
     }
@@ -124,14 +146,12 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       return;
     }
     settle();
-    sent = text;
-    commit(value, away ? null : merge);
+    sending.send(text, commit(value, away ? null : merge));
   };
   input.addEventListener("input", () => {
     input.dataset.typing = "yes";
   });
   input.addEventListener("change", () => send(null));
-  input.addEventListener("blur", () => (sent = null));
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") send(null);
     if (event.key === "Escape") {
@@ -156,9 +176,10 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       const typing = input.dataset.typing === "yes" && document.activeElement === input;
       const before = shown;
       shown = plain(value);
-      sent = null;
+      wrong = invalid;
       // what was refused stays in the field, to be put right
-      if (!typing && !(invalid && before === shown && input.value !== shown)) input.value = shown;
+      const kept = invalid && before === shown && input.value !== shown;
+      if (!typing && !kept && sending.text === null) input.value = shown;
       if (invalid) input.setAttribute("aria-invalid", "true");
       else if (!typing) settle();
     },
@@ -253,22 +274,21 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     : h("input", { type: "text", autocomplete: "off", "data-part": "text", class: "control-text", ...labels });
   const shownAs = (value) => (many ? (value ?? []).join("\n") : show(value));
   let shown = "";
-  let sent = null; // as of a number
+  let wrong = false;
+  const sending = makeSending(() => {
+    if (!wrong && box.dataset.typing !== "yes") box.value = shown;
+  });
   const send = () => {
-    if (box.value === (sent ?? shown)) return;
+    if (box.value === (sending.text ?? shown)) return;
     delete box.dataset.typing;
     const value = many ? box.value.split("\n").filter((line) => line.trim() !== "") : read(box.value);
     if (value === undefined) refuse(path, `“${box.value}” is no note such as G2, and no range such as E1-C7`);
-    else {
-      sent = box.value;
-      commit(path, value, null);
-    }
+    else sending.send(box.value, commit(path, value, null));
   };
   box.addEventListener("input", () => {
     box.dataset.typing = "yes";
   });
   box.addEventListener("change", send);
-  box.addEventListener("blur", () => (sent = null));
   box.addEventListener("keydown", (event) => {
     if (event.key === "Enter" && !long) send();
     if (event.key === "Escape") {
@@ -282,9 +302,9 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     update(value, invalid) {
       const before = shown;
       shown = shownAs(value);
-      sent = null;
+      wrong = invalid;
       const typing = box.dataset.typing === "yes" && document.activeElement === box;
-      if (!typing && !(invalid && before === shown)) box.value = shown;
+      if (!typing && !(invalid && before === shown) && sending.text === null) box.value = shown;
       if (invalid) box.setAttribute("aria-invalid", "true");
       else box.removeAttribute("aria-invalid");
     },

@@ -16,8 +16,8 @@ export function makeNumbers(parameter, { store, parameterOf, commit, commitMany,
 
   const lists = () => columns.map((column) => [...(store.value(column.path) ?? [])]);
   function send(next, merge = null) {
-    if (columns.length === 1) commit(path, next[0], merge);
-    else commitMany(columns.map((column, c) => ({ path: column.path, value: next[c] })), merge);
+    if (columns.length === 1) return commit(path, next[0], merge);
+    return commitMany(columns.map((column, c) => ({ path: column.path, value: next[c] })), merge);
   }
 
   add.addEventListener("click", () => {
@@ -36,8 +36,8 @@ export function makeNumbers(parameter, { store, parameterOf, commit, commitMany,
             { ...column, minimum: null, maximum: null, optional: false },
             {
               commit(value, merge, reason) {
-                if (value === undefined) refuse(path, reason && `row ${i + 1}: ${reason}`);
-                else send(lists().map((list, k) => (k === c ? list.with(i, value) : list)), merge && `${merge} ${path}`);
+                if (value === undefined) return refuse(path, reason && `row ${i + 1}: ${reason}`);
+                return send(lists().map((list, k) => (k === c ? list.with(i, value) : list)), merge && `${merge} ${path}`);
               },
               attributes: { class: "row-number", "data-part": `value ${c} ${i}`, "aria-label": name },
             },
