@@ -96,7 +96,12 @@ class Doc:
 
     def connect(self) -> Page:
         return Page(
-            connect(f"ws://127.0.0.1:{self.server.port}/ws/{self.key}", additional_headers=self.server.headers, proxy=None)
+            connect(
+                f"ws://127.0.0.1:{self.server.port}/ws/{self.key}",
+                additional_headers=self.server.headers,
+                proxy=None,
+                close_timeout=1,
+            )
         )
 
 
