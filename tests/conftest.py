@@ -3,12 +3,12 @@ Ctrl-backslash, nohup a hang-up), no test fails for being slow, and none plays t
 
 import os
 import signal
-from pathlib import Path
 
 from hypothesis import settings
 
-# no devices of ALSA, nor PulseAudio's by way of it
-os.environ["ALSA_CONFIG_PATH"] = str(Path(__file__).parent / "live" / "no-sound-card.conf")
+from tests.nocard import hide_sound_card
+
+os.environ.update(hide_sound_card())
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")

@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.nocard import hide_sound_card
+
 HERE = Path(__file__).parent
 SHM = Path("/dev/shm")
 #: for a process or server that does not answer [s]
@@ -47,12 +49,7 @@ class JackServer:
         self.name = f"jawari-{os.getpid()}-{next(_numbers)}"
         self.frames = frames
         self.rate_hz = rate_hz
-        self.env = dict(
-            os.environ,
-            JACK_DEFAULT_SERVER=self.name,
-            JACK_NO_START_SERVER="1",
-            ALSA_CONFIG_PATH=str(HERE / "no-sound-card.conf"),
-        )
+        self.env = os.environ | {"JACK_DEFAULT_SERVER": self.name, "JACK_NO_START_SERVER": "1"} | hide_sound_card()
         self._ended = False
         waits = ["-S", "-t", str(int(1000 * PATIENCE_S))] if sync else []
         deadline = time.monotonic() + PATIENCE_S
