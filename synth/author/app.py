@@ -296,6 +296,10 @@ class App:
     async def _told(self, document: Document, work: Callable[..., Any], *arguments: Any, **options: Any) -> Response:
         """Change a document, beside the event loop, which sends the sound; tell every tab of it, and answer."""
         await asyncio.to_thread(work, *arguments, **options)
+        return await self._changed(document)
+
+    async def _changed(self, document: Document) -> Response:
+        """Tell every tab of a document what it is now, and answer."""
         self.desk.tell(document)
         return JSONResponse(await asyncio.to_thread(document.state))
 
@@ -359,8 +363,7 @@ class App:
         replaced = await asyncio.to_thread(self.desk.save_as, document, name, overwrite)
         if replaced is not None:
             self._lead(replaced, document)
-        self.desk.tell(document)
-        return JSONResponse(await asyncio.to_thread(document.state))
+        return await self._changed(document)
 
     def _lead(self, gone: Document, to: Document | None) -> None:
         """Tell the pages that show a document which one to show instead, if any."""

@@ -92,8 +92,11 @@ function makeBody(parameter, context) {
   }
 }
 
-/** What a field has sent and has no answer to yet: it is not sent again (after Enter comes a change event) nor written over. */
-function makeSending(answered) {
+/**
+ * What a field has sent and has no answer to yet: it is not sent again (after Enter comes a change event) nor written over.
+ * Then what is to be shown() is, unless it was refused or more is typed.
+ */
+function makeSending(field, shown) {
   let text = null;
   return {
     get text() {
@@ -104,7 +107,7 @@ function makeSending(answered) {
       const done = () => {
         if (text !== what) return;
         text = null;
-        answered();
+        if (!field.hasAttribute("aria-invalid") && field.dataset.typing !== "yes") field.value = shown();
       };
       answer.then(done, done);
     },
@@ -115,10 +118,7 @@ function makeSending(answered) {
 export function numberInput(parameter, { commit, attributes = {} }) {
   const input = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", spellcheck: "false", ...attributes });
   let shown = "";
-  let wrong = false;
-  const sending = makeSending(() => {
-    if (!wrong && input.dataset.typing !== "yes") input.value = shown;
-  });
+  const sending = makeSending(input, () => shown);
   let last = 0;
   let key = 0;
   const refused = (reason) => {
@@ -176,7 +176,6 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       const typing = input.dataset.typing === "yes" && document.activeElement === input;
       const before = shown;
       shown = plain(value);
-      wrong = invalid;
       // what was refused stays in the field, to be put right
       const kept = invalid && before === shown && input.value !== shown;
       if (!typing && !kept && sending.text === null) input.value = shown;
@@ -274,10 +273,7 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     : h("input", { type: "text", autocomplete: "off", "data-part": "text", class: "control-text", ...labels });
   const shownAs = (value) => (many ? (value ?? []).join("\n") : show(value));
   let shown = "";
-  let wrong = false;
-  const sending = makeSending(() => {
-    if (!wrong && box.dataset.typing !== "yes") box.value = shown;
-  });
+  const sending = makeSending(box, () => shown);
   const send = () => {
     if (box.value === (sending.text ?? shown)) return;
     delete box.dataset.typing;
@@ -302,7 +298,6 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     update(value, invalid) {
       const before = shown;
       shown = shownAs(value);
-      wrong = invalid;
       const typing = box.dataset.typing === "yes" && document.activeElement === box;
       if (!typing && !(invalid && before === shown) && sending.text === null) box.value = shown;
       if (invalid) box.setAttribute("aria-invalid", "true");
