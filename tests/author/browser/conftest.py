@@ -27,6 +27,13 @@ def driver():
         yield driver
 
 
+@pytest.fixture(scope="module")
+def author(tmp_path_factory):
+    """A server for all tests of a module, of which each has a file of its own."""
+    with Author(tmp_path_factory.mktemp("presets")) as author:
+        yield author
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A folder with one preset, mine.toml, a tanpura."""

@@ -20,6 +20,7 @@ from typing import Any
 from websockets.sync.client import connect
 
 from tests.author.browser.running import PATIENCE_S
+from tests.author.serverkit import until
 
 NAMES = ("firefox-esr", "firefox")
 PREFERENCES = {
@@ -55,10 +56,8 @@ def null_sink(rate_hz: int = 44100) -> Iterator[str]:
             command, env=os.environ | {"HOME": folder, "XDG_RUNTIME_DIR": folder}, stderr=subprocess.DEVNULL
         )
         try:
-            deadline = time.monotonic() + PATIENCE_S
-            while not socket.exists():
-                assert process.poll() is None and time.monotonic() < deadline, "pulseaudio does not start"
-                time.sleep(0.05)
+            until(lambda: socket.exists() or process.poll() is not None, PATIENCE_S)
+            assert socket.exists(), "pulseaudio does not start"
             yield f"unix:{socket}"
         finally:
             process.terminate()
@@ -155,13 +154,11 @@ class Firefox:
             raise RuntimeError(answer["exceptionDetails"]["text"])
         return json.loads(answer["result"]["value"])
 
+    result = script
+
     def until(self, holds: Callable[[], Any]) -> Any:
         """Wait for it: its value."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not (value := holds()):
-            assert time.monotonic() < deadline, "nothing happens"
-            time.sleep(0.05)
-        return value
+        return until(holds, PATIENCE_S)
 
     def place(self, selector: str) -> tuple[float, float]:
         """The middle of the first such element to be seen, scrolled into view, as soon as there is one [px]."""

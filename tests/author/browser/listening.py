@@ -38,6 +38,14 @@ return parts.filter((part) => part.stream === stream).map(({frame, samples}) => 
 """
 
 
+def silence(page):
+    """Nothing sounds, so that nothing fades over what comes next, and nothing is remembered."""
+    page.click(".player-phrases .quiet")
+    page.until(lambda: "sounding" not in page.script("return document.getElementById('player').className"))
+    page.result("await new Promise((done) => setTimeout(done, 200))")  # a fade takes 6 ms
+    page.script(FORGET)
+
+
 def heard(page, kind):
     """[(first frame, samples (frames, 2))]: the newest stream's parts."""
     return [(first, floats(text).reshape(-1, 2)) for first, text in page.script(PARTS, kind)]

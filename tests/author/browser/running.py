@@ -24,6 +24,8 @@ from tests.author.serverkit import ROOT, Server
 Author = Server
 PRESETS = ROOT / "presets"
 PATIENCE_S = 90.0
+#: where the number of a path's control is typed
+FIELD = '[data-path="{}"] input[type="text"]'
 FLAGS = (
     "--headless=new",
     "--no-sandbox",
@@ -67,9 +69,19 @@ class Page:
         self.script("window.addEventListener('beforeunload', (event) => event.stopImmediatePropagation(), true)")
         self.driver.get("about:blank")
 
+    def choose(self, name: str) -> None:
+        """Open a preset of the start page."""
+        card = self.find(f'[data-preset="{name}"]')
+        self.script("arguments[0].scrollIntoView()", card)
+        card.click()
+        self.until(lambda: self.all('.control[data-path="pluck.position"]'))
+
+    def click(self, selector: str) -> None:
+        self.find(selector).click()
+
     def field(self, path: str) -> WebElement:
         """Where the number of a control is typed."""
-        return self.find(f'[data-path="{path}"] input[type="text"]')
+        return self.find(FIELD.format(path))
 
     def script(self, source: str, *arguments: Any) -> Any:
         return self.driver.execute_script(source, *arguments)  # type: ignore[no-untyped-call]

@@ -5,14 +5,11 @@ import pytest
 
 from synth.preset import load_preset
 from tests.author.browser.firefox import CONTROL, ENTER, Firefox, null_sink, why_not
-from tests.author.browser.listening import FORGET, FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered
-from tests.author.browser.running import Author
+from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
+from tests.author.browser.running import FIELD, Author, state
 
 if why_not():
     pytest.skip(why_not(), allow_module_level=True)
-
-STATE = "return (await fetch('/api/docs/' + location.hash.slice(1))).json()"
-FIELD = '[data-path="{}"] input[type="text"]'
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +25,6 @@ def page(firefox, folder):
         firefox.open(author.address)
         yield firefox
         firefox.open_nothing()
-
-
-def state(page):
-    return page.script(STATE)
 
 
 def value_of(page, path):
@@ -76,13 +69,6 @@ def test_the_pluck_is_dragged(page):
     page.click("#undo")
     page.until(lambda: not state(page)["dirty"])
     assert page.errors() == []
-
-
-def silence(page):
-    page.click(".player-phrases .quiet")
-    page.until(lambda: not page.script("return document.getElementById('player').classList.contains('sounding')"))
-    page.script("await new Promise((done) => setTimeout(done, 200))")  # a fade takes 6 ms
-    page.script(FORGET)
 
 
 def test_what_sounds_is_what_render_writes(page, folder):

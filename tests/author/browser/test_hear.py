@@ -7,7 +7,7 @@ import pytest
 import soundfile
 from selenium.webdriver import ActionChains
 
-from tests.author.browser.listening import FORGET, FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered
+from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
 from tests.author.browser.running import set_value
 
 HEARD_S = 1.0
@@ -17,14 +17,6 @@ HEARD_S = 1.0
 def page(page):
     page.script(LISTEN)
     return page
-
-
-def silence(page):
-    """Nothing sounds, so that nothing fades over what comes next, and nothing is remembered."""
-    page.find(".player-phrases .quiet").click()
-    page.until(lambda: "sounding" not in page.script("return document.getElementById('player').className"))
-    page.result("await new Promise((done) => setTimeout(done, 200))")  # a fade takes 6 ms
-    page.script(FORGET)
 
 
 def test_note_is_what_render_writes(page, tmp_path):

@@ -5,14 +5,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from synth.preset import load_preset
-from tests.author.browser.running import Author, Page, copy_preset, name_of, set_value, state
-
-
-@pytest.fixture(scope="module")
-def author(tmp_path_factory):
-    """A server for all tests here; every test has a file of its own."""
-    with Author(tmp_path_factory.mktemp("presets")) as author:
-        yield author
+from tests.author.browser.running import Page, copy_preset, name_of, set_value, state
 
 
 @pytest.fixture
@@ -23,21 +16,13 @@ def page(driver, author, request):
     page = Page(driver)
     driver.set_window_size(1280, 900)
     page.open(author.address)
-    opened(page, f"{name}.toml")
+    page.choose(name)
     page.errors()
     yield page
     # media features and sizes are those of one test
     driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
     driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     page.open_nothing()
-
-
-def opened(page, name):
-    """Open a preset of the start page or, behind its back, in the tab."""
-    card = page.find(f'[data-preset="{name.removesuffix(".toml")}"]')
-    page.script("arguments[0].scrollIntoView()", card)
-    card.click()
-    page.until(lambda: page.all('.control[data-path="pluck.position"]'))
 
 
 def value_of(page, path):
@@ -74,7 +59,7 @@ def test_start_offers_the_presets_and_opens_one(driver, author):
     assert {"tanpura", "fretted-bass", "jawari-harp"} <= {
         each.get_attribute("data-preset") for each in page.all("[data-preset]")
     }
-    opened(page, "fretted-bass")
+    page.choose("fretted-bass")
     assert page.text("#title") == "Fretted bass"
     assert page.text("#doc-status") == "built in"
     page.until(lambda: len(page.all('[data-handle^="point-"]')) == 20)
@@ -410,7 +395,7 @@ def test_start_with_many_presets_scrolls(driver, author):
         copy_preset("tanpura", author.folder / f"zz-{number:02}.toml")
     page = Page(driver)
     page.open(author.address)
-    opened(page, "zz-39.toml")
+    page.choose("zz-39")
     page.open_nothing()
 
 

@@ -3,13 +3,7 @@
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.author.browser.running import Author, Page, copy_preset, name_of, set_value, state
-
-
-@pytest.fixture(scope="module")
-def author(tmp_path_factory):
-    with Author(tmp_path_factory.mktemp("presets")) as author:
-        yield author
+from tests.author.browser.running import Page, copy_preset, name_of, set_value, state
 
 
 @pytest.fixture
@@ -21,10 +15,7 @@ def opened(driver, author, request):
         name = name_of(request)
         copy_preset(preset, author.folder / f"{name}.toml")
         page.open(author.address)
-        card = page.find(f'[data-preset="{name}"]')
-        page.script("arguments[0].scrollIntoView()", card)
-        card.click()
-        page.until(lambda: page.all('.control[data-path="pluck.position"]'))
+        page.choose(name)
         page.until(lambda: page.text(".stage.whole figcaption"))
         return page
 
