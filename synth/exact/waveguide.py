@@ -33,6 +33,9 @@ class Waves(NamedTuple):
     energy: np.ndarray  # (n,) T Σ (Δr² + Δl²)/Δx over all cells
     contact_steps: int
     last_contact_step: int  # −1: none
+    right: np.ndarray  # (N + 1,) at the end, what leaves each node to the right
+    left: np.ndarray  # (N + 1,)
+    pushed: np.ndarray  # (N + 1,) what the point at a node has pushed so far
 
 
 def cells(length_m: float, speed_m_s: float, rate_hz: float) -> int:
@@ -79,29 +82,30 @@ def run(
     every: int,
     tension_n: float,
     length_m: float,
+    pushed: np.ndarray | None = None,
 ) -> Waves:
     """`steps` steps of Δt = L/(Nc) from waves right, left (N + 1,); points (C,), outputs (P,) node indices, eta (C,).
 
+    pushed : (N + 1,) where another run ended in these waves, which then goes on.
     Raises ValueError where the start lies under a point: it has waves that no motion of the string brings.
     """
     points, outputs = np.asarray(points, np.int64), np.asarray(outputs, np.int64)
     eta = np.asarray(eta, dtype=np.float64)
-    start = right + left
+    n_rows, contacts, n = steps // every + 1, points.size, right.size - 1
+    off = np.zeros(n + 1) if pushed is None else np.array(pushed)
+    start = right + left - off
     under = eta - start[points]
     if np.any(under > 1e-12 * np.abs(start).max(initial=0.0)):
         worst = int(np.argmax(under))
         raise ValueError(
             f"the string must start clear of its obstacle, got {under[worst]:.3g} m under point {worst + 1}; lower the point"
         )
-    n_rows, contacts = steps // every + 1, points.size
     result = Waves(
-        np.zeros((n_rows, outputs.size)), np.zeros((n_rows, contacts)), np.zeros((n_rows, contacts)), np.zeros(n_rows), 0, -1
-    )
-    n = right.size - 1
-    touched, last = _run(
-        np.array(right), np.array(left), points, eta, outputs, steps, every, tension_n * n / length_m, np.zeros(n + 1),
-        *result[:4],
+        np.zeros((n_rows, outputs.size)), np.zeros((n_rows, contacts)), np.zeros((n_rows, contacts)), np.zeros(n_rows),
+        0, -1, np.array(right), np.array(left), off,
     )  # fmt: skip
+    stiffness = tension_n * n / length_m
+    touched, last = _run(result.right, result.left, points, eta, outputs, steps, every, stiffness, off, *result[:4])
     return result._replace(contact_steps=touched, last_contact_step=last)
 
 

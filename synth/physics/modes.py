@@ -7,10 +7,18 @@ ones often are.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from synth.physics.string import String
+
+#: N·(distance to an end)·π/L from which on a difference of two cosine sums gives R without loss
+_DIFFERENCE_FROM = 1.0
+#: furthest s of a contour: z = e^s/2, and z⁶ is still a number
+_FARTHEST = 100.0
+#: products of pairs and nodes that are made at once
+_AT_ONCE = 1 << 21
 
 
 def base_frequencies(string: String, n: int) -> np.ndarray:
@@ -152,48 +160,72 @@ def residual_compliance(string: String, positions_m: np.ndarray | Sequence[float
     """R = Σ_{j>N} φ_j φ_jᵀ/(μω̂_j²) (C, C) [m/N]: static compliance of the modes left out above N = n_modes.
 
     ω̂ is the model's stiffness law alone: never measured values, no mobility, whatever the modes kept use.
-    With φ_j(x) φ_j(y) = (cos jα₋ − cos jα₊)/L, α± = π(x ± y)/L, R needs only tails of cosine sums, which
-    `_cosine_tail` gives to some 3e-15; R itself is as good relative to its size wherever N·x ≳ L (towards an
-    end, where the two cosines cancel, the error stays below 1e-15·L/(TN)). The difference static_compliance −
-    Σ_{j≤N} is the same in exact arithmetic, but loses 7 to 10 digits at 1000 modes.
+    With φ_j(x) φ_j(y) = (cos jα₋ − cos jα₊)/L, α± = π(x ± y)/L, R needs only tails of cosine sums
+    (`_cosine_tail`), and of products of sines where a contact is so close to an end that the cosines cancel
+    (`_sine_tail`). R_ab is good to 1e-15·(N + 10) of √(R_aa R_bb) (of the greater one, where a is close to one end
+    and b to the other), the rounding of phases up to 2πN, however close contacts are to an end and to each other.
+    The difference static_compliance − Σ_{j≤N} is the same in exact
+    arithmetic, but loses 7 to 10 digits at 1000 modes.
 
-    R is symmetric and positive semidefinite; negative eigenvalues at rounding level (points that coincide or
-    lie on an end) are set to zero, anything beyond raises ArithmeticError. ValueError for positions outside
-    [0, L].
+    R is symmetric and positive semidefinite; negative eigenvalues at rounding level (points that all but coincide)
+    are set to zero, anything beyond raises ArithmeticError. ValueError for positions outside [0, L].
     """
     x = _positions(positions_m, string.length_m)
     if x.size == 0:
         return np.zeros((0, 0))
+    length = string.length_m
     row, column = np.triu_indices(x.size)
-    angle = math.pi / string.length_m
-    minus = _cosine_tail(string, angle * np.abs(x[row] - x[column]), n_modes)
-    plus = _cosine_tail(string, angle * (x[row] + x[column]), n_modes)
+    angle = math.pi / length
+    apart = angle * np.abs(x[row] - x[column])
+    contour = _tail_contour(string, n_modes)
+    minus = _cosine_tail(contour, apart)
+    pairs = minus - _cosine_tail(contour, angle * (x[row] + x[column]))
+
+    # sin ja sin jb from the end that is nearer to a pair; L − x is exact where it matters
+    far = x[row] + x[column] > length
+    inward = angle * np.where(far, length - np.maximum(x[row], x[column]), np.minimum(x[row], x[column]))
+    cancels = inward * (n_modes + 1) < _DIFFERENCE_FROM
+    if cancels.any():
+        pairs[cancels] = _sine_tail(string, apart[cancels], inward[cancels], n_modes)
     residual = np.empty((x.size, x.size))
-    residual[row, column] = residual[column, row] = (minus - plus) / string.length_m
+    residual[row, column] = residual[column, row] = pairs / length
 
     eigenvalues, vectors = np.linalg.eigh(residual)
     if eigenvalues[0] < 0.0:
-        rounding = 1e-13 * x.size * minus.max() / string.length_m  # 600 nodes, a rounding each
+        # 600 nodes, a rounding each, and that of phases up to 2πN
+        rounding = (1e-13 + 4e-15 * n_modes) * x.size * minus.max() / length
         if eigenvalues[0] < -rounding:
             raise ArithmeticError(
                 "residual compliance must be positive semidefinite, "
                 f"got an eigenvalue of {eigenvalues[0]:.3g} m/N where rounding explains {-rounding:.3g} m/N"
             )
-        residual = (vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T
+        # in units of each contact's own compliance, so that one near an end keeps its digits beside one that is not
+        own = np.sqrt(np.maximum(residual.diagonal(), 0.0))
+        per_own = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
+        eigenvalues, vectors = np.linalg.eigh(per_own[:, None] * residual * per_own)
+        residual = own[:, None] * ((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T) * own
         residual = 0.5 * (residual + residual.T)
     return residual
 
 
-def _cosine_tail(string: String, angles: np.ndarray, n_modes: int) -> np.ndarray:
-    """Σ_{j>N} cos(jα)/(μω̂_j²) for angles α in [0, 2π], one per angle [m²/N].
+class _Contour(NamedTuple):
+    """Where a sum over the modes j > N is an integral: nodes z (n,), their Im z, and weights of e^{iαz}."""
+
+    z: np.ndarray
+    height: np.ndarray
+    weights: np.ndarray
+
+
+def _tail_contour(string: String, n_modes: int, reach: float = 0.0) -> _Contour:
+    """Σ_{j>N} cos(jα)/(μω̂_j²) = Re Σ_k weights_k e^{iαz_k} for angles α in [0, π] [m²/N].
 
     By residues it is Re ∮ e^{iαz} g(z)/(e^{2πiz} − 1) dz, g(j) = 1/(μω̂_j²), round the integers beyond N. The
     contour z(s) = N + ½ + (cosh s − 1) + i sinh s bends away from g's poles at 0 and ±i/√B. Along it the
     integrand falls doubly exponentially or as g times e^{−α Im z}, and is analytic within |Im s| < 0.42, so
-    that the trapezoidal rule with step 0.07 errs by e^{−2π·0.42/0.07} = 4e-17.
+    that the trapezoidal rule with step 0.07 errs by e^{−2π·0.42/0.07} = 4e-17. `reach`: how far s must go at least.
     """
     _mode_numbers(n_modes)
-    s = np.arange(-3.5, 42.0 + math.log1p(n_modes), 0.07)  # up to where even 1/z² has fallen to rounding
+    s = np.arange(-3.5, max(42.0 + math.log1p(n_modes), reach), 0.07)  # up to where even 1/z² has fallen to rounding
     sinh, cosh = np.sinh(s), np.cosh(s)
     z = n_modes + 0.5 + (cosh - 1.0) + 1j * sinh
     stiffening = string.inharmonicity * z**2
@@ -204,16 +236,53 @@ def _cosine_tail(string: String, angles: np.ndarray, n_modes: int) -> np.ndarray
     sign = np.where(upper, 1.0, -1.0)
     decaying = -np.exp(2.0 * math.pi * (-np.abs(sinh) + 1j * sign * (cosh - 1.0)))
     kernel = np.where(upper, 1.0 / (decaying - 1.0), decaying / (1.0 - decaying))
-    weights = -0.07 * (sinh + 1j * cosh) * g * kernel
+    return _Contour(z, sinh, -0.07 * (sinh + 1j * cosh) * g * kernel)
 
+
+def _cosine_tail(contour: _Contour, angles: np.ndarray) -> np.ndarray:
+    """Σ_{j>N} cos(jα)/(μω̂_j²) for angles α in [0, 2π], one per angle [m²/N]."""
+    z, height, weights = contour
     # The same cosines with α ≤ π, so that e^{iαz} never outgrows the kernel; every diagonal of R asks for α = 0
     alpha, where = np.unique(np.minimum(angles, 2.0 * math.pi - angles), return_inverse=True)
     tail = np.full(alpha.size, weights.real.sum())
     positive = alpha > 0.0
     if positive.any():
-        heard = sinh * alpha[positive][0] < 40.0  # e^{−α Im z} ends the integral long before g does
+        heard = height * alpha[positive][0] < 40.0  # e^{−α Im z} ends the integral long before g does
         tail[positive] = (np.exp(1j * np.outer(alpha[positive], z[heard])) @ weights[heard]).real
     return tail[where]
+
+
+def _sine_tail(string: String, apart: np.ndarray, inward: np.ndarray, n_modes: int) -> np.ndarray:
+    """2 Σ_{j>N} sin(jβ) sin(j(β + α))/(μω̂_j²), one per pair (P,) of α = apart ≥ 0 and β = inward ≥ 0, α + 2β ≤ π [m²/N].
+
+    The sum of −e^{iαz}(e^{2iβz} − 1), real part, and so good relative to itself however small β is, with α near 0. Of its
+    series in α and β the first term, −2iβz, has a sum that is imaginary: where the angles are small to the modes, z ~ N, it
+    is left out, cut off by 1/(1 + (z/M)²) beyond M = 1/(α + 2β) so that it converges; stiff strings have R ∝ β(α + β).
+    """
+    tail = np.zeros(apart.size)
+    off_end = np.flatnonzero(inward > 0.0)
+    if off_end.size == 0:
+        return tail
+    # where the sine is seen to be one: 1/β further than 1/z² needs by itself
+    z, _, weights = _tail_contour(string, n_modes, min(40.0 - math.log(inward[off_end].min()), _FARTHEST))
+    for some in np.array_split(off_end, 1 + off_end.size * z.size // _AT_ONCE):
+        alpha, beta = apart[some, None], 2.0 * inward[some, None]
+        whole, step = np.expm1(1j * alpha * z), 1j * beta * z
+        moved = np.expm1(step)
+        cut = (z * (alpha + beta)) ** 2
+        without_first = whole * moved + _expm2(step, moved) + step * cut / (1.0 + cut)
+        small = (alpha + beta) * (n_modes + 1) < 1.0
+        tail[some] = -(np.where(small, without_first, (1.0 + whole) * moved) @ weights).real
+    return tail
+
+
+def _expm2(x: np.ndarray, expm1: np.ndarray) -> np.ndarray:
+    """e^x − 1 − x without cancellation, given e^x − 1."""
+    series = np.zeros_like(x)
+    near = np.where(np.abs(x) < 0.3, x, 0.0)
+    for k in range(14, 1, -1):
+        series = (series + 1.0) * near / k
+    return np.where(np.abs(x) < 0.3, series * near, expm1 - x)
 
 
 def _stiffness_factor(string: String, n: int) -> np.ndarray:

@@ -8,12 +8,35 @@ describes; frequencies, decay rates and shapes are computed in `modes`.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal, Self
 
 StiffnessLaw = Literal["sqrt", "linear"]
 STIFFNESS_LAWS: tuple[str, ...] = ("sqrt", "linear")
+
+#: Least and greatest value of what describes a string, 0 where an effect may be absent; far beyond all that was ever
+#: strung, and so far within floating point that nothing made of them overflows. What a slip of units gives lies outside.
+LIMITS: dict[str, tuple[float, float, str]] = {
+    "length_m": (1e-4, 1e4, " m"),
+    "tension_n": (1e-9, 1e9, " N"),
+    "linear_density_kg_m": (1e-12, 1e6, " kg/m"),
+    "diameter_m": (1e-12, 1e2, " m"),
+    "core_diameter_m": (1e-12, 1e2, " m"),
+    "winding_diameter_m": (1e-12, 1e2, " m"),
+    "bending_stiffness_n_m2": (0.0, 1e12, " N m²"),
+    "inharmonicity": (0.0, 1e12, ""),
+    "viscoelastic_loss": (0.0, 1e6, ""),
+    "thermoelastic_q_inverse": (0.0, 1e6, ""),
+    "air_viscosity": (0.0, 1e6, " kg/(m s)"),
+    "air_density": (0.0, 1e6, " kg/m³"),
+    "frequency_hz": (1e-6, 1e9, " Hz"),
+    "q": (1e-6, 1e12, ""),
+    "modal_mass_kg": (1e-9, 1e9, " kg"),
+    "measured_frequencies_hz": (1e-6, 1e12, " Hz"),
+    "measured_decay_rates": (1e-12, 1e12, " 1/s"),
+}
 
 
 @dataclass(frozen=True)
@@ -24,7 +47,7 @@ class NutResonance:
     q              quality factor Q
     modal_mass_kg  modal mass m seen by the string at that end [kg]
 
-    Raises ValueError unless all three are finite and > 0.
+    Raises ValueError unless all three are within LIMITS.
     """
 
     frequency_hz: float
@@ -32,8 +55,8 @@ class NutResonance:
     modal_mass_kg: float
 
     def __post_init__(self) -> None:
-        for name, unit in (("frequency_hz", " Hz"), ("q", ""), ("modal_mass_kg", " kg")):
-            _require_positive(f"nut resonance {name}", getattr(self, name), unit)
+        for name in ("frequency_hz", "q", "modal_mass_kg"):
+            _require_within(name, getattr(self, name), f"nut resonance {name}")
 
 
 @dataclass(frozen=True)
@@ -54,7 +77,7 @@ class String:
     measured_frequencies_hz  frequencies of modes 1 … m [Hz]; the model goes on behind them
     measured_decay_rates     σ of modes 1 … m [1/s], amplitude e^(−σt); m need not be the same
 
-    Raises ValueError naming field, condition, value and remedy.
+    Raises ValueError naming field, condition, value and remedy; what is possible says LIMITS.
     """
 
     length_m: float
@@ -79,26 +102,17 @@ class String:
         for name in ("measured_frequencies_hz", "measured_decay_rates"):
             object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
 
-        for name, unit in (
-            ("length_m", " m"),
-            ("tension_n", " N"),
-            ("linear_density_kg_m", " kg/m"),
-            ("diameter_m", " m"),
-        ):
-            _require_positive(name, getattr(self, name), unit)
-        for name, unit in (
-            ("bending_stiffness_n_m2", " N m²"),
-            ("viscoelastic_loss", ""),
-            ("thermoelastic_q_inverse", ""),
-            ("air_viscosity", " kg/(m s)"),
-            ("air_density", " kg/m³"),
-        ):
-            _require(name, getattr(self, name), lambda v: v >= 0.0, f">= 0{unit}", "0 switches the effect off")
+        for name in ("length_m", "tension_n", "linear_density_kg_m", "diameter_m", "bending_stiffness_n_m2"):
+            _require_within(name, getattr(self, name))
+        for name in ("viscoelastic_loss", "thermoelastic_q_inverse", "air_viscosity", "air_density"):
+            _require_within(name, getattr(self, name))
         if self.stiffness_law not in STIFFNESS_LAWS:
             raise ValueError(f"stiffness_law must be 'sqrt' or 'linear', got {self.stiffness_law!r}")
         self._check_winding()
-        _require_measured("measured_frequencies_hz", self.measured_frequencies_hz, " Hz")
-        _require_measured("measured_decay_rates", self.measured_decay_rates, " 1/s")
+        for name in ("measured_frequencies_hz", "measured_decay_rates"):
+            for mode, value in enumerate(getattr(self, name), start=1):
+                _require_within(name, value, f"{name} of mode {mode}", "end the list before that mode")
+        self._check_derived()
 
     def _check_winding(self) -> None:
         if (self.core_diameter_m is None) != (self.winding_diameter_m is None):
@@ -107,13 +121,29 @@ class String:
                 f"got {self.core_diameter_m} and {self.winding_diameter_m}; leave both out for a plain string"
             )
         if self.core_diameter_m is not None and self.winding_diameter_m is not None:
-            _require_positive("core_diameter_m", self.core_diameter_m, " m")
-            _require_positive("winding_diameter_m", self.winding_diameter_m, " m")
+            _require_within("core_diameter_m", self.core_diameter_m)
+            _require_within("winding_diameter_m", self.winding_diameter_m)
             if self.core_diameter_m >= self.diameter_m:
                 raise ValueError(
                     f"core_diameter_m must be less than diameter_m = {self.diameter_m:g} m, "
                     f"got {self.core_diameter_m:g} m; diameter_m is the outer one"
                 )
+
+    def _check_derived(self) -> None:
+        """Numbers that are possible each by itself may describe no string together."""
+        low, high, _ = LIMITS["frequency_hz"]
+        if not low <= self.fundamental_hz <= high:
+            raise ValueError(
+                f"tension_n and linear_density_kg_m must put √(T/μ)/2L between {low:g} and {high:g} Hz, got "
+                f"{self.tension_n:g} N and {self.linear_density_kg_m:g} kg/m on {self.length_m:g} m, "
+                f"{self.fundamental_hz:.3g} Hz; check the units"
+            )
+        if self.inharmonicity > LIMITS["inharmonicity"][1]:
+            raise ValueError(
+                "bending_stiffness_n_m2 must keep the inharmonicity π²EI/(TL²) below "
+                f"{LIMITS['inharmonicity'][1]:g}, got {self.bending_stiffness_n_m2:g} N m², {self.inharmonicity:.3g}; "
+                "check the unit"
+            )
 
     @classmethod
     def from_inharmonicity(
@@ -129,11 +159,9 @@ class String:
 
         others: String's remaining fields, by name.
         """
-        _require("inharmonicity", inharmonicity, lambda b: b >= 0.0, ">= 0", "0 is a string without stiffness")
-        _require_positive("length_m", length_m, " m")
-        _require_positive("tension_n", tension_n, " N")
-        stiffness = inharmonicity * tension_n * length_m**2 / math.pi**2
-        return cls(length_m, tension_n, linear_density_kg_m, stiffness, diameter_m, **others)
+        _require_within("inharmonicity", inharmonicity, remedy="0 is a string without stiffness")
+        string = cls(length_m, tension_n, linear_density_kg_m, 0.0, diameter_m, **others)
+        return replace(string, bending_stiffness_n_m2=inharmonicity * tension_n * length_m**2 / math.pi**2)
 
     @property
     def wave_speed_m_s(self) -> float:
@@ -179,7 +207,7 @@ class String:
         tensions the same pitch, one near that with a rigid nut is taken. Raises ValueError when no tension
         gives the frequency.
         """
-        _require_positive("frequency_hz", frequency_hz, " Hz")
+        _require_within("frequency_hz", frequency_hz)
         string = replace(self, measured_frequencies_hz=(), measured_decay_rates=())
         tension = string._rigid_nut_tension(frequency_hz)
         if string.nut:
@@ -203,6 +231,8 @@ class String:
             )
         return tension
 
+    # kept, as a preset's strings are tuned when it is checked and again when it is compiled; a String is small
+    @lru_cache(maxsize=4096)  # noqa: B019
     def _mobile_nut_tension(self, frequency_hz: float, start_n: float) -> float:
         """Bisection on log T, from a bracket that grows around start_n until it holds a root."""
         from synth.physics.modes import model_frequencies  # modes needs String; only this method needs modes
@@ -240,10 +270,10 @@ def _require(name: str, value: float, holds: Callable[[float], bool], condition:
         raise ValueError(f"{name} must be a number {condition}, got {value!r}; {remedy}")
 
 
-def _require_positive(name: str, value: float, unit: str) -> None:
-    _require(name, value, lambda v: v > 0.0, f"> 0{unit}", "check the unit")
-
-
-def _require_measured(name: str, values: Iterable[float], unit: str) -> None:
-    for mode, value in enumerate(values, start=1):
-        _require(f"{name} of mode {mode}", value, lambda v: v > 0.0, f"> 0{unit}", "end the list before that mode")
+def _require_within(field: str, value: float, name: str | None = None, remedy: str | None = None) -> None:
+    """Refuses what is not within LIMITS[field]; `name` is what the message calls it."""
+    low, high, unit = LIMITS[field]
+    least = f"> 0{unit}" if low > 0.0 else f">= 0{unit}"
+    remedy = remedy or ("check the unit" if low > 0.0 else "0 switches the effect off")
+    _require(name or field, value, lambda v: v > 0.0 or v == low, least, remedy)
+    _require(name or field, value, lambda v: low <= v <= high, f"from {low:g} to {high:g}{unit}", "check the unit")

@@ -9,6 +9,7 @@ moving obstacle.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ from synth.solver.kernels import Finger, Work, advance, amplitudes, make_work, r
 from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
+from synth.solver.problem import kept_array
 from synth.solver.substeps import (
     Substeps,
     advance_substepped,
@@ -210,6 +212,45 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
             run.energy[0, 0] = run.sums[STORED]
         if run.counts[PHASE] == steps_per_output:
             _write_output(model, run)
+    return run
+
+
+#: arrays of a run that another goes on from
+_CARRIED = ("q", "v", "u_contact", "v_contact", "force", "eta", "risen")
+
+
+def kept_of(run: Run) -> dict[str, np.ndarray]:
+    """What `resume_run` goes on from: the run as it is at a row, forces of that row and, with the ledger, its sums."""
+    kept = {name: np.array(getattr(run, name)) for name in _CARRIED}
+    kept["divide"] = np.array(run.counts[DIVIDE])
+    kept["row_force"] = run.contact_force[run.counts[ROW] - 1].copy()
+    if run.energy.size:
+        kept["sums"] = run.sums.copy()
+    return kept
+
+
+def resume_run(
+    model: Model, kept: Mapping[str, np.ndarray], first: int, steps_per_output: int, outputs: int, ledger: bool
+) -> Run:
+    """A run from where another was at step `first`; its row 0 is that row. What is largest or last is so since then.
+
+    Raises ValueError for what is kept of another problem. Steps that are taken one at a time, or in blocks that begin where
+    those of an undivided run would, give the same bits.
+    """
+    n, contacts = (model.omega.size,), (model.eta.size,)
+    q, v = kept_array(kept, "q", n), kept_array(kept, "v", n)
+    run = start_run(model, q, v, kept_array(kept, "force", contacts), steps_per_output, outputs, ledger, True)
+    for name in _CARRIED:
+        array = getattr(run, name)
+        array[:] = kept_array(kept, name, array.shape)
+    run.counts[STEPS], run.counts[DIVIDE], run.counts[ROW] = first, kept_array(kept, "divide", ()) != 0, 0
+    run.counts[LAST_CONTACT] = first if np.any(run.force > 0.0) else -1
+    if ledger and "sums" in kept:
+        run.sums[:] = kept_array(kept, "sums", (_SUMS,))
+    run.sums[PENETRATION] = -np.inf if run.eta.size else 0.0
+    run.sums[RISE] = run.sums[LEAST_VISCOUS] = run.sums[LEAST_CONTACT] = 0.0
+    _write_output(model, run)
+    run.contact_force[0] = kept_array(kept, "row_force", contacts)
     return run
 
 

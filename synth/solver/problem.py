@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -25,6 +25,15 @@ class Problem(NamedTuple):
     v: np.ndarray  # (N,) q̇ at t = 0
 
 
+def kept_array(kept: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """An array of an Outcome's state; ValueError where it is missing or another problem's."""
+    if name not in kept:
+        raise ValueError(f"state.{name} is missing")
+    if kept[name].shape != shape:
+        raise ValueError(f"state.{name} must have the shape {shape}, got {kept[name].shape}")
+    return kept[name]
+
+
 @dataclass
 class Outcome:
     """What a run gave; n = steps // every + 1 rows, row 0 is t = 0. What costs much may be given as what makes it."""
@@ -36,10 +45,13 @@ class Outcome:
     energy: np.ndarray | None = None
     #: max over steps (or rows) of η − u [m]; negative: never touched; 0 without contacts
     largest_penetration_m: float = 0.0
-    #: of one step, over the energy at the start and injected since; NaN: not weighed
+    #: of one step, over the energy at the start and injected since; NaN: not weighed. Exact-hold: rounding, of the energy
+    #: or of G λ² (`schemes.clamping_warning`), whichever is greater
     largest_energy_rise: float = float("nan")
     last_contact_step: int = -1  # end of the last step with a contact force; −1: none
     contact_steps: int = 0
     unsolved_steps: int = 0
-    seconds: float = 0.0  # of the computation alone
+    seconds: float = 0.0  # of the computation alone, kernels compiled
+    #: where it ended, at the last row, and all that the scheme needs to go on from there; None: it cannot go on
+    state: dict[str, np.ndarray] | None = None
     notes: dict[str, Any] = field(default_factory=dict)  # more for the summary, by the scheme's own names

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -30,7 +31,7 @@ from synth.solver.kernels import fly, push_modes
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients
 from synth.solver.penalty import force as law_force
 from synth.solver.penalty import potential
-from synth.solver.problem import Outcome, Problem
+from synth.solver.problem import Outcome, Problem, kept_array
 from synth.solver.vectors import FAST, dot
 
 NEWTON = 0
@@ -444,12 +445,44 @@ def start(problem: Problem, model: Model, ledger: bool) -> State:
     return state
 
 
-def solve(problem: Problem, model: Model, ledger: bool) -> Outcome:
-    """Runs the problem to its end."""
-    state = start(problem, model, ledger)
-    started = time.perf_counter()
+#: arrays of a state that a run goes on from
+_CARRIED = ("q", "w", "before", "now", "force", "psi")
+
+
+def resume(problem: Problem, model: Model, ledger: bool, kept: Mapping[str, np.ndarray], first: int) -> State:
+    """A run from where another was at step `first`, of which `kept` is what `solve` gave; its row 0 is that row."""
+    none = np.zeros(model.omega.size)
+    state = start(problem._replace(q=none, v=none), model, ledger)
+    for name in _CARRIED:
+        array = getattr(state, name)
+        array[:] = kept_array(kept, name, array.shape)
+    sums, counts = state.sums, state.counts
+    sums[:], counts[:] = 0.0, 0
+    if ledger and "sums" in kept:
+        for place in (_STORED, _POTENTIAL, _VISCOUS, _CONTACT, _INITIAL):
+            sums[place] = kept_array(kept, "sums", sums.shape)[place]
+    else:
+        sums[_STORED] = stored(MOREAU_JEAN_FILTERED, model.omega, model.factor, model.mu, model.dt, state.q, state.w)
+        sums[_POTENTIAL] = _held(model, state)
+        sums[_INITIAL] = sums[_STORED] + sums[_POTENTIAL]
+    sums[_DEPTH] = max((*state.before, *state.now), default=0.0)
+    counts[_STEPS], counts[_LAST] = first, first if np.any(state.force != 0.0) else -1
+    state.totals[:] = 0.0
+    _write_row(model, state)
+    state.contact_force[0] = kept_array(kept, "row_force", state.force.shape)
+    return state
+
+
+def solve(
+    problem: Problem, model: Model, ledger: bool, kept: Mapping[str, np.ndarray] | None = None, first: int = 0
+) -> Outcome:
+    """Runs the problem to its last row, from its start or from what an Outcome's state kept at step `first`."""
+    state = start(problem, model, ledger) if kept is None else resume(problem, model, ledger, kept, first)
     advance = _advance_one if model.eta.size == 1 and model.grid.shape[0] == 0 and not ledger else _advance
-    advance(model, state, problem.steps - 1, problem.every)
+    advance(model, state, 0, problem.every)  # compiles
+    last = first + problem.steps // problem.every * problem.every
+    started = time.perf_counter()
+    advance(model, state, max(0, last - int(state.counts[_STEPS])), problem.every)
     seconds = time.perf_counter() - started
     sums, counts = state.sums, state.counts
     notes: dict[str, Any] = {
@@ -480,4 +513,7 @@ def solve(problem: Problem, model: Model, ledger: bool) -> Outcome:
         unsolved_steps=int(counts[_UNSOLVED]),
         seconds=seconds,
         notes=notes,
+        state={name: np.array(getattr(state, name)) for name in _CARRIED}
+        | {"row_force": state.contact_force[-1].copy()}
+        | ({"sums": sums.copy()} if ledger else {}),
     )

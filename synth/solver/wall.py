@@ -24,6 +24,7 @@ how often there are rows changes nothing.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ from synth.solver.energy import stored
 from synth.solver.flights import Flights, flown, hop, largest, make_flights
 from synth.solver.kernels import fly
 from synth.solver.laws import EXACT_HOLD, coefficients
-from synth.solver.problem import Problem
+from synth.solver.problem import Problem, kept_array
 from synth.solver.sine import Sine, make_sine, transform
 from synth.solver.vectors import FAST, dot
 
@@ -417,6 +418,33 @@ def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = T
     depth = float((problem.eta - problem.shapes @ problem.q).max())
     if depth > 1e-9 * max(float(np.abs(problem.q).max()), 1e-6):
         raise ValueError(f"the start must lie over the wall, got {depth:g} m below it; lower the wall or raise the string")
+    return _make_run(problem, wall, ledger, contact_rows)
+
+
+def kept_of(run: Run) -> dict[str, np.ndarray]:
+    """What `resume_run` goes on from: the run after its last step, which is a row."""
+    return {"q": run.q.copy(), "v": run.v.copy(), "touching": run.touching.copy(), "account": run.account.copy(),
+            "sums": run.sums.copy()}  # fmt: skip
+
+
+def resume_run(problem: Problem, wall: Wall, kept: Mapping[str, np.ndarray], ledger: bool, contact_rows: bool = True) -> Run:
+    """A run from where another ended, steps counted anew; the problem's q, v are of no account. Its row 0 is that row.
+
+    Flights from row to row are divided otherwise than in an undivided run: the same to rounding.
+    """
+    q, v = (kept_array(kept, name, wall.omega.shape) for name in ("q", "v"))
+    run = _make_run(problem._replace(q=q, v=v), wall, ledger, contact_rows)
+    run.touching[:] = kept_array(kept, "touching", run.touching.shape) != 0
+    run.account[:] = kept_array(kept, "account", run.account.shape)
+    run.counts[HOLDING] = np.count_nonzero(run.touching)
+    run.sums[HELD] = wall.mu * wall.spacing * run.account.sum()
+    if ledger:
+        for place in (VISCOUS, LOST):
+            run.sums[place] = kept_array(kept, "sums", run.sums.shape)[place]
+    return run
+
+
+def _make_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool) -> Run:
     rows, contacts, n = problem.steps // problem.every + 1, problem.eta.size, problem.omega.size
     run = Run(
         q=np.array(problem.q, dtype=np.float64),

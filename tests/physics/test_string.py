@@ -6,8 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from synth.physics.modes import modal_frequencies, model_frequencies
-from synth.physics.string import NutResonance, String
+from synth.physics.modes import decay_rates, modal_frequencies, model_frequencies
+from synth.physics.string import LIMITS, NutResonance, String
 
 NUT = (NutResonance(45.0, 20.0, 1.5), NutResonance(110.0, 30.0, 0.8))
 
@@ -137,3 +137,37 @@ def test_a_bar_cannot_be_tuned_below_its_own_pitch(law):
 def test_tuned_needs_a_frequency(guitar, bad):
     with pytest.raises(ValueError, match="frequency_hz must be a number > 0 Hz"):
         guitar.tuned(bad)
+
+
+@pytest.mark.parametrize("field", [name for name in LIMITS if name != "inharmonicity"])
+def test_no_field_takes_what_no_string_has(bass, field):
+    """Refused by its own name, whatever is made of it later; zero where an effect may be absent."""
+    measured = dataclasses.replace(bass, nut=NUT, measured_frequencies_hz=(50.0,), measured_decay_rates=(1.0,))
+    low, high, _ = LIMITS[field]
+
+    def made(value):
+        if field in ("frequency_hz", "q", "modal_mass_kg"):
+            return dataclasses.replace(measured, nut=(dataclasses.replace(NUT[0], **{field: value}),))
+        return dataclasses.replace(measured, **{field: (value,) if field.startswith("measured") else value})
+
+    for bad in (1e308, 2.0 * high, -1.0, math.nan, math.inf, -math.inf, *([0.0, 1e-308, 0.5 * low] if low > 0.0 else [])):
+        with pytest.raises(ValueError, match=f"{field}.* must be a number .*, got .*; "):
+            made(bad)
+    if low == 0.0:
+        for little in (0.0, 5e-324, 1e-308):
+            assert np.all(np.isfinite(modal_frequencies(made(little), 50)))
+            assert np.all(decay_rates(made(little), 50) > 0.0)
+
+
+def test_fields_that_describe_no_string_together():
+    with pytest.raises(ValueError, match=r"tension_n and linear_density_kg_m must .* got 1e\+09 N and 1e-12 kg/m on 0\.001"):
+        String(1e-3, 1e9, 1e-12, 0.0, 1e-3)
+    with pytest.raises(ValueError, match=r"bending_stiffness_n_m2 must keep the inharmonicity .* below 1e\+12, got 1e\+09"):
+        String(1e-2, 1e-3, 1e-3, 1e9, 1e-3)
+    for bad in (1e308, -1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match=r"^inharmonicity must be a number"):
+            String.from_inharmonicity(1.0, 100.0, 1e-3, bad, 1e-3)
+    with pytest.raises(ValueError, match=r"^length_m must be a number from"):
+        String.from_inharmonicity(1e308, 100.0, 1e-3, 1e-4, 1e-3)
+    with pytest.raises(ValueError, match=r"^frequency_hz must be a number from"):
+        String(1.0, 100.0, 1e-3, 0.0, 1e-3).tuned(1e200)
