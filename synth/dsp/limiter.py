@@ -61,6 +61,34 @@ def limiter_state(channels: int) -> LimiterState:
     )
 
 
+def limiter_problem(state: LimiterState, ceiling: float) -> str | None:
+    """What keeps :func:`limit` from going on below ``ceiling`` from a state of this shape, in words; None: nothing does."""
+    place, ring, active = (int(count) for count in state.counters)
+    for name, value, most in (
+        ("place in the delay", place, LOOKAHEAD - 1),
+        ("place in the rings", ring, _WINDOW - 1),
+        ("number of frames until release", active, 2 * _WINDOW),
+    ):
+        if not 0 <= value <= most:
+            return f"the {name} must lie between 0 and {most}, got {value}"
+    if not np.isfinite(state.delay).all():
+        return "the delay holds what is not finite"
+    for reductions in (state.required, state.released, state.levels):
+        wrong = reductions[~((reductions >= 0.0) & (reductions < 1.0))]
+        if wrong.size:
+            return f"reductions must lie between 0 and 1, got {wrong[0]:g}"
+    for ringed in (state.required, state.released):
+        if not np.array_equal(ringed[:_WINDOW], ringed[_WINDOW:]):
+            return "a ring of reductions is not written twice"
+    # frame k from now leaves from the delay at place + k; it came LOOKAHEAD − k frames ago, and so did its reduction
+    k = np.arange(LOOKAHEAD)
+    over = np.abs(state.delay[(place + k) % LOOKAHEAD]).max(axis=1) > ceiling
+    known = state.required[(ring + 1 + k) % _WINDOW] > 0.0
+    if (over & ~known).any() or (over.any() and active < _WINDOW):
+        return "the delay holds what is above the ceiling, and no reduction for it"
+    return None
+
+
 def release_coefficient(rate_hz: float, release_s: float = RELEASE_S) -> float:
     """Share of the distance that the release covers per frame, 1 − exp(−1/(release_s·rate_hz))."""
     if not (rate_hz > 0 and release_s > 0):

@@ -30,6 +30,7 @@ from synth.engine.expression import bend_of, follow, height_of
 from synth.engine.flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.layout import (
     BEGIN,
+    BLOWN_UP,
     CHECK_EVERY,
     CORE,
     FIRST_QUANTUM,
@@ -61,6 +62,10 @@ PRUNE_WITHIN_M = 1e-9
 SPARE_S = 0.1
 #: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
 SLEEP_BELOW = 1e-5
+#: a string has blown up when it is displaced by more than so many of its lengths, or moves faster than so many times the
+#: speed of its waves (root mean squares along it): at one, slopes are about 1 and no string obeys linear equations any
+#: more; plucked strings stay below a hundredth. Only a scheme that gains energy, or a state that is none, comes there
+TOO_FAR = 10.0
 
 
 def _work_on(core: int, desk: int, s: int, _: int) -> None:
@@ -78,6 +83,8 @@ def _work_on(core: int, desk: int, s: int, _: int) -> None:
             if not state_of(core).sounding[s].awake:
                 break
             _advance_string(core, desk, s, k * QUANTUM, int(np.int64(QUANTUM)))  # a literal would compile it once more
+            if not state_of(core).sounding[s].awake:
+                break
 
 
 @cache
@@ -145,6 +152,67 @@ def _advance_string(core: int, desk: int, s: int, start: int, frames: int) -> No
             if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
                 finger_done(core, desk, s)
     fade(core, s, start, frames)
+    if not (_moves_like_a_string(core, s) and _sounds(core, s, start)):
+        _silence(core, s, start)
+
+
+@njit(**CORE)
+def _moves_like_a_string(core: int, s: int) -> bool:
+    """Whether displacement and velocity are finite and within `TOO_FAR`."""
+    bank, state = bank_of(core), state_of(core)
+    me = state.sounding[s]
+    off = bank.strings[s].off
+    model = bank.models[me.model]
+    q, v = state.q[off : off + me.n], state.v[off : off + me.n]
+    length = model.length
+    # modes are normalised: ∫u² dx = Σ q², so that the mean square is Σ q²/L; a bend upwards raises the waves' speed
+    tension = model.tension * 2.0 ** (max(0.0, me.bend) / 6.0)
+    far, fast = TOO_FAR * TOO_FAR * length * length, TOO_FAR * TOO_FAR * tension / model.mu
+    return dot(q, q) <= far * length and dot(v, v) <= fast * length
+
+
+@njit(**CORE)
+def _span_of(place: int, begin: int, end: int, start: int):
+    """(first, past the last) element of what a row at `place` holds, from `begin` to `end`, not before `start`."""
+    first = max(begin, start)
+    return place + first, place + max(first, end)
+
+
+@njit(**CORE)
+def _sounds(core: int, s: int, start: int) -> bool:
+    """Whether what the string has given since frame `start` of the span is finite and below `BLOWN_UP`."""
+    shared = shared_of(core)
+    fixed = bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    first, end = _span_of(fixed.row, me.row_from, me.row_to, start * fixed.factor)
+    row = shared.rows[first:end]
+    first, end = _span_of(fixed.direct, me.direct_from, me.direct_to, start)
+    direct = shared.direct[first:end]
+    return dot(row, row) <= BLOWN_UP * BLOWN_UP and dot(direct, direct) <= BLOWN_UP * BLOWN_UP
+
+
+@njit(**CORE)
+def _silence(core: int, s: int, start: int) -> None:
+    """The string has blown up: what it has given since frame `start` is taken back, and it sleeps until it is plucked."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    fixed = bank.strings[s]
+    me = state.sounding[s]
+    first, end = _span_of(fixed.row, me.row_from, me.row_to, start * fixed.factor)
+    shared.rows[first:end] = 0.0
+    first, end = _span_of(fixed.direct, me.direct_from, me.direct_to, start)
+    shared.direct[first:end] = 0.0
+    contacts = slice(fixed.coff, fixed.coff + fixed.cmax)
+    state.u[contacts] = 0.0
+    state.vc[contacts] = 0.0
+    state.force[contacts] = 0.0
+    state.margin[contacts] = 0.0
+    state.bounds[contacts] = 0.0
+    state.finger_state[s] = 0.0
+    me.base = me.rest
+    me.fade_at = me.fade_to = 0
+    me.flying = 0
+    me.silenced += 1
+    sleep(core, s)
 
 
 def _steps(core: int, desk: int, s: int, steps: int) -> None:

@@ -9,21 +9,19 @@ Python prepares (plan, compile, bank); `process` hands a block to the native cor
 
 from __future__ import annotations
 
-import hashlib
-import io
 import math
-import zlib
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
-from zipfile import BadZipFile
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.compile import CompiledPart, compile_preset
+from synth.check import check
+from synth.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import LOOKAHEAD, LimiterState, largest_reduction_db, release_coefficient
-from synth.engine import layout
+from synth.engine import arguments, layout, snapshot
 from synth.engine.advance import entries
 from synth.engine.bank import build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.events import EVENT
@@ -31,16 +29,20 @@ from synth.engine.layout import Bank, Scratch, Settings, Shared, State
 from synth.engine.notes import set_zone
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
+from synth.engine.state_check import check_state
 from synth.engine.team import Team, cores
 from synth.engine.views import table
 from synth.engine.zones import LOWER, MOST_MEMBERS
-from synth.preset import Preset, playable_range
+from synth.preset import Preset, PresetError, why_unplayed
+from synth.schemes import energy_warning
 from synth.solver.laws import law_of
-from synth.units import LN_1000, db_to_gain, hz_to_midi, midi_to_note
+from synth.units import LN_1000, db_to_gain, hz_to_midi
 
 DC_BLOCK_HZ = 8.0
 #: the limiter holds the mix this far below full scale, where every file format can hold it [dBFS]
 CEILING_DB = -0.1
+#: longest block [frames], and most strings that can be asked for
+MOST_BLOCK, MOST_STRINGS = 1 << 24, 1 << 20
 
 
 class Unplayed(NamedTuple):
@@ -54,7 +56,8 @@ class Unplayed(NamedTuple):
 
 @dataclass(frozen=True)
 class EngineReport:
-    """What has happened since `reset`."""
+    """What has happened since `reset`. `silenced`: how often a string whose motion had blown up, or a part whose filters
+    held no sound any more, was silenced (`advance.TOO_FAR`, `layout.BLOWN_UP`)."""
 
     peak: float
     limiter_reduction_db: float
@@ -67,6 +70,7 @@ class EngineReport:
     events_dropped: int
     mode_steps: int
     unsolved_contacts: int
+    silenced: int
 
 
 class Engine:
@@ -82,7 +86,11 @@ class Engine:
                  every_fret what else can be played on the others. No effect on the sound of those notes
     mpe          begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
     threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
-    Raises ValueError (PresetError among them) for what cannot be played.
+    warn         told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`);
+                 None: Python's warnings are, as RuntimeWarning
+    Raises ValueError (PresetError among them) for what cannot be played, TypeError for what is of another kind.
+
+    Copied (`copy`) or unpickled it is an engine of its own, made and prepared anew with all that sounds, but for `warn`.
     """
 
     def __init__(
@@ -104,75 +112,131 @@ class Engine:
         threads: int | str = 1,
         bindings: Bindings | None = None,
         mpe: bool = False,
+        warn: Callable[[str], None] | None = None,
     ) -> None:
-        if not parts:
-            raise ValueError("an engine needs at least one preset")
-        if not 0.0 <= restitution <= 1.0:
-            raise ValueError(f"restitution must lie between 0 and 1, got {restitution:g}")
-        if max_polyphony is not None and max_polyphony < 1:
-            raise ValueError(f"polyphony must be at least 1, got {max_polyphony}")
-        if threads != "auto" and not (isinstance(threads, int) and threads >= 1):
+        self._bank: Bank | None = None
+        self._team: Team | None = None
+        self.compiled: tuple[CompiledPart, ...] = ()
+        self.parts = arguments.presets(parts)
+        if isinstance(threads, bool) or (threads != "auto" and not (isinstance(threads, int) and threads >= 1)):
             raise ValueError(f"threads must be a whole number from 1 on or 'auto', got {threads!r}")
-        self.parts = tuple(parts)
-        if program_map is None:
-            program_map = np.full((16, 128), 0 if len(parts) == 1 else -1)
-            if len(parts) > 1:
-                for p in range(min(16, len(parts))):
-                    program_map[p] = p
-        self.program_map = np.array(program_map, dtype=np.int64)
-        if self.program_map.shape != (16, 128):
-            raise ValueError(f"program_map must be (16, 128), got {self.program_map.shape}")
-        if self.program_map.max() >= len(parts):
-            raise ValueError(f"program_map names part {self.program_map.max()}, there are {len(parts)}")
+        self.program_map = arguments.program_map(program_map, len(self.parts))
+        law_of(scheme if isinstance(scheme, str) else repr(scheme))
         channels = []
         for p in range(len(parts)):
             of_part = np.flatnonzero((self.program_map == p).any(axis=1))
             channels.append(int(of_part[0]) if of_part.size else 0)
         self._channels = channels
-        self.quality = quality
+        self.quality = arguments.quality(quality)
         self.scheme = scheme
-        self.restitution = float(restitution)
+        self.restitution = arguments.a_number("restitution", restitution, 0.0, 1.0)
         self.internal_rate_hz = internal_rate_hz
+        if internal_rate_hz is not None:
+            arguments.a_number("internal_rate_hz", internal_rate_hz, 0.0, arguments.MAXIMUM_INTERNAL_HZ, " Hz")
         self.limiter = limiter
-        self.gain_db = gain_db
-        self.max_polyphony = max_polyphony
-        self.note_hz = note_hz
+        self.gain_db = arguments.a_number("gain_db", gain_db, -arguments.MOST_GAIN_DB, arguments.MOST_GAIN_DB, " dB")
+        self.max_polyphony = (
+            None if max_polyphony is None else arguments.a_count("polyphony", max_polyphony, 1, MOST_STRINGS)
+        )
+        self.note_hz = arguments.note_frequencies(note_hz)
         self.economy = quality in ("draft", "standard") if economy is None else economy
-        self._only_notes = only_notes
+        self._only_notes = arguments.wanted_notes(only_notes, len(self.parts))
         self._every_fret = every_fret
         self.rate_hz = 0.0
+        self.max_block = 0
         self.threads = threads
         self.mpe = mpe
-        self._bindings = bound_rows(bindings or {}, self.parts)
-        self._bank: Bank | None = None
-        self._team: Team | None = None
+        self._given_bindings = dict(bindings or {})
+        self._bindings = bound_rows(self._given_bindings, self.parts)
+        self._warn = warn
 
-    def prepare(self, rate_hz: float, max_block: int = 4096) -> None:
-        """Compile every playable note for an output rate [Hz], compile the kernels, reset. `max_block` [frames]."""
-        if max_block < 1:
-            raise ValueError(f"max_block must be at least 1 frame, got {max_block}")
+    def __repr__(self) -> str:
+        names = ", ".join(preset.name for preset in self.parts)
+        if self._bank is None:
+            state = "not prepared"
+        else:
+            strings = self._bank.strings.size
+            state = f"{self.rate_hz:g} Hz, blocks of {self.max_block}, {strings} string{'' if strings == 1 else 's'}"
+        return f"<Engine {names}: {self.quality}, {self.scheme}, {state}>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What it was made and prepared with, and what sounds: no address leaves the process."""
+        made = {
+            "parts": self.parts,
+            "program_map": self.program_map,
+            "quality": self.quality,
+            "scheme": self.scheme,
+            "restitution": self.restitution,
+            "internal_rate_hz": self.internal_rate_hz,
+            "limiter": self.limiter,
+            "gain_db": self.gain_db,
+            "max_polyphony": self.max_polyphony,
+            "note_hz": self.note_hz,
+            "economy": self.economy,
+            "only_notes": self._only_notes,
+            "every_fret": self._every_fret,
+            "threads": self.threads,
+            "bindings": self._given_bindings,
+            "mpe": self.mpe,
+        }
+        if self._bank is None:
+            return {"made": made, "prepared": None}
+        return {"made": made, "prepared": (self.rate_hz, self.max_block, self.get_state())}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        self.__init__(**kept["made"], warn=_say_nothing)  # type: ignore[misc]
+        if kept["prepared"] is not None:
+            rate_hz, max_block, sounding = kept["prepared"]
+            self.prepare(rate_hz, max_block)
+            self.set_state(sounding)
+        self._warn = None
+
+    def prepare(self, rate_hz: float, max_block: int = 4096, progress: Callable[[int, int], None] | None = None) -> None:
+        """Compile every playable note for an output rate [Hz], compile the kernels, reset. `max_block` [frames].
+
+        progress: called with (strings that are compiled, all there are) after each of them.
+        Raises ValueError or TypeError for a rate or block that cannot be, PresetError for notes that cannot be played.
+        """
+        rate_hz = arguments.rate(rate_hz)
+        max_block = arguments.a_count("max_block", max_block, 1, MOST_BLOCK)
         self.close()
         self._bank = None  # until all is there: `process` works on addresses
-        self.rate_hz = float(rate_hz)
-        self.max_block = int(max_block)
+        self.rate_hz = rate_hz
+        self.max_block = max_block
         cache: dict[tuple, CompiledPart] = {}
         compiled = []
+        only = [None] * len(self.parts) if self._only_notes is None else self._only_notes
+        wanted_strings = [wanted_notes(preset, notes) for preset, notes in zip(self.parts, only, strict=True)]
+        strings: dict[tuple, CompiledString] = {}  # that parts share
+        done, total = 0, sum(len(each) for each in wanted_strings)
         for p, preset in enumerate(self.parts):
-            wanted = self._only_notes[p] if self._only_notes is not None else None
-            key = (id(preset), None if wanted is None else frozenset(wanted))
+            wanted = only[p]
+            key = (id(preset), wanted)
             if key not in cache:
-                cache[key] = compile_preset(
-                    preset,
-                    quality=self.quality,
-                    rate_hz=self.rate_hz,
-                    scheme=self.scheme,
-                    internal_rate_hz=self.internal_rate_hz,
-                    note_hz=self.note_hz,
-                    only_notes=wanted,
-                    every_fret=self._every_fret,
-                )
+                try:
+                    cache[key] = compile_preset(
+                        preset,
+                        quality=self.quality,
+                        rate_hz=self.rate_hz,
+                        scheme=self.scheme,
+                        internal_rate_hz=self.internal_rate_hz,
+                        note_hz=self.note_hz,
+                        only_notes=wanted,
+                        every_fret=self._every_fret,
+                        made=strings,
+                        progress=None if progress is None else lambda here, before=done: progress(before + here, total),
+                    )
+                except PresetError:
+                    check(preset, preset.name)  # says all that is wrong, where it is the preset's own doing
+                    raise
             compiled.append(cache[key])
+            done += len(wanted_strings[p])
         self.compiled = tuple(compiled)
+        for text in self.warnings:
+            if self._warn is None:
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
+            else:
+                self._warn(text)
         law = law_of(self.scheme)
         bank = build_bank(
             compiled, self._channels, self.program_map, self.rate_hz, law, self._compiled_pitch(), self._bindings
@@ -192,6 +256,7 @@ class Engine:
             int(self.economy),
             span_quanta(compiled),
         )
+        self._origin = snapshot.origin_of(bank, self._settings)
         self._shared: Shared = new_shared(bank, self._settings.span, entries())
         self._scratch: Scratch = new_scratch(bank)
         self._desk = table(self._scratch)
@@ -202,6 +267,17 @@ class Engine:
         self.reset()
         self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
         self.reset()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What may go wrong with this scheme at the internal rates that `prepare` has chosen."""
+        plans = [(s.factor, position.omega) for part in self.compiled for s in part.strings for position in s.positions]
+        if not plans:
+            return []
+        slowest = self.rate_hz * min(factor for factor, _ in plans)
+        highest_hz = max(float(omega.max()) for _, omega in plans) / (2.0 * math.pi)
+        risk = energy_warning(self.scheme, self.restitution, slowest, "internal_rate_hz", self.rate_hz, highest_hz)
+        return [] if risk is None else [risk]
 
     def reset(self) -> None:
         """Silence, controllers at their power-up values, counters at zero."""
@@ -239,7 +315,7 @@ class Engine:
     def close(self) -> None:
         """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself.
 
-        Threads do not survive a fork: a child that goes on playing must `prepare` anew.
+        Threads do not survive a fork: in the child one thread computes all, until `prepare` starts others.
         """
         if self._team is not None:
             self._team.end()
@@ -247,22 +323,27 @@ class Engine:
 
     def _prepared(self) -> Bank:
         if self._bank is None:
-            raise ValueError("call prepare(rate_hz, max_block) first")
+            raise ValueError("the engine is not prepared; call prepare(rate_hz, max_block) first")
         return self._bank
 
     def process(self, events: np.ndarray, out: np.ndarray, stems: np.ndarray | None = None) -> None:
         """One block. events: EVENT array, frames from 0 to the block's length, in order. out: (frames, 2) float64,
-        overwritten. stems: (parts, frames, 2) or None, overwritten with every part before the limiter."""
+        overwritten. stems: (parts, frames, 2) or None, overwritten with every part before the limiter.
+
+        Raises TypeError or ValueError, and does nothing, where one of them is not so, or an event is none that
+        `synth.engine.events` knows (values of live parameters beyond their ranges are brought back inside).
+        """
         self._prepared()
+        out = arguments.output("out", out, (None, 2), "(frames, 2)")
+        if stems is None:
+            stems = np.zeros((0, 0, 2))
+        else:
+            shape = (len(self.parts), len(out), 2)
+            stems = arguments.output("stems", stems, shape, str(shape))
+        events = arguments.events(events, len(out), len(self.parts))
         room = self._state.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
             self._grow_queue(2 * (self._state.pending.size + events.size))
-        if out.ndim != 2 or out.shape[1] != 2 or out.dtype != np.float64 or not out.flags.c_contiguous:
-            raise ValueError(f"out must be a contiguous (frames, 2) float64 array, got {out.shape} {out.dtype}")
-        if stems is None:
-            stems = np.zeros((0, 0, 2))
-        elif stems.shape != (len(self.parts), *out.shape):
-            raise ValueError(f"stems must be ({len(self.parts)}, {out.shape[0]}, 2), got {stems.shape}")
         process(self._core.ctypes.data, self._desk.ctypes.data, events, out, stems)
 
     @property
@@ -273,16 +354,24 @@ class Engine:
 
     @property
     def strings_sounding(self) -> int:
+        self._prepared()
         return int(self._state.sounding["awake"].sum())
+
+    @property
+    def notes_unplayed(self) -> int:
+        """Notes that found no string (see `report`)."""
+        return int(self._state.unplayed.sum())
 
     @property
     def events_dropped(self) -> int:
         """Events that found the queue full."""
+        self._prepared()
         return int(self._state.counters[layout.N_DROPPED])
 
     @property
     def expressions(self) -> dict[int, int]:
         """Channels whose volume and expression count for a part now, with the value of controller 11 there."""
+        self._prepared()
         channels = {int(part["channel"]) for part in self._state.part_state}
         return {c: round(127.0 * math.sqrt(self._state.channels[c]["expression"])) for c in sorted(channels)}
 
@@ -300,6 +389,7 @@ class Engine:
     @property
     def tail_seconds(self) -> float:
         """Time to −60 dB of the string that rings longest when nothing damps it, at most 60 s."""
+        self._prepared()
         slowest = min(
             (float(position.sigma.min()) for part in self.compiled for s in part.strings for position in s.positions),
             default=1.0,
@@ -309,23 +399,25 @@ class Engine:
     @property
     def silent(self) -> bool:
         """No string is awake and no event waits."""
+        self._prepared()
         return not (self._state.sounding["awake"].any() or self._state.counters[layout.PENDING])
 
     @property
     def spare(self) -> float:
         """Output level (linear) below which a string that no key holds is damped away; 0: none is. `reset` sets it to 0."""
+        self._prepared()
         return float(self._state.meters[layout.SPARE])
 
     @spare.setter
     def spare(self, level: float) -> None:
-        if not 0.0 <= level < math.inf:
-            raise ValueError(f"the level below which strings are spared must be 0 or more, got {level:g}")
         self._prepared()
-        self._state.meters[layout.SPARE] = level
+        most = layout.BLOWN_UP  # no string's is higher
+        self._state.meters[layout.SPARE] = arguments.a_number("the level below which strings are spared", level, 0.0, most)
 
     def reserve(self, events: int) -> None:
         """Room for at least so many events that wait, for callers of the native core, which cannot make any."""
         self._prepared()
+        events = arguments.a_count("events", events, 0, snapshot.MOST_EVENTS)
         if events > self._state.pending.size:
             self._grow_queue(events)
 
@@ -336,35 +428,21 @@ class Engine:
 
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
-        buffer = io.BytesIO()
-        np.savez(buffer, bank=self._fingerprint(), **self._state._asdict())
-        return buffer.getvalue()
-
-    def _fingerprint(self) -> np.ndarray:
-        """(16,) bytes that tell banks and settings apart."""
-        digest = hashlib.blake2b(repr(self._settings).encode(), digest_size=16)
-        for array in self._prepared():
-            digest.update(array.tobytes())
-        return np.frombuffer(digest.digest(), np.uint8)
+        self._prepared()
+        return snapshot.pack(self._state, self._origin)
 
     def set_state(self, data: bytes) -> None:
-        """Go on from a state. Raises ValueError where it belongs to another bank."""
-        try:
-            with np.load(io.BytesIO(data)) as loaded:
-                origin = loaded["bank"]
-                fields = {name: loaded[name] for name in State._fields}
-        except (KeyError, OSError, EOFError, ValueError, BadZipFile, zlib.error) as error:
-            raise ValueError(f"not a state of this engine: {error}") from None
-        if not np.array_equal(origin, self._fingerprint()):
-            raise ValueError("the state comes from other presets, rate or quality; prepare the engine in the same way")
+        """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
+        another version, or from other presets, rate or quality: the engine then goes on from where it was."""
+        bank = self._prepared()
+        state = snapshot.unpack(data, self._state, self._origin)
+        check_state(bank, self._settings, self._state, state, default_parameters(self.compiled))
+        waiting = state.pending.size
+        if waiting > self._state.pending.size:
+            self._grow_queue(waiting)
         for name, mine in self._state._asdict().items():
-            fits = fields[name].ndim == 1 if name == "pending" else fields[name].shape == mine.shape
-            if fields[name].dtype != mine.dtype or not fits:
-                raise ValueError(f"the state's {name} does not fit: it comes from other presets, rate or quality")
-        if fields["pending"].size != self._state.pending.size:
-            self._set_queue(fields["pending"])
-        for name, mine in self._state._asdict().items():
-            mine[:] = fields[name]
+            fresh = getattr(state, name)
+            mine[: len(fresh)] = fresh
 
     def _grow_queue(self, size: int) -> None:
         bigger = np.zeros(size, EVENT)
@@ -380,10 +458,12 @@ class Engine:
     @property
     def mode_steps(self) -> int:
         """Work done since reset: modes × internal steps."""
+        self._prepared()
         return int(self._state.sounding["mode_steps"].sum())
 
     def report(self) -> EngineReport:
         """What has happened since `reset`."""
+        self._prepared()
         state = self._state
         counters = state.counters
         unplayed = []
@@ -392,13 +472,7 @@ class Engine:
             if p == len(self.parts):
                 unplayed.append(Unplayed(-1, int(note), count, "its channel has no preset"))
                 continue
-            low, high = playable_range(self.parts[p])
-            reason = (
-                f"outside {midi_to_note(low)}-{midi_to_note(high)}"
-                if not low <= note <= high
-                else "no string is tuned to it"
-            )
-            unplayed.append(Unplayed(int(p), int(note), count, reason))
+            unplayed.append(Unplayed(int(p), int(note), count, why_unplayed(self.parts[p], int(note))))
         limiter = LimiterState(state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels)
         return EngineReport(
             float(state.meters[layout.PEAK]),
@@ -412,4 +486,9 @@ class Engine:
             int(counters[layout.N_DROPPED]),
             self.mode_steps,
             int(state.sounding["unsolved"].sum()),
+            int(state.sounding["silenced"].sum() + state.part_state["silenced"].sum()),
         )
+
+
+def _say_nothing(text: str) -> None:
+    """A copy was warned about when the original was made."""

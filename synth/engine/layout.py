@@ -13,6 +13,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import numpy as np
 
 from synth.engine.events import EVENT
+from synth.engine.events import N_PARAMETERS as N_PARAMETERS
 from synth.solver.lanes import BLOCK
 
 #: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
@@ -36,6 +37,10 @@ LINE_F8 = 8
 RESPONSE = 2 * BLOCK
 #: frames over which a string changes between its internal rate and free flight at the output rate; a multiple of QUANTUM
 FADE = 64
+
+#: linear output of a string or a part from which on it is no sound any more but a computation that has blown up (240 dB
+#: above full scale; presets may ask for 200 dB)
+BLOWN_UP = 1e12
 
 #: kinds of arrays: element type and number of dimensions
 F8 = Annotated[np.ndarray, np.dtype(np.float64), 1]
@@ -96,9 +101,8 @@ STRING = np.dtype(
 
 POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True)
 
-#: live parameters of a part, in this order
+#: live parameters of a part, in this order (N_PARAMETERS)
 GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT = range(6)
-N_PARAMETERS = 6
 #: smallest and largest value of each; events beyond are brought back inside
 PARAMETER_RANGES = ((0.0, 4.0), (0.02, 0.5), (0.0, 2.0), (0.5, 50.0), (0.1, 20.0), (-200.0, 50.0))
 #: how a controller runs through a range: evenly, evenly in ratios, or as its square (a level: the middle near unity)
@@ -213,6 +217,7 @@ SOUNDING = np.dtype(
         ("reached", "i8"),  # frames of a quantum with events that it has gone through
         ("mode_steps", "i8"),  # work done
         ("unsolved", "i8"),  # calls in which a contact problem was not solved
+        ("silenced", "i8"),  # times that its motion had blown up
         ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
         ("plucked_at", "i8"),
         ("phase", "i8"),
@@ -270,6 +275,7 @@ PART_STATE = np.dtype(
         ("height", "f8"),
         ("still", "i8"),  # nothing rings in its filters any more
         ("channel", "i8"),  # whose volume, expression and pan count: the last one to play it or to set them
+        ("silenced", "i8"),  # times that its filters held what is no sound
     ],
     align=True,
 )

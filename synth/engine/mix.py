@@ -13,9 +13,10 @@ from numba import njit
 from synth.dsp.body import body_filter
 from synth.dsp.decimator import decimate_line
 from synth.dsp.limiter import limit
-from synth.engine.layout import CORE, GAIN, QUANTUM, RING
+from synth.engine.layout import BLOWN_UP, CORE, GAIN, QUANTUM, RING
 from synth.engine.views import bank_of, settings_of, shared_of, state_of
 from synth.simd import move_within
+from synth.solver.vectors import dot
 
 #: what a part's filters still hold counts as nothing below this (−240 dBFS)
 STILL_BELOW = 1e-12
@@ -142,6 +143,10 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
                 right += share * (to_right - right)
                 stem[i, 0] = left * x[i]
                 stem[i, 1] = right * x[i]
+        loud = stem.reshape(-1)
+        if not dot(loud, loud) <= BLOWN_UP * BLOWN_UP:
+            _silence_part(core, p, mono[begin:], stem)
+            continue
         for i in range(QUANTUM):
             y[i, 0] += stem[i, 0]
             y[i, 1] += stem[i, 1]
@@ -151,6 +156,25 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
             ringing[:] = 0.0
             me.dc_in = me.dc_out = 0.0
             me.still = 1
+
+
+@njit(**CORE)
+def _silence_part(core: int, p: int, mono, stem) -> None:
+    """What part p gives is no number, or no sound any more: its filters forget all, and it is silent to the span's end."""
+    bank, state, settings = bank_of(core), state_of(core), settings_of(core)
+    part = bank.parts[p]
+    me = state.part_state[p]
+    stem[:] = 0.0
+    mono[:] = 0.0
+    for b in range(part.first_bus, part.end_bus):
+        bus = bank.buses[b]
+        state.lines[bus.off : bus.off + bus.n_taps] = 0.0
+        state.quiet[b] = bus.n_taps
+    state.body[:, part.body_off : part.body_off + part.body_n] = 0.0
+    me.left = me.right = settings.gain
+    me.dc_in = me.dc_out = 0.0
+    me.still = 1
+    me.silenced += 1
 
 
 @njit(**CORE, fastmath={"contract"})

@@ -55,6 +55,8 @@ def catch_up(core: int, desk: int, s: int) -> None:
     me = state_of(core).sounding[s]
     if me.awake and me.reached < shared.task[UNTIL]:
         call_back(shared.task[WORK_ON], core, desk, s, 0)
+        if not me.awake:  # it had blown up
+            state_of(core).counters[AWAKE] -= 1
     me.reached = shared.task[UNTIL]
 
 

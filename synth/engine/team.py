@@ -23,6 +23,7 @@ from numba import njit
 from synth.dsp.denormals import enable_ftz
 from synth.engine.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
 from synth.engine.layout import CORE, LINE_F8, WORK_ON
+from synth.engine.uncopied import Uncopied
 from synth.engine.views import call_back, shared_of
 
 #: places in Shared.team, a cache line apart: strings still to be taken; strings not done; workers that sleep; whether all
@@ -126,12 +127,18 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-class Team:
+#: every team of this process, for a child that is forked from it
+_TEAMS: weakref.WeakSet[Team] = weakref.WeakSet()
+
+
+class Team(Uncopied):
     """The workers of one engine, from now until `end`, the owner's collection or the interpreter's exit.
 
     core, desks: tables of `views`, one desk per worker; words: Shared.team of that core. What they point to must stay
     where it is; `keep` is held on to as long as workers may look at it.
     """
+
+    REMEDY = "an engine that is copied starts workers of its own"
 
     def __init__(self, owner: Any, core: np.ndarray, words: np.ndarray, desks: Sequence[np.ndarray], keep: Any) -> None:
         _attend.compile("void(int64, int64, int64)")
@@ -150,10 +157,23 @@ class Team:
                 break
             threads.append(thread)
         words[WORKERS] = len(threads)
+        self._words = words
+        _TEAMS.add(self)
 
     def end(self) -> None:
         """Wait until all workers have ended. May be called again."""
         self._end()
+
+
+def _go_on_alone() -> None:
+    """In a forked child, where there are no workers and tokens would wake the parent's."""
+    for team in _TEAMS:
+        for word in (LEFT, UNFINISHED, SLEEPING, WORKERS):
+            team._words[word] = 0
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_go_on_alone)
 
 
 def _end(

@@ -109,6 +109,7 @@ ONE_NECK = preset("one-neck", wound("G2", 6.69), obstacle=NECK_OBSTACLE, output=
 
 def engine(*parts: Preset, quality: str = "standard", limiter: bool = False, **more) -> Engine:
     """An engine that is prepared."""
+    more.setdefault("warn", lambda text: None)
     made = Engine(parts, quality=quality, limiter=limiter, **more)
     made.prepare(RATE_HZ, 4096)
     return made

@@ -1,0 +1,245 @@
+"""What the engine's methods are given, looked at before compiled code works on it: numbers, presets, events, arrays."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from synth.dsp.decimator import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
+from synth.engine.events import (
+    BEND,
+    CONTROL,
+    EVENT,
+    KEY_PRESSURE,
+    N_PARAMETERS,
+    NOTE_OFF,
+    NOTE_ON,
+    PARAMETER,
+    PRESSURE,
+    PROGRAM,
+    TUNING,
+)
+from synth.engine.zones import CHANNELS
+from synth.plan import QUALITIES
+from synth.preset import Preset
+
+#: no converter runs faster
+MAXIMUM_RATE_HZ = 768_000.0
+#: nor strings
+MAXIMUM_INTERNAL_HZ = MAXIMUM_FACTOR * MAXIMUM_RATE_HZ
+#: levels that can be asked for [dB]
+MOST_GAIN_DB = 200.0
+
+#: of the kinds with a channel: smallest and largest `a`, and `b`
+_DATA, _ANY = (0, 127), (-(1 << 31), (1 << 31) - 1)
+_RANGES = {
+    NOTE_ON: (_DATA, _DATA),
+    NOTE_OFF: (_DATA, _ANY),
+    CONTROL: (_DATA, _DATA),
+    BEND: ((-8192, 8191), _ANY),
+    PROGRAM: (_DATA, _ANY),
+    PRESSURE: (_ANY, _DATA),
+    KEY_PRESSURE: (_DATA, _DATA),
+}
+_NAMES = {
+    NOTE_ON: "NOTE_ON",
+    NOTE_OFF: "NOTE_OFF",
+    CONTROL: "CONTROL",
+    BEND: "BEND",
+    PROGRAM: "PROGRAM",
+    PARAMETER: "PARAMETER",
+    PRESSURE: "PRESSURE",
+    KEY_PRESSURE: "KEY_PRESSURE",
+    TUNING: "TUNING",
+}
+
+
+def a_number(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
+    """A finite number from low to high. Raises TypeError or ValueError that names it."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a number, got {value!r}") from None
+    except OverflowError:
+        number = math.inf
+    if isinstance(value, str | bytes):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    if not low <= number <= high:
+        raise ValueError(f"{name} must lie between {low:g} and {high:g}{unit}, got {number:g}")
+    return number
+
+
+def a_count(name: str, value: Any, least: int, most: int) -> int:
+    """A whole number from least to most. Raises TypeError or ValueError that names it."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a whole number, got {value!r}") from None
+    if isinstance(value, bool):
+        raise TypeError(f"{name} must be a whole number, got {value!r}")
+    if count < least:
+        raise ValueError(f"{name} must be at least {least}, got {count}")
+    if count > most:
+        raise ValueError(f"{name} must be at most {most}, got {count}")
+    return count
+
+
+def rate(rate_hz: Any) -> float:
+    """An output rate. Raises TypeError or ValueError."""
+    try:
+        return a_number("rate_hz", rate_hz, MINIMUM_RATE_HZ, MAXIMUM_RATE_HZ, " Hz")
+    except ValueError as error:
+        raise ValueError(f"{error}; 44100.0 is the usual one") from None
+
+
+def presets(parts: Any) -> tuple[Preset, ...]:
+    """The presets of an engine's parts. Raises TypeError or ValueError."""
+    if isinstance(parts, Preset | str) or not isinstance(parts, Sequence):
+        raise TypeError(f"parts must be a list of presets, got {_shown(parts)}; put it as [load_preset(…)]")
+    if not parts:
+        raise ValueError("an engine needs at least one preset, parts is empty")
+    for p, part in enumerate(parts):
+        if not isinstance(part, Preset):
+            raise TypeError(f"parts[{p}] must be a preset, got {_shown(part)}; load_preset(…) gives one")
+    return tuple(parts)
+
+
+def quality(name: Any) -> str:
+    """A quality's name. Raises ValueError."""
+    if name not in QUALITIES:
+        raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {name!r}")
+    return name
+
+
+def program_map(given: Any, parts: int) -> np.ndarray:
+    """(16, 128) part of each channel and program, −1 for none; of None: part p on channel p, the only part on all. Raises
+    TypeError or ValueError."""
+    if given is None:
+        whole = np.full((CHANNELS, 128), 0 if parts == 1 else -1)
+        if parts > 1:
+            for p in range(min(CHANNELS, parts)):
+                whole[p] = p
+        return whole.astype(np.int64)
+    array = np.asarray(given)
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"program_map must hold whole numbers, got {array.dtype}; −1 stands for no part")
+    if array.shape != (CHANNELS, 128):
+        raise ValueError(f"program_map must be (16, 128), got {array.shape}")
+    if array.min() < -1 or array.max() >= parts:
+        wrong = array.min() if array.min() < -1 else array.max()
+        raise ValueError(f"program_map names part {wrong}, there are {parts}, counted from 0; −1 stands for none")
+    return array.astype(np.int64)
+
+
+def note_frequencies(note_hz: Any) -> np.ndarray | None:
+    """(128,) frequencies [Hz] of the keys, or None. Raises TypeError or ValueError."""
+    if note_hz is None:
+        return None
+    try:
+        array = np.array(note_hz, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"note_hz must be 128 frequencies, got {_shown(note_hz)}") from None
+    if array.shape != (128,):
+        raise ValueError(f"note_hz must be (128,), a frequency for every key, got {array.shape}; NaN leaves a key as it is")
+    return array
+
+
+def wanted_notes(only_notes: Any, parts: int) -> tuple[frozenset[int] | None, ...] | None:
+    """Of each part the notes it will be asked for, or None. Raises TypeError or ValueError."""
+    if only_notes is None:
+        return None
+    if not isinstance(only_notes, Sequence) or isinstance(only_notes, str):
+        raise TypeError(f"only_notes must be a list of sets of notes, one for each part, got {_shown(only_notes)}")
+    if len(only_notes) != parts:
+        raise ValueError(f"only_notes must have a set for each of {parts} parts, got {len(only_notes)}")
+    out: list[frozenset[int] | None] = []
+    for p, notes in enumerate(only_notes):
+        try:
+            out.append(None if notes is None else frozenset(operator.index(note) for note in notes))
+        except TypeError:
+            raise TypeError(f"only_notes[{p}] must be a set of MIDI notes or None for all, got {_shown(notes)}") from None
+    return tuple(out)
+
+
+def events(given: Any, frames: int, parts: int) -> np.ndarray:
+    """The events of a block of so many frames, as compiled code takes them. Raises TypeError or ValueError."""
+    if not isinstance(given, np.ndarray) or given.dtype != EVENT:
+        got = f"an array of {given.dtype}" if isinstance(given, np.ndarray) else _shown(given)
+        raise TypeError(f"events must be an array of the type EVENT, got {got}; make_events(rows) makes one")
+    if given.ndim != 1:
+        raise ValueError(f"events must have one dimension, got the shape {given.shape}")
+    if given.size:
+        _check_frames(given["frame"], frames)
+        _check_meaning(given, parts)
+    if not (given.flags.c_contiguous and given.flags.writeable and given.flags.aligned):
+        return given.copy()  # another type to compiled code
+    return given
+
+
+def _check_frames(at: np.ndarray, frames: int) -> None:
+    outside = np.flatnonzero((at < 0) | (at > frames))
+    if outside.size:
+        i = outside[0]
+        raise ValueError(
+            f"events[{i}].frame must lie between 0 and the block's {frames} frames, got {at[i]}; frames count from the "
+            "start of the block"
+        )
+    early = np.flatnonzero(np.diff(at) < 0)
+    if early.size:
+        i = early[0] + 1
+        raise ValueError(f"events[{i}].frame is {at[i]}, after {at[i - 1]}; sort events by frame")
+
+
+def _check_meaning(given: np.ndarray, parts: int) -> None:
+    """Kinds, channels and numbers. 0 is no event; TUNING takes every value, what is no pitch as the compiled one."""
+    kinds = given["kind"]
+    for kind in np.unique(kinds).tolist():
+        if kind == 0:
+            continue
+        if kind not in _NAMES:
+            i = int(np.flatnonzero(kinds == kind)[0])
+            raise ValueError(
+                f"events[{i}].kind must be one of {', '.join(f'{k} {n}' for k, n in _NAMES.items())}, got {kind}"
+            )
+        mine = np.flatnonzero(kinds == kind)
+        rows = given[mine]
+        if kind == PARAMETER:
+            limits = {"channel": (0, parts - 1), "a": (0, N_PARAMETERS - 1)}
+            bad = np.flatnonzero(~np.isfinite(rows["value"]))
+            if bad.size:
+                raise ValueError(f"events[{mine[bad[0]]}].value of PARAMETER must be finite, got {rows['value'][bad[0]]}")
+        elif kind == TUNING:
+            limits = {"a": _DATA}
+        else:
+            limits = {"channel": (0, CHANNELS - 1), "a": _RANGES[kind][0], "b": _RANGES[kind][1]}
+        for field, (low, high) in limits.items():
+            bad = np.flatnonzero((rows[field] < low) | (rows[field] > high))
+            if bad.size:
+                i, what = mine[bad[0]], {PARAMETER: " (the part)"}.get(kind, "") if field == "channel" else ""
+                raise ValueError(
+                    f"events[{i}].{field}{what} of {_NAMES[kind]} must lie between {low} and {high}, got "
+                    f"{rows[field][bad[0]]}"
+                )
+
+
+def output(name: str, given: Any, shape: tuple[int | None, ...], shown: str) -> np.ndarray:
+    """An array that compiled code writes to: contiguous float64 of a shape, None for any length. Raises TypeError or
+    ValueError."""
+    if not isinstance(given, np.ndarray):
+        raise TypeError(f"{name} must be a {shown} float64 array, got {_shown(given)}")
+    fits = given.ndim == len(shape) and all(want in (None, have) for want, have in zip(shape, given.shape, strict=True))
+    if not fits or given.dtype != np.float64 or not given.flags.c_contiguous or not given.flags.aligned:
+        order = "" if given.flags.c_contiguous else ", not contiguous"
+        raise ValueError(f"{name} must be a contiguous {shown} float64 array, got {given.shape} {given.dtype}{order}")
+    if not given.flags.writeable:
+        raise ValueError(f"{name} must be an array that can be written to, got one that is read-only; give a copy of it")
+    return given
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return f"{text[:40]}… ({type(value).__name__})" if len(text) > 40 else f"{text} ({type(value).__name__})"
