@@ -55,3 +55,23 @@ def energy_warning(
         f"{scheme} with restitution {restitution:g} can gain energy below about {safe / 1e6:.3g} MHz; "
         f"{option} {multiple_hz * math.ceil(safe / multiple_hz):.10g} is safer, and slow"
     )
+
+
+#: A step of exact-hold is passive to this share of the energy, unless a finger and a point clamp the string between them
+PASSIVE_TO = 1e-12
+
+
+def clamping_warning(rise: float, force_n: float) -> str | None:
+    """Why exact-hold gained energy under a finger, and the remedy; None where a step's `rise` is rounding of the energy.
+
+    Exact-hold's proof of passivity is one of exact numbers. Forces are found to 2e-16 of themselves, and what a step makes
+    of that is G λ² · 2e-16, G what a contact gives way in a step [m/N]. A string that is free to move keeps G λ² below its
+    energy. A finger that presses it on to a point which the modes leave no way round (fewer modes than contacts and
+    finger, the finger upon the point) is met with its own spring's force instead, however great that is.
+    """
+    if not rise > PASSIVE_TO:
+        return None
+    return (
+        f"a step held {rise:.1e} of the energy too much: a finger presses the string on to a point, the modes leave it no "
+        f'way round, and forces of {force_n:.3g} N are rounded; take tail = "static", more modes, or a lower stiffness_n_m'
+    )

@@ -83,12 +83,25 @@ iterations they needed, or how far the auxiliary variable drifted from √(2V), 
 Scheme "wall" says in the summary how many instants were looked at (`steps_looked_at`) and from when on the string is
 certain to fly free for ever (`free_from_s`; null: not within the run).
 
-What comes out, as attributes of `Result` and under the same names in the .npz; n rows, row 0 is t = 0:
+A run goes on from where another ended (`simulate(case, resume_from=…)`, `synth simulate CASE --from out.npz`): its
+time counts on from that run's last row, which is its row 0, for duration_s more. String, obstacle, scheme, internal
+rate and modes must be the same, and fingers, bends and motions that had begun; those to come, outputs_m, rows and
+ledger may be others; [initial] is of no account. With the ledger in both its losses and work count on; what is
+largest, last or counted is of its own steps. A run of 2 T and one of T with another of T from it have the same bits
+where steps are taken one at a time (with the ledger, under a finger, over what moves; compliant contacts) and where T
+is whole blocks of eight steps (Moreau–Jean from the exact start: and one more) or rows are; else they are the same to
+rounding, as are waves and event-driven runs to their last digits and walls to 1e-11 of the largest: what contacts
+make of that later is another matter. Closed forms (cabannes, flat-wall) keep nothing to go on from. Another kind of
+run starts from the last shape by [initial] shape = "modes", file = "out.npz", q = "final_q", v = "final_v".
+
+What comes out, as attributes of `Result` and under the same names in the .npz (`synth.load_result` gives the Result back); n
+rows, row 0 is t = 0. A name that ends in .csv gets t, u, u_contact, contact_force and energies as a table.
 
     t (n,)                  [s]
     u (n, P)                displacement at outputs_m [m]
     u_contact (n, C)        displacement at the obstacle's points [m], with what residual compliance adds: S q + R λ
-    contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force
+    contact_force (n, C)    mean force since the row before [N] (impulses over time); row 0: the static force, or that of
+                            the row gone on from
                             scheme "wall": both are made when first read, by the same run once more
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
@@ -101,127 +114,131 @@ What comes out, as attributes of `Result` and under the same names in the .npz; 
     positions               outputs_m; contact_positions, contact_heights the obstacle at t = 0
     obstacle_displacement (n,)    with motion: how far the obstacle is above contact_heights [m]
     largest_penetration_m   over every step with the ledger, over the rows without; negative: never touched
-    largest_energy_rise     of one step, over initial + injected energy; NaN without the ledger
+    largest_energy_rise     of one step, over initial + injected energy; NaN without the ledger. Of exact-hold below 1e-12,
+                            rounding, unless a finger clamps the string on a point (`schemes.clamping_warning`)
     last_contact_s          end of the last step with a contact force; NaN: none
+    final_q, final_v (N,)   modes 1 … N at the last row [m·√m], [m·√m/s]; of Moreau–Jean and compliant contacts v is the
+                            backward difference of q; None (not in the .npz): closed forms, waves
+    state                   what the scheme goes on from, its own arrays by name (in the .npz state.NAME); None: nothing
     metadata                JSON text: version, scheme, restitution, residual_compliance, tail, substeps, start,
-                            internal_rate_hz, output_rate_hz, modes, duration_s, case (all tables), summary
+                            internal_rate_hz, output_rate_hz, modes, duration_s, end_step, case (all tables), summary
+                            (its compute_s is of the steps alone, compile_s what compiling kernels took before)
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
+from numba.core.event import install_timer
 from threadpoolctl import threadpool_limits
 
 from synth import methods
-from synth.case import OVERRIDES, Case, CaseError, case_folder, load_case, read_case
+from synth.case import OVERRIDES, Case, CaseError, case_folder, files_of, load_case, read_case
 from synth.plan import WALL_RESTITUTION, plan_string, plan_wall, scene_kind
+from synth.result import Result, ResultError, check_name, load_result
 from synth.scene import Scene
-from synth.schemes import SCHEMES, energy_warning
+from synth.schemes import SCHEMES, clamping_warning, energy_warning
 from synth.solver import driver
 from synth.solver.problem import Outcome
-from synth.targets import check_target, is_special
+from synth.targets import Named, check_apart, check_target
 
 DEFAULT_RATE_HZ = 44100.0
 
 
-class Made:
-    """A field of a dataclass: an array, or what makes it when it is first read."""
+class Overrides(TypedDict, total=False):
+    """What `simulate` may be given by name instead of in the case, and `quality`; None replaces nothing."""
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, instance: Any, owner: type | None = None) -> np.ndarray:
-        if instance is None:
-            raise AttributeError(self.name)  # so that the field has no default
-        value = instance.__dict__[self.name]
-        if callable(value):
-            value = instance.__dict__[self.name] = value()
-        return value
-
-    def __set__(self, instance: Any, value: np.ndarray | Callable[[], np.ndarray]) -> None:
-        instance.__dict__[self.name] = value
-
-
-@dataclass(frozen=True, kw_only=True)
-class Result:
-    """What a run gave; fields as in the module's description, `summary` and `metadata` as dicts."""
-
-    t: np.ndarray
-    u: np.ndarray
-    u_contact: Made = Made()
-    contact_force: Made = Made()
-    energy_stored: np.ndarray | None
-    energy_residual: np.ndarray | None
-    energy_viscous: np.ndarray | None
-    energy_contact: np.ndarray | None
-    energy_injected: np.ndarray | None
-    positions: np.ndarray
-    contact_positions: np.ndarray
-    contact_heights: np.ndarray
-    obstacle_displacement: np.ndarray | None
-    largest_penetration_m: float
-    largest_energy_rise: float
-    last_contact_s: float
-    metadata: dict[str, Any]
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """The few numbers that `synth simulate` prints."""
-        return self.metadata["summary"]
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the .npz, first beside `path` under another name, then renamed: never half a file.
-
-        A device or a pipe is written to as it is.
-        """
-        path = Path(path)
-        arrays: dict[str, Any] = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "metadata":
-                value = json.dumps(value)
-            if value is not None:
-                arrays[field.name] = value
-        if is_special(path):
-            with open(path, "wb") as file:
-                np.savez(file, **arrays)
-            return
-        beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
-        try:
-            with open(beside, "wb") as file:
-                np.savez(file, **arrays)
-            os.replace(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
+    quality: str | None
+    scheme: str | None
+    restitution: float | None
+    residual_compliance: bool | None
+    tail: str | None
+    substeps: int | None
+    start: str | None
+    stiffness: float | None
+    exponent: float | None
+    loss: float | None
+    tolerance: float | None
+    iterations: int | None
+    grid: str | None
+    drift_correction: float | None
+    internal_rate_hz: float | None
+    output_rate_hz: float | None
+    modes: int | None
+    duration_s: float | None
+    outputs_m: Sequence[float] | np.ndarray | None
+    ledger: bool | None
+    rate: float | None
+    internal_rate: float | None
+    output_rate: float | None
+    duration: float | None
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")
 def simulate(
-    case: Case | Mapping[str, Any] | str | os.PathLike[str], *, warn: Callable[[str], None] | None = None, **overrides: Any
+    case: Case | Mapping[str, Any] | str | os.PathLike[str],
+    *,
+    resume_from: Result | str | os.PathLike[str] | None = None,
+    warn: Callable[[str], None] | None = None,
+    **overrides: Unpack[Overrides],
 ) -> Result:
     """Runs a case: a file (or the name of one of the program's own), tables as a dict, or a `Case`.
 
+    resume_from : a Result, or the .npz of one: the run goes on from where that one ended, for the case's duration more; see
+        the module's description
     warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`) or takes no account
-        of something that is given; after it, of steps that were not solved and of results that are not finite
+        of something that is given; after it, of steps that were not solved, of energy that a string gained by rounding
+        between finger and point (`schemes.clamping_warning`), and of results that are not finite
     overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
         quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
         of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
         case's, 44.1 kHz if it names none. Nothing is promised with another tail or with sub-steps
-    Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string.
+    Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string,
+    ResultError (a ValueError) for a file of resume_from that is none, TypeError for arguments of another kind.
     """
+    if warn is not None and not callable(warn):
+        raise TypeError(f"warn is a function that is told a line, got {type(warn).__name__} {warn!r:.60}")
+    if not isinstance(resume_from, Result | str | os.PathLike | None):
+        raise TypeError(
+            f"resume_from is a Result or the path of its .npz, got {type(resume_from).__name__} {resume_from!r:.60}"
+        )
+    with threadpool_limits(limits=1, user_api="blas"), install_timer("numba:compile", lambda duration: None) as compiling:
+        result = _simulate(case, resume_from, warn or (lambda text: None), {**overrides})
+    result.summary["compile_s"] = compiling.duration if compiling.done else 0.0
+    return result
+
+
+# what a notebook completes and help() shows; a type checker reads Unpack
+simulate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+    [
+        *(p for p in inspect.signature(simulate).parameters.values() if p.kind is not p.VAR_KEYWORD),
+        *(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+            for name, annotation in Overrides.__annotations__.items()
+        ),
+    ],
+    return_annotation=Result,
+)
+
+
+def _simulate(
+    case: Any, resume_from: Result | str | os.PathLike[str] | None, warn: Callable[[str], None], overrides: dict[str, Any]
+) -> Result:
     quality = overrides.pop("quality", None)
-    warn = warn or (lambda text: None)
     try:
         loaded, folder = read_case(case, overrides if quality is None else _planned(case, overrides, quality, warn))
-        scene = Scene(loaded, folder)
+        if resume_from is None:
+            scene = Scene(loaded, folder)
+        else:
+            ended = resume_from if isinstance(resume_from, Result) else load_result(resume_from)
+            first, kept = _ended(ended, loaded)
+            scene = Scene(loaded, folder, first, kept)
+            _refuse_another(scene, ended)
         for text in _warnings(scene, overrides):
             warn(text)
         result = _result(scene, methods.run(scene))
@@ -235,9 +252,74 @@ def simulate(
         warn(
             f"{summary['unsolved_steps']} of {summary['steps']} steps were not solved to tolerance; raise the internal rate"
         )
+    if scene.fingers and scene.case.scheme.name == "exact-hold":
+        clamped = clamping_warning(result.largest_energy_rise, float(result.contact_force.max(initial=0.0)))
+        if clamped is not None:
+            warn(clamped)
     if not summary["finite"]:
         warn("the results are not finite; check the units of the case, or raise the internal rate")
     return result
+
+
+#: what to do where a run cannot go on as it was
+_ANEW = (
+    'a run goes on only as it was; to start another from its last shape take [initial] shape = "modes", file = the .npz, '
+    'q = "final_q", v = "final_v"'
+)
+
+
+def _ended(ended: Result, case: Case) -> tuple[int, dict[str, np.ndarray]]:
+    """The step at which a run ended and its state; CaseError where this case cannot go on from there."""
+    name = ended.metadata["scheme"]
+    if ended.state is None:
+        raise CaseError(
+            f"resume_from: that run of scheme {name!r} has kept nothing to go on from; run it for the whole time"
+        )
+    then, now = ended.metadata["case"], json.loads(json.dumps(case.model_dump()))
+    end_s = float(ended.t[-1])
+    changed = []
+    for place in (*(("string", key) for key in now["string"]), *(("scheme", key) for key in now["scheme"]),
+                  ("run", "internal_rate_hz"), ("run", "modes"), *(("obstacle", key) for key in now["obstacle"]),
+                  ("obstacle", "motion", "ramp"), ("obstacle", "motion", "sine"), ("finger",), ("bend",)):  # fmt: skip
+        if place == ("obstacle", "motion"):
+            continue
+        before, here = _at(then, place), _at(now, place)
+        if place[-1] in ("ramp", "sine", "finger", "bend"):  # those to come may be others
+            before, here = (
+                [one for one in tables if one["start_s"] < end_s] if _timed(tables) else tables for tables in (before, here)
+            )
+        if before != here:
+            changed.append(f"{'.'.join(place)} was {before!r:.60} there, is {here!r:.60} here")
+    if changed:
+        raise CaseError(f"resume_from: {'; '.join(changed)}; {_ANEW}")
+    if not all(np.all(np.isfinite(array)) for array in ended.state.values()):
+        raise CaseError("resume_from: that run ended in numbers that are not finite; nothing goes on from there")
+    return ended.metadata["end_step"], ended.state
+
+
+def _timed(tables: Any) -> bool:
+    return isinstance(tables, list) and all(
+        isinstance(one, dict) and isinstance(one.get("start_s"), float | int) for one in tables
+    )
+
+
+def _at(tables: Any, place: Sequence[str]) -> Any:
+    for key in place:
+        tables = tables.get(key) if isinstance(tables, dict) else None
+    return tables
+
+
+def _refuse_another(scene: Scene, ended: Result) -> None:
+    """CaseError where the case's tables are the same, but not what is made of them."""
+    state, tail = ended.state or {}, _tail(scene)
+    if ended.metadata.get("tail") != tail:
+        raise CaseError(f"resume_from: scheme.tail was {ended.metadata.get('tail')!r} there, is {tail!r} here; {_ANEW}")
+    for name in ("omega", "sigma"):
+        before, here = state.get(name, np.zeros(0)), getattr(scene, name)
+        if before.shape != here.shape or not np.allclose(before, here, rtol=1e-9, atol=0.0):
+            raise CaseError(
+                f"resume_from: the string's modes were others there: its measured ones, or this program; {_ANEW}"
+            )
 
 
 def _warnings(scene: Scene, overrides: Mapping[str, Any]) -> list[str]:
@@ -278,7 +360,7 @@ def _planned(case: Any, overrides: Mapping[str, Any], quality: str, warn: Callab
         stiffness = math.inf if wall.stiffness_n_m2 == "rigid" else wall.stiffness_n_m2
         plan = plan_wall(scene.string, stiffness, quality=quality, rate_hz=rate_hz)
     elif lowest.scheme.name == "exact-hold":
-        kind = scene_kind(scene.string, scene.obstacle.positions_m)
+        kind = scene_kind(scene.string, scene.obstacle.positions_m, _plucks(lowest))
         fundamental_hz = scene.string.fundamental_hz
         contacts = len(scene.obstacle)
         plan = plan_string(scene.string, fundamental_hz, contacts, kind, quality=quality, rate_hz=rate_hz, decimated=False)
@@ -292,13 +374,21 @@ def _planned(case: Any, overrides: Mapping[str, Any], quality: str, warn: Callab
     return {**found, "internal_rate_hz": plan.rate_hz, "modes": plan.modes}
 
 
+def _plucks(case: Case) -> list[float]:
+    """Where the case plucks its string [m], as far as it says."""
+    start = [case.initial.position_m] if case.initial.position_m is not None else []
+    return [*start, *(finger.position_m for finger in case.finger)]
+
+
 def simulate_file(
     case: str | os.PathLike[str],
     out: str | os.PathLike[str],
     overrides: Mapping[str, Any] | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """`simulate` to an .npz file; returns the summary."""
+    """`simulate` to an .npz file, or to a table if its name ends in .csv; returns the summary."""
+    check_name(out)
+    check_apart([Named("case", path) for path in files_of(case)], [Named("output", out)])
     check_target(out)
     result = simulate(case, warn=warn, **dict(overrides or {}))
     result.save(out)
@@ -327,6 +417,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "contact_steps": outcome.contact_steps,
         "unsolved_steps": outcome.unsolved_steps,
         **outcome.notes,
+        **({} if scene.kept is None else {"resumed_at_s": scene.first / run.internal_rate_hz}),
         "compute_s": outcome.seconds,
     }
     if outcome.energy is not None:
@@ -336,6 +427,9 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in summary.items()
     }
     law = case.scheme.name
+    start = "static contact" if outcome.notes.get("started_from_static_contact") else "as given"
+    if scene.kept is not None:
+        start = "resumed"
     metadata = {
         "version": _version(),
         "scheme": law,
@@ -343,17 +437,22 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
         "tail": _tail(scene),
         "substeps": case.scheme.substeps,
-        "start": "static contact" if outcome.notes.get("started_from_static_contact") else "as given",
+        "start": start,
         "internal_rate_hz": run.internal_rate_hz,
         "output_rate_hz": run.internal_rate_hz / run.steps_per_output,
         "modes": run.modes,
         "duration_s": scene.steps * scene.dt,
+        "end_step": scene.last,
         "case": case.model_dump(),
         "summary": summary,
     }
     if law.startswith("moreau-jean"):
         metadata["first_step"] = case.scheme.start
-    t = np.arange(scene.outputs) * run.steps_per_output / run.internal_rate_hz
+    t = (scene.first + np.arange(scene.outputs) * run.steps_per_output) / run.internal_rate_hz
+    state = outcome.state
+    q, v = _final(state, run.modes)
+    if state is not None:
+        state = state | {"omega": scene.omega, "sigma": scene.sigma}
     return Result(
         t=t,
         u=outcome.u,
@@ -371,8 +470,18 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
         largest_penetration_m=outcome.largest_penetration_m,
         largest_energy_rise=outcome.largest_energy_rise,
         last_contact_s=math.nan if last is None else last,
+        final_q=q,
+        final_v=v,
+        state=state,
         metadata=metadata,
     )
+
+
+def _final(state: dict[str, np.ndarray] | None, modes: int) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """q and v (N,) of the string's own modes; None where the scheme has none."""
+    if state is None or "q" not in state:
+        return None, None
+    return state["q"][:modes].copy(), state["v" if "v" in state else "w"][:modes].copy()
 
 
 def _tail(scene: Scene) -> str:
@@ -396,10 +505,13 @@ __all__ = [
     "SCHEMES",
     "Case",
     "CaseError",
+    "Overrides",
     "Result",
+    "ResultError",
     "Scene",
     "case_folder",
     "load_case",
+    "load_result",
     "simulate",
     "simulate_file",
 ]

@@ -18,7 +18,7 @@ from synth.case import case_names
 from synth.engine.events import NOTE_ON
 from synth.measures import relative_error
 from synth.physics.modes import residual_compliance, static_compliance
-from synth.schemes import energy_warning, safe_rate_hz
+from synth.schemes import PASSIVE_TO, energy_warning, safe_rate_hz
 from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
 from synth.solver import driver
 from synth.solver.kernels import no_finger
@@ -555,6 +555,101 @@ def test_random_motion_is_passive(compliant):
         assert state.sums[driver.RISE] <= 1e-12 and state.sums[driver.PENETRATION] <= 1e-12
         assert state.sums[driver.LEAST_VISCOUS] >= -1e-12 and state.sums[driver.LEAST_CONTACT] >= -1e-12
     assert touched > 40
+
+
+# --- passivity in floating point ----------------------------------------------------------------------------------------
+
+EPS = float(np.finfo(float).eps)
+
+#: one mode under two holds: the finger's 2700 N bear on the point, and nothing in the model bends between them
+CLAMPED = {
+    "string": {"length_m": 1.9, "tension_n": 2.22, "linear_density_kg_m": 5.3e-8, "diameter_m": 1e-4},
+    "obstacle": {"positions_m": [0.6333], "heights_m": [-1e-7]},
+    "finger": [{"position_m": 1.36, "displacement_m": -3e-3, "draw_s": 0.02, "hold_s": 0.05, "stiffness_n_m": 1e6}],
+    "run": {"internal_rate_hz": 3383.0, "modes": 1, "duration_s": 0.2, "outputs_m": [1.0], "ledger": True},
+}
+
+
+def rounded_forces(case, result):
+    """ε G λ² over the energy: what a step makes of forces' rounding, 1e-16 of each (`schemes.clamping_warning`)."""
+    g = scene_of(case).model.g.diagonal()
+    return EPS * float((g * result.contact_force.max(axis=0) ** 2).max()) / max(had(result).max(), SMALLEST)
+
+
+@pytest.mark.parametrize("tail", ["none", "static", "lumped", None])
+def test_a_string_clamped_between_finger_and_point(tail):
+    """Where no mode leaves it a way round, rounding of the forces shows, is bounded by them, and is told with its remedy."""
+    case, told = {**CLAMPED, "scheme": {} if tail is None else {"tail": tail}}, []
+    result = simulate(case, warn=told.append)
+    if tail == "none":
+        assert result.contact_force.max() > 2500.0
+        assert PASSIVE_TO < result.largest_energy_rise < 10.0 * rounded_forces(case, result)
+        assert len(told) == 1 and "energy too much: a finger presses" in told[0] and 'take tail = "static"' in told[0]
+        assert "forces of 2.7e+03 N" in told[0] and "\n" not in told[0]
+    else:
+        assert result.contact_force.max() < 1.0
+        must_hold(result)
+        assert told == []
+
+
+def random_holds(rng, finger):
+    """A case of up to 20 modes and 10 points, some all but coincident, often more than modes; a finger of up to 1e8 N/m."""
+    length, modes, points = rng.uniform(0.3, 2.0), int(rng.choice([1, 2, 3, 5, 8, 20])), int(rng.choice([1, 2, 3, 6, 10]))
+    tension, mu = 10 ** rng.uniform(0.0, 2.5), 10 ** rng.uniform(-7.5, -2.0)
+    dt = 10 ** rng.uniform(-1.5, 1.5) * length / (np.pi * modes * np.sqrt(tension / mu))
+    x = rng.uniform(0.02, 0.98, points) * length
+    if points > 1 and rng.random() < 0.3:
+        x[1] = x[0] * (1.0 + 10 ** rng.uniform(-9.0, -3.0))
+    x = np.unique(x)
+    case = {
+        "string": {"length_m": length, "tension_n": tension, "linear_density_kg_m": mu, "diameter_m": 1e-4},
+        "obstacle": {"positions_m": x, "heights_m": -(10 ** rng.uniform(-8.0, -3.0, x.size))},
+        "scheme": {"tail": str(rng.choice(["none", "none", "static", "lumped"]))},
+        "run": {"internal_rate_hz": 1.0 / dt, "modes": modes, "duration_s": 300 * dt, "outputs_m": [0.0], "ledger": True},
+    }
+    place = rng.uniform(0.1, 0.9) * length
+    if not finger or rng.random() < 0.5:
+        case["initial"] = {"shape": "triangle", "position_m": place, "displacement_m": 10 ** rng.uniform(-4.0, -2.0)}
+    if finger:
+        hold = rng.uniform(50.0, 250.0) * dt
+        case["finger"] = [
+            {
+                "position_m": float(rng.choice(x)) if rng.random() < 0.3 else place,
+                "displacement_m": float(rng.choice([-1.0, -1.0, 1.0])) * 10 ** rng.uniform(-4.0, -2.0),
+                "draw_s": 0.4 * hold,
+                "hold_s": 0.6 * hold,
+                "stiffness_n_m": 10 ** rng.uniform(2.0, 8.0),
+                "width_m": float(rng.choice([0.0, 0.01])),
+            }
+        ]
+    return load_case(case)
+
+
+def test_any_number_of_points_over_any_number_of_modes():
+    """Points push one way, and so no harder than the string does: passive to rounding of the energy, whatever the tail."""
+    rng = np.random.default_rng(21)
+    more = touched = 0
+    for _ in range(100):
+        case = random_holds(rng, finger=False)
+        result = simulate(case, warn=pytest.fail)
+        assert result.largest_energy_rise <= PASSIVE_TO and result.largest_penetration_m <= 1e-12
+        more += len(case.obstacle.positions_m) > case.run.modes and case.scheme.tail == "none"
+        touched += result.summary["contact_steps"] > 10
+    assert more > 10 and touched > 60, (more, touched)
+
+
+def test_a_finger_over_any_number_of_points_gains_no_more_than_rounding_of_its_forces():
+    """… and is told of exactly where that is more than rounding of the energy; static compliance leaves a way round."""
+    rng = np.random.default_rng(22)
+    loud = {"none": 0, "static": 0, "lumped": 0}
+    for _ in range(150):
+        case, told = random_holds(rng, finger=True), []
+        result = simulate(case, warn=told.append)
+        rise = result.largest_energy_rise
+        assert rise <= PASSIVE_TO + 10.0 * rounded_forces(case, result)
+        assert (rise > PASSIVE_TO) == any("energy too much" in text for text in told)
+        loud[case.scheme.tail] += rise > PASSIVE_TO
+    assert loud["static"] == 0 and loud["none"] >= 3, loud
 
 
 # --- Moreau–Jean --------------------------------------------------------------------------------------------------------

@@ -555,7 +555,7 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
         ({"run": {"duration_s": 1e7}}, "GiB"),
         ({"run": {"duration_s": 1e8, "output_rate_hz": 0.5}}, "mode-steps"),
         ({"finger": [{"position_m": 0.3, "displacement_m": 1e-3}]}, r"finger\.0\.draw_s: missing"),
-        ({"finger": [{"position_m": 3.0, "displacement_m": 1e-3, "draw_s": 0.1}]}, "finger: pluck position"),
+        ({"finger": [{"position_m": 3.0, "displacement_m": 1e-3, "draw_s": 0.1}]}, r"finger\.position_m: must lie"),
         ({"string": {"length_m": True}}, r"string\.length_m: .*valid number, got True"),
         ({"run": {"modes": "40"}}, r"run\.modes: .*valid integer, got '40'"),
         ({"run": 3}, "run: Input should be a table, got 3"),
@@ -564,8 +564,8 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
         ({"obstacle": {"positions_m": [0.3], "heights_m": [np.nan]}}, r"^case: obstacle\.heights_m\.0: .*finite[^\n]*$"),
         ({"obstacle": {"wall": {"from_m": 0.0, "to_m": 1.0, "height_m": 0.0, "nodes": 10**9}}}, "points are too many"),
         ({"obstacle": {"wall": {"from_m": 0.0, "to_m": 1.0, "height_m": 0.0, "nodes": 10**5}}}, "GiB"),
-        ({"string": {"length_m": 1e300, "inharmonicity": 1e-5}}, "check the units"),
-        ({"bend": [{"duration_s": 1e-3, "cents": 1e300}]}, "check the units"),
+        ({"string": {"length_m": 1e300, "inharmonicity": 1e-5}}, "string: length_m .*, got 1e.300; check the unit"),
+        ({"bend": [{"duration_s": 1e-3, "cents": 1e300}]}, r"bend\.0\.cents: .*36000 cents, got 1e\+300; check"),
         ({"initial": {"shape": "modes", "file": "x.npz", "q": [1.0]}}, "neither q nor v is a key of it"),
     ],
 )
@@ -630,7 +630,7 @@ def test_files_that_hold_no_modes(tmp_path, content):
 def test_a_finger_after_the_end_does_nothing():
     case = ideal(initial={"shape": "triangle", "position_m": 0.3, "displacement_m": 1e-3})
     plain = simulate(case).u
-    for start in (5.0, 1e300):
+    for start in (5.0, 1e9):
         finger = {"position_m": 0.3, "displacement_m": 1e-3, "draw_s": 0.1, "start_s": start}
         np.testing.assert_array_equal(simulate({**case, "finger": [finger]}).u, plain)
 

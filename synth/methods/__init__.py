@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from synth.case import CaseError
 from synth.methods.compliant import run_compliant
-from synth.methods.exact import EXACT_RUNNERS
+from synth.methods.exact import CLOSED, EXACT_RUNNERS
 from synth.methods.laws import run_law
 from synth.methods.walls import run_wall
 from synth.scene import Scene
@@ -27,4 +27,11 @@ def run(scene: Scene) -> Outcome:
     name = scene.case.scheme.name
     if name not in LAWS and (scene.case.bend or scene.case.obstacle.moves):
         raise CaseError(f"scheme {name!r} knows no bend and no moving obstacle; use one of {', '.join(LAWS)}")
-    return RUNNERS[name](scene)
+    if scene.kept is not None and name in CLOSED:
+        raise CaseError(f"scheme {name!r} is a formula and goes on from nothing; run it for the whole time")
+    try:
+        return RUNNERS[name](scene)
+    except ValueError as error:
+        if scene.kept is not None and not isinstance(error, CaseError):
+            raise CaseError(f"resume_from: {error}") from None
+        raise

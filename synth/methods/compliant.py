@@ -38,7 +38,7 @@ def run_compliant(scene: Scene) -> Outcome:
     model = two_step.make_model(problem, table.name, law, grid, nodes)
     flush = enable_ftz()
     try:
-        outcome = two_step.solve(problem, model, scene.case.run.ledger)
+        outcome = two_step.solve(problem, model, scene.case.run.ledger, scene.kept, scene.first)
     finally:
         restore(flush)
     if nodes is not None:

@@ -9,6 +9,7 @@ event-driven   one point, no finger. The modes left out are static compliance, o
                then 0
 
 `modes` is of no account to the first three but for a start in modes, the internal rate to the last three but for the rows.
+Only waveguide and event-driven can go on from where another run ended: the others are a formula for every time.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from synth.scene import Scene
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
-from synth.solver.problem import Outcome
+from synth.solver.problem import Outcome, kept_array
 
+#: schemes that are a formula for every time
+CLOSED = ("cabannes", "flat-wall")
 _FEWEST_WALL_POINTS = 20
 _WIDEST_WALL_GAP = 0.1  # of the string's length
 _MOST_CELL_STEPS = 1e14  # a day of one core
@@ -114,17 +117,33 @@ def run_waveguide(scene: Scene) -> Outcome:
     try:
         points = waveguide.nodes("obstacle.positions_m", scene.positions, length, n)
         outputs = waveguide.nodes("run.outputs_m", np.array(run.outputs_m), length, n)
+        kept = scene.kept
+        if kept is None:
+            right, left = waveguide.travelling(*_start(scene, np.arange(n + 1) * (length / n)), speed)
+            pushed = np.zeros(n + 1)
+        else:
+            right, left, pushed = (kept_array(kept, name, (n + 1,)) for name in ("right", "left", "pushed"))
+        every, steps = run.steps_per_output, scene.last - scene.first
+        what = (string.tension_n, length, pushed)
+        waveguide.run(right, left, points, scene.eta, outputs, 0, every, *what)  # compiles
         started = time.perf_counter()
-        right, left = waveguide.travelling(*_start(scene, np.arange(n + 1) * (length / n)), speed)
-        waves = waveguide.run(
-            right, left, points, scene.eta, outputs, scene.steps, run.steps_per_output, string.tension_n, length
-        )
+        waves = waveguide.run(right, left, points, scene.eta, outputs, steps, every, *what)
+        seconds = time.perf_counter() - started
     except ValueError as error:
         raise CaseError(f"waveguide: {error}") from None
     outcome = _outcome(scene, waves.u, waves.contact_u, waves.contact_force, waves.energy)
-    outcome.contact_steps, outcome.last_contact_step = waves.contact_steps, waves.last_contact_step
-    outcome.seconds = time.perf_counter() - started
+    outcome.contact_steps, last = waves.contact_steps, waves.last_contact_step
+    outcome.last_contact_step = scene.first + last if last >= 0 else -1
+    outcome.seconds = seconds
     outcome.notes = {"cells": n}
+    outcome.state = {"right": waves.right, "left": waves.left, "pushed": waves.pushed}
+    if kept is not None:
+        waves.contact_force[0] = kept_array(kept, "row_force", points.shape)
+        if outcome.energy is not None and "sums" in kept:
+            outcome.energy[:, 3] += kept_array(kept, "sums", (1,))[0]
+    outcome.state["row_force"] = waves.contact_force[-1].copy()
+    if outcome.energy is not None:
+        outcome.state["sums"] = outcome.energy[-1, 3:4].copy()
     return outcome
 
 
@@ -220,32 +239,45 @@ def run_event_driven(scene: Scene) -> Outcome:
     if scene.positions.size != 1:
         raise CaseError(f"event-driven: needs one contact point, got {scene.positions.size}; leave one in [obstacle]")
     run, mu = scene.case.run, scene.string.linear_density_kg_m
-    q0, v0 = scene.initial()
-    residual = scene.residual
+    q, v = scene.initial()
+    residual, kept, lifted = scene.residual, scene.kept, 0.0
     model = driver.make_model(
         EXACT_HOLD, scene.omega, scene.sigma, mu, scene.dt, scene.shapes, scene.eta, residual, scene.out_shapes, 0.0
     )
-    q, static, status = driver.static_contact(model, q0)
-    if status != SOLVED:
-        raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
-    lifted = float(abs(scene.shapes[0] @ (q - q0)))
-    started = time.perf_counter()
+    if kept is None:
+        q0 = q
+        q, static, status = driver.static_contact(model, q0)
+        if status != SOLVED:
+            raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
+        lifted = float(abs(scene.shapes[0] @ (q - q0)))
+        row_force = static[0]
+    else:
+        q, v = (kept_array(kept, name, scene.omega.shape) for name in ("q", "v"))
+        row_force = kept_array(kept, "row_force", (1,))[0]
     row_s = run.steps_per_output * scene.dt
-    try:
-        events = event_driven.run(
-            scene.omega, scene.sigma, mu, scene.shapes[0], float(scene.eta[0]), q, v0, row_s, scene.outputs,
+
+    def found(rows: int) -> event_driven.Events:
+        return event_driven.run(
+            scene.omega, scene.sigma, mu, scene.shapes[0], float(scene.eta[0]), q, v, row_s, rows,
             scene.out_shapes, float(residual[0, 0]),
         )  # fmt: skip
+
+    try:
+        found(1)  # compiles
+        started = time.perf_counter()
+        events = found(scene.outputs)
     except ValueError as error:
         raise CaseError(f"event-driven: {error}") from None
     seconds = time.perf_counter() - started
-    events.contact_force[0] = static[0]
+    last_s = events.last_contact_s
+    events.contact_force[0] = row_force
     energy = None
     if run.ledger:
+        viscous, lost = kept_array(kept, "sums", (2,)) if kept is not None and "sums" in kept else (0.0, 0.0)
         held = events.energy + events.spring_energy
-        viscous = held[0] + events.contact_energy[0] - held - events.contact_energy
+        viscous = viscous + held[0] + events.contact_energy[0] - held - events.contact_energy
         energy = np.column_stack(
-            [events.energy, events.spring_energy, viscous, events.contact_energy, np.zeros(scene.outputs)]
+            [events.energy, events.spring_energy, viscous, lost + events.contact_energy, np.zeros(scene.outputs)]
         )
     return Outcome(
         u=events.u,
@@ -254,7 +286,7 @@ def run_event_driven(scene: Scene) -> Outcome:
         energy=energy,
         largest_penetration_m=float((scene.eta[0] - events.contact_u).max()),
         largest_energy_rise=_largest_rise(held) if energy is not None else math.nan,
-        last_contact_step=-1 if events.last_contact_s < 0.0 else math.ceil(events.last_contact_s / scene.dt - 1e-9),
+        last_contact_step=-1 if last_s < 0.0 else scene.first + math.ceil(last_s / scene.dt - 1e-9),
         contact_steps=round(events.contact_time[-1] / scene.dt),
         unsolved_steps=events.unsolved,
         seconds=seconds,
@@ -266,6 +298,8 @@ def run_event_driven(scene: Scene) -> Outcome:
             "contact_time_s": float(events.contact_time[-1]),
             "piece_s": events.piece_s,
         },
+        state={"q": events.q, "v": events.v, "row_force": events.contact_force[-1:].copy()}
+        | ({} if energy is None else {"sums": energy[-1, 2:4].copy()}),
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,34 +13,53 @@ from synth.scene import Scene, finger_end
 from synth.solver import driver
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.lcp import SOLVED
-from synth.solver.problem import Outcome
+from synth.solver.problem import Outcome, kept_array
 
 _MOST_PATH = 1 << 16  # steps of an obstacle's path that are prepared at once
 
 
 def run_law(scene: Scene) -> Outcome:
     """Exact-hold and both Moreau–Jean forms, from the static contact solution if the start is pressed in."""
-    case, model = scene.case, scene.model
-    q0, v0 = scene.initial()
-    q, force, status = driver.static_contact(model, q0)
-    if status != SOLVED:
-        raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
-    lifted = float(np.abs(model.shapes @ (q - q0)).max(initial=0.0))
+    case, kept = scene.case, scene.kept
     every, ledger = case.run.steps_per_output, case.run.ledger
-    started = time.perf_counter()
-    state = driver.start_run(model, q, v0, force, every, scene.outputs, ledger, case.scheme.start == "published")
     tuning = _Tuning(scene)
+    hold, done, lifted = None, 0, 0.0
+    if kept is None:
+        state, lifted = _started(scene)
+    else:
+        state = driver.resume_run(tuning.model, kept, scene.first, every, scene.outputs, ledger)
+        done = int(kept_array(kept, "fingers", ()))
+        if not 0 <= done <= len(scene.fingers) - ("hold" in kept):
+            raise ValueError(f"state.fingers must be at most {len(scene.fingers)}, those of the case, got {done}")
+        if "hold" in kept:
+            begin, here, *held = kept_array(kept, "hold", (4,))
+            if not 0 <= begin <= scene.first:
+                raise ValueError(f"state.hold must begin before step {scene.first}, got {begin:g}")
+            hold = _Hold(scene, scene.fingers[done], int(begin), float(here), np.array(held))
+    _compile(scene, state, tuning.model)
     flush = enable_ftz()
+    started = time.perf_counter()
     try:
-        for finger in scene.fingers:
-            begin = max(_step(scene, finger.start_s), int(state.counts[driver.STEPS]))
-            _advance(scene, state, tuning, begin, None)
-            end = max(begin + 1, _step(scene, finger_end(finger)))
-            _advance(scene, state, tuning, min(end, scene.steps), finger)
-        _advance(scene, state, tuning, scene.steps, None)
+        for finger in scene.fingers[done:]:
+            if hold is None:
+                begin = max(_step(scene, finger.start_s), int(state.counts[driver.STEPS]))
+                _advance(scene, state, tuning, begin, None)
+                if begin >= scene.last:
+                    break
+                hold = _Hold(scene, finger, begin, float(scene.pluck_weights(finger) @ state.q))
+            end = max(hold.begin + 1, _step(scene, finger_end(finger)))
+            _advance(scene, state, tuning, min(end, scene.last), hold)
+            if end > scene.last:
+                break
+            hold = None
+            done += 1
+        _advance(scene, state, tuning, scene.last, None)
     finally:
         restore(flush)
     seconds = time.perf_counter() - started
+    ended = driver.kept_of(state) | {"fingers": np.array(done)}
+    if hold is not None:
+        ended["hold"] = np.array([hold.begin, hold.here, *hold.state])
     sums, counts = state.sums, state.counts
     notes = {"started_from_static_contact": lifted > 0.0, "lifted_m": lifted}
     if scene.tail is not None:
@@ -62,21 +80,47 @@ def run_law(scene: Scene) -> Outcome:
         unsolved_steps=int(counts[driver.BAD_STEPS]),
         seconds=seconds,
         notes=notes,
+        state=ended,
     )
 
 
+def _started(scene: Scene) -> tuple[driver.Run, float]:
+    """The run at t = 0, and how far [m] a contact point had to be lifted on to the obstacle."""
+    case, model = scene.case, scene.model
+    q0, v0 = scene.initial()
+    q, force, status = driver.static_contact(model, q0)
+    if status != SOLVED:
+        raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
+    lifted = float(np.abs(model.shapes @ (q - q0)).max(initial=0.0))
+    published = case.scheme.start == "published"
+    every = case.run.steps_per_output
+    return driver.start_run(model, q, v0, force, every, scene.outputs, case.run.ledger, published), lifted
+
+
+def _compile(scene: Scene, state: driver.Run, model: driver.Model) -> None:
+    """Kernels made, or loaded, by no step of the run, so that its time is that of the steps."""
+    row = no_finger(model.omega.size, model.eta.size)
+    driver.run(model, state, 0, row)
+    if scene.case.obstacle.moves:
+        driver.run_moving(model, state, 0, row, np.zeros(1))
+    for finger in scene.fingers[:1]:
+        weights, coupling = scene.pluck_weights(finger), np.zeros(model.eta.size)
+        finger_row(model.law, model.coef, model.shapes, weights, coupling)
+
+
 def _step(scene: Scene, t: float) -> int:
-    """The step that a time [s] falls on, at most the last one."""
-    return round(min(t / scene.dt, scene.steps))
+    """The step that a time [s] falls on, at most one behind the last."""
+    return round(min(t / scene.dt, scene.first + scene.steps + 1.0))
 
 
 class _Tuning:
-    """The model of the moment; its tension changes as the scene says."""
+    """The model of the moment; its tension changes as the scene says, from its first step on."""
 
     def __init__(self, scene: Scene) -> None:
-        self.model = scene.model
         self._scene = scene
-        self._changes = list(reversed(scene.tension_changes))
+        past = [cents for step, cents in scene.tension_changes if step < scene.first]
+        self.model = scene.bent_model(past[-1]) if past else scene.model
+        self._changes = [change for change in reversed(scene.tension_changes) if change[0] >= scene.first]
 
     def until(self, step: int, state: driver.Run) -> float:
         """Makes the changes that are due at `step`; returns the step of the next one."""
@@ -86,36 +130,26 @@ class _Tuning:
         return self._changes[-1][0] if self._changes else math.inf
 
 
-@dataclass
 class _Hold:
-    """One finger from its touch to its release."""
+    """One finger from its touch, at step `begin` where the string was `here` [m], to its release."""
 
-    finger: FingerTable
-    begin: int
-    weights: np.ndarray
-    path: np.ndarray
-    state: np.ndarray
+    def __init__(self, scene: Scene, finger: FingerTable, begin: int, here: float, state: np.ndarray | None = None) -> None:
+        self.finger, self.begin, self.here = finger, begin, here
+        self.weights = scene.pluck_weights(finger)
+        self.state = np.array([here, 0.0]) if state is None else state
+        self._dt = scene.dt
 
     def row(self, model: driver.Model, start: int, stop: int) -> Finger:
-        coupling, parts = np.zeros(model.eta.size), model.sub.parts
+        coupling, parts, finger = np.zeros(model.eta.size), model.sub.parts, self.finger
         own = finger_row(model.law, model.sub.coef if parts > 1 else model.coef, model.shapes, self.weights, coupling)
-        path = self.path[(start - self.begin) * parts : (stop - self.begin) * parts + 1]
-        return Finger(
-            1, self.weights, coupling, own, self.finger.stiffness_n_m, self.finger.resistance_n_s_m, path, self.state
-        )
+        since = np.arange((start - self.begin) * parts, (stop - self.begin) * parts + 1)
+        ramp = np.clip(since * self._dt / parts / finger.draw_s, 0.0, 1.0)
+        path = self.here + (finger.displacement_m - self.here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
+        return Finger(1, self.weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, self.state)
 
 
-def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, finger: FingerTable | None) -> None:
-    step = begin = int(state.counts[driver.STEPS])
-    if until <= begin:
-        return
-    hold = None
-    if finger is not None:
-        weights, parts = scene.pluck_weights(finger), scene.case.scheme.substeps
-        here = float(weights @ state.q)
-        ramp = np.clip(np.arange((until - begin) * parts + 1) * scene.dt / parts / finger.draw_s, 0.0, 1.0)
-        path = here + (finger.displacement_m - here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
-        hold = _Hold(finger, begin, weights, path, np.array([here, 0.0]))
+def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, hold: _Hold | None) -> None:
+    step, until = int(state.counts[driver.STEPS]), min(until, scene.last)
     moves = scene.case.obstacle.moves
     while step < until:
         stop = int(min(until, tuning.until(step, state), step + _MOST_PATH if moves else until))

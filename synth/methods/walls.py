@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -20,6 +21,7 @@ from synth.solver.problem import Outcome, Problem
 class ContactRows:
     """Rows of a wall's nodes, made when they are first asked for: the same run once more, bit for bit."""
 
+    begin: Callable[..., wall.Run]
     problem: Problem
     model: wall.Wall
     rows: tuple[np.ndarray, np.ndarray] | None = None
@@ -27,7 +29,7 @@ class ContactRows:
     def of(self, which: int) -> np.ndarray:
         """0: displacements (n, C) [m]; 1: forces (n, C) [N]."""
         if self.rows is None:
-            state = _advanced(self.problem, self.model, wall.start_run(self.problem, self.model, False))
+            state = _advanced(self.problem, self.model, self.begin(ledger=False))
             self.rows = state.contact_u, state.contact_force
         return self.rows[which]
 
@@ -49,20 +51,26 @@ def run_wall(scene: Scene) -> Outcome:
     if scene.fingers:
         raise CaseError(f"finger: scheme {case.scheme.name!r} takes none; start from an initial shape")
     problem = scene.problem()
+    problem = problem._replace(steps=(scene.outputs - 1) * problem.every)
     stiffness = math.inf if table.stiffness_n_m2 == "rigid" else table.stiffness_n_m2
     try:
         model = wall.make_wall(
             problem.omega, problem.sigma, problem.mu, problem.dt, scene.string.length_m, scene.positions, problem.eta,
             problem.out_shapes, stiffness, case.scheme.restitution,
         )  # fmt: skip
-        state = wall.start_run(problem, model, case.run.ledger, contact_rows=False)
+        begin: Callable[..., wall.Run] = partial(wall.start_run, problem, model)
+        if scene.kept is not None:
+            begin = partial(wall.resume_run, problem, model, scene.kept)
+        state = begin(ledger=case.run.ledger, contact_rows=False)
     except ValueError as error:
         raise CaseError(f"obstacle.wall: {error}") from None
+    nothing = problem._replace(steps=0)
+    _advanced(nothing, model, begin(ledger=case.run.ledger, contact_rows=False))  # compiles
     started = time.perf_counter()
     _advanced(problem, model, state)
     seconds = time.perf_counter() - started
-    sums, counts, rows = state.sums, state.counts, ContactRows(problem, model)
-    exit_step = int(counts[wall.EXIT])
+    sums, counts, rows = state.sums, state.counts, ContactRows(begin, problem, model)
+    exit_step, last = int(counts[wall.EXIT]), int(counts[wall.LAST])
     return Outcome(
         u=state.u,
         contact_u=partial(rows.of, 0),
@@ -70,12 +78,13 @@ def run_wall(scene: Scene) -> Outcome:
         energy=state.energy if case.run.ledger else None,
         largest_penetration_m=float(sums[wall.PENETRATION]),
         largest_energy_rise=float(sums[wall.RISE]) if case.run.ledger else float("nan"),
-        last_contact_step=int(counts[wall.LAST]),
+        last_contact_step=scene.first + last if last >= 0 else -1,
         contact_steps=int(counts[wall.TOUCHED]),
         seconds=seconds,
         notes={
             "steps_looked_at": int(counts[wall.LOOKED]),
-            "free_from_s": exit_step * problem.dt if exit_step >= 0 else None,
+            "free_from_s": (scene.first + exit_step) * problem.dt if exit_step >= 0 else None,
             "spring_radians_per_step": wall.spring_angle(model),
         },
+        state=wall.kept_of(state),
     )
