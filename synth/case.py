@@ -5,19 +5,24 @@ What the tables and keys mean is written in `synth.simulation`.
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import tomllib
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from synth.npz import read_npz
 from synth.schemes import COMPLIANT, SCHEMES
+from synth.sources import read_bytes
+from synth.spelling import perhaps
+from synth.targets import is_special
+
+#: largest case file that is read [bytes]
+MOST_BYTES = 1 << 24
 
 
 class CaseError(ValueError):
@@ -33,12 +38,37 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
+def _within(low: float, high: float, unit: str) -> AfterValidator:
+    """Bounds beyond what any run has use for, and so far within floating point that nothing made of them overflows."""
+
+    def check(value: float) -> float:
+        if not low <= value <= high:
+            raise ValueError(f"must lie between {low:g} and {high:g}{unit}, got {value!r}; check the unit")
+        return value
+
+    return AfterValidator(check)
+
+
 # strict: neither true nor "1.0" is a number
 Number = Annotated[float, Field(strict=True)]
 Positive = Annotated[float, Field(strict=True, gt=0)]
 NonNegative = Annotated[float, Field(strict=True, ge=0)]
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Flag = Annotated[bool, Field(strict=True)]
+
+#: of a mode's q [m·√m] and q̇ [m·√m/s], in a case or in its files
+MOST_AMPLITUDE, MOST_SPEED = 1e4, 1e12
+Place = Annotated[Number, _within(-1e4, 1e4, " m")]  # along the string: what is not on it is said with its length
+Length = Annotated[Positive, _within(1e-12, 1e4, " m")]
+Width = Annotated[NonNegative, _within(0.0, 1e4, " m")]
+Height = Annotated[Number, _within(-1e3, 1e3, " m")]
+Instant = Annotated[NonNegative, _within(0.0, 1e9, " s")]
+Duration = Annotated[Positive, _within(1e-9, 1e9, " s")]
+Frequency = Annotated[Positive, _within(1e-6, 1e12, " Hz")]
+Rate = Annotated[Positive, _within(1e-3, 1e12, " Hz")]
+Amplitude = Annotated[Number, _within(-MOST_AMPLITUDE, MOST_AMPLITUDE, " m·√m")]
+Speed = Annotated[Number, _within(-MOST_SPEED, MOST_SPEED, " m·√m/s")]
+Cents = Annotated[Number, _within(-36000.0, 36000.0, " cents")]
 
 
 class NutTable(_Table):
@@ -78,23 +108,23 @@ class StringTable(_Table):
 
 
 class FretsTable(_Table):
-    scale_length_m: Positive
+    scale_length_m: Length
     count: Annotated[Whole, Field(le=500)]
-    action_12th_m: Positive
-    relief_m: NonNegative = 0.0
-    nut_height_m: Positive = 0.0004
+    action_12th_m: Length
+    relief_m: Width = 0.0
+    nut_height_m: Length = 0.0004
 
 
 class RampTable(_Table):
-    start_s: NonNegative = 0.0
-    duration_s: Positive
-    displacement_m: Number
+    start_s: Instant = 0.0
+    duration_s: Duration
+    displacement_m: Height
 
 
 class SineTable(_Table):
-    start_s: NonNegative = 0.0
-    frequency_hz: Positive
-    amplitude_m: Number
+    start_s: Instant = 0.0
+    frequency_hz: Frequency
+    amplitude_m: Height
 
 
 class MotionTable(_Table):
@@ -103,20 +133,20 @@ class MotionTable(_Table):
 
 
 class ParabolaTable(_Table):
-    top_m: Number
-    height_m: Number = 0.0
-    radius_m: Positive
+    top_m: Place
+    height_m: Height = 0.0
+    radius_m: Annotated[Positive, _within(1e-6, 1e12, " m")]
 
 
 class WallTable(_Table):
-    from_m: NonNegative
-    to_m: Positive
+    from_m: Width
+    to_m: Length
     nodes: Annotated[Whole, Field(ge=1)] | None = None
-    spacing_m: Positive | None = None
-    height_m: Number | None = None
+    spacing_m: Length | None = None
+    height_m: Height | None = None
     neck: Literal["bass"] | None = None
     parabola: ParabolaTable | None = None
-    stiffness_n_m2: Positive | Literal["rigid"] = 1e8
+    stiffness_n_m2: Annotated[Positive, _within(1e-6, 1e20, " N/m²")] | Literal["rigid"] = 1e8
 
     @model_validator(mode="after")
     def _one_height(self) -> WallTable:
@@ -128,8 +158,8 @@ class WallTable(_Table):
 
 
 class ObstacleTable(_Table):
-    positions_m: list[Number] | None = None
-    heights_m: list[Number] | Number | None = None
+    positions_m: list[Place] | None = None
+    heights_m: list[Height] | Height | None = None
     frets: FretsTable | None = None
     motion: MotionTable = MotionTable()
     wall: WallTable | None = None
@@ -156,13 +186,13 @@ class ObstacleTable(_Table):
 
 class InitialTable(_Table):
     shape: Literal["triangle", "modes", "rest"]
-    position_m: Positive | None = None
-    displacement_m: Number | None = None
-    rounding_half_width_m: NonNegative | None = None
-    width_m: NonNegative | None = None
+    position_m: Length | None = None
+    displacement_m: Height | None = None
+    rounding_half_width_m: Width | None = None
+    width_m: Width | None = None
     file: str | None = None
-    q: str | list[Number] | None = None
-    v: str | list[Number] | None = None
+    q: str | list[Amplitude] | None = None
+    v: str | list[Speed] | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> InitialTable:
@@ -187,20 +217,20 @@ class InitialTable(_Table):
 
 
 class FingerTable(_Table):
-    position_m: Positive
-    displacement_m: Number
-    width_m: NonNegative = 0.01
-    start_s: NonNegative = 0.0
-    draw_s: Positive
-    hold_s: NonNegative = 0.0
-    stiffness_n_m: Positive = 1e5
-    resistance_n_s_m: NonNegative = 1.0
+    position_m: Length
+    displacement_m: Height
+    width_m: Width = 0.01
+    start_s: Instant = 0.0
+    draw_s: Duration
+    hold_s: Instant = 0.0
+    stiffness_n_m: Annotated[Positive, _within(1e-9, 1e15, " N/m")] = 1e5
+    resistance_n_s_m: Annotated[NonNegative, _within(0.0, 1e15, " N s/m")] = 1.0
 
 
 class BendTable(_Table):
-    start_s: NonNegative = 0.0
-    duration_s: Positive
-    cents: Number
+    start_s: Instant = 0.0
+    duration_s: Duration
+    cents: Cents
 
 
 #: keys of [scheme] that only some schemes take
@@ -222,11 +252,11 @@ class SchemeTable(_Table):
     tail: Literal["lumped", "static", "none"] | None = None
     substeps: Annotated[Whole, Field(ge=1, le=64)] = 1
     start: Literal["exact", "published"] = "exact"
-    stiffness: Positive | None = None
-    exponent: Annotated[Number, Field(ge=1)] | None = None
-    loss: NonNegative | None = None
-    tolerance: Annotated[Number, Field(gt=0, lt=1)] | None = None
-    iterations: Annotated[Whole, Field(ge=1)] | None = None
+    stiffness: Annotated[Positive, _within(1e-6, 1e30, " N/m^α")] | None = None
+    exponent: Annotated[Number, Field(ge=1, le=20)] | None = None
+    loss: Annotated[NonNegative, _within(0.0, 1e9, " s/m")] | None = None
+    tolerance: Annotated[Number, Field(ge=1e-16, lt=1)] | None = None
+    iterations: Annotated[Whole, Field(ge=1, le=100_000)] | None = None
     grid: Literal["contacts", "full"] | None = None
     drift_correction: Annotated[Number, Field(ge=0, le=1)] | None = None
 
@@ -250,11 +280,11 @@ class SchemeTable(_Table):
 
 
 class RunTable(_Table):
-    internal_rate_hz: Positive
-    output_rate_hz: Positive | None = None
-    modes: Annotated[Whole, Field(ge=1)]
-    duration_s: Positive
-    outputs_m: Annotated[list[Number], Field(min_length=1)]
+    internal_rate_hz: Rate
+    output_rate_hz: Rate | None = None
+    modes: Annotated[Whole, Field(ge=1, le=10_000_000)]
+    duration_s: Duration
+    outputs_m: Annotated[list[Place], Field(min_length=1)]
     ledger: Flag = False
 
     @model_validator(mode="after")
@@ -283,6 +313,23 @@ class Case(_Table):
     bend: list[BendTable] = []
     scheme: SchemeTable = SchemeTable()
     run: RunTable
+
+    def __repr__(self) -> str:
+        """One line: the tables may be pages."""
+        table, run = self.obstacle, self.run
+        below = "no obstacle"
+        if table.wall is not None:
+            below = "a wall"
+        elif table.frets is not None:
+            below = f"{table.frets.count} frets"
+        elif table.positions_m:
+            below = f"{len(table.positions_m)} contact point{'' if len(table.positions_m) == 1 else 's'}"
+        return (
+            f"<Case: string of {self.string.length_m:g} m over {below}, {self.scheme.name}, {run.duration_s:g} s of "
+            f"{run.modes} modes at {run.internal_rate_hz:g} Hz>"
+        )
+
+    __str__ = __repr__
 
     @model_validator(mode="before")
     @classmethod
@@ -343,27 +390,52 @@ def case_names() -> list[str]:
     return sorted(names, key=lambda name: (name.count("/"), name))
 
 
+def case_path(case: str | os.PathLike[str]) -> Path:
+    """The file of a case by name (of those that come with the program), or that file. Raises CaseError."""
+    path = Path(case)
+    if path.suffix == ".toml" or (path.exists() and not path.is_dir()):  # a pipe too
+        return path
+    if str(case) not in case_names():
+        raise CaseError(_not_a_case(str(case)))
+    return case_folder() / f"{case}.toml"
+
+
+def files_of(case: str | os.PathLike[str]) -> list[Path]:
+    """The file of a case and those that it names, as far as it can be read. Raises CaseError where there is none."""
+    path = case_path(case)
+    if is_special(path):  # a pipe is read once
+        return [path]
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return [path]
+    inner = [table for each in tables.values() if isinstance(each, Mapping) for table in (each, *each.values())]
+    named = [table["file"] for table in inner if isinstance(table, Mapping) and isinstance(table.get("file"), str)]
+    return [path, *(path.parent / name for name in named if "\0" not in name)]
+
+
 def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
     folder, origin = Path(), "case"
     if isinstance(case, Case):
         tables = case.model_dump(exclude_unset=True)
     elif isinstance(case, Mapping):
         tables = _plain(case)
+    elif not isinstance(case, str | os.PathLike):
+        raise TypeError(
+            "a case is the path of a .toml file, the name of one of the program's cases, its tables as a dict, or a Case; "
+            f"got {type(case).__name__} {case!r:.60}"
+        )
     else:
-        path = Path(case)
-        if path.suffix != ".toml" and not path.is_file():
-            if str(case) not in case_names():
-                raise CaseError(_not_a_case(str(case)))
-            path = case_folder() / f"{case}.toml"
+        path = case_path(case)
         folder, origin = path.parent, str(path)
         try:
-            tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+            tables = tomllib.loads(read_bytes(path, MOST_BYTES, "case").decode("utf-8-sig"))
         except (ValueError, RecursionError) as error:
             raise CaseError(f"{origin}: not valid TOML: {error}") from None
     given: dict[tuple[str, str], str] = {}
     for name, value in overrides.items():
         if name not in OVERRIDES:
-            raise CaseError(f"no override {name!r}; there are {', '.join(OVERRIDES)}")
+            raise CaseError(f"no override {name!r}{perhaps(name, OVERRIDES)}; there are {', '.join(OVERRIDES)}")
         if value is not None:
             table, key = OVERRIDES[name]
             if given.setdefault((table, key), name) != name:
@@ -409,12 +481,9 @@ def _not_a_case(name: str) -> str:
     if Path(name).is_dir():
         return f"case {name!r} is a folder; give a .toml file in it"
     names = case_names()
-    near = [known for known in names if known.rpartition("/")[2] == name] or difflib.get_close_matches(name, names, 1)
-    return (
-        f"case {name!r} is not one of {', '.join(names)}; "
-        + (f"perhaps {near[0]}? " if near else "")
-        + "a file of your own ends in .toml"
-    )
+    below = [known for known in names if known.rpartition("/")[2] == name]
+    near = f" (perhaps {below[0]}?)" if below else perhaps(name, names)
+    return f"case {name!r}{near} is not one of {', '.join(names)}; a file of your own ends in .toml"
 
 
 def _plain(value: Any) -> Any:
@@ -435,22 +504,15 @@ def arrays_of(folder: Path, file: str, keys: dict[str, str]) -> dict[str, np.nda
         raise CaseError(f"file {path} does not exist; paths count from the case's folder")
     found = {}
     try:
-        with open(path, "rb") as file_:
-            data = np.load(file_)
-            if not isinstance(data, np.lib.npyio.NpzFile):
-                raise CaseError(f"{path} holds one array without a name; write it with numpy.savez")
-            for what, key in keys.items():
-                if key not in data.files:
-                    raise CaseError(f"{path} has no array {key!r}; it has {', '.join(data.files)}")
-                values = data[key]
-                if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.all(np.isfinite(values)):
-                    few = np.array2string(values, threshold=4).replace("\n", "")
-                    raise CaseError(
-                        f"{path}: {key!r} must be one row of finite real numbers, got shape {values.shape}: {few}"
-                    )
-                found[what] = values.astype(np.float64)
-    except CaseError:
-        raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise CaseError(f"{path} cannot be read as .npz: {error}") from None
+        data = read_npz(path)
+    except ValueError as error:
+        raise CaseError(str(error)) from None
+    for what, key in keys.items():
+        if key not in data:
+            raise CaseError(f"{path} has no array {key!r}; it has {', '.join(data)}")
+        values = data[key]
+        if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.all(np.isfinite(values)):
+            few = np.array2string(values, threshold=4).replace("\n", "")
+            raise CaseError(f"{path}: {key!r} must be one row of finite real numbers, got shape {values.shape}: {few}")
+        found[what] = values.astype(np.float64)
     return found

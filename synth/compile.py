@@ -9,6 +9,7 @@ string's line at rest.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,7 +25,7 @@ from synth.physics.modes import (
 from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
 from synth.physics.string import NutResonance, String
 from synth.physics.tail import lumped_tail
-from synth.plan import StringPlan, plan_string, scene_kind
+from synth.plan import KEPT, StringPlan, plan_string, scene_kind
 from synth.preset import (
     BridgeObstacle,
     FretsObstacle,
@@ -35,6 +36,7 @@ from synth.preset import (
     at_note,
     contact_cents,
     fret_count,
+    in_file_words,
     playable_range,
 )
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
@@ -183,6 +185,59 @@ def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
     return Obstacle((), ())
 
 
+def _refuse_wider_than_string(preset: Preset, length_m: float) -> None:
+    """A finger or a pickup as wide as the string averages all of it away; near an end the engine takes less of a finger."""
+    widths = {"pluck.width_mm": preset.pluck.width_mm, "pluck.width_hard_mm": preset.pluck.width_hard_mm}
+    if preset.output.kind == "pickup":
+        widths["output.aperture_mm"] = preset.output.aperture_mm
+    for field, width_mm in widths.items():
+        if width_mm is not None and width_mm > 1e3 * length_m:
+            raise ValueError(f"{field} must be at most the string's {1e3 * length_m:g} mm, got {width_mm:g}; take less")
+
+
+def open_string(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None = None) -> tuple[String, Obstacle]:
+    """The open string of a table at one of its notes and what lies below it. Raises ValueError where it cannot be tuned."""
+    opened = make_string(preset, table, note, string_frequency(preset, table, note, note_hz))
+    _refuse_wider_than_string(preset, opened.length_m)
+    below = obstacle_of(preset, note, opened.length_m)
+    below.check(opened.length_m)
+    return opened, below
+
+
+def string_places(preset: Preset, note: int) -> int:
+    """At how many places a string of this open note is played: open, and at every fret."""
+    return min(fret_count(preset), 127 - note) + 1
+
+
+def speaking_string(
+    preset: Preset,
+    table: StringTable,
+    note: int,
+    fret: int,
+    opened: String,
+    below: Obstacle,
+    note_hz: np.ndarray | None = None,
+) -> tuple[String, Obstacle, float]:
+    """Of `open_string` stopped at a fret (0: open): the string, what lies below it, and the height of its fret [m].
+
+    Raises ValueError where it cannot sound: a fret in its way, a pitch that no tension gives.
+    """
+    if not isinstance(preset.obstacle, FretsObstacle):
+        return opened, below, 0.0
+    length, left = fretted(below, fret, opened.length_m)
+    if not fret:
+        return opened, left, 0.0
+    string = opened.with_length(length).tuned(string_frequency(preset, table, note + fret, note_hz))
+    return string, left, below.heights_m[fret - 1]
+
+
+def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
+    """What kind of scene (`plan.scene_kind`) an open string over its obstacle is, plucked softly and hard."""
+    pluck = preset.pluck
+    hard = pluck.position if pluck.position_hard is None else pluck.position_hard
+    return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in (pluck.position, hard)])
+
+
 def output_weights(preset: Preset, string: String, open_length_m: float, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Weights (N,), (N,) on q and on v of the preset's output for one speaking string."""
     output = preset.output
@@ -313,7 +368,7 @@ def compile_string(
     scheme: str = "exact-hold",
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
-    only_notes: set[int] | None = None,
+    only_notes: Set[int] | None = None,
 ) -> CompiledString:
     """One physical string of a preset with all its positions, or those of `only_notes`. Raises PresetError naming the
     string."""
@@ -321,21 +376,14 @@ def compile_string(
     try:
         gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
         frequency = note_frequency(preset, table, note, note_hz)
-        opened = make_string(preset, table, note, string_frequency(preset, table, note, note_hz))
+        opened, whole = open_string(preset, table, note, note_hz)
         length = opened.length_m
-        whole = obstacle_of(preset, note, length)
-        neck = isinstance(preset.obstacle, FretsObstacle)
         positions = []
-        places = min(fret_count(preset), 127 - note) + 1
+        places = string_places(preset, note)
         for fret in range(places):
             if only_notes is not None and note + fret not in only_notes:
                 continue
-            string, obstacle, height = opened, whole, 0.0
-            if neck:
-                speaking, obstacle = fretted(whole, fret, length)
-                height = whole.heights_m[fret - 1] if fret else 0.0
-                if fret:
-                    string = opened.with_length(speaking).tuned(string_frequency(preset, table, note + fret, note_hz))
+            string, obstacle, height = speaking_string(preset, table, note, fret, opened, whole, note_hz)
             positions.append(
                 compile_position(
                     preset,
@@ -345,7 +393,7 @@ def compile_string(
                     fret=fret,
                     open_length_m=length,
                     open_frequency_hz=frequency,
-                    kind=scene_kind(opened, whole.positions_m),
+                    kind=string_kind(preset, opened, whole),
                     rest_height_m=height,
                     quality=quality,
                     rate_hz=rate_hz,
@@ -357,7 +405,7 @@ def compile_string(
     except PresetError:
         raise
     except ValueError as error:
-        raise PresetError(f"{preset.name}: string {label}: {error}") from None
+        raise PresetError(f"{preset.name}: string {label}: {in_file_words(str(error), table)}") from None
     x = preset.pluck.position * length
     force = 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
     return CompiledString(
@@ -384,31 +432,49 @@ def compile_preset(
     scheme: str = "exact-hold",
     internal_rate_hz: float | None = None,
     note_hz: np.ndarray | None = None,
-    only_notes: set[int] | None = None,
+    only_notes: Set[int] | None = None,
     every_fret: bool = True,
+    made: dict[tuple, CompiledString] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> CompiledPart:
     """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted, and, unless `every_fret`,
-    positions too."""
+    positions too.
+
+    made: strings of earlier calls that differ in `only_notes` at most, which are not made again; new ones are added.
+    progress: called with the number of strings after each of them.
+    """
+    made = {} if made is None else made
     strings = []
-    neck = fret_count(preset)
-    for table in preset.string:
-        for note in string_notes(table):
-            if only_notes is not None and not any(n in only_notes for n in range(note, note + neck + 1)):
-                continue
-            strings.append(
-                compile_string(
-                    preset,
-                    table,
-                    note,
-                    quality=quality,
-                    rate_hz=rate_hz,
-                    scheme=scheme,
-                    internal_rate_hz=internal_rate_hz,
-                    note_hz=note_hz,
-                    only_notes=None if every_fret else only_notes,
-                )
+    for number, note in wanted_notes(preset, only_notes):
+        wanted = None if every_fret or only_notes is None else frozenset(only_notes)
+        key = id(preset), number, note, wanted
+        if key not in made:
+            made[key] = compile_string(
+                preset,
+                preset.string[number],
+                note,
+                quality=quality,
+                rate_hz=rate_hz,
+                scheme=scheme,
+                internal_rate_hz=internal_rate_hz,
+                note_hz=note_hz,
+                only_notes=wanted,
             )
+        strings.append(made[key])
+        if progress is not None:
+            progress(len(strings))
     return CompiledPart(preset, tuple(strings))
+
+
+def wanted_notes(preset: Preset, only_notes: Set[int] | None) -> list[tuple[int, int]]:
+    """(number of its table, open note) of every string that one of the notes is played on; None: of all."""
+    neck = fret_count(preset)
+    return [
+        (number, note)
+        for number, table in enumerate(preset.string)
+        for note in string_notes(table)
+        if only_notes is None or any(n in only_notes for n in range(note, note + neck + 1))
+    ]
 
 
 def describe_plan(
@@ -459,6 +525,7 @@ def describe_plan(
                         "modes": plan.modes,
                         "contacts": position.eta.size,
                         "error": plan.error,
+                        "kept_in": KEPT,
                         "reason": plan.reason,
                     }
                 )

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -27,9 +27,22 @@ from pydantic import (
     model_validator,
 )
 
+from synth.sources import read_bytes
+from synth.spelling import perhaps
 from synth.units import midi_to_note, note_to_midi
 
 FORMAT = 2
+#: largest preset that is read [bytes]
+MOST_BYTES = 1 << 20
+
+
+#: names that the physics has, and the keys of the file that stand for them
+_FILE_KEYS = {
+    "modal_mass_kg": "mass_kg",
+    "core_diameter_m": "core_diameter_mm",
+    "winding_diameter_m": "winding_diameter_mm",
+    "diameter_m": "diameter_mm",
+}
 
 
 class PresetError(ValueError):
@@ -128,6 +141,24 @@ def _range(low: float, high: float) -> AfterValidator:
     return AfterValidator(Between(low, high))
 
 
+@dataclass(frozen=True)
+class EachBetween:
+    """All numbers of a list lie in [low, high]."""
+
+    low: float
+    high: float
+
+    def __call__(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        for number, value in enumerate(values, start=1):
+            if not self.low <= value <= self.high:
+                raise ValueError(f"number {number} must lie between {self.low:g} and {self.high:g}, got {value:g}")
+        return values
+
+
+def _each(low: float, high: float) -> AfterValidator:
+    return AfterValidator(EachBetween(low, high))
+
+
 class Table(BaseModel):
     """A table of the file: unknown keys are errors, values do not change."""
 
@@ -140,7 +171,7 @@ class Tuning(Table):
     a4_hz: float = Field(440.0, ge=300.0, le=600.0)
     offset_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
     #: how far the contact raises the sounding fundamental [cents], by note; subtracted from the string's own pitch
-    contact_cents: Annotated[dict[int, float], BeforeValidator(_anchors)] | None = None
+    contact_cents: Annotated[dict[int, float], BeforeValidator(_anchors), _range(-1200.0, 1200.0)] | None = None
 
 
 class NutMode(Table):
@@ -169,8 +200,8 @@ class StringTable(Table):
     stiffness_law: Literal["sqrt", "linear"] = "sqrt"
     cents: float = Field(0.0, ge=-200.0, le=200.0)
     gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
-    measured_frequencies_hz: tuple[float, ...] = ()
-    measured_decay_rates: tuple[float, ...] = ()
+    measured_frequencies_hz: Annotated[tuple[float, ...], _each(0.1, 1e6)] = ()
+    measured_decay_rates: Annotated[tuple[float, ...], _each(1e-9, 1e7)] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> StringTable:
@@ -210,8 +241,8 @@ class PointsObstacle(Table):
     """Any set of points below the string; positions counted from the nut of the open string."""
 
     kind: Literal["points"]
-    positions_mm: tuple[float, ...] = Field(min_length=1, max_length=64)
-    heights_mm: tuple[float, ...]
+    positions_mm: Annotated[tuple[float, ...], _each(1e-6, 5000.0)] = Field(min_length=1, max_length=64)
+    heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)]
 
     @model_validator(mode="after")
     def _same_length(self) -> PointsObstacle:
@@ -219,6 +250,9 @@ class PointsObstacle(Table):
             raise ValueError(
                 f"positions_mm and heights_mm must be of one length, got {len(self.positions_mm)} and {len(self.heights_mm)}"
             )
+        for point, (before, after) in enumerate(pairwise(self.positions_mm), start=2):
+            if after <= before:
+                raise ValueError(f"positions_mm must rise, got {before:g} and {after:g} at point {point}; sort the points")
         return self
 
 
@@ -230,7 +264,7 @@ class FretsObstacle(Table):
     action_12th_mm: float | None = Field(None, gt=0.0, le=20.0)
     relief_mm: float = Field(0.0, ge=0.0, le=5.0)
     nut_height_mm: float = Field(0.4, gt=0.0, le=5.0)
-    heights_mm: tuple[float, ...] = ()
+    heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)] = ()
 
     @model_validator(mode="after")
     def _one_way(self) -> FretsObstacle:
@@ -238,6 +272,10 @@ class FretsObstacle(Table):
             raise ValueError("give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm")
         if self.heights_mm and len(self.heights_mm) != self.count:
             raise ValueError(f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}")
+        if not self.heights_mm and self.count < 12:
+            raise ValueError(
+                f"count must be at least 12 for an action at fret 12, got {self.count}; give heights_mm instead"
+            )
         return self
 
 
@@ -326,6 +364,14 @@ class Preset(Table):
     output: Output = Output()
     body: Body = Body()
     mapping: Mapping_ = Mapping_()
+
+    def __repr__(self) -> str:
+        """One line: the tables may be pages."""
+        notes = f"{midi_to_note(playable_range(self)[0])}–{midi_to_note(playable_range(self)[1])}"
+        count = sum(high - low + 1 for low, high in (table.notes for table in self.string))
+        return f"<Preset {self.name}: {count} string{'' if count == 1 else 's'}, {notes}, obstacle {self.obstacle.kind}>"
+
+    __str__ = __repr__
 
     @model_validator(mode="after")
     def _pressure_moves_a_bridge(self) -> Preset:
@@ -455,10 +501,27 @@ def validate_preset(data: dict[str, Any], origin: str) -> Preset:
                 continue  # the items are missing because each of them is wrong, which is said already
             own = item["msg"].removeprefix("Value error, ").replace("Input should be ", "must be ")
             message = WORDS.get(item["type"], own)
+            if item["type"] == "extra_forbidden":
+                message = message.replace(";", f"{perhaps(str(loc[-1]), _keys_beside(loc, data))};", 1)
             got = item.get("input")
             shown = f", got {got!r}" if isinstance(got, int | float | str | bool) and "got" not in message else ""
             problems.append((place, message + shown))
         raise PresetError("\n".join(f"{origin}: {place}: {what}" for place, what in problems), problems) from None
+
+
+def _keys_beside(loc: Sequence[Any], data: Mapping[str, Any]) -> list[str]:
+    """The keys that the table at a path may have."""
+    table: Any = Preset
+    for part in loc[:-1]:
+        if part == "obstacle":
+            shape = data.get("obstacle")
+            kind = shape.get("kind", "none") if isinstance(shape, Mapping) else "none"
+            table = dict(zip(KINDS, (NoObstacle, BridgeObstacle, PointsObstacle, FretsObstacle), strict=True)).get(kind)
+        elif isinstance(part, str) and table is not None and part in table.model_fields:
+            inner = table.model_fields[part].annotation
+            inner = next(iter(get_args(inner)), inner)  # of a list of tables the table
+            table = inner if isinstance(inner, type) and issubclass(inner, Table) else None
+    return list(table.model_fields) if table is not None else []
 
 
 def preset_folder() -> Path:
@@ -473,28 +536,52 @@ def list_presets() -> list[Preset]:
 
 
 def preset_path(name_or_path: str) -> Path:
-    """The file of a preset by name (of those that come with the program), or that file. Raises PresetError where there is
-    none."""
+    """The file of a preset by name (of those that come with the program), or that file; it may be a pipe. Raises PresetError
+    where there is none."""
     path = Path(name_or_path)
-    if path.suffix != ".toml" and not path.is_file():
+    if path.suffix != ".toml" and (path.is_dir() or not path.exists()):
         path = preset_folder() / f"{name_or_path}.toml"
         if not path.is_file():
-            names = ", ".join(p.stem for p in sorted(preset_folder().glob("*.toml")))
+            names = [p.stem for p in sorted(preset_folder().glob("*.toml"))]
             raise PresetError(
-                f"preset {name_or_path!r} is not one of {names}; for a file of your own give a path ending in .toml"
+                f"preset {name_or_path!r} is not one of {', '.join(names)}{perhaps(name_or_path, names)}; "
+                "for a file of your own give a path ending in .toml"
             )
-    elif not path.is_file():
-        raise PresetError(f"preset file {name_or_path} does not exist")
+    elif not path.exists():
+        beside = [p.name for p in path.parent.glob("*.toml")]
+        raise PresetError(f"preset file {name_or_path} does not exist{perhaps(path.name, beside)}")
     return path
+
+
+def read_preset_bytes(name_or_path: str) -> bytes:
+    """A preset as it stands in the file that `preset_path` finds; of a pipe once. Raises PresetError or OSError."""
+    return read_bytes(preset_path(name_or_path), MOST_BYTES, "preset")
+
+
+def preset_text(data: bytes, origin: str) -> str:
+    """The text of a preset's file. Raises PresetError."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise PresetError(f"{origin}: not a text file in UTF-8") from None
+
+
+def read_preset(name_or_path: str) -> str:
+    """The text of a preset as `preset_path` finds it; of a pipe once. Raises PresetError or OSError."""
+    return preset_text(read_preset_bytes(name_or_path), name_or_path)
 
 
 def load_preset(name_or_path: str) -> Preset:
     """A preset by name (of those that come with the program) or by file. Raises PresetError or OSError."""
-    path = preset_path(name_or_path)
-    try:
-        return parse_preset(path.read_text(encoding="utf-8-sig"), str(name_or_path))
-    except UnicodeDecodeError:
-        raise PresetError(f"{name_or_path}: not a text file in UTF-8") from None
+    return parse_preset(read_preset(name_or_path), str(name_or_path))
+
+
+def in_file_words(text: str, table: StringTable) -> str:
+    """What the physics says of a string, with the keys that the preset's file has for the same things."""
+    stiffness = "youngs_modulus_gpa" if table.inharmonicity is None else "inharmonicity"
+    density = "density_kg_m3" if table.linear_density_g_m is None else "linear_density_g_m"
+    keys = {**_FILE_KEYS, "bending_stiffness_n_m2": stiffness, "linear_density_kg_m": density, "frequency_hz": "its pitch"}
+    return re.sub(r"\b(" + "|".join(keys) + r")\b", lambda found: keys[found[0]], text)
 
 
 def fret_count(preset: Preset) -> int:
@@ -505,6 +592,19 @@ def fret_count(preset: Preset) -> int:
 def playable_range(preset: Preset) -> tuple[int, int]:
     """Lowest and highest MIDI note that the preset's strings can be asked for."""
     return min(s.notes[0] for s in preset.string), max(s.notes[1] for s in preset.string) + fret_count(preset)
+
+
+def playable_notes(preset: Preset) -> list[int]:
+    """The MIDI notes that the preset's strings and frets give, in order."""
+    frets = fret_count(preset)
+    notes = {note for s in preset.string for note in range(s.notes[0], s.notes[1] + frets + 1)}
+    return sorted(note for note in notes if note <= 127)
+
+
+def why_unplayed(preset: Preset, note: int) -> str:
+    """Why no string of the preset plays a note."""
+    low, high = playable_range(preset)
+    return "no string is tuned to it" if low <= note <= high else f"outside {midi_to_note(low)}-{midi_to_note(high)}"
 
 
 def contact_cents(preset: Preset, note: float) -> float:

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from synth.case import BendTable, Case, CaseError, FingerTable, RampTable, WallTable, arrays_of
+from synth.case import (
+    MOST_AMPLITUDE,
+    MOST_SPEED,
+    BendTable,
+    Case,
+    CaseError,
+    FingerTable,
+    ObstacleTable,
+    RampTable,
+    WallTable,
+    arrays_of,
+)
 from synth.physics.excitation import pluck_weights, rounded_triangle, triangle_pluck
 from synth.physics.modes import (
     base_frequencies,
@@ -38,25 +49,32 @@ _RESIDUAL_GRID_CENTS = 25.0
 
 
 class Scene:
-    """String, obstacle, fingers, modes and contacts of a case; files count from `folder`."""
+    """String, obstacle, fingers, modes and contacts of a case; files count from `folder`.
 
-    def __init__(self, case: Case, folder: Path) -> None:
-        self.case, self.folder = case, folder
+    `kept` is the state at step `first`, from which a run goes on: times count on, and the case's start is of no account.
+    """
+
+    def __init__(self, case: Case, folder: Path, first: int = 0, kept: Mapping[str, np.ndarray] | None = None) -> None:
+        self.case, self.folder, self.first, self.kept = case, folder, first, kept
         self.dt = 1.0 / case.run.internal_rate_hz
         self.steps = max(1, round(case.run.duration_s * case.run.internal_rate_hz))
         every = case.run.steps_per_output
         self.outputs = self.steps // every + 1
+        self.last = first + (self.outputs - 1) * every  # the step of the last row
         self.string = self._string()
         self.obstacle = self._obstacle()
         self._refuse_the_absurd()
 
         length, n = self.string.length_m, case.run.modes
+        start = case.initial
+        if start.position_m is not None:
+            _refuse_off_string("initial.position_m", start.position_m, length)
+            for key, reach in (("rounding_half_width_m", 1.0), ("width_m", 0.5)):
+                _refuse_over_end(f"initial.{key}", getattr(start, key) or 0.0, reach, start.position_m, length)
         self.fingers = sorted(case.finger, key=lambda f: f.start_s)
         for number, finger in enumerate(self.fingers):
-            try:
-                pluck_weights(length, finger.position_m, finger.width_m, 1)
-            except ValueError as error:
-                raise CaseError(f"finger: {error}") from None
+            _refuse_off_string("finger.position_m", finger.position_m, length)
+            _refuse_over_end("finger.width_m", finger.width_m, 0.5, finger.position_m, length)
             if number and finger.start_s < finger_end(self.fingers[number - 1]):
                 raise CaseError("finger: one must let go before the next takes hold")
         self.positions = np.array(self.obstacle.positions_m)
@@ -132,7 +150,7 @@ class Scene:
         if not self.case.bend:
             return []
         tread = max(1, round(_BEND_INTERVAL_S / self.dt))
-        begin = np.arange(0, self.steps, tread)
+        begin = np.arange(0, self.first + self.steps, tread)
         cents = self._cents((begin + 0.5 * tread) * self.dt)
         changes = np.flatnonzero(np.diff(cents, prepend=0.0))
         return [(int(begin[k]), float(cents[k])) for k in changes]
@@ -233,7 +251,6 @@ class Scene:
     def _string(self) -> String:
         table = self.case.string
         values = table.model_dump(exclude={"inharmonicity", "bending_stiffness_n_m2", "nut", "measured"})
-        values["nut"] = tuple(NutResonance(**nut.model_dump()) for nut in table.nut)
         if table.measured is not None:
             found = arrays_of(
                 self.folder,
@@ -242,25 +259,37 @@ class Scene:
             )
             values["measured_frequencies_hz"] = tuple(found["frequencies"])
             values["measured_decay_rates"] = tuple(found["rates"])
-        if table.inharmonicity is not None:
-            return String.from_inharmonicity(inharmonicity=table.inharmonicity, **values)
-        return String(bending_stiffness_n_m2=table.bending_stiffness_n_m2 or 0.0, **values)
+        try:
+            values["nut"] = tuple(NutResonance(**nut.model_dump()) for nut in table.nut)
+            if table.inharmonicity is not None:
+                return String.from_inharmonicity(inharmonicity=table.inharmonicity, **values)
+            return String(bending_stiffness_n_m2=table.bending_stiffness_n_m2 or 0.0, **values)
+        except ValueError as error:
+            raise CaseError(f"string: {error}") from None
 
     def _obstacle(self) -> Obstacle:
         table = self.case.obstacle
+        try:
+            obstacle = self._points(table)
+            obstacle.check(self.string.length_m)
+        except CaseError:
+            raise
+        except ValueError as error:
+            kind = "wall" if table.wall is not None else "frets" if table.frets is not None else "positions_m"
+            raise CaseError(f"obstacle.{kind}: {error}") from None
+        return obstacle
+
+    def _points(self, table: ObstacleTable) -> Obstacle:
         if table.wall is not None:
-            obstacle = self._wall(table.wall)
-        elif table.frets is not None:
-            obstacle = frets(**table.frets.model_dump())
-        elif table.positions_m is not None:
+            return self._wall(table.wall)
+        if table.frets is not None:
+            return frets(**table.frets.model_dump())
+        if table.positions_m is not None:
             heights = table.heights_m
             if not isinstance(heights, list):
                 heights = [heights] * len(table.positions_m)  # type: ignore[list-item]
-            obstacle = Obstacle(tuple(table.positions_m), tuple(heights))  # type: ignore[arg-type]
-        else:
-            obstacle = Obstacle()
-        obstacle.check(self.string.length_m)
-        return obstacle
+            return Obstacle(tuple(table.positions_m), tuple(heights))  # type: ignore[arg-type]
+        return Obstacle()
 
     def _wall(self, table: WallTable) -> Obstacle:
         stretch = abs(table.to_m - table.from_m)
@@ -326,12 +355,34 @@ class Scene:
         elif table.shape == "modes":
             keys = {name: key for name in ("q", "v") if isinstance(key := getattr(table, name), str)}
             found = arrays_of(self.folder, table.file, keys) if table.file is not None and keys else {}
-            for name, target in (("q", q), ("v", v)):
+            for name, target, most in (("q", q, MOST_AMPLITUDE), ("v", v, MOST_SPEED)):
                 given = found.get(name, getattr(table, name))
                 if given is not None:
+                    if np.abs(given).max(initial=0.0) > most:
+                        worst = np.abs(given).max()
+                        raise CaseError(
+                            f"initial.{name}: must lie within ±{most:g}, got {worst:g}; q is in m·√m, v its rate"
+                        )
                     given = np.asarray(given, dtype=np.float64)[:n]
                     target[: given.size] = given
         return q, v
+
+
+def _refuse_off_string(field: str, position_m: float, length_m: float) -> None:
+    if not 0.0 < position_m < length_m:
+        raise CaseError(
+            f"{field}: must lie between 0 and the string's {length_m:g} m, got {position_m:g}; count it from the nut"
+        )
+
+
+def _refuse_over_end(field: str, width_m: float, reach: float, position_m: float, length_m: float) -> None:
+    """A width of which `reach` lies on either side of a place must end on the string."""
+    most = min(position_m, length_m - position_m) / reach
+    if width_m > most:
+        raise CaseError(
+            f"{field}: must be at most {most:g} m at {position_m:g} m of a {length_m:g} m string, where it reaches an end, "
+            f"got {width_m:g} m; take less, or a place further from it"
+        )
 
 
 def _ramps(t: np.ndarray, ramps: Sequence[RampTable | BendTable], heights: Sequence[float]) -> np.ndarray:

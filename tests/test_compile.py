@@ -186,10 +186,31 @@ def test_errors_name_preset_string_and_cause():
     with pytest.raises(PresetError, match=r"x: string S: .*internal rate must be"):
         compile_preset(make(), internal_rate_hz=50000.0)
     outside = '[obstacle]\nkind = "points"\npositions_mm = [100, 950]\nheights_mm = [-1, -1]\n'
-    with pytest.raises(PresetError, match=r"x: string S: positions must lie between 0 and 0\.9 m, got 0\.95 m"):
+    with pytest.raises(PresetError, match=r"x: string S: position of point 2 must be less than .* 0\.9 m, got 0\.95 m"):
         compile_preset(make(outside))
     with pytest.raises(ValueError, match="scheme"):
         compile_preset(make(), scheme="leapfrog")
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "what"),
+    [
+        ("pluck", "width_mm", ""),
+        ("pluck", "width_hard_mm", ""),
+        ("output", "aperture_mm", 'kind = "pickup"\nposition = 0.5'),
+    ],
+)
+def test_nothing_is_as_wide_as_the_string(table, key, what):
+    def short(width):
+        text = f"[{table}]\n{what}\n{key} = {width}\n"
+        pluck = "displacement_mm = 0.1\nposition = 0.5\n"
+        text = text + pluck if table == "pluck" else f"[pluck]\n{pluck}{text}"
+        string = STRING.format(name="S", notes="C7", more="").replace("length_m = 0.9", "length_m = 0.05")
+        return parse_preset(f'format = 2\nname = "x"\n{string}{text}', "x")
+
+    with pytest.raises(PresetError, match=rf"x: string S: {table}\.{key} must be at most the string's 50 mm, got 60; "):
+        compile_preset(short(60), quality="draft")
+    assert len(compile_preset(short(50), quality="draft").strings) == 1
 
 
 def test_plan_is_described_in_words_and_values():
