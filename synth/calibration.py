@@ -8,6 +8,12 @@ STEPS = {
         "fine": 1100.0,
         "reference": 5400.0,
     },
+    "far": {
+        "draft": 1100.0,
+        "standard": 2900.0,
+        "fine": 8100.0,
+        "reference": 18000.0,
+    },
     "impacts": {
         "draft": 250.0,
         "standard": 2500.0,

@@ -12,7 +12,7 @@ from promise.calibrate import PROMISED, distribution, law, ratios
 from promise.runs import RATE_HZ, build, distances, kind_of
 from synth.measures import relative_error
 from synth.methods import run as run_scene
-from synth.plan import BRIDGE, IMPACTS, plan_string
+from synth.plan import BRIDGE, FAR, IMPACTS, plan_string
 
 FOLDER = Path(__file__).resolve().parents[2] / "tests" / "scenes"
 
@@ -55,5 +55,6 @@ def report() -> None:
         found = np.array([miss for scene in ready if (miss := misses(scene, quality)) is not None])
         missed = np.sum(found >= 1.0)
         print(f"{quality}: {found.size} of {len(ready)} scenes can judge, {missed} miss, worst by {found.max():.2f}")
-        for kind in (BRIDGE, IMPACTS):
-            print(f"    {kind}: {distribution([s for s in ready if s['kind'] == kind], quality, 0.0)}")
+        for kind in (BRIDGE, FAR, IMPACTS):
+            if mine := [scene for scene in ready if scene["kind"] == kind]:
+                print(f"    {kind}: {distribution(mine, quality, 0.0)}")

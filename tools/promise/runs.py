@@ -19,10 +19,10 @@ from synth.scene import Scene
 RATE_HZ = 44_100
 ONSET_S = 0.1
 #: seconds of a scene: what is promised for a bridge is promised over 3 s
-DURATION_S = {"bridge": 3.0, "point": 0.3, "points": 0.3, "frets": 0.3}
+DURATION_S = {"bridge": 3.0, "far": 3.0, "point": 0.3, "points": 0.3, "frets": 0.3}
 #: internal steps per period of the reference, its largest multiple of 44.1 kHz, and its most modes
-REFERENCE = {"bridge": (9000.0, 160, 1200), "point": (30000.0, 384, 1000), "points": (30000.0, 384, 1000),
-             "frets": (30000.0, 384, 1000)}  # fmt: skip
+REFERENCE = {"bridge": (9000.0, 160, 1200), "far": (18000.0, 160, 1200), "point": (30000.0, 384, 1000),
+             "points": (30000.0, 384, 1000), "frets": (30000.0, 384, 1000)}  # fmt: skip
 FACTORS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64)
 
 
@@ -48,7 +48,7 @@ def modes_below_half(tables: dict[str, Any], factor: int, most: int) -> int:
 
 def kind_of(tables: dict[str, Any]) -> str:
     """What the planner takes the scene for."""
-    return scene_kind(build(tables, 1, 1).string, tables["obstacle"]["positions_m"])
+    return scene_kind(build(tables, 1, 1).string, tables["obstacle"]["positions_m"], [tables["initial"]["position_m"]])
 
 
 def distances(u: np.ndarray, reference: np.ndarray) -> dict[str, float]:

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from synth.physics.obstacle import frets, fretted
+from synth.plan import BRIDGE_STIFFNESS
 
-KINDS = ("bridge", "point", "points", "frets")
+KINDS = ("bridge", "point", "points", "frets", "far")
 STEEL_KG_M3 = 7850.0
 
 
@@ -44,14 +45,46 @@ def _string(rng: np.random.Generator, f0: float, longest: float) -> dict[str, An
     }
 
 
+def seed(kind: str, index: int) -> list[int]:
+    """What the random scene of this number is drawn from."""
+    return [77, 0, index] if kind == "far" else [KINDS.index(kind), index]
+
+
+def _far(rng: np.random.Generator, duration_s: float) -> dict[str, Any]:
+    """A bridge, plucked beyond mid-string from it; half of the points raised into the string."""
+    reach = math.inf
+    while reach >= 1.0:
+        f0 = _log_uniform(rng, 41.0, 500.0)
+        string = _string(rng, f0, 1.35)
+        length = string["length_m"]
+        x = _log_uniform(rng, 0.003, 0.03) * length
+        reach = BRIDGE_STIFFNESS * x / (length * math.sqrt(string["inharmonicity"]) / math.pi)
+    displacement = 3e-3 * length
+    pluck = (1.0 - _log_uniform(rng, 0.02, 0.5)) * length
+    if rng.uniform() < 0.5:
+        height = float(rng.uniform(0.0, 0.6)) * displacement * x / pluck
+    else:
+        height = -float(rng.choice([0.0, 0.5])) * float(rng.uniform()) * lowest(length, pluck, displacement, x)
+    width = _log_uniform(rng, 0.005, 0.03) * length
+    return {
+        "string": string,
+        "obstacle": {"positions_m": [x], "heights_m": [height]},
+        "initial": {"shape": "triangle", "position_m": pluck, "displacement_m": displacement, "width_m": width},
+        "run": {"duration_s": duration_s, "outputs_m": [0.99 * length]},
+    }
+
+
 def scene(rng: np.random.Generator, kind: str, duration_s: float) -> dict[str, Any]:
     """Tables of one case without internal rate and modes.
 
+    far     one point within 3 % of an end, raised, at rest height or below, plucked beyond mid-string from there
     bridge  one point within 3 % of an end, at rest height or a little below
     point   one point anywhere else, 20 to 90 % of the way down
     points  two to four points anywhere, 40 to 95 % of the way down
     frets   the frets left above a stopped one, of 20, string plucked hard near the bridge
     """
+    if kind == "far":
+        return _far(rng, duration_s)
     several = kind in ("points", "frets")
     f0 = _log_uniform(rng, 41.0, 260.0 if several else 1050.0)
     string = _string(rng, f0, 1.35)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import sys
 import time
@@ -14,7 +15,8 @@ import numpy as np
 from speed_error import tables
 from speed_error.grid import AS_DEFAULT, DEFAULT, LONGEST_S, Run, reference, runs
 from speed_error.measure import cpu_s, decimation_cpu_s, displacement, errors, ledger, longest, machine
-from speed_error.store import Store, write_beside
+from speed_error.store import Store
+from synth.targets import write_text
 
 _TIMED_CPU_S = 0.3  # of one run in one round
 _LEDGER_S = 0.02
@@ -146,14 +148,13 @@ class Session:
         """results.csv and tables.md."""
         columns = tables.COLUMNS
 
-        def write_csv(file: Any) -> None:
-            writer = csv.DictWriter(file, columns)
-            writer.writeheader()
-            writer.writerows(tables.csv_row(row) for row in self.rows + self.timed)
-
-        write_beside(self.out / "results.csv", write_csv, "w")
+        file = io.StringIO(newline="")
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(tables.csv_row(row) for row in self.rows + self.timed)
+        write_text(self.out / "results.csv", file.getvalue())
         text = tables.markdown(self)
-        write_beside(self.out / "tables.md", lambda file: file.write(text), "w")
+        write_text(self.out / "tables.md", text)
         print(text)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from synth.targets import write_text, write_whole
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 _SOURCES = (
@@ -29,17 +29,6 @@ def sources_hash() -> str:
     for path in [*sorted((REPOSITORY / "presets" / "cases").glob("*.toml")), *tools]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def write_beside(path: Path, write: Callable[[Any], None], mode: str = "wb") -> None:
-    """The file under another name first, then renamed: never half a file."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with open(beside, mode, **({} if "b" in mode else {"encoding": "utf-8", "newline": ""})) as file:
-            write(file)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 class Store:
@@ -70,5 +59,5 @@ class Store:
         """Arrays first: a piece whose .json is there is whole."""
         path = self.folder / f"{self.key(spec)}.json"
         if arrays:
-            write_beside(path.with_suffix(".npz"), lambda file: np.savez(file, **arrays))
-        write_beside(path, lambda file: json.dump({"spec": spec, "values": values}, file, indent=1), "w")
+            write_whole(path.with_suffix(".npz"), lambda file: np.savez(file, **arrays))
+        write_text(path, json.dumps({"spec": spec, "values": values}, indent=1))
