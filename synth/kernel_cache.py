@@ -2,20 +2,50 @@
 
 Numba keeps them beside the source and looks only at the file that holds the kernel: after an update of another file
 that it calls, the old machine code would go on being used. So the cache is a folder of the user's, named by a hash over
-all sources that kernels are made of; a changed source is another folder, and the oldest folders go.
-NUMBA_CACHE_DIR, if set, is left alone.
+all sources that kernels are made of; a changed source is another folder, and the oldest folders go. Where that folder
+cannot be written, kernels are kept in one that goes with the process, and `trouble` says so. NUMBA_CACHE_DIR, if set, is
+left alone.
+
+What keeps a kernel is Numba's own cache, with three things mended once Numba is loaded: `synth.compiling` is told what is
+compiled; a file that cannot be read or written costs a compilation and not the program; and one process at a time writes,
+since two that kept different signatures of a kernel under one number could each run the code of the other.
 """
 
 from __future__ import annotations
 
+import atexit
+import contextlib
+import fcntl
+import functools
 import hashlib
 import os
 import shutil
 import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, NoReturn
+
+from synth import compiling
+from synth.signals import hearing_signals
 
 KEEP = 8
+#: how long a writer waits for another; then the kernel is compiled again some day [s]
+PATIENCE_S = 5.0
+#: what a write that was cut short leaves goes after this time [s]
+STALE_S = 3600.0
+#: let signals be heard while the main thread compiles: for programs that end when they are interrupted
+interruptible = False
+
+_trouble: str | None = None
+_passing: list[Path] = []
+
+
+def trouble() -> str | None:
+    """Why kernels that are compiled now will be compiled again at the next start, and what helps; None: they are kept."""
+    return _trouble
 
 
 def cache_folder() -> Path:
@@ -36,14 +66,223 @@ def cache_folder() -> Path:
 
 
 def use() -> None:
-    """Point numba there; to be called before numba is imported."""
-    if "NUMBA_CACHE_DIR" in os.environ:
+    """Point Numba there; to be called before Numba is imported."""
+    if "NUMBA_CACHE_DIR" not in os.environ:
+        folder = None
+        try:
+            folder = cache_folder()
+            _make(folder)
+        except (OSError, RuntimeError) as error:  # RuntimeError: no home
+            _complain(f"{folder or 'no home directory'}: {getattr(error, 'strerror', None) or error}")
+            with suppress(OSError):  # no place at all: nothing is kept
+                folder = _temporary()
+        if folder is not None:
+            os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    if "numba" in sys.modules:
+        _mend_numba()
+    else:
+        sys.meta_path.insert(0, _Once("numba", _mend_numba))
+
+
+def _temporary() -> Path:
+    """A folder that goes with this process. Raises OSError."""
+    import tempfile
+
+    folder = Path(tempfile.mkdtemp(prefix="jawari-kernels-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    _passing.append(folder)
+    return folder
+
+
+def leave(code: int) -> NoReturn:
+    """End the process at once, with whatever its threads are doing."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    for folder in _passing:
+        shutil.rmtree(folder, ignore_errors=True)
+    os._exit(code)
+
+
+def _make(folder: Path) -> None:
+    """Make the folder, without the oldest of the others. Raises OSError where it cannot be used: what lies in it
+    is run, so it must be nobody else's."""
+    if not folder.is_dir():
+        folder.mkdir(mode=0o700, parents=True)
+        kept = sorted(folder.parent.glob("kernels-*"), key=lambda path: path.stat().st_mtime)
+        for old in kept[:-KEEP]:
+            shutil.rmtree(old, ignore_errors=True)
+    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+        raise PermissionError(0, "cannot be written")
+    if os.getuid() not in (0, folder.stat().st_uid):
+        raise PermissionError(0, "belongs to another user")
+
+
+def _complain(why: str) -> None:
+    global _trouble
+    if _trouble is None:
+        _trouble = (
+            f"compiled kernels cannot be kept and are compiled again at every start ({why}): make room there, or set "
+            "XDG_CACHE_HOME to a folder that can be written"
+        )
+
+
+class _Once:
+    """A finder of modules that calls `then` when the module `name` has been loaded for the first time."""
+
+    def __init__(self, name: str, then: Callable[[], None]) -> None:
+        self._name, self._then = name, then
+
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> Any:
+        if fullname != self._name:
+            return None
+        from importlib.util import find_spec
+
+        sys.meta_path.remove(self)
+        spec = find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            load, then = spec.loader.exec_module, self._then
+
+            def exec_module(module: Any) -> None:
+                load(module)
+                then()
+
+            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
+        return spec
+
+
+def _mend_numba() -> None:
+    """Let the caches of this package's kernels be those of `_cache_class`, and compilations be interrupted if wanted."""
+    from numba.core import caching, ccallback, dispatcher
+    from numba.core import config as numba_config
+
+    config: Any = numba_config
+    users: Any = (dispatcher, ccallback)
+    kinds: Any = (dispatcher.Dispatcher, ccallback.CFunc)
+
+    if not config.CACHE_DIR:  # Numba was loaded before this package
+        config.CACHE_DIR = os.environ.get("NUMBA_CACHE_DIR", "")
+    ours = _cache_class(caching)
+
+    def cache_of(function: Any) -> Any:
+        return (ours if compiling.is_ours(function) else caching.FunctionCache)(function)
+
+    for user in users:
+        user.FunctionCache = cache_of
+    for kind in kinds:
+        kind.compile = _heard(kind.compile)
+
+
+def _heard(compile_now: Callable[..., Any]) -> Callable[..., Any]:
+    """A compilation of the main thread, in another one if it is to hear signals meanwhile, which LLVM does not."""
+
+    def compiled(kernel: Any, *arguments: Any) -> Any:
+        try:
+            return compile_now(kernel, *arguments)
+        except BaseException:
+            compiling.fails(kernel.__wrapped__)
+            raise
+
+    def compile(self: Any, *arguments: Any) -> Any:
+        if not interruptible or threading.current_thread() is not threading.main_thread() or _importing():
+            return compiled(self, *arguments)
+        return hearing_signals(lambda: compiled(self, *arguments))
+
+    return compile
+
+
+def _importing() -> bool:
+    """Whether a module is being imported by this thread: another one, which may import it too, would wait for it."""
+    frame = sys._getframe()
+    while (caller := frame.f_back) is not None:
+        frame = caller
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+    return False
+
+
+def _cache_class(caching: Any) -> type:
+    class Impl(caching.CompileResultCacheImpl):  # type: ignore[misc]
+        _locator_classes = (caching.UserProvidedCacheLocator,)
+
+    class KernelCache(caching.FunctionCache):  # type: ignore[misc]
+        """Numba's cache of one kernel; see the module's docstring."""
+
+        _impl_class = Impl
+
+        def __init__(self, function: Any) -> None:
+            self._kept = True
+            try:
+                super().__init__(function)
+            except (OSError, RuntimeError) as error:  # RuntimeError: Numba has found no place
+                _complain(str(error) if isinstance(error, OSError) else os.environ.get("NUMBA_CACHE_DIR", "no folder"))
+                self._kept, self._py_func = False, function
+                self.enable()
+            compiling.found(function, self)
+
+        def holds_any(self) -> bool:
+            """Whether some signature of it is kept."""
+            return self._kept and os.path.exists(self._cache_file._index_path)
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            found = None
+            if self._kept:
+                try:
+                    found = super().load_overload(sig, target_context)
+                except Exception:  # a file that was cut short: whatever unpickling makes of it
+                    with suppress(OSError):
+                        os.unlink(self._cache_file._index_path)
+            if found is None:
+                _tidy()
+                compiling.begins(self._py_func)
+            return found
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            try:
+                if self._kept:
+                    with _writing(Path(self._cache_path).parent) as alone:
+                        if alone:
+                            super().save_overload(sig, data)
+            except OSError as error:
+                _complain(f"{self._cache_path}: {error.strerror or error}")
+            finally:
+                compiling.ends(self._py_func)
+
+    return KernelCache
+
+
+@contextlib.contextmanager
+def _writing(folder: Path) -> Iterator[bool]:
+    """Whether this process is the only one that writes into the folder. Raises OSError."""
+    handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        yield _locked(handle)
+    finally:
+        os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.01)
+        except OSError:  # a file system that knows no locks
+            return True
+        else:
+            return True
+
+
+@functools.cache
+def _tidy() -> None:
+    """Take away what writes that were cut short have left; once."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    if folder is None:
         return
-    with suppress(OSError, RuntimeError):  # no home or unreadable source: numba falls back to its own place
-        folder = cache_folder()
-        if not folder.is_dir():
-            folder.mkdir(parents=True)
-            kept = sorted(folder.parent.glob("kernels-*"), key=lambda path: path.stat().st_mtime)
-            for old in kept[:-KEEP]:
-                shutil.rmtree(old, ignore_errors=True)
-        os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    for path in Path(folder).glob("*/*.nb[ic].tmp.*"):
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > STALE_S:
+                path.unlink()

@@ -1,0 +1,222 @@
+"""Files that appear whole or not at all, what is taken away of killed processes, outputs that are inputs."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from synth import targets
+from synth.targets import Named, Whole, check_apart, check_target, tidy, write_text, write_whole
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def process(program: str, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+KILLED = """
+import os, signal, sys
+from synth.targets import write_whole
+write_whole(sys.argv[1], lambda file: (file.write(b"half"), file.flush(), os.kill(os.getpid(), signal.SIGKILL)))
+"""
+WRITING = """
+import sys
+from synth.targets import write_whole
+def write(file):
+    file.write(b"whole"); file.flush()
+    print("writing", flush=True)
+    sys.stdin.readline()
+write_whole(sys.argv[1], write)
+"""
+
+
+def left_behind(path: Path) -> Path:
+    """What a process leaves that was killed while it wrote `path`."""
+    before = set(path.parent.iterdir())
+    with process(KILLED, str(path)) as killed:
+        assert killed.wait(60) == -signal.SIGKILL
+    (left,) = set(path.parent.iterdir()) - before
+    return left
+
+
+def test_the_next_takes_away_what_a_killed_process_has_left(tmp_path: Path) -> None:
+    (tmp_path / "a.wav").write_bytes(b"before")
+    left = left_behind(tmp_path / "a.wav")
+    assert left.read_bytes() == b"half" and (tmp_path / "a.wav").read_bytes() == b"before"
+    write_text(tmp_path / "b.txt", "other")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.wav", "b.txt"]
+
+
+def test_nothing_else_is_taken_away(tmp_path: Path) -> None:
+    """Not a file that is being written, nor one of another machine, nor what only looks like it."""
+    with process(WRITING, str(tmp_path / "live.wav")) as running:
+        assert running.stdout is not None and running.stdin is not None
+        assert running.stdout.readline() == "writing\n"
+        (live,) = tmp_path.iterdir()
+        mark = live.name.removeprefix(".live.wav.")
+        pid, machine = mark.split("-")[1:3]
+        mine = [
+            f".take.wav.{pid}.part",  # a recording that a crash has left
+            live.name.replace(machine, "00000000"),
+            "live.wav." + mark,
+            live.name + "x",
+            f".live.wav.jawari-{pid}.part",
+        ]
+        for name in mine:
+            (tmp_path / name).write_text("mine")
+        folder = tmp_path / f".folder.jawari-1-{machine}-00000000.part"
+        folder.mkdir()
+        link = tmp_path / f".link.jawari-1-{machine}-00000000.part"
+        link.symlink_to(tmp_path / mine[0])
+        tidy(tmp_path)
+        write_text(tmp_path / "other.txt", "other")
+        assert {path.name for path in tmp_path.iterdir()} == {*mine, live.name, folder.name, link.name, "other.txt"}
+        running.stdin.write("\n")
+        running.stdin.flush()
+        assert running.wait(60) == 0
+    assert (tmp_path / "live.wav").read_bytes() == b"whole" and not live.exists()
+
+
+def test_those_who_write_at_once_do_not_take_each_other_s_files(tmp_path: Path) -> None:
+    """One takes away what is left, again and again, while others begin files: each gets its own."""
+    program = """
+import sys
+from synth.targets import write_text
+for k in range(60):
+    write_text(f"{sys.argv[1]}/{sys.argv[2]}-{k}", "x")
+"""
+    running = [process(program, str(tmp_path), str(number)) for number in range(2)]
+    deadline = time.monotonic() + 120
+    while any(each.poll() is None for each in running) and time.monotonic() < deadline:
+        tidy(tmp_path)
+    for each in running:
+        with each:
+            assert each.wait(60) == 0
+    assert len(list(tmp_path.iterdir())) == 120
+
+
+def test_permissions_stay(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_text("old")
+    path.chmod(0o640)
+    write_text(path, "new")
+    assert path.read_text() == "new" and path.stat().st_mode & 0o777 == 0o640
+    mask = os.umask(0o027)
+    try:
+        write_text(tmp_path / "b", "new")
+    finally:
+        os.umask(mask)
+    assert (tmp_path / "b").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_failure_leaves_what_was_there(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+
+    def fail(file) -> None:
+        file.write(b"half")
+        raise OSError(28, "full")
+
+    with pytest.raises(OSError, match="No space left on device; make room there"):
+        write_whole(tmp_path / "a", fail)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("a", "old")]
+
+
+def test_a_signal_at_any_step_leaves_nothing(tmp_path: Path, monkeypatch) -> None:
+    """Also where the file has just been made and nobody holds it yet."""
+    monkeypatch.setattr(targets, "_is_at", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    whole = Whole(tmp_path / "a")
+    with pytest.raises(KeyboardInterrupt):
+        whole.open()
+    assert len(list(tmp_path.iterdir())) == 1
+    targets.discard_unfinished()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_directory_that_goes_meanwhile(tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+
+    def leave(file) -> None:
+        for path in folder.iterdir():
+            path.unlink()
+        folder.rmdir()
+
+    with pytest.raises(FileNotFoundError, match="its directory is gone; make it again"):
+        write_whole(folder / "a", leave)
+
+
+def test_the_longest_names(tmp_path: Path) -> None:
+    name = "ü" * 127  # 254 bytes
+    write_text(tmp_path / name, "x")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    with pytest.raises(OSError, match="File name too long; give it a shorter name"):
+        check_target(tmp_path / ("x" * 300))
+
+
+def test_a_file_that_is_write_protected(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    (tmp_path / "a").chmod(0o444)
+    if os.access(tmp_path / "a", os.W_OK):
+        with contextlib.suppress(OSError):  # whoever may do everything is not stopped
+            check_target(tmp_path / "a")
+        return
+    with pytest.raises(PermissionError, match="is write-protected"):
+        check_target(tmp_path / "a")
+
+
+def test_what_is_one_file(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a").write_text("a")
+    os.link("a", "hard")
+    Path("soft").symlink_to("a")
+    Path("dangling").symlink_to("new")
+    Path("folder").mkdir()
+    Path("there").symlink_to("folder")
+    for other in ("./a", str(tmp_path / "a"), "hard", "soft", "folder/../a"):
+        with pytest.raises(ValueError, match="would overwrite"):
+            check_apart([Named("in", "a")], [Named("out", other)])
+    for one, other in (("new", "./new"), ("dangling", "new"), ("folder/x", "there/x")):
+        with pytest.raises(ValueError, match="are one file"):
+            check_apart([], [Named("out", one), Named("other", other)])
+    check_apart([Named("in", "a"), Named("in", "none")], [Named("out", "b"), Named("out", "A"), Named("out", "folder/a")])
+    check_apart([Named("in", "/dev/null")], [Named("out", "/dev/null"), Named("out", "/dev/null"), Named("out", "-")])
+
+
+def test_a_folder_that_knows_no_capitals(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(targets, "_knows_no_case", lambda folder: True)
+    with pytest.raises(ValueError, match="are one file"):
+        check_apart([], [Named("out", tmp_path / "Take.wav"), Named("other", tmp_path / "take.WAV")])
+    monkeypatch.undo()
+    check_apart([], [Named("out", tmp_path / "Take.wav"), Named("other", tmp_path / "take.WAV")])
+
+
+def test_standard_output_that_is_an_input(tmp_path: Path) -> None:
+    song = tmp_path / "s.mid"
+    song.write_bytes(b"music")
+    program = "import sys; from synth.targets import *; check_apart([Named('in', sys.argv[1])], [Named('-o', '-')])"
+    with open(song, "ab") as file:
+        done = subprocess.run(
+            [sys.executable, "-c", program, str(song)], cwd=ROOT, stdout=file, stderr=subprocess.PIPE, text=True, timeout=60
+        )
+    assert "standard output would overwrite in" in done.stderr and song.read_bytes() == b"music"
+
+
+def test_a_recording_that_cannot_get_its_name_stays(tmp_path: Path) -> None:
+    whole = Whole(tmp_path / "take.wav", kept=True)
+    os.write(whole.open(), b"music")
+    (tmp_path / "take.wav").mkdir()
+    with pytest.raises(IsADirectoryError, match=r"it is left as .*\.take\.wav\."):
+        whole.commit()
+    (left,) = tmp_path.glob(".take.wav.*.part")
+    assert left.read_bytes() == b"music"
+    again = Whole(tmp_path / "take.wav", kept=True)  # of the same process: nothing is written over
+    again.open()
+    again.discard()
+    assert left.read_bytes() == b"music"
