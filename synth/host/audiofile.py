@@ -1,11 +1,13 @@
 """Audio out of the renderer: WAV and FLAC files that appear whole or not at all, and standard output.
 
 A file is written beside its final name and renamed when it is complete; whatever interrupts the writing,
-nothing is left behind. Long files are streamed; what could outgrow a WAV header (4 GB) is written as RF64.
+nothing is left behind (what a killed process leaves, the next takes away). Long files are streamed; what could outgrow a
+WAV header (4 GB) is written as RF64.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 import sys
@@ -15,7 +17,7 @@ from typing import Any, BinaryIO, Protocol, Self
 
 import numpy as np
 
-from synth.targets import check_target, is_special
+from synth.targets import Whole, check_folder, check_target, is_special, naming, told
 
 CONTAINERS = ("wav", "flac", "raw")
 BIT_DEPTHS = ("16", "24", "float")
@@ -24,6 +26,7 @@ _SUBTYPES = {"16": "PCM_16", "24": "PCM_24", "float": "FLOAT"}
 # A WAV header counts bytes in 32 bits; some room is left for the header itself.
 _LARGEST_WAV_BYTES = 2**32 - 2**16
 _COPY_FRAMES = 65536
+_PROBE_BYTES = 65536
 # Commands of libsndfile (sndfile.h), which soundfile has no names for.
 _SFC_SET_UPDATE_HEADER_AUTO, _SFC_RF64_AUTO_DOWNGRADE = 0x1061, 0x1210
 
@@ -94,6 +97,7 @@ class AudioWriter:
     bit_depth: '16', '24' or 'float'.  most_frames: an upper bound of the length, if known; decides on RF64.
     seed: of the 16-bit dither.  growing: the length is not known, and what is written is to be readable at any time, also
     if the program is killed: the header is kept right, a WAV file becomes an RF64 when it outgrows 4 GB.
+    beside: directory where the file lies until it is complete, on the same file system (its own, which must be there).
 
     Raises ValueError for a combination that does not exist, OSError where the file cannot be made; both
     before anything is rendered.
@@ -110,6 +114,7 @@ class AudioWriter:
         most_frames: int | None = None,
         seed: int = 0,
         growing: bool = False,
+        beside: Path | None = None,
     ) -> None:
         self.path = str(path)
         self.frames = 0
@@ -120,7 +125,9 @@ class AudioWriter:
             raise ValueError("FLAC holds integers only, not float; give --bit-depth 24 or --format wav")
         if container == "flac" and self._is_stream():
             raise ValueError("FLAC cannot be written to a stream; give --format wav or a file name")
-        if not self._is_stream():
+        if beside is not None:
+            check_folder(Path(path), beside)
+        elif not self._is_stream():
             check_target(self.path)
         most_bytes = (most_frames or 0) * channels * _BYTES_PER_SAMPLE[bit_depth]
         self._growing = growing and container == "wav"
@@ -128,7 +135,7 @@ class AudioWriter:
         self._bytes_left: float = _LARGEST_WAV_BYTES if container == "wav" and not self._big else np.inf
         self._stream: BinaryIO | None = None
         self._sound: Any = None
-        self._partial: str | None = None
+        self._whole = None if self._is_stream() else Whole(self.path, beside=beside, kept=growing)
 
     @property
     def clipped(self) -> int:
@@ -147,67 +154,127 @@ class AudioWriter:
         return self
 
     def _open(self) -> None:
-        if self._is_stream():
+        if self._whole is None:
             # A stream goes forward only, so its header cannot be mended at the end: it says "until the end".
-            self._stream = sys.stdout.buffer if self.path == "-" else open(self.path, "wb")
             self._bytes_left = np.inf
-            if self._container == "wav":
-                self._stream.write(_streaming_wav_header(self._rate_hz, self._channels, self._bit_depth))
+            with naming(self.path):
+                self._stream = standard_output() if self.path == "-" else open(self.path, "wb", buffering=0)
+                if self._container == "wav":
+                    _write_all(self._stream, _streaming_wav_header(self._rate_hz, self._channels, self._bit_depth))
             return
-        target = Path(self.path)
-        self._partial = str(target.with_name(f".{target.name}.{os.getpid()}.part"))
+        handle = self._whole.open()
         if self._container == "raw":
-            self._stream = open(self._partial, "wb")
+            self._stream = open(os.dup(handle), "wb", buffering=0)
             return
         import soundfile
 
-        self._sound = soundfile.SoundFile(
-            self._partial,
-            "w",
-            samplerate=self._rate_hz,
-            channels=self._channels,
-            format="FLAC" if self._container == "flac" else ("RF64" if self._big else "WAV"),
-            subtype=_SUBTYPES[self._bit_depth],
-        )
+        try:
+            self._sound = soundfile.SoundFile(
+                os.dup(handle),
+                "w",
+                samplerate=self._rate_hz,
+                channels=self._channels,
+                format="FLAC" if self._container == "flac" else ("RF64" if self._big else "WAV"),
+                subtype=_SUBTYPES[self._bit_depth],
+            )
+        except soundfile.LibsndfileError as error:
+            raise self._why_not(error) from None
         if self._growing:
             for command in (_SFC_RF64_AUTO_DOWNGRADE, _SFC_SET_UPDATE_HEADER_AUTO):
                 soundfile._snd.sf_command(self._sound._file, command, soundfile._ffi.NULL, 1)
 
     def write(self, block: np.ndarray) -> None:
-        """Appends (frames, channels) float64 samples."""
+        """Appends (frames, channels) float64 samples. Raises OSError that names the file, ValueError where it is full."""
         samples = self._quantize(block)
         self._bytes_left -= samples.size * _BYTES_PER_SAMPLE[self._bit_depth]
         if self._bytes_left < 0:
             raise ValueError(f"{self.path}: more than a WAV file holds (4 GB); render a part, or as FLAC")
         if self._sound is not None:
-            self._sound.write(samples)
+            import soundfile
+
+            try:
+                self._sound.write(samples)
+            except soundfile.LibsndfileError as error:
+                raise self._why_not(error) from None
         else:
             assert self._stream is not None, "the writer is used as a context manager"
-            self._stream.write(_little_endian(samples, self._bit_depth))
+            with naming(self.path):
+                _write_all(self._stream, _little_endian(samples, self._bit_depth))
         self.frames += len(block)
+
+    def _why_not(self, error: Exception) -> OSError:
+        """libsndfile does not say why it cannot write: the system does, when it is asked to write more."""
+        assert self._whole is not None
+        handle = self._whole.handle
+        try:
+            size = os.fstat(handle).st_size
+            try:
+                os.pwrite(handle, bytes(_PROBE_BYTES), size)
+                os.fsync(handle)
+            finally:
+                os.ftruncate(handle, size)
+        except OSError as reason:
+            return told(reason, self.path)
+        return OSError(f"{self.path}: cannot be written ({error})")
+
+    def finish(self) -> None:
+        """All is in the file and on the disk, though not under its name yet; whoever writes several calls this for all
+        before any is left. Raises OSError that names it."""
+        try:
+            self._close()
+            if self._whole is not None and self._whole.handle >= 0:
+                self._whole.settle()
+        except BaseException:
+            self._discard()
+            raise
 
     def __exit__(self, kind: object, value: object, trace: object) -> None:
         if kind is not None:
             self._discard()
             return
+        self.finish()
+        if self._whole is not None:
+            self._whole.commit()
+
+    def keep(self) -> str:
+        """The end of a growing file, which has its name then, also where its end could not be written: returns why not,
+        empty if it could. Raises OSError where it has no name."""
+        reason = ""
         try:
             self._close()
-            if self._partial is not None:
-                os.replace(self._partial, self.path)
-                self._partial = None
-        except BaseException:
-            self._discard()
-            raise
+            if self._whole is not None:
+                self._whole.settle()
+        except OSError as error:
+            reason = error.strerror or str(error)
+        if self._whole is not None:
+            self._whole.commit()
+        return reason
 
     def _close(self) -> None:
         sound, self._sound = self._sound, None
         if sound is not None:
-            sound.close()
+            import soundfile
+
+            try:
+                sound.close()
+                if self._container == "flac":
+                    self._check_end()
+            except soundfile.LibsndfileError as error:
+                raise self._why_not(error) from None
         stream, self._stream = self._stream, None
-        if stream is not None:
-            stream.flush()
-            if self.path != "-":
+        if stream is not None and self.path != "-":
+            with naming(self.path):
                 stream.close()
+
+    def _check_end(self) -> None:
+        """The last block of a FLAC file is written when it is closed, and libsndfile does not tell whether it could be."""
+        import soundfile
+
+        assert self._whole is not None
+        os.lseek(self._whole.handle, 0, os.SEEK_SET)
+        with soundfile.SoundFile(os.dup(self._whole.handle)) as sound:
+            if self.frames and sound.seek(self.frames - 1) == self.frames - 1 and len(sound.read(1)) != 1:
+                raise soundfile.LibsndfileError(0)
 
     def _discard(self) -> None:
         try:
@@ -215,9 +282,25 @@ class AudioWriter:
         except Exception:
             # What cannot be closed cannot be kept either; the error that led here is the one to show.
             pass
-        partial, self._partial = self._partial, None
-        if partial is not None:
-            Path(partial).unlink(missing_ok=True)
+        if self._whole is not None:
+            self._whole.discard()
+
+
+def standard_output() -> Any:
+    """Standard output for bytes, unbuffered: nothing is left to be written when the program ends."""
+    stream = sys.stdout.buffer
+    stream.flush()
+    return getattr(stream, "raw", stream)
+
+
+def _write_all(stream: Any, data: bytes) -> None:
+    """A pipe may take less than it is given."""
+    left = memoryview(data)
+    while left:
+        written = stream.write(left)
+        if written is None:
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+        left = left[written:]
 
 
 class Spool:
@@ -228,13 +311,16 @@ class Spool:
     def __init__(self, channels: int = 2, directory: str | Path | None = None) -> None:
         self.peak = 0.0
         self._channels = channels
-        self._file = tempfile.TemporaryFile(dir=directory)
+        self._where = f"temporary file in {tempfile.gettempdir() if directory is None else directory}"
+        with naming(self._where):
+            self._file = tempfile.TemporaryFile(dir=directory, buffering=0)
 
     def write(self, block: np.ndarray) -> None:
         """Appends (frames, channels) float64 samples."""
         if block.size:
             self.peak = max(self.peak, float(np.abs(block).max()))
-        self._file.write(np.ascontiguousarray(block, dtype=np.float64).tobytes())
+        with naming(self._where):
+            _write_all(self._file, np.ascontiguousarray(block, dtype=np.float64).tobytes())
 
     def copy_to(self, sink: AudioSink, gain: float) -> None:
         """Writes everything kept, times `gain`, to `sink`."""

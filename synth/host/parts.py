@@ -6,14 +6,17 @@ By default General MIDI basses (programs 33–40, counted from 1) go to `fretted
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from synth.engine.events import PARAMETER, TUNING
+from synth.engine.events import N_PARAMETERS, PARAMETER, TUNING
 from synth.host.midi import PERCUSSION_CHANNEL
+from synth.spelling import perhaps
+from synth.targets import Named
 from synth.units import midi_to_note
 
 if TYPE_CHECKING:
@@ -49,6 +52,19 @@ class Casting:
     parts: tuple[Part, ...]
     program_map: np.ndarray
     left_out: dict[int, int]
+
+
+def files_read(presets: Iterable[str | None], **files: str | None) -> list[Named]:
+    """Files that are read, for `targets.check_apart`: those of presets by name or path, as far as there are any, and others
+    by what they are."""
+    from synth.preset import PresetError, preset_path
+
+    read = [Named(what, path) for what, path in files.items() if path is not None]
+    for name in presets:
+        if name is not None and name != "none":
+            with suppress(PresetError, OSError):
+                read.append(Named("preset", preset_path(name)))
+    return read
 
 
 def parse_channel_map(texts: Sequence[str]) -> dict[int, str]:
@@ -129,9 +145,12 @@ def cast_live(
 
 
 def played_events(events: np.ndarray, casting: Casting) -> np.ndarray:
-    """Those of a song's events (EVENT) that are not on channels left out."""
+    """Those of a song's events (EVENT) that are not on channels left out, nor set parameters that are not there, or to
+    what is no number: a file may hold what was meant for others."""
     of_channel = ~np.isin(events["kind"], (PARAMETER, TUNING))
-    return events[~(of_channel & np.isin(events["channel"], list(casting.left_out)))]
+    there = (events["channel"] < len(casting.parts)) & (events["a"] < N_PARAMETERS) & np.isfinite(events["value"])
+    idle = (events["kind"] == PARAMETER) & ~there
+    return events[~(of_channel & np.isin(events["channel"], list(casting.left_out))) & ~idle]
 
 
 def notes_of_parts(keys: Mapping[tuple[int, int], set[int]], casting: Casting) -> list[set[int]]:
@@ -168,16 +187,32 @@ def load_presets(
     """
     made = made or {}
     # Imported late: it loads pydantic, and a wrong file name should not wait for that.
-    from synth.preset import load_preset
+    from synth.preset import load_preset, preset_folder, preset_path
 
     names = list(dict.fromkeys(names))
     presets = {name: made[name] if name in made else load_preset(name) for name in names}
     for only, key, value in settings:
         if only is not None and only not in presets:
-            raise ValueError(f"--set {only}:{key}: no part plays {only!r}; the parts play {', '.join(names) or 'nothing'}")
+            raise ValueError(
+                f"--set {only}:{key}: no part plays {only!r}{perhaps(only, names)}; "
+                f"the parts play {', '.join(names) or 'nothing'}"
+            )
         for name in names if only is None else [only]:
             presets[name] = presets[name].with_setting(key, value)
+    # Those that come with the program are in order as they stand, which the tests hold.
+    own = [name for name in names if settings or name in made or preset_path(name).parent != preset_folder()]
+    if own:
+        from synth.check import check
+
+        for name in own:
+            check(presets[name], name + _with(name, settings))
     return presets
+
+
+def _with(name: str, settings: Sequence[tuple[str | None, str, str]]) -> str:
+    """What was changed of a preset, for a message."""
+    changed = [f"{key}={value}" for only, key, value in settings if only in (None, name)]
+    return f" with {', '.join(changed)}" if changed else ""
 
 
 def _choose(channel: int, program: int, preset: str | None, by_channel: Mapping[int, str]) -> str:

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
 from synth.engine.events import NOTE_OFF, NOTE_ON
-from synth.host import audiofile, offline, parts, scala
+from synth.host import audiofile, compass, offline, parts, scala
 from synth.host.bindings import check_parts
+from synth.host.compass import Arrangement, Wishes, channel_line
 from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
 from synth.schemes import energy_warning
-from synth.targets import is_special
+from synth.targets import Named, check_apart, is_special
 from synth.units import db_to_gain, gain_to_db, midi_to_note
 
 if TYPE_CHECKING:
     from synth.engine.parameters import Binding
+    from synth.preset import Preset
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
-MOST_LINES = 12
+#: notes that sound before the end are prepared for, and a little behind it, as filters look ahead
+_LOOKAHEAD_S = 1.0
+SILENT_KEY = "the keyboard mapping leaves this key silent"
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,9 @@ class RenderSettings:
     threads: how many compute, or 'auto': one per processor.
     bindings: controller → live parameters it sets, see `bindings.parse_bindings`.
     mpe: begin with an MPE zone of all channels.
+    transpose, fold, fallback: what becomes of notes before they are played, see `compass.Wishes`.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
-    normalize_dbfs: peak to scale to, or None.
+    normalize_dbfs: peak to scale the mix to, or None. It takes the limiter's place: nothing is limited then.
     """
 
     midi: str
@@ -70,12 +75,20 @@ class RenderSettings:
     keyboard: str | None = None
     bindings: dict[int, list[Binding]] = field(default_factory=dict)
     mpe: bool = False
+    transpose: dict[int | None, int] = field(default_factory=dict)
+    fold: bool = False
+    fallback: str | None = None
+
+    @property
+    def wishes(self) -> Wishes:
+        return Wishes(self.transpose, self.fold, self.fallback)
 
 
 @dataclass
 class RenderReport:
-    """What was rendered. `strings`: most that sounded at once; `unplayed`: dicts of part, note, count, reason;
-    `left_out`: channel (1…16) → notes.
+    """What was rendered: of the notes those between start and end. `strings`: most that sounded at once; `channels`: see
+    `compass.channel_rows`; `unplayed`: dicts of part, note, count, reason; `left_out`: channel (1…16) → notes;
+    `limiter_reduction_db`: None where nothing was limited; `normalize_gain_db`: None where nothing was normalized.
     """
 
     output: str | None
@@ -89,6 +102,7 @@ class RenderReport:
     prepare_s: float
     render_s: float
     parts: list[str]
+    channels: list[dict[str, Any]]
     notes: int
     strings: int
     limiter_reduction_db: float | None
@@ -97,6 +111,7 @@ class RenderReport:
     clipped_stem_samples: int
     stolen: int
     taken_over: int
+    silenced: int
     unplayed: list[dict[str, Any]]
     left_out: dict[int, int]
     warnings: list[str]
@@ -106,10 +121,12 @@ class RenderReport:
         return asdict(self)
 
     def lines(self) -> list[str]:
-        """The closing line, and one line for every kind of note that could not be played."""
+        """The closing line, and one line for every channel and preset."""
         peak = "silent" if self.peak_dbfs is None else f"peak {self.peak_dbfs:.1f} dBFS"
         speed = "" if self.realtime_factor is None else f", {self.realtime_factor:.1f}× real time"
-        if self.limiter_reduction_db is None:
+        if self.normalize_gain_db is not None:
+            limiter = f"normalized by {self.normalize_gain_db:+.1f} dB"
+        elif self.limiter_reduction_db is None:
             limiter = "limiter off"
         elif self.limiter_reduction_db >= 0.05:
             limiter = f"limiter took off up to {self.limiter_reduction_db:.1f} dB"
@@ -121,16 +138,19 @@ class RenderReport:
         unplayed = f" ({lost} not played)" if lost else " (all played)" if self.notes else ""
         notes = f"{self.notes} note{'' if self.notes == 1 else 's'}{unplayed}"
         closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {notes}, {limiter}"]
-        details = [
-            f"  not played: {entry['count']} × {entry['note']} ({entry['part']}): {entry['reason']}"
-            for entry in self.unplayed
-        ]
-        if len(details) > MOST_LINES:
-            details[MOST_LINES - 1 :] = [f"  and {len(details) - MOST_LINES + 1} more kinds of note"]
+        details = [f"  {channel_line(row)}" for row in self.channels]
+        silent = sum(entry["count"] for entry in self.unplayed if entry["reason"] == SILENT_KEY)
+        if silent:
+            details.append(f"  {silent} of the notes not played lie on keys that the keyboard mapping leaves silent")
         if self.stolen:
             details.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
         if self.taken_over:
             details.append(f"  {self.taken_over} notes took over a string that still held another, which ended there")
+        if self.silenced:
+            details.append(
+                f"  {self.silenced} times the motion of a string blew up and was silenced; take --scheme exact-hold, or a "
+                "higher --internal-rate"
+            )
         if self.clipped_samples:
             details.append(
                 f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain or use the limiter"
@@ -148,10 +168,12 @@ def render_file(
     *,
     warn: Callable[[str], None] = lambda _: None,
     progress: offline.Progress | None = None,
+    preparing: Callable[[int, int], None] | None = None,
 ) -> RenderReport:
     """Renders a MIDI file. Nothing is written under a final name unless all goes well.
 
-    warn: called at once with each oddity.  progress: see offline.render.
+    warn: called at once with each oddity.  progress: see offline.render.  preparing: called before with (strings that are
+    prepared, all there are).
 
     Raises ValueError (MidiError, PresetError, ScalaError, …) for input that cannot be used, OSError for files
     that cannot be written.
@@ -159,21 +181,70 @@ def render_file(
     began = time.perf_counter()
     if settings.output is None and settings.stems is None:
         raise ValueError("there is nothing to write; give -o OUT.wav or --stems DIR")
+    check_apart(_files_read(settings), _mix_written(settings))
+    song = read_song(settings.midi, settings.rate_hz, settings.mpe, settings.end_s)
+    return render_song(song, settings, _Outputs, warn=warn, progress=progress, preparing=preparing, began=began)
+
+
+class Outputs(Protocol):
+    """Where a rendering goes: a context manager, in which `mix` and the `stems`, one a part or none, are open. `finish` sets
+    the level for a mix of this peak and returns the gain."""
+
+    stem_paths: list[str]
+
+    @property
+    def mix(self) -> audiofile.AudioSink: ...
+
+    @property
+    def stems(self) -> Sequence[audiofile.AudioSink]: ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None: ...
+
+    def finish(self, peak: float) -> float: ...
+
+    @property
+    def clipped(self) -> int: ...
+
+    @property
+    def clipped_in_stems(self) -> int: ...
+
+
+def render_song(
+    song: Song,
+    settings: RenderSettings,
+    outputs_of: Callable[[RenderSettings, Sequence[parts.Part], offline.Span], Outputs],
+    *,
+    presets: Mapping[str, Preset] | None = None,
+    warn: Callable[[str], None] = lambda _: None,
+    progress: offline.Progress | None = None,
+    preparing: Callable[[int, int], None] | None = None,
+    began: float | None = None,
+) -> RenderReport:
+    """Renders a song, which `settings.midi` names, into what `outputs_of` makes of the settings, parts and frames.
+
+    presets: those that the program has made, by the names that stand for them in the settings. Others as `render_file`.
+    """
+    began = time.perf_counter() if began is None else began
     warnings: list[str] = []
 
     def note(text: str) -> None:
         warnings.append(text)
         warn(text)
 
-    song = read_song(settings.midi, settings.rate_hz, settings.mpe)
     for warning in song.warnings:
         note(f"{settings.midi}: {warning}")
     span = _span(settings, song)
     casting = parts.cast(song.channels, settings.preset, settings.channel_presets)
-    for channel, count in casting.left_out.items():
-        if channel not in settings.channel_presets:
-            what = "percussion" if channel == PERCUSSION_CHANNEL else "no preset"
-            note(f"channel {channel + 1} ({what}) is left out: {count} notes; --map {channel + 1}=PRESET plays it")
+    # A note may begin where the song ends; of a part of a song it is no more among it.
+    heard = slice(span.begin, span.end if settings.end_s is not None else np.iinfo(np.int64).max)
+    left_out = _left_out(song, casting, heard)
+    for channel, count in left_out.items():
+        if channel - 1 not in settings.channel_presets:
+            what = "percussion" if channel - 1 == PERCUSSION_CHANNEL else "no preset"
+            notes = f"{count} note{'' if count == 1 else 's'}"
+            note(f"channel {channel} ({what}) is left out: {notes}; --map {channel}=PRESET plays it")
     internal_hz = settings.internal_rate_hz or 0
     risk = energy_warning(settings.scheme, settings.restitution, internal_hz, "--internal-rate", settings.rate_hz)
     if risk is not None:
@@ -181,17 +252,26 @@ def render_file(
     note_hz = silent = None
     if settings.tuning is not None or settings.keyboard is not None:
         note_hz, silent = scala.playable_frequencies(settings.tuning, settings.keyboard)
-    events, untuned = _playable(song, casting, silent)
+    names = [part.preset for part in casting.parts]
+    if settings.fallback is not None:
+        names.append(settings.fallback)
+    loaded = parts.load_presets(names, settings.settings, presets)
+    played = parts.played_events(song.events, casting)
+    if len(played) == len(song.events):
+        played = song.events
+    arrangement = compass.arrange(song, played, casting, loaded, settings.wishes, settings.mpe)
+    arrangement, untuned = _playable(arrangement, silent, heard)
+    casting = arrangement.casting
 
-    outputs = _Outputs(settings, casting.parts, span)
-    engine = _engine(settings, song, casting, note_hz) if casting.parts else _Silence()
-    engine.prepare(settings.rate_hz, settings.block)
+    outputs = outputs_of(settings, casting.parts, span)
+    engine = _engine(settings, arrangement, loaded, note_hz, span) if casting.parts else _Silence()
+    engine.prepare(settings.rate_hz, settings.block, preparing)
     prepared_s = time.perf_counter() - began
 
     with closing(engine), outputs:
         rendering = offline.render(
             engine,
-            events,
+            arrangement.events,
             span,
             settings.rate_hz,
             outputs.mix,
@@ -205,7 +285,8 @@ def render_file(
     peak = rendering.peak * gain
     if told.unsolved_contacts:
         note(f"in {told.unsolved_contacts} steps the contact forces were not solved exactly; please report this")
-    unplayed = parts.unplayed_rows(told.unplayed, [part.label for part in casting.parts])
+    known = parts.MELODY_PRESET if settings.fallback is None else None
+    rows = compass.channel_rows(arrangement, loaded, heard, known)
     return RenderReport(
         output=settings.output,
         stems=outputs.stem_paths,
@@ -218,18 +299,41 @@ def render_file(
         prepare_s=prepared_s,
         render_s=rendering.wall_s,
         parts=[part.label for part in casting.parts],
-        notes=sum(part.notes for part in casting.parts),
+        channels=rows,
+        notes=sum(row["notes"] for row in rows) + sum(entry["count"] for entry in untuned),
         strings=int(told.most_strings),
-        limiter_reduction_db=float(told.limiter_reduction_db) if settings.limiter else None,
+        limiter_reduction_db=float(told.limiter_reduction_db) if _limits(settings) else None,
         normalize_gain_db=gain_to_db(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
         clipped_stem_samples=outputs.clipped_in_stems,
         stolen=int(told.stolen),
         taken_over=int(told.taken_over),
-        unplayed=untuned + unplayed,
-        left_out={channel + 1: count for channel, count in casting.left_out.items()},
+        silenced=int(told.silenced),
+        unplayed=untuned + compass.unplayed_notes(arrangement, loaded, heard),
+        left_out=left_out,
         warnings=warnings,
     )
+
+
+def _files_read(settings: RenderSettings) -> list[Named]:
+    presets = [settings.preset, settings.fallback, *settings.channel_presets.values()]
+    return parts.files_read(presets, midi=settings.midi, tuning=settings.tuning, kbm=settings.keyboard)
+
+
+def _mix_written(settings: RenderSettings) -> list[Named]:
+    return [] if settings.output is None else [Named("-o", settings.output)]
+
+
+def _limits(settings: RenderSettings) -> bool:
+    """Whether the limiter works: not where the level is set afterwards, from what the strings give by themselves."""
+    return settings.limiter and settings.normalize_dbfs is None
+
+
+def _left_out(song: Song, casting: parts.Casting, heard: slice) -> dict[int, int]:
+    """Channel (1…16) that nothing plays → its notes in these frames."""
+    notes = (song.players >= 0) & compass.within(song.events, heard)
+    counts = {channel: int((notes & (song.players >> 7 == channel)).sum()) for channel in casting.left_out}
+    return {channel + 1: count for channel, count in counts.items() if count}
 
 
 def _span(settings: RenderSettings, song: Song) -> offline.Span:
@@ -251,48 +355,59 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     return span
 
 
-def _playable(song: Song, casting: parts.Casting, silent: np.ndarray | None) -> tuple[np.ndarray, list[dict[str, Any]]]:
-    """The events that parts play, and the notes whose keys the tuning leaves silent ((128,) bool; None: no tuning)."""
-    events = parts.played_events(song.events, casting)
+def _playable(arrangement: Arrangement, silent: np.ndarray | None, heard: slice) -> tuple[Arrangement, list[dict[str, Any]]]:
+    """Without the notes on keys that the tuning leaves silent ((128,) bool; None: no tuning), and those in these frames."""
     if silent is None:
-        return events, []
-    is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF))
+        return arrangement, []
+    events = arrangement.events
+    is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF)) & (events["a"] >= 0) & (events["a"] < 128)
     dropped = is_note & silent[np.where(is_note, events["a"], 0)]
-    lost = events[dropped & (events["kind"] == NOTE_ON)]
-    pairs, counts = np.unique(np.stack((lost["channel"], lost["a"])), axis=1, return_counts=True)
+    lost = dropped & (arrangement.part >= 0) & compass.within(events, heard)
+    pairs, counts = np.unique(np.stack((events["channel"][lost], events["a"][lost])), axis=1, return_counts=True)
     unplayed = [
-        {
-            "part": f"ch{channel + 1:02d}",
-            "note": midi_to_note(int(key)),
-            "count": int(count),
-            "reason": "the keyboard mapping leaves this key silent",
-        }
+        {"part": f"ch{channel + 1:02d}", "note": midi_to_note(int(key)), "count": int(count), "reason": SILENT_KEY}
         for channel, key, count in zip(pairs[0], pairs[1], counts, strict=True)
     ]
-    return events[~dropped], unplayed
+    kept = ~dropped
+    left = replace(
+        arrangement,
+        events=events[kept],
+        part=arrangement.part[kept],
+        program=arrangement.program[kept],
+        leader=arrangement.leader[kept],
+    )
+    return left, unplayed
 
 
-def _engine(settings: RenderSettings, song: Song, casting: parts.Casting, note_hz: np.ndarray | None) -> Any:
-    presets = parts.load_presets([part.preset for part in casting.parts], settings.settings)
+def _engine(
+    settings: RenderSettings,
+    arrangement: Arrangement,
+    presets: Mapping[str, Preset],
+    note_hz: np.ndarray | None,
+    span: offline.Span,
+) -> Any:
     # Imported late: it loads numba, and a wrong file name should not wait for that.
     from synth.engine.engine import Engine
 
-    check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
+    casting = arrangement.casting
+    playing = [presets[part.preset] for part in casting.parts]
+    check_parts(settings.bindings, playing)
     return Engine(
-        [presets[part.preset] for part in casting.parts],
+        playing,
         casting.program_map,
         quality=settings.quality,
         scheme=settings.scheme,
         restitution=settings.restitution,
         internal_rate_hz=settings.internal_rate_hz,
-        limiter=settings.limiter,
+        limiter=_limits(settings),
         gain_db=settings.gain_db,
         max_polyphony=settings.polyphony,
         note_hz=note_hz,
-        only_notes=parts.notes_of_parts(song.keys, casting),
+        only_notes=compass.keys_of_parts(arrangement, span.end + round(_LOOKAHEAD_S * settings.rate_hz)),
         threads=settings.threads,
         bindings=settings.bindings,
         mpe=settings.mpe,
+        warn=lambda text: None,  # said before anything was prepared
     )
 
 
@@ -301,7 +416,7 @@ class _Silence:
 
     latency_samples = 0
 
-    def prepare(self, rate_hz: float, max_block: int) -> None:
+    def prepare(self, rate_hz: float, max_block: int, progress: Callable[[int, int], None] | None = None) -> None:
         pass
 
     def close(self) -> None:
@@ -312,7 +427,13 @@ class _Silence:
 
     def report(self) -> Any:
         return SimpleNamespace(
-            most_strings=0, limiter_reduction_db=0.0, stolen=0, taken_over=0, unplayed=(), unsolved_contacts=0
+            most_strings=0,
+            limiter_reduction_db=0.0,
+            stolen=0,
+            taken_over=0,
+            unplayed=(),
+            unsolved_contacts=0,
+            silenced=0,
         )
 
 
@@ -342,18 +463,21 @@ class _Outputs:
         if self._directory is not None:
             if self._directory.exists() and not self._directory.is_dir():
                 raise NotADirectoryError(f"{self._directory}: is a file; --stems needs a directory")
-            if not self._directory.absolute().parent.is_dir():
+            if not self._directory.parent.is_dir():
                 raise FileNotFoundError(f"{self._directory}: its parent directory is missing; make it first")
             names = [f"{part.label}.{self._container}" for part in cast]
             if len(set(names)) < len(names):
                 # Two preset files of one name in different directories on one channel.
                 names = [f"{number:02d}-{name}" for number, name in enumerate(names, start=1)]
             self.stem_paths = [str(self._directory / name) for name in names]
+            stems = [Named("stem", path) for path in self.stem_paths]
+            check_apart(_files_read(settings), _mix_written(settings) + stems)
         self.mix: audiofile.AudioSink = _Nowhere()
         self.stems: list[audiofile.AudioSink] = []
         self._stack = ExitStack()
+        self._made = False  # the directory
 
-    def _writer(self, path: str) -> audiofile.AudioWriter:
+    def _writer(self, path: str, beside: Path | None = None) -> audiofile.AudioWriter:
         return audiofile.AudioWriter(
             path,
             self._settings.rate_hz,
@@ -361,17 +485,17 @@ class _Outputs:
             bit_depth=self._settings.bit_depth,
             most_frames=self._span.most_frames,
             seed=self._settings.seed,
+            beside=beside,
         )
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
-            if self._directory is not None and not self._directory.exists():
-                self._directory.mkdir()
-                stack.push(self._remove_directory)
             mix = [self._mix] if self._mix is not None else []
-            self._writers = [
-                stack.enter_context(writer) for writer in mix + [self._writer(path) for path in self.stem_paths]
-            ]
+            # A directory that is not there is made when all is well: until then the stems lie beside it.
+            beside = None if self._directory is None or self._directory.exists() else self._directory.parent
+            stems = [self._writer(path, beside) for path in self.stem_paths]
+            stack.push(self._remove_directory)
+            self._writers = [stack.enter_context(writer) for writer in mix + stems]
             sinks: list[audiofile.AudioSink] = list(self._writers)
             self._spools: list[audiofile.Spool] = []
             if self._settings.normalize_dbfs is not None:
@@ -387,11 +511,11 @@ class _Outputs:
     def _scratch_directory(self) -> Path | None:
         """Where two-pass files go: beside the output, which must have room for it anyway."""
         if self._directory is not None:
-            return self._directory
+            return self._directory if self._directory.exists() else self._directory.parent
         output = self._settings.output
-        if output is None or output == "-" or not Path(output).absolute().parent.is_dir():
+        if output is None or output == "-" or not Path(output).parent.is_dir():
             return None
-        return Path(output).absolute().parent if not is_special(output) else None
+        return Path(output).parent if not is_special(output) else None
 
     def finish(self, peak: float) -> float:
         """Sets the level where that was asked for; `peak` is the mix's. Returns the gain (linear)."""
@@ -413,10 +537,21 @@ class _Outputs:
         return sum(writer.clipped for writer in self._writers) - self.clipped
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
-        self._stack.__exit__(kind, error, trace)
+        if kind is not None:
+            self._stack.__exit__(kind, error, trace)
+            return
+        with self._stack:
+            # All are whole before the first gets its name.
+            for writer in self._writers:
+                writer.finish()
+            if self._directory is not None and not self._directory.is_dir():
+                self._directory.mkdir()
+                self._made = True
 
     def _remove_directory(self, kind: object, *_: object) -> None:
-        """After a failure: a directory made for the stems goes too, as the last of all."""
-        if kind is not None and self._directory is not None:
+        """After a failure: a directory that was made for the stems goes too, as the last of all."""
+        if kind is not None and self._made and self._directory is not None:
             with suppress(OSError):
+                for path in self.stem_paths:
+                    Path(path).unlink(missing_ok=True)
                 self._directory.rmdir()

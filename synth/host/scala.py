@@ -11,9 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from synth.sources import read_bytes
 from synth.units import midi_to_hz, read_ratio
 
+#: largest file that is read [bytes]
+MOST_BYTES = 1 << 20
 MIDDLE_C = 60
+#: a pitch lies within so many octaves of degree 0, and a key sounds between these [Hz]: far beyond what can be heard
+MOST_OCTAVES = 64
+LOWEST_HZ, HIGHEST_HZ = 1e-3, 1e6
 MIDDLE_C_HZ = 440.0 * 2.0 ** (-9.0 / 12.0)
 
 
@@ -62,8 +68,14 @@ def note_frequencies(scale_path: str | Path | None, keyboard_path: str | Path | 
     for key in range(keyboard.first, keyboard.last + 1):
         cents = _key_cents(scale, keyboard, key)
         if cents is not None:
-            note_hz[key] = keyboard.reference_hz * 2.0 ** ((cents - reference) / 1200.0)
+            note_hz[key] = _hz(keyboard.reference_hz, (cents - reference) / 1200.0)
     return note_hz
+
+
+def _hz(reference_hz: float, octaves: float) -> float:
+    """Beyond all hearing it is the same how far: no string plays such a key."""
+    octaves = min(max(octaves, -MOST_OCTAVES), MOST_OCTAVES)
+    return min(max(reference_hz * 2.0**octaves, LOWEST_HZ), HIGHEST_HZ)
 
 
 def playable_frequencies(
@@ -145,7 +157,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
 def _lines(path: str | Path) -> list[tuple[int, str]]:
     """(number, stripped text) of the lines that are no comments; the first may be empty (a description)."""
     try:
-        text = Path(path).read_bytes().decode("latin-1")
+        text = read_bytes(path, MOST_BYTES, "Scala file").decode("latin-1")
     except FileNotFoundError:
         raise ScalaError(f"{path}: no such file; check the name") from None
     except OSError as error:
@@ -170,12 +182,16 @@ def _pitch_cents(path: str | Path, number: int, text: str) -> float:
     try:
         if "." in word:
             cents = float(word)
-            if math.isfinite(cents):
-                return cents
         else:
             ratio = read_ratio(text.split("!")[0].replace(" /", "/").replace("/ ", "/").split()[0])
-            if 0.0 < ratio < math.inf:
-                return 1200.0 * math.log2(ratio)
+            cents = 1200.0 * math.log2(ratio) if 0.0 < ratio < math.inf else math.nan
     except (ValueError, IndexError):
-        pass
+        cents = math.nan
+    if abs(cents) <= 1200.0 * MOST_OCTAVES:
+        return cents
+    if abs(cents) < math.inf:
+        raise ScalaError(
+            f"{path}, line {number}: a pitch must lie within {MOST_OCTAVES} octaves of 1/1 (±{1200 * MOST_OCTAVES} cents), "
+            f"got {text!r}"
+        )
     raise ScalaError(f"{path}, line {number}: {text!r} is no pitch; write cents with a point (701.955) or a ratio (3/2)")

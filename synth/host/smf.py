@@ -12,6 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from synth.sources import read_bytes
+
+#: largest file that is read [bytes]
+MOST_BYTES = 1 << 28
 SMPTE_FRAMES_PER_SECOND = {24: 24.0, 25: 25.0, 29: 30000.0 / 1001.0, 30: 30.0}
 
 #: A meta event (sequencer-specific) that this program's takes begin with: simultaneous events are in their order.
@@ -64,7 +68,7 @@ def read_file(path: str | Path) -> MidiFile:
     Raises MidiError for a file that is missing, empty, cut off, broken or no MIDI file.
     """
     try:
-        data = Path(path).read_bytes()
+        data = read_bytes(path, MOST_BYTES, "MIDI file")
     except FileNotFoundError:
         raise MidiError(f"{path}: no such file; check the name") from None
     except IsADirectoryError:

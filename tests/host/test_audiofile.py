@@ -2,7 +2,10 @@
 
 import io
 import os
+import shutil
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from hypothesis import strategies as st
 from synth.host.audiofile import AudioWriter, Quantizer, Spool, container_of
 
 RATE_HZ = 48000
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def noise(frames: int = 1000, seed: int = 1) -> np.ndarray:
@@ -189,3 +193,65 @@ def test_a_spool_gives_back_what_it_got_times_a_gain(tmp_path) -> None:
     assert spool.peak == np.abs(sound).max()
     np.testing.assert_array_equal(np.concatenate(got), 0.5 * sound)
     assert os.listdir(tmp_path) == []
+
+
+LIMITED = """
+import resource, sys
+import numpy as np
+from synth.host.audiofile import AudioWriter
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+try:
+    with AudioWriter(sys.argv[1], 44100, container=sys.argv[1].rpartition(".")[2]) as writer:
+        writer.write(np.random.default_rng(1).uniform(-0.5, 0.5, (2000, 2)))
+    print("whole")
+except OSError as error:
+    print(error.strerror)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of file size")
+@pytest.mark.parametrize("container", ["wav", "flac", "raw"])
+def test_a_file_that_lacks_one_byte_is_none(tmp_path, container: str) -> None:
+    """Whichever byte cannot be written, the last too: libsndfile says nothing of a FLAC file's last block."""
+    path = tmp_path / f"x.{container}"
+    with AudioWriter(path, 44100, container=container) as writer:
+        writer.write(np.random.default_rng(1).uniform(-0.5, 0.5, (2000, 2)))
+    whole = path.read_bytes()
+    for size, old in ((len(whole), b"old"), (len(whole) - 1, b"old"), (len(whole) // 2, None), (60, None)):
+        path.unlink()
+        if old is not None:
+            path.write_bytes(old)
+        command = [sys.executable, "-c", LIMITED, str(path), str(size)]
+        said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+        if size == len(whole):
+            assert (said.stdout, path.read_bytes()) == ("whole\n", whole), said.stderr
+            continue
+        assert said.stdout.startswith("File too large; "), said.stderr
+        assert "Traceback" not in said.stderr
+        assert [(each.name, each.read_bytes()) for each in tmp_path.iterdir()] == ([(path.name, old)] if old else [])
+        path.touch()
+
+
+@pytest.mark.parametrize("container", ["wav", "flac", "raw"])
+def test_a_file_system_that_is_full(tmp_path, container: str) -> None:
+    """A real one, where one can be made."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = shutil.which("mount") and subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)], capture_output=True, timeout=60
+    )
+    if not mounted or mounted.returncode:
+        pytest.skip("a small file system can be mounted by root only; limits of file size stand for it above")
+    try:
+        path = disk / f"x.{container}"
+        path.write_bytes(b"old")
+        with pytest.raises(OSError, match="No space left on device; make room there") as raised:
+            with AudioWriter(path, 44100, container=container) as writer:
+                for k in range(20):
+                    writer.write(noise(seed=k))
+        assert raised.value.filename == str(path)
+        assert [(each.name, each.read_bytes()) for each in disk.iterdir()] == [(path.name, b"old")]
+        with AudioWriter(path, 44100, container=container) as writer:  # there is room again
+            writer.write(noise())
+    finally:
+        subprocess.run(["umount", str(disk)], check=True, timeout=60)

@@ -1,5 +1,7 @@
 """From parsed MIDI files to events at frames."""
 
+from itertools import groupby
+
 import mido
 import numpy as np
 import pytest
@@ -19,17 +21,17 @@ from synth.engine.events import (
     TUNING,
     decode,
 )
-from synth.host import sysex
-from synth.host.midi import Song, _merge, _Zones, song_from_file
-from synth.host.smf import Track, parse
+from synth.host import midi, sysex
+from synth.host.midi import Song, _Clock, _merge, _Zones, song_from_file
+from synth.host.smf import MidiError, MidiFile, Track, parse
 
-from .midibytes import header, off, on, tempo, track
+from .midibytes import header, off, on, tempo, track, vlq
 
 RATE_HZ = 48000
 
 
-def song(data: bytes, rate_hz: int = RATE_HZ) -> Song:
-    return song_from_file(parse(data), rate_hz)
+def song(data: bytes, rate_hz: int = RATE_HZ, until_s: float | None = None) -> Song:
+    return song_from_file(parse(data), rate_hz, until_s=until_s)
 
 
 def rows(result: Song) -> list[tuple[int, int, int]]:
@@ -226,7 +228,7 @@ def test_every_message_is_read_as_decode_reads_it() -> None:
     ]
     ticks = list(range(len(messages)))
     whole = Track(ticks, *(list(column) for column in zip(*messages, strict=True)), end_tick=ticks[-1])
-    _, events = _merge([whole])
+    _, events = _merge([whole], _Clock(MidiFile(0, 480, None, [whole], []), [whole], []), 44100)
     assert [tuple(int(e[name]) for name in ("kind", "channel", "a", "b")) for e in events] == [
         decode(*message) for message in messages
     ]
@@ -301,3 +303,95 @@ def test_zones_are_the_engines() -> None:
         assert engine._state.channels["master"].tolist() == masters
         seen.add(tuple(masters))
     assert len(seen) > 20
+
+
+@pytest.mark.parametrize("division", [1, 480, 32767])
+def test_a_song_of_more_than_a_day_is_refused_where_it_gets_too_long(division: int) -> None:
+    slow, day = tempo(0xFFFFFF), 24 * 3600
+    last = int(day / 16.777215 * division)  # the last tick within the day
+    inside = track((0, slow), (0, on(60)), *_far(last, off(60)))
+    assert song(header(division=division) + inside).events["frame"][-1] == pytest.approx(day * 48000, rel=3e-4)
+    beyond = header(1, 2, division) + track((0, slow)) + track((0, on(60)), (1, off(60)), *_far(2 * last, on(62)))
+    with pytest.raises(MidiError, match=rf"longer than 24 h in track 2 at tick {2 * last + 1}, which is (48|47.99) h"):
+        song(beyond)
+    with pytest.raises(MidiError, match="longer than 24 h"):
+        song(beyond, until_s=day + 1.0)
+    begun = song(beyond, until_s=5.0)
+    assert rows(begun)[:2] == [(0, NOTE_ON, 60), (round(16.777215 / division * 48000), NOTE_OFF, 60)]
+    assert (begun.events["frame"][2:] == day * 48000).all()
+
+
+def _far(ticks: int, message: bytes) -> list[tuple[int, bytes]]:
+    """A message after so many ticks, over texts that say nothing."""
+    most = (1 << 28) - 1
+    return [(most, b"\xff\x01\x00")] * (ticks // most) + [(ticks % most, message)]
+
+
+def test_the_longest_times_that_a_file_can_hold() -> None:
+    """Without a word of NumPy, and what can be played of it is at its frames."""
+    data = header(division=1) + track((0, tempo(0xFFFFFF)), (0, on(60)), *[((1 << 28) - 1, on(61))] * 3000)
+    with pytest.raises(MidiError, match=r"in track 1 at tick 268435455, which is 1\.251e\+06 h"):
+        song(data)
+    assert song(data, until_s=1.0).events["frame"].min() == 0
+
+
+RETUNED = st.tuples(
+    st.sampled_from([b"\x7e", b"\x7f"]),
+    st.sampled_from(["octave", "key", "note", "parameter"]),
+    st.integers(0, 3),
+    st.integers(0, 127),
+)
+
+
+@given(st.lists(st.tuples(st.integers(0, 1), st.integers(0, 2), RETUNED), max_size=40))
+def test_tunings_that_come_together_are_those_that_make_a_difference(messages) -> None:
+    """What every note is plucked at, and what sounds at the end of each frame, is as if all were played."""
+    tracks: list[list[tuple[int, bytes]]] = [[(0, b"\xff\x01\x00")], [(0, b"\xff\x01\x00")]]
+    for number, delta, (time, what, key, value) in messages:
+        if what == "octave":
+            body = time + bytes((0x7F, 8, 8, 3, 0x7F, 0x7F, *[value] * 12))
+        elif what == "key":
+            body = time + bytes((0x7F, 8, 7, 0, 0, 1, key, value % 127, 0, 0))
+        else:
+            body = sysex.of_parameter(key, 1, float(value))
+        tracks[number].append(
+            (delta, on(key, 1 + value % 127) if what == "note" else b"\xf0" + vlq(len(body) + 1) + body + b"\xf7")
+        )
+    # two ticks and a half a frame
+    file = parse(header(1, 2, 24000) + b"".join(track(*each) for each in tracks))
+    shorter = song_from_file(file, 19200).events
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(midi, "_at_once", lambda one, *_: [[each] for each in one.sysex])
+        whole = song_from_file(file, 19200).events
+    assert len(shorter) <= len(whole)
+    assert _heard(shorter) == _heard(whole)
+
+
+def _heard(events: np.ndarray) -> list[tuple]:
+    """What the notes are plucked at, the parameters, and what sounds when a frame is over."""
+    tuning: dict[int, float] = {}
+    sounding: dict[int, float] = {}
+    told: list[tuple] = []
+    for frame, of_frame in groupby(events.tolist(), key=lambda event: event[0]):
+        for _, kind, channel, a, b, value in of_frame:
+            if kind == TUNING:
+                tuning[a] = value
+                if b:
+                    sounding[a] = value
+            elif kind == NOTE_ON:
+                sounding[a] = tuning.get(a, float(a))
+                told.append((frame, a, b, sounding[a]))
+            elif kind == PARAMETER:
+                told.append((frame, channel, a, value))
+        told.append((frame, sorted(sounding.items()), sorted(tuning.items())))
+    return told
+
+
+def test_a_flood_of_tunings_is_as_many_events_as_frames_can_hear() -> None:
+    body = b"\x7f\x7f\x08\x08\x03\x7f\x7f"
+    flood = [(0, b"\xf0\x14" + body + bytes([k % 128] * 12) + b"\xf7") for k in range(2000)]
+    result = song(header() + track((0, on(60)), *flood, (480, off(60))))
+    assert len(result.events) == 128 + 2
+    assert set(result.events["value"][result.events["kind"] == TUNING]) == {
+        key + (1999 % 128 - 64) / 100.0 for key in range(128)
+    }

@@ -1,8 +1,11 @@
 """Which preset plays which channel."""
 
+import math
+
 import pytest
 
-from synth.host.parts import cast, parse_channel_map
+from synth.engine.events import CONTROL, N_PARAMETERS, NOTE_ON, PARAMETER, TUNING, make_events
+from synth.host.parts import cast, parse_channel_map, played_events
 
 
 def test_by_default_basses_are_basses_and_percussion_is_left_out() -> None:
@@ -37,3 +40,18 @@ def test_the_map_goes_before_all_else() -> None:
 def test_maps_that_are_none(text: str) -> None:
     with pytest.raises(ValueError, match="--map"):
         parse_channel_map([text])
+
+
+def test_parameters_of_a_file_that_are_not_there_are_not_played() -> None:
+    casting = cast({(0, 0): 1, (2, 33): 1}, "tanpura", {2: "none"})
+    rows = [
+        (0, NOTE_ON, 0, 60, 100, 0.0),
+        (0, PARAMETER, 0, N_PARAMETERS - 1, 0, 1.0),
+        (1, PARAMETER, 1, 0, 0, 1.0),
+        (1, PARAMETER, 0, N_PARAMETERS, 0, 1.0),
+        (2, PARAMETER, 0, 0, 0, math.nan),
+        (2, PARAMETER, 0, 0, 0, -math.inf),
+        (3, TUNING, 9, 60, 1, math.nan),
+        (3, CONTROL, 2, 7, 100, 0.0),
+    ]
+    assert played_events(make_events(rows), casting)["kind"].tolist() == [NOTE_ON, PARAMETER, TUNING]

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,7 +26,7 @@ class _Engine(FakeEngine):
     def close(self) -> None:
         pass
 
-    def prepare(self, rate_hz: int, max_block: int) -> None:
+    def prepare(self, rate_hz: int, max_block: int, progress=None) -> None:
         self.prepared = rate_hz, max_block
 
     def report(self) -> SimpleNamespace:
@@ -33,9 +34,9 @@ class _Engine(FakeEngine):
             limiter_reduction_db=0.0,
             most_strings=2,
             unsolved_contacts=0,
-            unplayed=[SimpleNamespace(part=0, note=60, times=3, reason="no string reaches it")],
             stolen=0,
             taken_over=0,
+            silenced=0,
         )
 
 
@@ -44,8 +45,9 @@ def engine(monkeypatch) -> _Engine:
     fake = _Engine(decay=0.99)
     fake.note_hz = None
 
-    def make(settings, song, casting, note_hz):
+    def make(settings, arrangement, presets, note_hz, span):
         fake.note_hz = note_hz
+        fake.limiter = job._limits(settings)
         return fake
 
     monkeypatch.setattr(job, "_engine", make)
@@ -73,13 +75,14 @@ def test_a_render_and_its_report(tmp_path, song, engine) -> None:
     assert report.parts == ["ch01-jawari-harp", "ch02-jawari-harp"]
     assert report.left_out == {10: 1}
     assert report.notes == 2
-    assert report.unplayed == [{"part": "ch01-jawari-harp", "note": "C4", "count": 3, "reason": "no string reaches it"}]
-    assert any("channel 10 (percussion) is left out: 1 notes" in line for line in heard)
+    assert report.unplayed == []
+    assert any("channel 10 (percussion) is left out: 1 note; --map 10=PRESET" in line for line in heard)
     assert report.warnings == heard
     text = report.lines()
     assert text[0].startswith(f"{out}: 0.1 s, peak -2.1 dBFS, ")
-    assert "2 strings" in text[0] and "3 not played" in text[0]
-    assert "3 × C4 (ch01-jawari-harp): no string reaches it" in text[1]
+    assert "2 strings" in text[0] and "2 notes (all played)" in text[0]
+    assert text[1] == "  channel 1 (Acoustic Grand Piano) → jawari-harp: 1 note, C4"
+    assert text[2] == "  channel 2 (Acoustic Grand Piano) → jawari-harp: 1 note, D4"
     json.dumps(report.as_dict(), allow_nan=False)
 
 
@@ -97,6 +100,15 @@ def test_normalizing_scales_mix_and_stems_alike(tmp_path, song, engine) -> None:
     parts = [soundfile.read(path)[0] for path in report.stems]
     np.testing.assert_allclose(sum(parts), mix, atol=1e-7)
     assert sorted(os.listdir(tmp_path)) == ["song.mid", "song.wav", "stems"]
+
+
+def test_a_fallback_where_nothing_is_played(tmp_path, song) -> None:
+    everything_out = {0: "none", 1: "none"}
+    settings = RenderSettings(
+        song, str(tmp_path / "x.wav"), None, everything_out, fallback="jawari-harp", fold=True, tail=0.0
+    )
+    report = render_file(settings)
+    assert (report.notes, report.channels, report.left_out) == (0, [], {1: 1, 2: 1, 10: 1})
 
 
 def test_stems_alone(tmp_path, song, engine) -> None:
@@ -134,9 +146,11 @@ def test_keys_that_a_tuning_leaves_silent_are_reported(tmp_path, song, engine) -
 def test_a_song_beyond_all_measure_is_refused(tmp_path, engine) -> None:
     path = tmp_path / "long.mid"
     path.write_bytes(header(division=1) + track((0, on(60)), (0x0FFFFFF, off(60))))
-    with pytest.raises(ValueError, match="give an earlier --end"):
+    with pytest.raises(ValueError, match=r"long\.mid: the song gets longer than 24 h in track 1 .* up to an earlier --end"):
         render_file(RenderSettings(str(path), str(tmp_path / "x.wav")))
     assert not (tmp_path / "x.wav").exists()
+    report = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), end_s=0.25))
+    assert report.length_s == 0.25
 
 
 def test_silence_has_no_peak_and_needs_no_engine(tmp_path) -> None:
@@ -205,3 +219,76 @@ def test_a_binding_that_no_part_has_is_refused(tmp_path, song) -> None:
     )
     with pytest.raises(ValueError, match=r"--cc: controller 1 is bound to obstacle\.height"):
         render_file(settings)
+
+
+def test_normalizing_takes_the_limiters_place(tmp_path, engine) -> None:
+    """What the strings give is scaled, not what the limiter has left of it: it is a multiple of the unlimited sound."""
+    path = tmp_path / "loud.mid"
+    path.write_bytes(header() + track((0, on(60, 127)), (0, on(61, 127)), (48, off(60))))
+    plain = RenderSettings(str(path), str(tmp_path / "plain.wav"), bit_depth="float", tail=0.0, limiter=False)
+    render_file(plain)
+    assert engine.limiter is False
+    report = render_file(replace(plain, output=str(tmp_path / "scaled.wav"), limiter=True, normalize_dbfs=-1.0))
+    assert engine.limiter is False and report.limiter_reduction_db is None
+    loud, scaled = (soundfile.read(tmp_path / name)[0] for name in ("plain.wav", "scaled.wav"))
+    np.testing.assert_allclose(scaled, loud * 10 ** (-1 / 20) / np.abs(loud).max(), atol=1e-7)
+    assert report.normalize_gain_db == pytest.approx(-1.0 - 20 * np.log10(2.0), abs=1e-6)
+    assert "normalized by -7.0 dB" in report.lines()[0]
+    render_file(replace(plain, limiter=True))
+    assert engine.limiter is True
+
+
+def test_normalizing_to_standard_output(tmp_path, engine, song, capfdbinary) -> None:
+    report = render_file(RenderSettings(song, "-", normalize_dbfs=-6.0, bit_depth="float", container="raw", tail=0.0))
+    sound = np.frombuffer(capfdbinary.readouterr().out, "<f4")
+    assert np.abs(sound).max() == pytest.approx(10 ** (-6 / 20), rel=1e-6)
+    assert report.peak_dbfs == pytest.approx(-6.0, abs=1e-9)
+
+
+def test_only_what_is_rendered_is_reported(tmp_path, engine) -> None:
+    path = tmp_path / "song.mid"
+
+    def beats(*notes: bytes) -> bytes:
+        return track(*((480 if number else 0, note) for number, note in enumerate(notes)))
+
+    late = [on(60 + beat) for beat in range(8)]
+    far = [on(10 + beat, channel=1) for beat in range(8)]  # below the harp's strings
+    drums = [on(36, channel=9) for _ in range(8)]
+    path.write_bytes(header(1, tracks=3) + beats(*late) + beats(*far) + beats(*drums))
+    whole = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), tail=0.0))
+    part = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), start_s=1.0, end_s=2.0))
+    assert (whole.notes, len(whole.unplayed), whole.left_out) == (16, 8, {10: 8})
+    assert (part.notes, [entry["note"] for entry in part.unplayed], part.left_out) == (4, ["C0", "C#0"], {10: 2})
+    assert [(row["channel"], row["notes"], row["low"], row["high"]) for row in part.channels] == [
+        (1, 2, "D4", "D#4"),
+        (2, 2, "C0", "C#0"),
+    ]
+    assert any("channel 10 (percussion) is left out: 2 notes" in line for line in part.warnings)
+    # one line a channel, however many kinds of note, with what helps
+    assert [line.split(":")[0] for line in whole.lines()[1:]] == [
+        "  channel 1 (Acoustic Grand Piano) → jawari-harp",
+        "  channel 2 (Acoustic Grand Piano) → jawari-harp",
+    ]
+    assert "8 of 8 notes not played, A#-1 to F0: --transpose 2=24 plays them all; --fold plays them all" in whole.lines()[2]
+
+
+def test_preparing_is_told(tmp_path, song) -> None:
+    told: list[tuple[int, int]] = []
+    settings = RenderSettings(
+        song, str(tmp_path / "x.wav"), preset="tanpura", quality="draft", tail=0.0, transpose={None: -12}
+    )
+    report = render_file(settings, preparing=lambda done, total: told.append((done, total)))
+    assert report.notes == 2 and [row["unplayed"] for row in report.channels] == [0, 1]
+    # C3 is on two strings; D3 on none
+    assert told == [(1, 2), (2, 2)]
+
+
+def test_strings_that_blew_up_are_in_the_closing_lines(tmp_path, song, engine, monkeypatch) -> None:
+    told = engine.report()
+    told.silenced = 3
+    monkeypatch.setattr(engine, "report", lambda: told)
+    report = render_file(RenderSettings(song, str(tmp_path / "song.wav"), tail=0.0))
+    assert report.silenced == 3
+    assert any(
+        "3 times the motion of a string blew up and was silenced; take --scheme exact-hold" in x for x in report.lines()
+    )

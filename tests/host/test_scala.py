@@ -93,6 +93,18 @@ def test_scales_that_cannot_be_used(write, text: str, problem: str) -> None:
         note_frequencies(write("bad.scl", text))
 
 
+@pytest.mark.parametrize("pitch", ["1000000000000.0", "-1000000000000.0", "76801.0", "1e300", "100000000000000000000000/3"])
+def test_pitches_beyond_all_hearing(write, pitch: str) -> None:
+    with pytest.raises(ScalaError, match=r"line 3: a pitch must lie within 64 octaves of 1/1|is no pitch"):
+        note_frequencies(write("far.scl", f"far\n2\n{pitch}\n1200.0\n"))
+
+
+def test_many_octaves_a_key_stay_numbers(write) -> None:
+    note_hz = note_frequencies(write("wide.scl", "wide\n1\n76800.0\n"))
+    assert np.isfinite(note_hz).all() and (np.diff(note_hz) >= 0).all()
+    assert note_hz[60] == pytest.approx(261.63, abs=0.01) and note_hz[61] == 1e6 and note_hz[59] == 1e-3
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [

@@ -1,0 +1,316 @@
+"""What becomes of notes before they are played: transposed, folded into the compass, given to another preset; and which of
+them no string plays.
+
+A note's place is settled when it begins: its end and its pressure go where it went, whatever is changed in between.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from synth.engine.events import EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.host.midi import Song, players
+from synth.host.parts import Casting, Part
+from synth.host.programs import PROGRAMS
+from synth.units import midi_to_note
+
+if TYPE_CHECKING:
+    from synth.preset import Preset
+
+#: furthest that notes are transposed [semitones]
+MOST_SEMITONES = 96
+#: octaves up and down that are tried, nearest first
+_OCTAVES = sorted(range(-10, 11), key=lambda octave: (abs(octave), octave))
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """transpose: channel (0…15; None: all others) → semitones.  fold: notes that their preset cannot play go by octaves to
+    the nearest that it can.  fallback: name of the preset that plays what is still left.
+    """
+
+    transpose: Mapping[int | None, int] = field(default_factory=dict)
+    fold: bool = False
+    fallback: str | None = None
+
+    def semitones(self, channel: int) -> int:
+        return self.transpose.get(channel, self.transpose.get(None, 0))
+
+    def __bool__(self) -> bool:
+        return any(self.transpose.values()) or self.fold or self.fallback is not None
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """A song as it is played.
+
+    events: EVENT.  casting: its parts, those of the fallback among them.  part: (n,) of every note-on, −1 for those that no
+    part plays and for other events.  program: (n,) that its channel has, 0…127.  leader: (n,) channel that chose its part.
+    """
+
+    events: np.ndarray
+    casting: Casting
+    part: np.ndarray
+    program: np.ndarray
+    leader: np.ndarray
+
+
+def parse_transpose(texts: Iterable[str]) -> dict[int | None, int]:
+    """'-12', '3=-12,1=7' (channels 1…16) → {None: -12, 2: -12, 0: 7}. Raises ValueError."""
+    chosen: dict[int | None, int] = {}
+    for entry in (entry.strip() for text in texts for entry in text.split(",")):
+        number, equals, semitones = entry.rpartition("=")
+        try:
+            value = int(semitones)
+            channel = int(number) - 1 if equals else None
+        except ValueError:
+            raise ValueError(
+                f"--transpose {entry!r} is not SEMITONES or CHANNEL=SEMITONES; write for example --transpose=-12,3=12"
+            ) from None
+        if channel is not None and not 0 <= channel < 16:
+            raise ValueError(f"--transpose channel must be 1 to 16, got {number}; correct {entry!r}")
+        if abs(value) > MOST_SEMITONES:
+            raise ValueError(f"--transpose must be -{MOST_SEMITONES} to {MOST_SEMITONES} semitones, got {value}")
+        chosen[channel] = value
+    return chosen
+
+
+def arrange(
+    song: Song, events: np.ndarray, casting: Casting, presets: Mapping[str, Preset], wishes: Wishes, mpe: bool = False
+) -> Arrangement:
+    """The song's `events` (those that parts play) after the wishes; without any they stay as they are, bit by bit.
+
+    presets: of every part's name, and of the fallback's.
+    """
+    by = song.players if events is song.events else players(events, mpe)
+    leader, program = np.where(by >= 0, by >> 7, -1), np.where(by >= 0, by & 0x7F, -1)
+    part = np.where(by >= 0, casting.program_map[leader, program], -1)
+    if not wishes:
+        return Arrangement(events, casting, part, program, leader)
+    return _Arranger(casting, presets, wishes).arranged(events, part, program, leader)
+
+
+class _Arranger:
+    def __init__(self, casting: Casting, presets: Mapping[str, Preset], wishes: Wishes) -> None:
+        self._wishes = wishes
+        self._presets = presets
+        self._parts = list(casting.parts)
+        self._map = casting.program_map.copy()
+        self._left_out = casting.left_out
+        self._playable = [playable(presets[part.preset]) for part in casting.parts]
+        self._spare: dict[int, tuple[int, int]] = {}  # of a channel: its fallback's program and part
+        self._other = frozenset() if wishes.fallback is None else playable(presets[wishes.fallback])
+
+    def arranged(self, events: np.ndarray, part: np.ndarray, program: np.ndarray, leader: np.ndarray) -> Arrangement:
+        rows: list[tuple] = []  # of EVENT
+        told: list[tuple[int, int, int]] = []  # part, program and leader of each
+        held: dict[tuple[int, int], list[int]] = {}  # (channel, key) → notes that it has begun, oldest first
+        sounding: dict[tuple[int, int], Counter[int]] = {}  # (channel, note) → keys that hold it
+        latest: dict[tuple[int, int], int] = {}  # (channel, key) → note of its last beginning
+        counts: Counter[int] = Counter()
+
+        def put(row: tuple, p: int = -1, program: int = -1, leader: int = -1) -> None:
+            rows.append(row)
+            told.append((p, program, leader))
+
+        lines = zip(events.tolist(), part.tolist(), program.tolist(), leader.tolist(), strict=True)
+        for row, first, its_program, its_leader in lines:
+            frame, kind, channel, key, b, value = row
+            if kind == NOTE_ON and b > 0:
+                p, note = self._place(first, its_leader, key)
+                held.setdefault((channel, key), []).append(note)
+                sounding.setdefault((channel, note), Counter())[key] += 1
+                latest[channel, key] = note
+                counts[p] += 1
+                spare = self._spare.get(its_leader) if p != first else None
+                if spare is not None:
+                    put((frame, PROGRAM, its_leader, spare[0], 0, 0.0))
+                put((frame, kind, channel, note, b, value), p, its_program, its_leader)
+                if spare is not None:
+                    put((frame, PROGRAM, its_leader, its_program, 0, 0.0))
+            elif kind in (NOTE_ON, NOTE_OFF):
+                waiting = held.get((channel, key))
+                note = waiting.pop(0) if waiting else key
+                if waiting is not None:
+                    keys = sounding.get((channel, note), Counter())
+                    keys[key] -= 1
+                    if any(count > 0 for other, count in keys.items() if other != key):
+                        continue  # another key holds the same note
+                put((frame, kind, channel, note, b, value))
+            elif kind == KEY_PRESSURE:
+                put((frame, kind, channel, latest.get((channel, key), key), b, value))
+            else:
+                put(row)
+        parts = tuple(Part(each.channel, each.preset, counts[p]) for p, each in enumerate(self._parts))
+        of = np.array(told, np.int64).reshape(-1, 3)
+        casting = Casting(parts, self._map, self._left_out)
+        return Arrangement(np.array(rows, EVENT), casting, of[:, 0], of[:, 1], of[:, 2])
+
+    def _place(self, p: int, leader: int, key: int) -> tuple[int, int]:
+        """(part, note) for a key. A note beyond all keys stays one, which no string plays."""
+        note = key + self._wishes.semitones(leader)
+        if p < 0 or note in self._playable[p]:
+            return p, note
+        if self._wishes.fold:
+            folded = fold(note, self._playable[p])
+            if folded is not None:
+                return p, folded
+        found = note if note in self._other else fold(note, self._other) if self._wishes.fold else None
+        return (p, note) if found is None else (self._fallback(leader), found)
+
+    def _fallback(self, leader: int) -> int:
+        """The fallback's part on a channel, made when it is first needed on a program of its own."""
+        if leader not in self._spare:
+            name = self._wishes.fallback
+            assert name is not None
+            # above those in use, as a channel begins with the lowest that has a part
+            free = [int(program) for program in np.flatnonzero(self._map[leader] < 0)]
+            own = [p for p, part in enumerate(self._parts) if part.channel == leader and part.preset == name]
+            if not own:
+                own = [len(self._parts)]
+                self._parts.append(Part(leader, name, 0))
+                self._playable.append(playable(self._presets[name]))
+            self._map[leader, free[-1]] = own[0]
+            self._spare[leader] = free[-1], own[0]
+        return self._spare[leader][1]
+
+
+def playable(preset: Preset) -> frozenset[int]:
+    """The notes that a preset can play."""
+    from synth.preset import playable_notes
+
+    return frozenset(playable_notes(preset))
+
+
+def fold(note: int, playable: frozenset[int]) -> int | None:
+    """The nearest of the playable notes that is whole octaves away; None where there is none."""
+    return next((note + 12 * octave for octave in _OCTAVES if note + 12 * octave in playable), None)
+
+
+def within(events: np.ndarray, frames: slice) -> np.ndarray:
+    """(n,) whether the events lie in frames start ≤ frame < stop."""
+    return (events["frame"] >= frames.start) & (events["frame"] < frames.stop)
+
+
+def keys_of_parts(arrangement: Arrangement, until: int) -> list[set[int]]:
+    """The MIDI notes that every part has to play before a frame."""
+    events, part = arrangement.events, arrangement.part
+    early = events["frame"] < until
+    return [set(np.unique(events["a"][early & (part == p)]).tolist()) for p in range(len(arrangement.casting.parts))]
+
+
+def channel_rows(
+    arrangement: Arrangement,
+    presets: Mapping[str, Preset],
+    frames: slice,
+    fallback: str | None = None,
+) -> list[dict[str, Any]]:
+    """What every channel has to play in these frames, one row for each of its presets, as plain data:
+
+    channel (1…16), programs (0…127), names of the programs, preset, notes, unplayed, low and high of the notes (names),
+    unplayed_low, unplayed_high, remedies: option → how many of the unplayed it would play.
+
+    fallback: the preset of that name that may be offered as a remedy.
+    """
+    events = arrangement.events
+    heard = (arrangement.part >= 0) & within(events, frames)
+    rows = []
+    for p, part in enumerate(arrangement.casting.parts):
+        mine = heard & (arrangement.part == p)
+        if not mine.any():
+            continue
+        counts = Counter(events["a"][mine].tolist())
+        can = playable(presets[part.preset])
+        missed = {note: count for note, count in counts.items() if note not in can}
+        programs = np.unique(arrangement.program[mine]).tolist()
+        rows.append(
+            {
+                "channel": part.channel + 1,
+                "programs": programs,
+                "names": [PROGRAMS[program] for program in programs],
+                "preset": part.preset,
+                "notes": counts.total(),
+                "low": _name(min(counts)),
+                "high": _name(max(counts)),
+                "unplayed": sum(missed.values()),
+                "unplayed_low": _name(min(missed)) if missed else None,
+                "unplayed_high": _name(max(missed)) if missed else None,
+                "remedies": _remedies(part, counts, missed, can, fallback) if missed else {},
+            }
+        )
+    return rows
+
+
+def _remedies(
+    part: Part, counts: Counter[int], missed: Mapping[int, int], can: frozenset[int], fallback: str | None
+) -> dict[str, int]:
+    """Option → how many of the missed notes it plays, the best octave of a transposition first; none that help nothing."""
+    from synth.preset import load_preset
+
+    found: dict[str, int] = {}
+    total = counts.total()
+
+    def played(octave: int) -> int:
+        return sum(count for note, count in counts.items() if note + 12 * octave in can)
+
+    best = max(_OCTAVES, key=lambda octave: (played(octave), -abs(octave)))
+    gained = played(best) - (total - sum(missed.values()))
+    if best and gained > 0:
+        found[f"--transpose {part.channel + 1}={12 * best}"] = gained
+    folded = sum(count for note, count in missed.items() if fold(note, can) is not None)
+    if folded:
+        found["--fold"] = folded
+    if fallback is not None and fallback != part.preset:
+        other = playable(load_preset(fallback))
+        taken = sum(count for note, count in missed.items() if note in other)
+        if taken:
+            found[f"--fallback {fallback}"] = taken
+    return found
+
+
+def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], frames: slice) -> list[dict[str, Any]]:
+    """Notes that no string plays in these frames: part (its label), note (name), count and reason of each."""
+    from synth.preset import why_unplayed
+
+    events = arrangement.events
+    heard = within(events, frames)
+    rows = []
+    for p, part in enumerate(arrangement.casting.parts):
+        preset = presets[part.preset]
+        can = playable(preset)
+        counts = Counter(events["a"][heard & (arrangement.part == p)].tolist())
+        rows += [
+            {"part": part.label, "note": _name(note), "count": count, "reason": why_unplayed(preset, note)}
+            for note, count in sorted(counts.items())
+            if note not in can
+        ]
+    return rows
+
+
+def channel_line(row: Mapping[str, Any]) -> str:
+    """A row of `channel_rows` for people."""
+    names = ", ".join(row["names"][:3]) + (f" and {len(row['names']) - 3} more" if len(row["names"]) > 3 else "")
+    stem = row["preset"].replace("\\", "/").rsplit("/", 1)[-1]
+    who = f"channel {row['channel']} ({names}) → {stem}"
+    notes = f"{row['notes']} note{'' if row['notes'] == 1 else 's'}"
+    if not row["unplayed"]:
+        return f"{who}: {notes}, {_reach(row['low'], row['high'])}"
+    remedies = [
+        f"{option} plays {'them all' if count == row['unplayed'] else count}" for option, count in row["remedies"].items()
+    ]
+    missed = f"{row['unplayed']} of {notes} not played, {_reach(row['unplayed_low'], row['unplayed_high'])}"
+    return f"{who}: {missed}: {'; '.join(remedies) or 'choose another preset with --map'}"
+
+
+def _name(note: int) -> str:
+    """The name of a note, which may have been transposed beyond all keys."""
+    return midi_to_note(note) if 0 <= note <= 127 else f"key {note}"
+
+
+def _reach(low: str, high: str) -> str:
+    return low if low == high else f"{low} to {high}"

@@ -1,0 +1,107 @@
+"""Notes that are transposed, folded and given to another preset, and what is said of those that no string plays."""
+
+import numpy as np
+import pytest
+
+from synth.engine.events import CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM, make_events
+from synth.host.compass import Arrangement, Wishes, arrange, channel_line, channel_rows, fold, keys_of_parts, parse_transpose
+from synth.host.midi import song_of
+from synth.host.parts import cast
+from synth.preset import load_preset
+
+PRESETS = {name: load_preset(name) for name in ("tanpura", "jawari-harp", "fretted-bass")}
+ALL = slice(0, 1 << 60)
+
+
+def arranged(rows: list[tuple], wishes: Wishes, preset: str = "tanpura") -> Arrangement:
+    song = song_of(make_events(rows), 44100, 10.0)
+    return arrange(song, song.events, cast(song.channels, preset), PRESETS, wishes)
+
+
+def plain(arrangement: Arrangement) -> list[tuple[int, int, int, int]]:
+    return [tuple(row)[:4] for row in arrangement.events.tolist()]
+
+
+def test_without_wishes_the_events_are_the_songs_own() -> None:
+    song = song_of(make_events([(0, NOTE_ON, 0, 48, 90), (9, NOTE_OFF, 0, 48, 64)]), 44100, 1.0)
+    assert arrange(song, song.events, cast(song.channels), PRESETS, Wishes()).events is song.events
+
+
+def test_transposing_takes_ends_and_pressure_along_and_nothing_else() -> None:
+    rows = [(0, NOTE_ON, 0, 60, 90), (1, CONTROL, 0, 60, 5), (2, KEY_PRESSURE, 0, 60, 9), (3, NOTE_OFF, 0, 60, 64)]
+    rows += [(4, NOTE_ON, 1, 60, 90), (5, NOTE_ON, 1, 60, 0)]
+    found = plain(arranged(rows, Wishes({None: -12, 1: 7}), "jawari-harp"))
+    assert found == [
+        (0, NOTE_ON, 0, 48), (1, CONTROL, 0, 60), (2, KEY_PRESSURE, 0, 48), (3, NOTE_OFF, 0, 48),
+        (4, NOTE_ON, 1, 67), (5, NOTE_ON, 1, 67),
+    ]  # fmt: skip
+
+
+def test_folding_goes_to_the_nearest_octave_that_has_a_string() -> None:
+    can = frozenset((36, 43, 48))
+    assert [fold(note, can) for note in (72, 60, 24, 31, 36, 42, 50)] == [48, 48, 36, 43, 36, None, None]
+    found = arranged([(0, NOTE_ON, 0, 72, 90), (1, NOTE_ON, 0, 74, 90), (2, NOTE_OFF, 0, 72, 64)], Wishes(fold=True))
+    assert plain(found) == [(0, NOTE_ON, 0, 48), (1, NOTE_ON, 0, 74), (2, NOTE_OFF, 0, 48)]
+    assert keys_of_parts(found, 100) == [{48, 74}]
+
+
+def test_two_keys_on_one_string_let_go_with_the_second() -> None:
+    rows = [(0, NOTE_ON, 0, 72, 90), (1, NOTE_ON, 0, 60, 90), (2, NOTE_OFF, 0, 72, 64), (3, NOTE_OFF, 0, 60, 64)]
+    assert plain(arranged(rows, Wishes(fold=True))) == [(0, NOTE_ON, 0, 48), (1, NOTE_ON, 0, 48), (3, NOTE_OFF, 0, 48)]
+
+
+def test_the_fallback_plays_what_is_left_on_a_program_of_its_own() -> None:
+    rows = [(0, PROGRAM, 2, 104, 0), (0, NOTE_ON, 2, 48, 90), (1, NOTE_ON, 2, 50, 90), (2, NOTE_OFF, 2, 50, 64)]
+    found = arranged(rows, Wishes(fallback="jawari-harp"))
+    assert [(part.channel, part.preset, part.notes) for part in found.casting.parts] == [
+        (2, "tanpura", 1), (2, "jawari-harp", 1),
+    ]  # fmt: skip
+    spare = int(found.events["a"][found.events["kind"] == PROGRAM][1])
+    assert found.casting.program_map[2, [104, spare]].tolist() == [0, 1]
+    assert plain(found) == [
+        (0, PROGRAM, 2, 104), (0, NOTE_ON, 2, 48),
+        (1, PROGRAM, 2, spare), (1, NOTE_ON, 2, 50), (1, PROGRAM, 2, 104), (2, NOTE_OFF, 2, 50),
+    ]  # fmt: skip
+    assert keys_of_parts(found, 100) == [{48}, {50}]
+    assert not any(row["unplayed"] for row in channel_rows(found, PRESETS, ALL))
+
+
+def test_a_channel_begins_with_its_own_preset_still() -> None:
+    """Without a program change a channel begins with the lowest program that has a part: not the fallback's."""
+    found = arranged([(0, NOTE_ON, 0, 48, 90), (1, NOTE_ON, 0, 50, 90)], Wishes(fallback="jawari-harp"))
+    assert (found.casting.program_map[0] >= 0).argmax() == 0
+
+
+def test_one_line_a_channel_says_who_plays_and_what_helps() -> None:
+    rows = [(n, NOTE_ON, 0, 60 + n % 3, 90) for n in range(30)] + [(40, NOTE_ON, 1, 48, 90)]
+    told = [channel_line(row) for row in channel_rows(arranged(rows, Wishes()), PRESETS, ALL, "jawari-harp")]
+    assert told == [
+        "channel 1 (Acoustic Grand Piano) → tanpura: 30 of 30 notes not played, C4 to D4: "
+        "--transpose 1=-12 plays 10; --fold plays 10; --fallback jawari-harp plays them all",
+        "channel 2 (Acoustic Grand Piano) → tanpura: 1 note, C3",
+    ]
+    remedied = arranged(rows, Wishes({0: -12}, fallback="jawari-harp"))
+    assert not any(row["unplayed"] for row in channel_rows(remedied, PRESETS, ALL))
+
+
+def test_notes_beyond_all_keys_are_counted_too() -> None:
+    found = arranged([(0, NOTE_ON, 0, 120, 90)], Wishes({None: 12}), "jawari-harp")
+    assert [row["unplayed"] for row in channel_rows(found, PRESETS, ALL)] == [1]
+
+
+def test_every_note_of_a_thicket_moves_alike() -> None:
+    rows = [(n, NOTE_ON if n % 2 else NOTE_OFF, n % 8, 40 + n % 50, 90) for n in range(3000)]
+    song = song_of(make_events(rows), 44100, 1.0)
+    both = arrange(song, song.events, cast(song.channels, "jawari-harp"), PRESETS, Wishes({None: 2}))
+    assert np.array_equal(both.events["a"][both.part >= 0], song.events["a"][song.players >= 0] + 2)
+
+
+@pytest.mark.parametrize(("text", "found"), [("-12", {None: -12}), ("-12,3=7, 1=0", {None: -12, 2: 7, 0: 0})])
+def test_transpositions(text: str, found: dict) -> None:
+    assert parse_transpose([text]) == found
+
+
+@pytest.mark.parametrize("text", ["x", "1=", "=3", "0=1", "17=1", "1.5", "97", "1=-97", ""])
+def test_transpositions_that_are_none(text: str) -> None:
+    with pytest.raises(ValueError, match="--transpose"):
+        parse_transpose([text])
