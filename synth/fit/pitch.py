@@ -13,10 +13,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.recording import FitRefused, Note
+from synth.fit.recording import HIGHEST_HZ, LOWEST_HZ, FitRefused, Note, refuse_slow
 from synth.measures import spectrum
 
-LOWEST_HZ, HIGHEST_HZ = 27.0, 1600.0
 #: the part of the note whose spectrum is looked at, from a little after its onset
 BEGIN_S, SPAN_S = 0.02, 1.2
 _MOST_PEAKS = 90
@@ -63,9 +62,11 @@ def find_series(note: Note, expected_hz: float | None = None) -> Series:
     x = note.samples[begin : begin + round(SPAN_S * note.rate_hz)]
     peaks = spectral_peaks(x, note.rate_hz)
     if peaks.frequencies_hz.size == 0:
+        refuse_slow(note.samples, note.rate_hz)
         raise FitRefused("no partials stand out of the noise; record a single plucked string, louder")
     best = best_series(peaks, expected_hz)
     if best is None:
+        refuse_slow(note.samples, note.rate_hz)
         hint = "" if expected_hz is None else f" near {expected_hz:.4g} Hz"
         raise FitRefused(f"no pitch is found{hint}: the spectrum has no series of partials; record a single plucked string")
     _refuse_second_note(peaks, best)

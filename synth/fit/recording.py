@@ -5,6 +5,7 @@ What cannot be measured is refused with the reason: silence, clipping, too short
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from synth.units import gain_to_db
 
+#: pitches that are looked for [Hz]
+LOWEST_HZ, HIGHEST_HZ = 27.0, 1600.0
 #: seconds of a file that are looked at, and of a note that are measured
 MOST_S = 60.0
 MOST_NOTE_S = 12.0
@@ -78,7 +81,7 @@ def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
         if not path.is_file():
             raise ValueError(f"{file}: is a device or a pipe, which cannot be searched; give a WAV or FLAC file")
     try:
-        with soundfile.SoundFile(file) as sound:
+        with soundfile.SoundFile(os.fsencode(file) if isinstance(file, str) else file) as sound:
             _check_rate(sound.samplerate)
             frames = min(sound.frames, round((MOST_S + 1.0) * sound.samplerate))
             if frames * sound.channels > MOST_NUMBERS:
@@ -107,10 +110,15 @@ def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
     x, warnings = _one_channel(samples, rate_hz)
     peak = float(np.abs(x).max())
     peak_db = gain_to_db(peak)
-    x = x - x.mean()
+    offset = float(x.mean())
+    x = x - offset
     if gain_to_db(float(np.abs(x).max())) < SILENCE_DB:
-        raise FitRefused(f"the recording is silent, its peak is at {peak_db:.0f} dBFS; record it louder")
-    _refuse_clipping(x)
+        if peak_db < SILENCE_DB:
+            raise FitRefused(f"the recording is silent, its peak is at {peak_db:.0f} dBFS; record it louder")
+        raise FitRefused(
+            f"the recording is constant, at {offset:.3g} of full scale: an offset without sound; check input and cable"
+        )
+    _refuse_clipping(x, rate_hz)
     begin, end, more = _first_note(x, rate_hz)
     warnings += more
     if (end - begin) / rate_hz > MOST_NOTE_S:
@@ -149,7 +157,7 @@ def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64
         return x, warnings
     for channel in range(x.shape[1]):
         if np.abs(x[:, channel]).max() > 0.0:
-            _refuse_clipping(x[:, channel] - x[:, channel].mean())
+            _refuse_clipping(x[:, channel] - x[:, channel].mean(), rate_hz)
     if x.shape[1] == 1:
         return x[:, 0], warnings
     centred = x - x.mean(axis=0)
@@ -158,7 +166,21 @@ def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64
     return x @ weights / np.abs(weights).sum(), warnings
 
 
-def _refuse_clipping(x: NDArray[np.float64]) -> None:
+def refuse_slow(x: NDArray[np.float64], rate_hz: float) -> None:
+    """Raises FitRefused for a single oscillation below all pitches, whose flat tops look like clipping."""
+    power = np.abs(np.fft.rfft(x * np.hanning(x.size), 2 * x.size)) ** 2
+    top = int(np.argmax(power))
+    width = 4  # of the window's main lobe to each side
+    tone = power[max(0, top - width) : top + width + 1].sum()
+    hz = top * rate_hz / (2 * x.size)
+    if hz < 0.75 * LOWEST_HZ and tone > 0.8 * power.sum() and top >= width:
+        raise FitRefused(
+            f"what sounds lies at {hz:.3g} Hz, below the pitches that can be fitted, {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz; "
+            "check the sample rate, or record a plucked string"
+        )
+
+
+def _refuse_clipping(x: NDArray[np.float64], rate_hz: float) -> None:
     """Many rows of equal samples at the largest or smallest value are a clipped recording."""
     for side in (x, -x):
         at_limit = side >= side.max() * (1.0 - 1e-6)
@@ -166,6 +188,7 @@ def _refuse_clipping(x: NDArray[np.float64]) -> None:
         rows = edges[1::2] - edges[::2]
         clipped = rows[rows >= _CLIPPED_ROW]
         if clipped.size >= _CLIPPED_ROWS and side.max() > 0.0:
+            refuse_slow(x, rate_hz)
             raise FitRefused(
                 f"the recording is clipped: {clipped.size} times {_CLIPPED_ROW} or more samples in a row "
                 "stand at its limit; record it at a lower level"

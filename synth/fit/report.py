@@ -64,7 +64,7 @@ def _facts(fit: Fit, note: str, beside: float) -> list[list[str]]:
     where = "not told by the levels"
     if pluck is not None and pluck.determined:
         where = f"{pluck.position:.3f} ± {pluck.error:.3f} of L"
-    t60 = [p.t60_s for p in fit.partials[:JUDGED]]
+    low, high = fit.partials[0], fit.partials[:JUDGED][-1]
     return [
         ["Pitch", f"{fit.first_partial_hz:.2f} Hz, {note} {beside:+.1f} cents", "frequency of the first partial"],
         [
@@ -72,7 +72,8 @@ def _facts(fit: Fit, note: str, beside: float) -> list[list[str]]:
             f"{fit.inharmonicity:.3g} ± {fit.stretch.inharmonicity_error:.1g}",
             "partial n sounds at n·f0·√(1 + B·n²)",
         ],
-        ["T60", f"{t60[0]:.2f} s, {t60[-1]:.2f} s", f"time to −60 dB of the first and the {JUDGED}th partial"],
+        [f"T60 of partial {low.number}", f"{low.t60_s:.2f} s", f"time to −60 dB at {low.hz:.0f} Hz"],
+        [f"T60 of partial {high.number}", f"{high.t60_s:.2f} s", f"time to −60 dB at {high.hz:.0f} Hz: how bright it stays"],
         [
             "Viscoelastic loss",
             f"{fit.losses.viscoelastic_loss:.3g}",
