@@ -47,6 +47,8 @@ def tick(address: int, played: int, delay: int, now_ns: int) -> None:
     frames = played - words[d.CLOCK_FRAME]
     if changes > 0 and frames <= 0:
         return
+    if changes > 0:
+        words[d.PERIOD] = frames
     store(words, d.CLOCK, changes + 1)
     nominal = 1e9 / desk.rate_hz
     predicted = levels[d.CLOCK_NS] + frames * levels[d.FRAME_NS]
@@ -110,7 +112,14 @@ def _gather(address: int, given: int, start: int, frames: int) -> int:
     """The block's events from all sources into Desk.block, by frame; how many. Frames count from the block's start."""
     desk = desk_of(address)
     words = desk.words
+    drops = load(words, d.DROPS_ASKED)
     scored, score_end = load(words, d.SCORE_TAKEN), load(words, d.SCORED)
+    if drops != words[d.DROPS]:
+        # Nothing more of it from this block on; whoever asked adds nothing until he reads that it is done.
+        scored = score_end
+        words[d.DROPPED_AT] = start
+        store(words, d.SCORE_TAKEN, scored)
+        store(words, d.DROPS, drops)
     arrived, arrivals_end = load(words, d.ARRIVALS_TAKEN), load(words, d.ARRIVED)
     brought = 0
     last = 0

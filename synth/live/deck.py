@@ -22,6 +22,7 @@ import numpy as np
 from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, RESET_CONTROLLERS, SUSTAIN
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, EVENT, NOTE_ON, make_events
+from synth.engine.uncopied import Uncopied
 from synth.live import desk as d
 from synth.live.block import LEAST_DB, frame_at
 from synth.live.callback import render_ahead
@@ -63,7 +64,7 @@ class Meters:
     spare_db: float
 
 
-class Deck:
+class Deck(Uncopied):
     """A prepared engine in a live session.
 
     record    keep events and sound for `drain_events` and `drain_audio`, which must then be called
@@ -189,6 +190,11 @@ class Deck:
         return int(self._desk.words[d.FRAMES])
 
     @property
+    def period(self) -> int:
+        """Frames that the device asks for at a time; 0: not known yet."""
+        return int(self._desk.words[d.PERIOD])
+
+    @property
     def delay_frames(self) -> int:
         """Frames between an event's arrival and its place in the stream."""
         return int(self._desk.words[d.DELAY])
@@ -208,6 +214,19 @@ class Deck:
         whose frame is past are played at once."""
         with self._score_lock:
             return int(d.push_score(self.address, np.ascontiguousarray(events)))
+
+    def drop_scheduled(self) -> int:
+        """Ask that nothing more of what has been scheduled is played. The number of the asking, for `dropped_at`; until that
+        tells, schedule nothing."""
+        with self._score_lock:
+            self._desk.words[d.DROPS_ASKED] += 1
+            return int(self._desk.words[d.DROPS_ASKED])
+
+    def dropped_at(self, asking: int) -> int | None:
+        """Frame of the stream before which everything scheduled was played, and from which on nothing; None: not yet."""
+        if self._desk.words[d.DROPS] < asking:
+            return None
+        return int(self._desk.words[d.DROPPED_AT])
 
     def panic(self) -> None:
         """Silence on all channels, controllers at their power-up values."""

@@ -73,8 +73,14 @@ STEP = 2.0**32
     NOTE,
     VELOCITY,
     CHANNEL,
-) = range(0, 33 * LINE_F8, LINE_F8)
-N_WORDS = 33 * LINE_F8
+    # how often it was asked to drop what is scheduled, how often that has been done, and before which frame last
+    DROPS_ASKED,
+    DROPS,
+    DROPPED_AT,
+    # frames that the device asked for in its latest call but one
+    PERIOD,
+) = range(0, 37 * LINE_F8, LINE_F8)
+N_WORDS = 37 * LINE_F8
 
 #: places in Desk.levels: the clock's own time of its frame [ns since ORIGIN] and ns per frame; peak since it was seen;
 #: mean load; the device's own latency [s]; the level below which strings are spared [dBFS]

@@ -39,9 +39,11 @@ _MASK = 0xFFFFFFFF
     TAKEN,  # … and taken
     LOST,  # messages that did not fit there, or of which a period had too many
     SKIPPED,  # frames of JACK's time that it has not asked for
+    JUMPED,  # by how many frames JACK's time has jumped in all, back too (another period)
+    TOO_LATE,  # periods handed over after the next one had begun
     ENDING,  # 1: who plays system-exclusive messages is to end
-) = range(0, 9 * LINE_F8, LINE_F8)
-N_WORDS = 9 * LINE_F8
+) = range(0, 11 * LINE_F8, LINE_F8)
+N_WORDS = 11 * LINE_F8
 
 
 class Jack(NamedTuple):
@@ -56,6 +58,7 @@ class Jack(NamedTuple):
     midi_get_event_count: int
     midi_event_get: int
     last_frame_time: int
+    frames_since_cycle_start: int
     wake: int  # where to send tokens when a system-exclusive message waits
     stems: I8x2  # (parts or 0, 2) ports
     words: I8
@@ -100,7 +103,7 @@ def _c_call(result: ir.Type, arguments: list[ir.Type]) -> Any:
 
 #: void *jack_port_get_buffer(port, frames)
 _get_buffer = _c_call(_I64, [_I64, _I32])
-#: uint32_t jack_midi_get_event_count(buffer) and jack_last_frame_time(client)
+#: uint32_t jack_midi_get_event_count(buffer), jack_last_frame_time(client) and jack_frames_since_cycle_start(client)
 _ask_number = _c_call(_I32, [_I64])
 #: int jack_midi_event_get(event, buffer, index)
 _get_event = _c_call(_I32, [_I64, _I64, _I32])
@@ -124,10 +127,16 @@ def _process(count: int, address: int) -> int:
                 _silence(_samples(address, jack.stems[p, side], frames))
         return 0
     words = desk_of(jack.deck).words
+    nominal = 1e9 / desk_of(jack.deck).rate_hz
+    begun = now - _ask_number(jack.frames_since_cycle_start, jack.client) * nominal
     first = (_ask_number(jack.last_frame_time, jack.client) - words[d.FRAMES]) & _MASK
     if first != jack.words[FIRST]:
+        skipped = (first - jack.words[FIRST]) & _MASK
         if jack.words[FIRST] >= 0:
-            jack.words[SKIPPED] += (first - jack.words[FIRST]) & _MASK
+            forward = skipped <= _MASK // 2
+            jack.words[JUMPED] += skipped if forward else skipped - _MASK - 1
+            if forward:
+                jack.words[SKIPPED] += skipped
         jack.words[FIRST] = first
     played = words[d.PLAYED]
     tick(jack.deck, played, frames, now)
@@ -150,6 +159,9 @@ def _process(count: int, address: int) -> int:
                     out[done + i] = np.float32(stems[p, i, side])
         done = until
     words[d.PLAYED] = played + frames
+    # PipeWire drops such a period, and tells nobody.
+    if monotonic_ns() - begun > frames * nominal:
+        jack.words[TOO_LATE] += 1
     return 0
 
 

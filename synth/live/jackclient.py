@@ -21,6 +21,7 @@ import numpy as np
 
 from synth.engine.atomics import tokens
 from synth.engine.team import TOKEN
+from synth.engine.uncopied import Uncopied
 from synth.host.sysex import events_of
 from synth.live import jackcallback as jc
 from synth.live.deck import Deck
@@ -34,11 +35,13 @@ typedef struct { uint32_t min; uint32_t max; } range_t;
 void jack_port_get_latency_range(void *port, int mode, range_t *range);
 """
 _PLAYBACK_LATENCY = 1
+#: what the callback calls of JACK
+_CALLED = ("port_get_buffer", "midi_get_event_count", "midi_event_get", "last_frame_time", "frames_since_cycle_start")
 #: what a callback may still work on because its client could not be closed; it stays where it is
 _abandoned: list[Any] = []
 
 
-class JackOutput:
+class JackOutput(Uncopied):
     """An open client of a server, a deck's only reader; `start` lets it sound. Made by `open_output`.
 
     name    as the server has it: "jawari", or "jawari-01" where there is one already
@@ -63,10 +66,7 @@ class JackOutput:
             out_right=_address(outs[1]._ptr),
             stems=np.array([[_address(port._ptr) for port in pair] for pair in stems], np.int64).reshape(-1, 2),
             wake=wake,
-            **{
-                name: _address(jack._ffi.addressof(jack._lib, f"jack_{name}"))
-                for name in ("port_get_buffer", "midi_get_event_count", "midi_event_get", "last_frame_time")
-            },
+            **{name: _address(jack._ffi.addressof(jack._lib, f"jack_{name}")) for name in _CALLED},
         )
         address = table.ctypes.data
         compiled = jc.callbacks()
@@ -100,7 +100,7 @@ class JackOutput:
         """From the end of a period to the air, as the server reports it for what the left output is connected to [s]."""
         if not self.alive:
             return 0.0
-        seconds = _latency_frames(self._out) / self._rate_hz
+        seconds = port_latency(self._out) / self._rate_hz
         self._deck.set_device_latency(seconds)
         return seconds
 
@@ -108,6 +108,20 @@ class JackOutput:
     def frames_skipped(self) -> int:
         """Frames of JACK's time that went by without this client being asked for sound since it plays."""
         return int(self._state.words[jc.SKIPPED])
+
+    @property
+    def frames_jumped(self) -> int:
+        """By how many frames JACK's time has jumped since it plays, jumps back taken off: a server jumps back where its
+        period is changed."""
+        return int(self._state.words[jc.JUMPED])
+
+    @property
+    def periods_missed(self) -> int:
+        """Periods that the server did without: it did not ask for them, or got them after the next one had begun. JACK tells
+        of most of them as xruns, PipeWire of none. (A server that waits for its clients loses none of the second kind.)"""
+        words = self._state.words
+        period = max(1, self._deck.period)
+        return -(-int(words[jc.SKIPPED]) // period) + int(words[jc.TOO_LATE])
 
     @property
     def messages_lost(self) -> int:
@@ -272,7 +286,8 @@ def _latency_library() -> tuple[Any, Any]:
     return ffi, ffi.dlopen(library()._libname)
 
 
-def _latency_frames(port: Any) -> int:
+def port_latency(port: Any) -> int:
+    """Frames from a port to the air, as the server reports them."""
     ffi, library = _latency_library()
     found = ffi.new("range_t *")
     library.jack_port_get_latency_range(ffi.cast("void *", _address(port._ptr)), _PLAYBACK_LATENCY, found)

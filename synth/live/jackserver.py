@@ -39,6 +39,15 @@ def server_rate(name: str | None = None) -> int:
     return server_of(name).rate_hz
 
 
+def midi_sources(name: str | None = None) -> list[str]:
+    """The server's MIDI ports that can be played from; see `server_of`."""
+    client = open_client(NAME, name)
+    try:
+        return [port.name for port in client.get_ports(is_midi=True, is_output=True)]
+    finally:
+        client.close()
+
+
 @cache
 def library() -> Any:
     """The module jack. Raises DeviceError where it or the library is missing."""

@@ -15,23 +15,28 @@ from typing import Self
 from synth.engine.controllers import SUSTAIN
 from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
 from synth.live import terminal
-from synth.live.keycodes import ESCAPE, ESCAPE_S, PRESSED, RELEASED, REPEATED, Key, KeyDecoder
+from synth.live.keycodes import ESCAPE_S, PRESSED, RELEASED, REPEATED, Key, KeyDecoder
+from synth.live.keylist import ALWAYS, Binding, KeyList
 from synth.live.midistream import Sink
 
 #: the keys of a piano from C on, two rows of letters
 PIANO = "awsedftgyhujkolp;'"
-HELP = (
-    "a w s e d f t g y h u j k o l p ; '  play from C on",
-    "z x  octave    c v  velocity    space  sustain    backspace or !  silence    q  quit",
-)
 QUIT = "quit"
 VELOCITY_STEP = 12
 HIGHEST_OCTAVE = 9
 # The same key again within this time is the keyboard's own repetition.
 REPEAT_S = 0.1
 _LOOK_EVERY_S = 0.05
-_PANIC_KEYS = ("!", "\x7f", "\x08")
-_ARROWS = ("up", "down", "left", "right")
+#: what the keys do; those that no note needs go to `on_key`
+BINDINGS = (
+    Binding("note", tuple(PIANO), " ".join(PIANO), "play from C on"),
+    Binding("octave", ("z", "x"), "z x", "octave"),
+    Binding("velocity", ("c", "v"), "c v", "velocity"),
+    Binding("sustain", (" ",), "space", "sustain"),
+    Binding("silence", ("\x7f", "\x08", "!"), "backspace !", "silence"),
+)
+_KEYS = KeyList(*BINDINGS, *ALWAYS)
+_NAMED = ("up", "down", "left", "right", "home")
 
 
 class Keyboard:
@@ -39,7 +44,8 @@ class Keyboard:
 
     sink     sink(kind, channel, a, b, value, time_ns) -> bool, like Deck.send
     panic    silences everything, like Deck.panic
-    on_key   takes other keys: a character, "up", "down", "left", "right", or QUIT (q, Esc, the terminal's end)
+    on_key   takes other keys: a character, "up", "down", "left", "right", "home", or QUIT (q, Esc, Ctrl-D, or there is no
+             terminal any more)
     channel  of the notes, 0…15.  octave: of the first C (3: the C of 130.8 Hz).  velocity: 1…127
     hold_s   how long a note lasts where nobody says when its key goes up
     input    file descriptor of the terminal
@@ -141,7 +147,7 @@ class Keyboard:
             self._key(key, now)
 
     def _key(self, key: Key, now: float) -> None:
-        if key.name in _ARROWS:
+        if key.name in _NAMED:
             if key.happens != RELEASED:
                 self._tell(key.name)
         elif key.happens == RELEASED:
@@ -154,27 +160,28 @@ class Keyboard:
     def _press(self, key: str, now: float) -> None:
         key = key.lower()
         repeats = not self.tells_key_up and now - self._last.get(key, -1.0) < REPEAT_S
-        if key in PIANO:
-            self._last[key] = now
-            if repeats and key in self._down:
-                self._down[key] = (self._down[key][0], now + self._hold_s)
-            else:
-                self._strike(key, now)
-        elif key in "zx":
-            self.octave = min(max(self.octave + (1 if key == "x" else -1), -1), HIGHEST_OCTAVE)
-        elif key in "cv":
-            self.velocity = min(max(self.velocity + (VELOCITY_STEP if key == "v" else -VELOCITY_STEP), 1), 127)
-        elif key == " ":
-            self._last[key] = now
-            if not repeats:
-                self.sustained = not self.sustained
-                self._send(CONTROL, SUSTAIN, 127 * self.sustained)
-        elif key in _PANIC_KEYS:
-            self.panic()
-        elif key in ("q", ESCAPE, "\x04"):
-            self._tell(QUIT)
-        else:
-            self._tell(key)
+        match _KEYS.action(key):
+            case "note":
+                self._last[key] = now
+                if repeats and key in self._down:
+                    self._down[key] = (self._down[key][0], now + self._hold_s)
+                else:
+                    self._strike(key, now)
+            case "octave":
+                self.octave = min(max(self.octave + (1 if key == "x" else -1), -1), HIGHEST_OCTAVE)
+            case "velocity":
+                self.velocity = min(max(self.velocity + (VELOCITY_STEP if key == "v" else -VELOCITY_STEP), 1), 127)
+            case "sustain":
+                self._last[key] = now
+                if not repeats:
+                    self.sustained = not self.sustained
+                    self._send(CONTROL, SUSTAIN, 127 * self.sustained)
+            case "silence":
+                self.panic()
+            case "quit":
+                self._tell(QUIT)
+            case _:
+                self._tell(key)
 
     def _strike(self, key: str, now: float) -> None:
         self._release(key)

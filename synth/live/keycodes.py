@@ -18,7 +18,9 @@ ESCAPE = "\x1b"
 ESCAPE_S = 0.05
 #: a sequence is no longer than so many characters
 MOST_CHARACTERS = 64
-_ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+_NAMED = {"A": "up", "B": "down", "C": "right", "D": "left", "H": "home"}
+#: Home as some terminals have it, by number
+_HOME = (1, 7)
 _SEQUENCE = re.compile(r"\x1b(?:\[(?P<digits>[ -?]*)(?P<end>[@-~])|O(?P<ss3>.))")
 _BEGINNING = re.compile(r"\x1b(?:\[[ -?]*|O)")
 _NUMBERS = re.compile(r"[0-9:;]*")
@@ -27,7 +29,8 @@ _SHIFT, _CONTROL = 1, 4
 
 @dataclass(frozen=True)
 class Key:
-    """name: a character, or "up", "down", "left", "right".  told: by kitty's protocol, which tells of keys going up."""
+    """name: a character, or "up", "down", "left", "right", "home".  told: by kitty's protocol, which tells of keys that go
+    up."""
 
     name: str
     happens: int = PRESSED
@@ -84,8 +87,10 @@ def _key_of(found: re.Match[str]) -> Key | None:
     # Counted from 1; Caps Lock and Num Lock (64, 128) change no key.
     modifiers = max(modifiers - 1, 0) & 63
     happens = happens if happens in (REPEATED, RELEASED) else PRESSED
-    if end in _ARROWS:
-        return Key(_ARROWS[end], happens)
+    if end in _NAMED:
+        return Key(_NAMED[end], happens)
+    if end == "~" and fields[0][0] in _HOME:
+        return Key("home", happens)
     if end != "u" or not digits:
         return None
     code, shifted = (*fields[0], 0)[:2]

@@ -3,7 +3,8 @@ what the device was given.
 
 Times are told on the clock of the stream, which says for any moment how far the device is in the sound: a note sent at
 that moment whose first sample is n frames further on is computed n frames before the device plays it, less what the
-device itself adds, and that is as it reports.
+device itself adds, and that is as it reports. Where a JACK server runs (or PipeWire, under pw-jack), what it gives its card
+is recorded besides: then only what the card adds is as reported.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from synth.engine.controllers import ALL_SOUND_OFF
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, NOTE_ON, decode
 from synth.live.deck import Deck
+from synth.live.ear import Ear
 from synth.units import db_to_gain, midi_to_note
 
 PLUCKS = 20
@@ -64,6 +66,8 @@ class Latency:
     """path: how the notes went in.  heard: of `plucks`.  draw_ms: of the finger, as compiled.  engine_ms: from an event's
     place in the stream to the string.  placed: from sending a note to that place.  first_movement, peak: from sending a note
     to that sample, computed.  device_ms: what the device reports to come after.  total, total_to_peak: with it.
+    recorded: from sending a note to the first movement in what a JACK server gives its card; None: it was not to be heard
+    there.  card_ms: what the server reports to come after.  heard_ms: with it, or else `total`.
     """
 
     path: str
@@ -81,6 +85,9 @@ class Latency:
     device_ms: float
     total: Span
     total_to_peak: Span
+    recorded: Span | None
+    card_ms: float | None
+    heard_ms: Span
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -88,18 +95,27 @@ class Latency:
 
     def lines(self) -> list[str]:
         """For people."""
-        return [
+        lines = [
             f"{self.heard} of {self.plucks} plucks of {self.note} heard, sent by {self.path}, blocks of {self.block} at "
             f"{self.rate_hz} Hz",
             f"  event → its place in the stream           {self.placed}",
             f"  event → first movement, computed          {self.first_movement}",
             f"  event → peak of the pluck, computed       {self.peak}",
             f"  the device adds, as it reports            {self.device_ms:6.2f} ms",
-            f"  event → first movement, heard             {self.total}",
+        ]
+        if self.recorded is not None:
+            lines += [
+                f"  event → first movement, recorded          {self.recorded}",
+                f"  the card adds, as the server reports      {self.card_ms:6.2f} ms",
+            ]
+        return [
+            *lines,
+            f"  event → first movement, heard             {self.heard_ms}",
             f"  event → peak of the pluck, heard          {self.total_to_peak}",
             f"  (the engine looks ahead {self.engine_ms:.2f} ms, the finger draws for {self.draw_ms:.2f} ms.",
             f"  First movement: the first sample beyond {self.threshold_dbfs:.0f} dBFS; peak: the largest until "
-            f"{1e3 * PEAK_WITHIN_S:.0f} ms after the finger has let go.)",
+            f"{1e3 * PEAK_WITHIN_S:.0f} ms after the finger has let go. "
+            + ("Recorded: at the JACK server's output.)" if self.recorded is not None else "Heard: computed.)"),
         ]
 
 
@@ -118,11 +134,18 @@ def quickest_note(engine: Engine) -> tuple[int, int, int, float]:
 
 
 def measure(
-    deck: Deck, engine: Engine, output: Any, stop: Waits, send: Callable[[bytes], None] | None, path: str, block: int
+    deck: Deck,
+    engine: Engine,
+    output: Any,
+    stop: Waits,
+    send: Callable[[bytes], None] | None,
+    path: str,
+    ear: Ear | None = None,
 ) -> Latency | None:
     """Plucks the quickest note PLUCKS times and looks when it comes; None if it was broken off. The deck records, the output
     runs.
 
+    ear: hears what the server gives its card, if there is one.
     send: takes a MIDI message to where the session listens; None: notes go to the deck itself, as from its thread of MIDI.
     Raises ValueError where nothing is heard.
     """
@@ -133,6 +156,9 @@ def measure(
     placed: list[float] = []
     moved: list[float] = []
     peaked: list[float] = []
+    recorded: list[float] = []
+    if ear is not None:
+        ear.connect()
     if program != int(np.argmax(engine.program_map[channel] >= 0)):
         _give(deck, send, bytes((0xC0 | channel, program)))
     for pluck in range(PLUCKS):
@@ -142,11 +168,15 @@ def measure(
             if engine.silent and np.abs(tape.drain()).max(initial=0.0) < threshold:
                 break
         # Everywhere in a block.
-        if stop.wait(0.05 + block / rate_hz * (0.618 * pluck % 1.0)):
+        if stop.wait(0.05 + deck.period / rate_hz * (0.618 * pluck % 1.0)):
             break
         tape.drain()
         deck.drain_events()
         begin = tape.end
+        since = 0
+        if ear is not None:
+            ear.listen()
+            since = ear.now()
         sent_ns = time.monotonic_ns()
         _give(deck, send, bytes((0x90 | channel, note, VELOCITY)))
         # Where the device is in the sound at that moment.
@@ -170,6 +200,8 @@ def measure(
         placed.append(int(given[0]) - now)
         moved.append(begin + first - now)
         peaked.append(begin + peak - now)
+        if ear is not None and (after := ear.first(threshold, since)) is not None:
+            recorded.append(after)
     if stop.wait(0.0):
         return None
     if not moved:
@@ -177,12 +209,14 @@ def measure(
             f"none of {PLUCKS} plucks of {midi_to_note(note)} was heard; does the device run? see synth devices"
         )
     device = float(output.latency_s) * rate_hz
+    total = Span.of([frames + device for frames in moved], rate_hz)
+    card = ear.latency_s * rate_hz if ear is not None and recorded else None
     return Latency(
         path=path,
         note=midi_to_note(note),
         plucks=PLUCKS,
         heard=len(moved),
-        block=block,
+        block=deck.period,
         rate_hz=round(rate_hz),
         threshold_dbfs=THRESHOLD_DBFS,
         draw_ms=1e3 * draw_s,
@@ -191,8 +225,11 @@ def measure(
         first_movement=Span.of(moved, rate_hz),
         peak=Span.of(peaked, rate_hz),
         device_ms=1e3 * device / rate_hz,
-        total=Span.of([frames + device for frames in moved], rate_hz),
+        total=total,
         total_to_peak=Span.of([frames + device for frames in peaked], rate_hz),
+        recorded=Span.of(recorded, rate_hz) if card is not None else None,
+        card_ms=None if card is None else 1e3 * card / rate_hz,
+        heard_ms=total if card is None else Span.of([frames + card for frames in recorded], rate_hz),
     )
 
 

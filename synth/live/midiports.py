@@ -204,7 +204,7 @@ def _why_none(apis: Sequence[int]) -> str:
     reasons = {
         1: "CoreMIDI does not answer",
         2: "ALSA has no sequencer (/dev/snd/seq; try modprobe snd-seq)",
-        _JACK: "no JACK server runs",
+        _JACK: "no JACK server answers python-rtmidi",
         4: "Windows MM does not answer",
     }
     return " and ".join(reasons[api] for api in apis) or "python-rtmidi is built without the backend"

@@ -21,6 +21,10 @@ class Schedule(Protocol):
 
     def schedule(self, events: np.ndarray) -> int: ...
 
+    def drop_scheduled(self) -> int: ...
+
+    def dropped_at(self, asking: int) -> int | None: ...
+
 
 class Player:
     """Plays a source of events into a deck.

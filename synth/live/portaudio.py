@@ -6,6 +6,7 @@ import atexit
 from collections.abc import Callable
 from typing import Any
 
+from synth.engine.uncopied import Uncopied
 from synth.live.callback import portaudio_callback
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
@@ -72,7 +73,7 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
     return found[0]
 
 
-class PortAudioOutput:
+class PortAudioOutput(Uncopied):
     """An open output; `start` lets it sound. A deck's only reader."""
 
     def __init__(self, deck: Deck, stream: Any, name: str, host_api: str) -> None:

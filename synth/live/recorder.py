@@ -15,13 +15,19 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from synth.engine.uncopied import Uncopied
 from synth.host.audiofile import AudioWriter, container_of
 from synth.live.patience import Worker
 from synth.live.take import TakeFile
-from synth.targets import is_special
+from synth.targets import Named, check_apart, is_special
 
 DRAIN_EVERY_S = 0.1
 _BUFFER_FRAMES = 16384
+
+
+def files_written(record: str) -> list[Named]:
+    """The files of a recording called `record`: the sound and the take."""
+    return [Named("--record", record), Named("take", Path(record).with_suffix(".mid"))]
 
 
 class Played(Protocol):
@@ -57,7 +63,7 @@ class Drained(Protocol):
     def drain_audio(self, buffer: np.ndarray) -> int: ...
 
 
-class Recorder:
+class Recorder(Uncopied):
     """A context manager: records from the stream's first frame until it is left, and keeps what it has whatever ends it.
     Leave it when the stream has stopped.
 
@@ -93,6 +99,7 @@ class Recorder:
         self._taken = 0  # frames off the deck's tape
         self._drained = 0  # frames of the stream that they, and the silence for what the tape lost, amount to
         self._lost = 0
+        self._failed = False  # the sound cannot be written any more
         self._gaps: deque[tuple[int, int]] = deque()  # (frame of the tape before which frames are missing, how many)
         self._sound: AudioWriter | None = None
         if wav is not None:
@@ -101,8 +108,7 @@ class Recorder:
             container = container_of(str(wav))
             self._sound = AudioWriter(wav, rate_hz, container=container, bit_depth=bit_depth, growing=True)
         self._take = TakeFile(mid, rate_hz) if mid is not None else None
-        if wav is not None and mid is not None and Path(wav).absolute() == Path(mid).absolute():
-            raise ValueError(f"{wav}: the sound and the take need two names; give another to one of them")
+        check_apart([], [Named(what, path) for what, path in (("sound", wav), ("take", mid)) if path is not None])
         self._buffer = np.zeros((_BUFFER_FRAMES, 2))
         self._end = threading.Event()
         self._thread: Worker | None = None
@@ -166,7 +172,8 @@ class Recorder:
         try:
             self._sound.write(sound[cut:])
             self.frames += frames - cut
-        except Exception as problem:  # soundfile has errors of its own
+        except (OSError, ValueError) as problem:
+            self._failed = True
             self._complain(self._sound.path, problem)
             self._close_sound()
 
@@ -188,11 +195,16 @@ class Recorder:
         sound, self._sound = self._sound, None
         if sound is None:
             return
+        if not self.frames and self._failed:  # a file of that name, from before, is worth more
+            sound.__exit__(ValueError, None, None)
+            return
         try:
-            sound.__exit__(None, None, None)
+            reason = sound.keep()
             self.kept.append(sound.path)
-        except Exception as problem:
-            self._say(f"{sound.path}: the recording could not be kept ({problem})")
+            if reason:
+                self._say(f"{sound.path}: its end may be missing ({reason})")
+        except OSError as problem:
+            self._say(f"{sound.path}: the recording could not be kept ({problem.strerror or problem})")
 
     def _close_take(self) -> None:
         take, self._take = self._take, None

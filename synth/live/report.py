@@ -13,14 +13,17 @@ class LiveReport:
     """What was played. Loads are shares of a block's time; times in seconds.
 
     ended: "stopped", "duration", "song" or "device" (the device went and did not come back).
-    xruns: blocks that the device missed.  late_ours, late_machine: blocks that took longer than they last, because of this
-    program's own work or because the machine ran something else meanwhile.
+    block, block_asked: frames that the device asked for at a time, and those that were asked of it.
+    xruns: blocks that the device missed.  stalls: how often it asked more than two blocks off its time.
+    late_ours, late_machine: blocks that took longer than they last, because of this program's own work or because the
+    machine ran something else meanwhile.
     unplayed: dicts of part, note, count, reason.
     """
 
     output: str
     rate_hz: int
     block: int
+    block_asked: int
     device_latency_s: float
     parts: list[str]
     prepare_s: float
@@ -29,6 +32,7 @@ class LiveReport:
     notes: int
     strings: int
     xruns: int
+    stalls: int
     late_ours: int
     late_machine: int
     load_median: float
@@ -38,6 +42,7 @@ class LiveReport:
     recording_lost: int
     stolen: int
     taken_over: int
+    silenced: int
     limiter_reduction_db: float
     unplayed: list[dict[str, Any]]
     files: list[str]
@@ -58,9 +63,18 @@ class LiveReport:
             f"played {clock_text(self.played_s)}, {notes}, {xruns}, load {100.0 * self.load_median:.0f} % in the median, "
             f"{100.0 * self.load_worst:.0f} % at worst"
         ]
+        if self.block != self.block_asked:
+            lines.append(f"  the server asked for blocks of {self.block} frames, not {self.block_asked}")
+        if self.stalls:
+            times = "once" if self.stalls == 1 else f"{self.stalls} times"
+            lines.append(f"  the output asked for sound more than two blocks late {times}: there it may have had a gap")
         lines += [f"  not played: {e['count']} × {e['note']} ({e['part']}): {e['reason']}" for e in self.unplayed[:12]]
         if self.stolen:
             lines.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
+        if self.silenced:
+            lines.append(
+                f"  {self.silenced} times the motion of a string blew up and was silenced; take --scheme exact-hold"
+            )
         if self.events_lost:
             lines.append(f"  {self.events_lost} events were lost: too many came at a time")
         if self.recording_lost:

@@ -28,16 +28,20 @@ from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, EXPRESSION, S
 from synth.engine.engine import Engine
 from synth.engine.events import CONTROL, PARAMETER
 from synth.engine.layout import GAIN
+from synth.engine.uncopied import Uncopied
 from synth.host import midi, parts, scala
 from synth.host.bindings import check_parts
-from synth.host.eventsource import from_events
 from synth.live.deck import Deck, Meters
 from synth.live.errors import DeviceError, MidiPortError
 from synth.live.patience import LEAVE_S, answers
 from synth.live.player import Player
+from synth.live.playkeys import PlayKeys, keys_of
 from synth.live.report import LiveReport
-from synth.live.status import Status, StatusLine
-from synth.live.stderr import give_back
+from synth.live.songplayer import SongPlayer, power_up_of
+from synth.live.status import Status, StatusLine, clock_text
+from synth.live.stderr import give_back, only_ours
+from synth.live.terminal import KeySource, terminal_at
+from synth.live.unplayable import Unplayable
 from synth.preset import Preset
 from synth.targets import check_target
 from synth.units import db_to_gain
@@ -75,7 +79,7 @@ class SessionSettings:
     rate_hz: None: the JACK server's, else 44100.
     latency: 'low', 'high' or seconds.  ahead: blocks that a thread keeps ready.
     midi_in: ports by name or number; () all there are; ('none',) none.  midi_channel: 0…15, the only one to listen to.
-    keys: whether the computer's keyboard plays.
+    keys: whether the computer's keyboard plays.  song_keys: whether a terminal's keys pause the song and go through it.
     record: .wav file; a .mid file is written beside it.
     measure_latency: the session is there for `measure_latency`: it plays by itself.
     """
@@ -107,6 +111,7 @@ class SessionSettings:
     midi_channel: int | None = None
     virtual_port: bool = True
     keys: bool = False
+    song_keys: bool = False
     record: str | None = None
     bit_depth: str = "24"
     duration_s: float | None = None
@@ -145,7 +150,7 @@ class Stop:
         return self._at_once.wait(seconds)
 
 
-class Session:
+class Session(Uncopied):
     """See the module's docstring. Entered, everything is prepared and open but not yet sounding.
 
     opened: called when it is, before `with` goes on: from then on nothing should be raised from outside, so that the session
@@ -159,6 +164,9 @@ class Session:
         self._opened = opened
         self._stack = ExitStack()
         self._players: list[Player] = []
+        self._song: SongPlayer | None = None
+        self._terminal: KeySource | None = None
+        self._keys: PlayKeys | None = None
         self._inputs: Any = None
         self._loads = np.zeros(LOAD_BINS, np.int64)
         self._sparing = False
@@ -171,7 +179,7 @@ class Session:
         self._outputs: list[Any] = []  # that are or were open
         self._output_lock = threading.Lock()
         self._recorder: Recorder | None = None
-        self._block = settings.block
+        self._unplayed = 0
         self.files: list[str] = []
         self.report: LiveReport | None = None
 
@@ -213,6 +221,7 @@ class Session:
             threads=settings.threads,
             bindings=settings.bindings,
             mpe=settings.mpe,
+            warn=self._line.say,
         )
         stack.callback(self._close_engine)
         self.engine = engine
@@ -227,6 +236,7 @@ class Session:
         stack.callback(self.deck.close)
         self._prepare_s = time.perf_counter() - began
         self._line.say(f"prepared in {self._prepare_s:.1f} s")
+        stack.enter_context(only_ours(self._outlived))
         self._output = self._open_output()
         stack.callback(self._close_output)
         self._outputs.append(self._output)
@@ -242,10 +252,13 @@ class Session:
                 say=self._line.say,
             )
             stack.enter_context(self._recorder)
+        self._unplayable = Unplayable(engine.parts, frozenset(range(128)) - (only_notes or frozenset(range(128))))
         if song is not None:
             events = parts.played_events(song.events, casting)
-            end = round(song.length_s * self.rate_hz) + engine.latency_samples
-            self.add_player(Player(from_events(events), end, self.rate_hz))
+            length = round(song.length_s * self.rate_hz)
+            power_up = power_up_of(engine, settings.bindings)
+            self._song = SongPlayer(events, length, engine.latency_samples, self.rate_hz, power_up)
+            self.add_player(self._song)
         self._open_inputs(stack)
 
     def add_player(self, player: Player) -> None:
@@ -259,7 +272,8 @@ class Session:
             return settings.rate_hz or 44100
         from synth.live import jackserver
 
-        server_hz = jackserver.server_rate()
+        server = jackserver.server_of()
+        server_hz, self._server_frames = server.rate_hz, server.frames
         if settings.rate_hz not in (None, server_hz):
             raise DeviceError(f"the JACK server runs at {server_hz} Hz, got --rate {settings.rate_hz}: leave --rate out")
         return server_hz
@@ -268,7 +282,7 @@ class Session:
         """The output's name: what can be known of it before a minute is spent on preparations."""
         settings = self._settings
         if settings.jack is not None:
-            return f"JACK client {settings.jack}, {self.rate_hz} Hz"
+            return f"JACK client {settings.jack}, {self.rate_hz} Hz, periods of {self._server_frames}"
         from synth.live import portaudio
 
         return f"{portaudio.check_output(settings.device, self.rate_hz)}, {self.rate_hz} Hz, blocks of {settings.block}"
@@ -280,7 +294,10 @@ class Session:
         from synth.live.midiports import check_ports
 
         try:
-            check_ports(self._settings.midi_in)
+            if self._by_jack:
+                self._jack_midi()
+            else:
+                check_ports(self._settings.midi_in)
         except MidiPortError as error:
             raise MidiPortError(f"--midi-in: {error}") from None
 
@@ -337,14 +354,23 @@ class Session:
 
         return portaudio.open_output(self.deck, settings.device, self.rate_hz, settings.block, settings.latency)
 
+    @property
+    def _by_jack(self) -> bool:
+        """Whether the JACK client's own port brings the MIDI: where that of the system is JACK's, or there is none that
+        python-rtmidi sees, as with PipeWire."""
+        from synth.live.midiports import midi_system
+
+        return self._settings.jack is not None and midi_system()[0] in ("JACK", "")
+
     def _jack_midi(self) -> list[str]:
-        """JACK's MIDI ports to be connected to the client's own, where JACK is the MIDI system, too."""
-        from synth.live.midiports import find_port, midi_system, port_names
+        """JACK's MIDI ports to be connected to the client's own, where those are the MIDI system. Raises MidiPortError."""
+        from synth.live import jackserver
+        from synth.live.midiports import find_port, means_none
 
         settings = self._settings
-        if not self._listens or settings.measure_latency or settings.midi_in == ("none",) or midi_system()[0] != "JACK":
+        if not self._listens or settings.measure_latency or means_none(settings.midi_in) or not self._by_jack:
             return []
-        there = port_names("jack")
+        there = jackserver.midi_sources()
         if settings.midi_in:
             return [there[find_port(name, there)] for name in settings.midi_in]
         return [name for name in there if "Midi Through" not in name]
@@ -352,6 +378,14 @@ class Session:
     def _close_output(self) -> None:
         if not self._left_behind:
             self._left_behind = not answers(self._output.close, LEAVE_S)
+
+    def _outlived(self) -> bool:
+        """Whether a library still has threads at work for an output that could not be closed."""
+        if self._left_behind or self._settings.jack is not None:
+            return self._left_behind
+        from synth.live import portaudio
+
+        return portaudio.abandoned()
 
     def _close_engine(self) -> None:
         # A device that does not answer may still ask for sound.
@@ -362,11 +396,11 @@ class Session:
         settings = self._settings
         if not self._listens:
             return
-        from synth.live.midiports import MidiInputs, midi_system
+        from synth.live.midiports import MidiInputs
 
         names = list(settings.midi_in)
         virtual = settings.virtual_port and settings.jack is None
-        if settings.jack is not None and midi_system()[0] == "JACK":
+        if self._by_jack:
             return  # the JACK client has a MIDI port, which plays at the frame
         self._inputs = MidiInputs(
             names,
@@ -401,29 +435,33 @@ class Session:
         self.report = self._make_report()
 
     def _open_keyboard(self, stack: ExitStack, stop: Stop) -> None:
-        if not self._settings.keys:
+        instrument, song = self._settings.keys, self._song if self._settings.song_keys else None
+        if not instrument and song is None:
             return
-        from synth.live.keyboard import HELP, QUIT, Keyboard
+        keys = PlayKeys(keys_of(instrument=instrument, song=song is not None), song, self._line.say, stop.ask_once)
+        if instrument:
+            from synth.live.keyboard import Keyboard
 
-        def on_key(key: str) -> None:
-            if key == QUIT:
-                stop.ask_once()
-
-        channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
-        for text in HELP:
-            self._line.say(text)
-        stack.enter_context(Keyboard(self.deck.send, self.deck.panic, on_key, channel=channel))
+            channel = int(np.flatnonzero((self.engine.program_map >= 0).any(axis=1))[0])
+            self._line.say(keys.help)
+            stack.enter_context(Keyboard(self.deck.send, self.deck.panic, keys.press, channel=channel))
+            return
+        self._keys, self._terminal = keys, stack.enter_context(terminal_at())
+        if self._terminal.is_one:
+            self._line.say(keys.help)
 
     def measure_latency(self, stop: Stop) -> Latency | None:
         """Instead of `run`: how long it takes from an event to its sound; None: it was asked to end meanwhile. Raises
         ValueError where nothing is heard."""
         from synth.live import latency
+        from synth.live.ear import ear as ear_of_server
 
         jack = self._settings.jack is not None
         system = "JACK" if jack else self._inputs.system if self._inputs is not None else ""
         gc.collect()
         gc.freeze()
         loop = None
+        ear = ear_of_server()
         try:
             self._output.start()
             stop.wait(0.5)  # the clock settles
@@ -433,11 +471,13 @@ class Session:
             path = (
                 f"{system} MIDI port" if loop is not None else "the program itself (there is no MIDI system to loop through)"
             )
-            return latency.measure(self.deck, self.engine, self._output, stop, send, path, self._settings.block)
+            return latency.measure(self.deck, self.engine, self._output, stop, send, path, ear)
         finally:
             gc.unfreeze()
             if loop is not None:
                 loop.delete()
+            if ear is not None:
+                answers(ear.close, LEAVE_S)
             answers(self._output.stop, LEAVE_S)
 
     def _play(self, stop: Stop) -> str:
@@ -445,6 +485,9 @@ class Session:
         last_frame, moved_at, ports_at = -1, time.monotonic(), 0.0
         while not stop.wait(LOOK_S):
             now, frame = time.monotonic(), self.deck.frame
+            if self._terminal is not None and self._keys is not None:
+                for key in self._terminal.keys():
+                    self._keys.press(key)
             for player in self._players:
                 player.feed(self.deck)
             self._look()
@@ -480,11 +523,14 @@ class Session:
         if meters.peak >= db_to_gain(QUIET_DBFS):
             self._loud_at = meters.frames
         recorded_s = meters.frames / self.rate_hz if self._settings.record is not None else None
+        unplayed = self.engine.notes_unplayed
+        changed = self.engine.report().unplayed if unplayed != self._unplayed else None
+        self._unplayed = unplayed
         self._line.show(
             Status(
                 load_median=meters.load_median,
                 load_worst=max(self._recent),
-                xruns=meters.xruns,
+                xruns=self._xruns(meters),
                 strings=meters.strings,
                 peak=meters.peak,
                 note=meters.last_note if meters.last_velocity else -1,
@@ -492,9 +538,18 @@ class Session:
                 recorded_s=recorded_s,
                 spare_db=meters.spare_db,
                 events_lost=self._events_lost(meters),
+                unplayed=self._unplayable.look(changed, meters.last_note, time.monotonic()),
+                position=self._position(meters.frames),
             )
         )
         return meters
+
+    def _position(self, frame: int) -> str:
+        """Where the song is, and of how much."""
+        if self._song is None:
+            return ""
+        here, whole = (clock_text(frames / self.rate_hz) for frames in (self._song.position(frame), self._song.length))
+        return f"{'paused ' if self._song.paused else ''}{here} / {whole}"
 
     def _say_sparing(self, sparing: bool) -> None:
         if sparing == self._sparing:
@@ -525,7 +580,7 @@ class Session:
             self._look()
         self._send_all(ALL_SOUND_OFF, 0)
         # Until that is heard: a block until it is placed, the engine's latency, the block at the device.
-        settle_s = (2 * self._block + self.engine.latency_samples) / self.rate_hz + 0.05
+        settle_s = (2 * (self.deck.period or self._settings.block) + self.engine.latency_samples) / self.rate_hz + 0.05
         stop.wait_at_once(settle_s)
 
     def _send_all(self, controller: int, value: int) -> None:
@@ -589,12 +644,17 @@ class Session:
         """Events that found no room on their way to the engine, in the output's own rings as well."""
         return meters.events_lost + sum(getattr(output, "messages_lost", 0) for output in self._outputs)
 
+    def _xruns(self, meters: Meters) -> int:
+        """Blocks that the outputs missed, whether or not their servers say so."""
+        return max(meters.xruns, sum(getattr(output, "periods_missed", 0) for output in self._outputs))
+
     def _make_report(self) -> LiveReport:
         meters, told, settings = self.deck.meters(), self.engine.report(), self._settings
         return LiveReport(
             output=self._output.name,
             rate_hz=self.rate_hz,
-            block=settings.block,
+            block=self.deck.period or settings.block,
+            block_asked=settings.block,
             device_latency_s=meters.device_latency_s,
             parts=self._labels,
             prepare_s=self._prepare_s,
@@ -602,7 +662,8 @@ class Session:
             ended=self._ended,
             notes=int(told.notes),
             strings=int(told.most_strings),
-            xruns=meters.xruns,
+            xruns=self._xruns(meters),
+            stalls=meters.stalls,
             late_ours=meters.late_ours,
             late_machine=meters.late_others,
             load_median=int(np.searchsorted(np.cumsum(self._loads), 0.5 * self._loads.sum())) / 1000.0,
@@ -612,6 +673,7 @@ class Session:
             recording_lost=meters.recording_lost,
             stolen=int(told.stolen),
             taken_over=int(told.taken_over),
+            silenced=int(told.silenced),
             limiter_reduction_db=float(told.limiter_reduction_db),
             unplayed=parts.unplayed_rows(told.unplayed, self._labels),
             files=self.files,

@@ -9,11 +9,13 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 _lock = threading.Lock()
 _quiet: set[object] = set()
+#: those of them under whom Python's own standard error is shown
+_ours: set[object] = set()
 _kept: int | None = None
 
 
@@ -28,10 +30,42 @@ def silenced() -> Iterator[None]:
         _end({me})
 
 
+@contextmanager
+def only_ours(lasting: Callable[[], bool] = lambda: False) -> Iterator[None]:
+    """Meanwhile standard error shows what Python writes on it, and nothing that libraries print from threads of their own
+    (PortAudio's `Expression … failed`, libjack's and PipeWire's complaints): whoever plays says himself what has happened.
+
+    lasting: whether it stays so afterwards, for there are threads that could not be ended.
+    """
+    try:
+        shows = sys.stderr.fileno() == 2
+        kept = os.dup(2) if shows else -1
+    except (OSError, ValueError, AttributeError):
+        shows = False
+    if not shows:
+        yield
+        return
+    before, me = sys.stderr, object()
+    ours = open(kept, "w", encoding=before.encoding, errors=before.errors, buffering=1)
+    sys.stderr = ours
+    _begin(me)
+    _ours.add(me)
+    try:
+        yield
+    finally:
+        if not lasting():
+            _ours.discard(me)
+            _end({me})
+            sys.stderr = before
+            with suppress(OSError, ValueError):  # the terminal has gone
+                ours.close()
+
+
 def give_back() -> None:
-    """Standard error is as it was, even if somebody who wanted silence does not come back."""
+    """Standard error is as it was, even if somebody who wanted silence does not come back; but for `only_ours`, in which it
+    is not missing."""
     with _lock:
-        waiting = set(_quiet)
+        waiting = _quiet - _ours
     _end(waiting)
 
 

@@ -1,8 +1,9 @@
 """What was played, as a Standard MIDI File that is whole at any time.
 
 One tick is one frame: rate/4 ticks (or another such part) per quarter note at a tempo that makes it so. The file is written
-as it grows and not by mido, which keeps a song as objects: an hour of controllers would fill the memory. After every
-`append` it has its end of track and its length, so that a program that is killed leaves a take that can be read.
+as it grows: the messages and their times are mido's, the file is not. mido writes a file at once, from a song of objects; an
+hour of controllers would fill the memory, and what was not yet saved would be lost. Here, after every `append`, the track
+has its end and its length, so that a program that is killed leaves a take that can be read.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import os
 from collections import Counter
 from pathlib import Path
 
+import mido
 import numpy as np
+from mido.midifiles.meta import encode_variable_int
 
 from synth.engine.controllers import ALL_NOTES_OFF
 from synth.engine.events import (
@@ -27,10 +30,10 @@ from synth.engine.events import (
 )
 from synth.host.smf import TAKE_MARK
 from synth.host.sysex import of_parameter, of_tuning
-from synth.targets import check_target
+from synth.targets import Whole, check_target, naming
 
-_END_OF_TRACK = b"\x00\xff\x2f\x00"
-_EMPTY_TEXT = b"\xff\x01\x00"
+_END_OF_TRACK = b"\0" + mido.MetaMessage("end_of_track").bin()
+_EMPTY_TEXT = mido.MetaMessage("text").bin()
 _LONGEST_DELTA = (1 << 28) - 1
 _LENGTH_AT, _TRACK_AT = 18, 22
 # A chunk's length has 32 bits.
@@ -60,11 +63,10 @@ class TakeFile:
         self.events = 0
         self.left_out = 0
         check_target(path)
+        self._whole = Whole(path, kept=True)
         division, tempo = division_of(rate_hz)
         self._head = b"MThd\0\0\0\6\0\0\0\1" + division.to_bytes(2, "big") + b"MTrk\0\0\0\0"
-        self._start = b"\0\xff\x51\x03" + tempo.to_bytes(3, "big") + b"\0" + TAKE_MARK
-        target = Path(path)
-        self._partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+        self._start = b"\0" + mido.MetaMessage("set_tempo", tempo=tempo).bin() + b"\0" + TAKE_MARK
         self._file: int | None = None
         self._at = _TRACK_AT  # where the end of track stands
         self._tick = 0
@@ -73,9 +75,14 @@ class TakeFile:
 
     def open(self) -> None:
         """Makes the file. Raises OSError."""
-        self._file = os.open(self._partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
-        _write(self._file, self._head, 0)
-        self._put(self._start)
+        try:
+            self._file = self._whole.open()
+            with naming(self.path):
+                _write(self._file, self._head, 0)
+                self._put(self._start)
+        except BaseException:
+            self.discard()
+            raise
 
     def append(self, events: np.ndarray) -> None:
         """Adds events (EVENT array, frames absolute and ascending). Raises OSError; the file then ends before them."""
@@ -141,22 +148,20 @@ class TakeFile:
             for (channel, note), times in sorted(self._held.items()):
                 # A note that was struck several times is ended as often, as readers count.
                 for _ in range(min(times, _MOST_ENDS)):
-                    body += self._delta(end) + bytes((0x80 | channel, note, 64))
+                    body += self._delta(end) + mido.Message("note_off", channel=channel, note=note, velocity=64).bin()
             # A reader may take a long rest at the end for an error; this is there, and says nothing new.
             for channel in sorted(self._channels):
-                body += self._delta(end) + bytes((0xB0 | channel, ALL_NOTES_OFF, 0))
+                silence = mido.Message("control_change", channel=channel, control=ALL_NOTES_OFF, value=0)
+                body += self._delta(end) + silence.bin()
             self._put(bytes(body))
         finally:
-            file, self._file = self._file, None
-            os.close(file)
-            os.replace(self._partial, self.path)
+            self._file = None
+            self._whole.commit()
 
     def discard(self) -> None:
         """Closes and removes the file."""
-        file, self._file = self._file, None
-        if file is not None:
-            os.close(file)
-            self._partial.unlink(missing_ok=True)
+        self._file = None
+        self._whole.discard()
 
 
 def _write(file: int, data: bytes, at: int) -> None:
@@ -167,28 +172,28 @@ def _write(file: int, data: bytes, at: int) -> None:
 
 def _message(kind: int, channel: int, a: int, b: int, value: float) -> bytes | None:
     """An event as it stands in a file; None if MIDI cannot say it."""
-    if kind == PARAMETER or kind == TUNING:
-        try:
+    try:
+        if kind == PARAMETER or kind == TUNING:
             body = of_parameter(channel, a, value) if kind == PARAMETER else of_tuning(a, value, bool(b))
-        except ValueError:
-            return None
-        return b"\xf0" + _variable_length(len(body) + 1) + body + b"\xf7"
-    if not 0 <= channel < 16:
+            return b"\xf0" + _variable_length(len(body) + 1) + body + b"\xf7"  # a file has the length behind the first byte
+        name, arguments = _as_mido(kind, a, b)
+        return bytes(mido.Message(name, channel=channel, **arguments).bin())
+    except (ValueError, KeyError):
         return None
-    if kind == BEND:
-        return bytes((0xE0 | channel, a + 8192 & 0x7F, a + 8192 >> 7)) if -8192 <= a < 8192 else None
-    if not (0 <= a < 128 and 0 <= b < 128):
-        return None
-    if kind == PROGRAM:
-        return bytes((0xC0 | channel, a))
-    if kind == PRESSURE:
-        return bytes((0xD0 | channel, b))
-    status = {NOTE_OFF: 0x80, NOTE_ON: 0x90, KEY_PRESSURE: 0xA0, CONTROL: 0xB0}.get(kind)
-    return None if status is None else bytes((status | channel, a, b))
+
+
+def _as_mido(kind: int, a: int, b: int) -> tuple[str, dict[str, int]]:
+    """mido's name of a channel message and its arguments. Raises KeyError for what is none."""
+    return {
+        NOTE_OFF: ("note_off", {"note": a, "velocity": b}),
+        NOTE_ON: ("note_on", {"note": a, "velocity": b}),
+        KEY_PRESSURE: ("polytouch", {"note": a, "value": b}),
+        CONTROL: ("control_change", {"control": a, "value": b}),
+        PROGRAM: ("program_change", {"program": a}),
+        PRESSURE: ("aftertouch", {"value": b}),
+        BEND: ("pitchwheel", {"pitch": a}),
+    }[kind]
 
 
 def _variable_length(value: int) -> bytes:
-    out = bytes((value & 0x7F,))
-    while value := value >> 7:
-        out = bytes((value & 0x7F | 0x80,)) + out
-    return out
+    return bytes(encode_variable_int(value))

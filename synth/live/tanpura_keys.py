@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from synth.live.drone import CYCLE_S, Drone, live_limits, other_first
+from synth.live.keylist import ALWAYS, Binding, KeyList
 from synth.live.player import Player, Schedule
 from synth.live.swara import RATIOS
 from synth.live.terminal import KeySource
@@ -16,66 +17,88 @@ FIRSTS = tuple(float(RATIOS[name]) for name in ("pa", "ma", "ni"))
 #: so late the cycle may still be changed [s]
 AHEAD_S = 0.5
 CENTS, JIVA_UM, TEMPO, HUMAN, VOLUME_DB = 1.0, 0.5, 1.03, 0.05, 1.0
-HELP = (
-    "keys: f first string Pa/Ma/Ni   1-5 choose a string, [ ] tune it by 1 cent   s/S Sa down/up a semitone   "
-    "- = jiva   up/down faster/slower   left/right less/more human   , . volume   space pause   ? help   q end"
-)
+
+
+def keys_of(strings: int) -> KeyList:
+    """The keys for a drone of so many strings."""
+    return KeyList(
+        Binding("first", ("f",), "f", "first string Pa/Ma/Ni"),
+        Binding("choose", tuple(str(k + 1) for k in range(strings)), f"1-{strings}", "choose a string"),
+        Binding("turn", ("[", "]"), "[ ]", "tune it by 1 cent"),
+        Binding("sa", ("s", "S"), "s S", "Sa down/up a semitone"),
+        Binding("jiva", ("-", "=", "+"), "- =", "jiva"),
+        Binding("tempo", ("up", "down"), "up down", "faster/slower"),
+        Binding("human", ("left", "right"), "left right", "less/more human"),
+        Binding("volume", (",", "."), ", .", "volume"),
+        Binding("pause", (" ",), "space", "pause"),
+        *ALWAYS,
+    )
 
 
 class TanpuraKeys:
-    """Keys act on a drone; every key says what it did. end: called by q."""
+    """Keys act on a drone; every key says what it did. end: called by the keys that end."""
 
     def __init__(self, drone: Drone, say: Callable[[str], None], end: Callable[[], None]) -> None:
         self._drone, self._say, self._end = drone, say, end
+        self._keys = keys_of(len(drone.pegs.names))
         self.chosen = 0
+
+    @property
+    def help(self) -> str:
+        """What the keys do."""
+        return self._keys.help
 
     def press(self, key: str) -> None:
         """One key; unknown ones do nothing."""
+        action = self._keys.action(key)
+        if action is None:
+            return
         try:
-            told = self._act(key)
+            told = self._act(action, key)
         except ValueError as error:
             told = str(error)
         if told:
             self._say(told)
 
-    def _act(self, key: str) -> str | None:
+    def _act(self, action: str, key: str) -> str | None:
         drone = self._drone
         pegs, cycle = drone.pegs, drone.cycle
-        if key == "f":
-            drone.retune(other_first(pegs, FIRSTS))
-            return self._strings()
-        if key in ("s", "S"):
-            drone.retune(replace(pegs, sa_hz=pegs.sa_hz * 2.0 ** ((1 if key == "S" else -1) / 12.0)))
-            return self._strings()
-        if key.isdecimal() and 1 <= int(key) <= len(pegs.names):
-            self.chosen = int(key) - 1
-            return self._strings()
-        if key in ("[", "]"):
-            drone.retune(pegs.turned(self.chosen, CENTS if key == "]" else -CENTS))
-            return self._strings()
-        if key in ("-", "=", "+"):
-            low, high = live_limits(drone.strings.preset)
-            step = -JIVA_UM if key == "-" else JIVA_UM
-            drone.set_jiva(min(max(drone.jiva_um + step, low), high))
-            return f"jiva {drone.jiva_um:g} µm"
-        if key in ("up", "down"):
-            seconds = cycle.cycle_s / TEMPO if key == "up" else cycle.cycle_s * TEMPO
-            drone.set_cycle(replace(cycle, cycle_s=min(max(seconds, CYCLE_S[0]), CYCLE_S[1])))
-            return f"cycle {drone.cycle.cycle_s:.2f} s"
-        if key in ("left", "right"):
-            human = cycle.human + (HUMAN if key == "right" else -HUMAN)
-            drone.set_cycle(replace(cycle, human=round(min(max(human, 0.0), 1.0), 6)))
-            return f"human {drone.cycle.human:.2f}"
-        if key in (",", "."):
-            drone.set_volume(drone.volume * 10.0 ** ((VOLUME_DB if key == "." else -VOLUME_DB) / 20.0))
-            return f"volume {gain_to_db(drone.volume):+.1f} dB"
-        if key == " ":
-            drone.pause(not drone.paused)
-            return "paused" if drone.paused else "going on"
-        if key == "?":
-            return HELP
-        if key == "q":
-            self._end()
+        match action:
+            case "first":
+                drone.retune(other_first(pegs, FIRSTS))
+                return self._strings()
+            case "sa":
+                drone.retune(replace(pegs, sa_hz=pegs.sa_hz * 2.0 ** ((1 if key == "S" else -1) / 12.0)))
+                return self._strings()
+            case "choose":
+                self.chosen = int(key) - 1
+                return self._strings()
+            case "turn":
+                drone.retune(pegs.turned(self.chosen, CENTS if key == "]" else -CENTS))
+                return self._strings()
+            case "jiva":
+                low, high = live_limits(drone.strings.preset)
+                step = -JIVA_UM if key == "-" else JIVA_UM
+                drone.set_jiva(min(max(drone.jiva_um + step, low), high))
+                return f"jiva {drone.jiva_um:g} µm"
+            case "tempo":
+                seconds = cycle.cycle_s / TEMPO if key == "up" else cycle.cycle_s * TEMPO
+                drone.set_cycle(replace(cycle, cycle_s=min(max(seconds, CYCLE_S[0]), CYCLE_S[1])))
+                return f"cycle {drone.cycle.cycle_s:.2f} s"
+            case "human":
+                human = cycle.human + (HUMAN if key == "right" else -HUMAN)
+                drone.set_cycle(replace(cycle, human=round(min(max(human, 0.0), 1.0), 6)))
+                return f"human {drone.cycle.human:.2f}"
+            case "volume":
+                drone.set_volume(drone.volume * 10.0 ** ((VOLUME_DB if key == "." else -VOLUME_DB) / 20.0))
+                return f"volume {gain_to_db(drone.volume):+.1f} dB"
+            case "pause":
+                drone.pause(not drone.paused)
+                return "paused" if drone.paused else "going on"
+            case "help":
+                return self.help
+            case "quit":
+                self._end()
         return None
 
     def _strings(self) -> str:

@@ -29,9 +29,10 @@ for line in sys.stdin:
             ports[name].send_message(message)
     elif command == "flood":
         count, per_second = map(int, rest[0].split())
-        begin = time.monotonic()
+        since = time.monotonic()
         for k in range(count):
             ports[name].send_message([0x90, k % 128, 1 + k // 128 % 127])
-            if k % 50 == 49:
-                time.sleep(max(0.0, begin + k / per_second - time.monotonic()))
+            if k % 50 == 49:  # never faster, to catch up neither
+                time.sleep(max(0.0, since + 50 / per_second - time.monotonic()))
+                since = time.monotonic()
     print("done", flush=True)

@@ -54,9 +54,9 @@ def wait_for(what: Callable[[], bool]) -> None:
 def begin(output: jackclient.JackOutput) -> int:
     """JACK's frame time at which the stream began."""
     while True:
-        skipped, latest = output.frames_skipped, output.first_frame_time
-        if skipped == output.frames_skipped:
-            return (latest - skipped) & MASK
+        jumped, latest = output.frames_jumped, output.first_frame_time
+        if jumped == output.frames_jumped:
+            return (latest - jumped) & MASK
 
 
 def ran(deck: Deck, output: jackclient.JackOutput, capture: Capture, times: list[int]) -> Run:

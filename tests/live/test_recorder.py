@@ -297,6 +297,48 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path: Path) -> None
     assert np.array_equal(samples, ToneDeck.sound(LATENCY, LATENCY + len(samples)))
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of file size")
+@pytest.mark.parametrize("size", [20, 60])
+def test_a_recording_that_cannot_begin_spares_what_was_there(tmp_path: Path, size: int) -> None:
+    """There is room for half a head of the take, or of the sound."""
+    import resource
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+    before = {"take.wav": b"from before", "take.mid": b"from before"}
+    for name, content in before.items():
+        (tmp_path / name).write_bytes(content)
+    with _recording(tmp_path, preexec_fn=limit, stderr=subprocess.PIPE) as process:
+        said, why = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1 and said == ""
+    assert re.search(r"File too large; .*: '.*take\.(mid|wav)'$", why), why
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of file size")
+def test_sound_of_which_nothing_can_be_written_spares_what_was_there(tmp_path: Path) -> None:
+    """The take, which there is room for, is kept."""
+    program = """
+import resource, sys
+from synth.live.recorder import Recorder
+from tests.live.tape import RATE_HZ, ToneDeck, controls
+deck = ToneDeck()
+with Recorder(deck, sys.argv[1] + "/take.wav", sys.argv[1] + "/take.mid", RATE_HZ, say=print) as recorder:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60, resource.RLIM_INFINITY))
+    deck.play(8000, controls(0, 0, 49))
+print(recorder.kept)
+"""
+    (tmp_path / "take.wav").write_bytes(b"from before")
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert (tmp_path / "take.wav").read_bytes() == b"from before"
+    assert {path.name for path in tmp_path.iterdir()} == {"take.wav", "take.mid"}
+    lines = done.stdout.splitlines()
+    assert "take.wav: recording ends here, playing goes on (File too large" in lines[0] and "take.wav" not in lines[-1], done
+
+
 def test_a_take_whose_disk_is_full_ends_at_an_event(tmp_path: Path) -> None:
     program = """
 import resource, sys

@@ -1,0 +1,299 @@
+"""A song that is paused and gone through: what the engine is given, and how its controls stand afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from synth import Engine
+from synth.engine.events import (
+    BEND,
+    CONTROL,
+    EVENT,
+    NOTE_OFF,
+    NOTE_ON,
+    PARAMETER,
+    PRESSURE,
+    PROGRAM,
+    TUNING,
+    make_events,
+)
+from synth.engine.layout import GAIN, PLUCK_POSITION
+from synth.live.chase import PowerUp, at_frame, controls_at, let_go_rows, power_up_rows
+from synth.live.deck import Deck
+from synth.live.songplayer import LEAD_S, SongPlayer, power_up_of
+from tests.engine import kit
+
+from .deckkit import Card, offline
+
+RATE = 44100
+BLOCK = 512
+
+
+# --- how the controls stand at a place
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["plain", "mpe"])
+def engines(request) -> Iterator[tuple[Engine, Engine]]:
+    """Two alike, with a bound controller, two parts on some channels."""
+    made = [Engine([kit.FREE], mpe=request.param, bindings={1: [(None, "pluck.position", None, None)]}) for _ in range(2)]
+    for each in made:
+        each.prepare(RATE, 4096)
+    yield made[0], made[1]
+    for each in made:
+        each.close()
+
+
+def standing(engine: Engine) -> dict[str, np.ndarray]:
+    """All that events other than notes set, as it is."""
+    state = engine._state
+    channels = {f"channel {name}": state.channels[name].copy() for name in state.channels.dtype.names if name != "bend"}
+    return channels | {"parameters": state.parameters.copy(), "tuning": state.tuning.copy(), "zones": state.zones.copy()}
+
+
+def differing(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> list[str]:
+    # volume is a square of a fraction
+    return [name for name in one if not np.allclose(one[name], other[name], rtol=0.0, atol=1e-12)]
+
+
+def random_controls(seed: int, count: int) -> list[tuple]:
+    """Rows of all kinds, with the sequences by which registered parameters are set, broken off at times."""
+    rng = np.random.default_rng(seed)
+    rows: list[tuple] = []
+    for _ in range(count):
+        c, value = int(rng.choice([0, 1, 2, 15])), int(rng.integers(0, 128))
+        kinds = [
+            [(CONTROL, c, int(rng.choice([1, 7, 10, 11, 64, 68, 74, 66, 20])), value)],
+            [(BEND, c, int(rng.integers(-8192, 8192)))],
+            [(PROGRAM, c, value), (PRESSURE, c, 0, value)],
+            [(CONTROL, c, 101, 0), (CONTROL, c, 100, 0), (CONTROL, c, 6, value % 97), (CONTROL, c, 38, value % 100)],
+            [(CONTROL, c, int(rng.choice([6, 38, 96, 98, 99, 100, 101])), int(rng.choice([0, 6, 127, value])))],
+            [(CONTROL, c, 101, 0), (CONTROL, c, 100, 6), (CONTROL, c, 6, value % 16)],
+            [(CONTROL, c, int(rng.choice([121, 121, 123, 120])), 0)],
+            [(TUNING, 0, value, value % 2, float(value) + float(rng.uniform(-2, 2)))],
+            [(PARAMETER, 0, int(rng.choice([GAIN, PLUCK_POSITION])), 0, float(rng.uniform(0.1, 0.4)))],
+        ]
+        rows += kinds[int(rng.choice(9, p=[0.3, 0.15, 0.1, 0.12, 0.1, 0.03, 0.05, 0.1, 0.05]))]
+    return [(frame, *row) for frame, row in enumerate(rows)]
+
+
+def give(engine: Engine, events: np.ndarray) -> None:
+    """All at once, in their order."""
+    events = events.copy()
+    events["frame"] = 0
+    engine.process(np.ascontiguousarray(events, EVENT), np.zeros((256, 2)))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_wherever_one_jumps_controls_stand_as_if_all_before_had_been_played(
+    engines: tuple[Engine, Engine], seed: int
+) -> None:
+    jumped, played = engines
+    song = make_events(random_controls(seed, 120))
+    power_up = power_up_of(played, {1: [(None, "pluck.position", None, None)]})
+    for place in np.random.default_rng(seed).integers(0, len(song), 3):
+        for engine in engines:
+            engine.reset()
+        give(played, song[:place])
+        give(jumped, song)  # wherever it comes from
+        give(jumped, at_frame(power_up_rows(song, power_up) + controls_at(song, int(place), mpe=played.mpe), 0))
+        assert differing(standing(jumped), standing(played)) == []
+
+
+def test_what_is_told_of_a_long_song_is_short() -> None:
+    rows = [(CONTROL, 0, 101, 0), (CONTROL, 0, 100, 0)]
+    for k in range(5000):
+        rows += [(CONTROL, k % 3, 11, k % 128), (BEND, k % 3, k), (CONTROL, 0, 6, k % 12)]
+    rows = controls_at(make_events([(frame, *row) for frame, row in enumerate(rows)]))
+    assert len(rows) == 3 + 3 + 3 + 2
+
+
+def test_what_is_held_is_let_go_of_and_nothing_else() -> None:
+    rows = [
+        (0, NOTE_ON, 0, 40, 90),
+        (1, NOTE_ON, 1, 40, 90),
+        (2, NOTE_ON, 0, 43, 90),
+        (3, NOTE_OFF, 0, 40, 64),
+        (4, NOTE_ON, 1, 50, 90),
+        (5, NOTE_ON, 1, 50, 0),
+        (6, CONTROL, 0, 64, 127),
+        (7, CONTROL, 1, 64, 127),
+        (8, CONTROL, 1, 64, 0),
+    ]
+    expected = [(NOTE_OFF, 0, 43, 64, 0.0), (NOTE_OFF, 1, 40, 64, 0.0), (CONTROL, 0, 64, 0, 0.0)]
+    assert let_go_rows(make_events(rows), 0, 9) == expected
+    assert let_go_rows(make_events(rows), 3, 6) == []
+
+
+# --- on a deck
+
+
+@pytest.fixture(scope="module")
+def engine() -> Iterator[Engine]:
+    made = kit.engine(kit.FREE)
+    yield made
+    made.close()
+
+
+class Stage:
+    """A song on a deck that a card asks; the player is fed between blocks, as a session does."""
+
+    def __init__(self, engine: Engine, rows: list[tuple], seconds: float, *, every: int = 1) -> None:
+        engine.reset()
+        self.deck = Deck(engine, record=True)
+        self.card = Card(self.deck)
+        self.song = make_events(rows)
+        self.length = round(seconds * RATE)
+        power_up = power_up_of(engine, {})
+        self.player = SongPlayer(self.song, self.length, engine.latency_samples, RATE, power_up)
+        self.blocks: list[np.ndarray] = []
+        self.given = np.zeros(0, EVENT)
+        self._every = every
+
+    def play(self, seconds: float) -> None:
+        for k in range(round(seconds * RATE / BLOCK)):
+            if k % self._every == 0:
+                self.player.feed(self.deck)
+            self.blocks.append(self.card.ask(BLOCK))
+        self.given = np.concatenate((self.given, self.deck.drain_events()))
+
+    @property
+    def sound(self) -> np.ndarray:
+        return np.concatenate(self.blocks)
+
+    def notes(self, *, after: int = 0) -> list[tuple[int, int]]:
+        """(frame, key) of the notes given from a frame of the stream on."""
+        on = self.given[(self.given["kind"] == NOTE_ON) & (self.given["frame"] >= after)]
+        return list(zip(on["frame"].tolist(), on["a"].tolist(), strict=True))
+
+
+#: C3, which the preset has a string for
+KEY = 48
+
+
+def scale(count: int = 20, every_s: float = 0.25) -> list[tuple]:
+    """A note on its own channel's key every so often; it is held until the next."""
+    rows: list[tuple] = []
+    for k in range(count):
+        at = round(k * every_s * RATE)
+        if k:
+            rows.append((at, NOTE_OFF, 0, KEY, 64))
+        rows += [(at, CONTROL, 0, 11, 60 + k), (at, NOTE_ON, 0, KEY, 40 + k)]
+    return rows
+
+
+def test_undisturbed_it_is_the_song_to_the_frame(engine: Engine) -> None:
+    stage = Stage(engine, scale(), 5.0)
+    stage.play(5.0)
+    for name in EVENT.names:
+        np.testing.assert_array_equal(stage.given[name], stage.song[name][: len(stage.given)])
+    assert len(stage.given) == len(stage.song)
+
+
+def test_a_pause_lets_go_at_once_and_goes_on_where_it_was(engine: Engine) -> None:
+    stage = Stage(engine, scale(), 5.0)
+    stage.play(1.1)
+    stage.player.toggle()
+    assert not stage.player.paused
+    stage.play(1.5)
+    assert stage.player.paused and stage.player.end is None and not stage.player.over(stage.deck)
+    here = stage.player.position(stage.deck.frame)
+    assert abs(here - 1.1 * RATE) < 3 * BLOCK
+    paused = stage.given[stage.given["frame"] >= here]
+    assert [(int(row["kind"]), int(row["a"])) for row in paused] == [(NOTE_OFF, KEY)]
+    assert paused["frame"][0] - here <= 2 * BLOCK
+    before = stage.deck.frame
+    stage.player.toggle()
+    stage.play(4.5)
+    # From there on every note of the song, once, at its distance to where it went on.
+    begun = before + round(LEAD_S * RATE) - here
+    wanted = [
+        (int(row["frame"]) + begun, int(row["a"])) for row in stage.song if row["kind"] == NOTE_ON and row["frame"] >= here
+    ]
+    got = stage.notes(after=before)
+    assert len(wanted) == 15 and [key for _, key in got] == [key for _, key in wanted]
+    shifts = {a - b for (a, _), (b, _) in zip(got, wanted, strict=True)}
+    assert len(shifts) == 1 and 0 <= shifts.pop() <= BLOCK
+    assert stage.player.over(stage.deck)
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_jumps_forwards_backwards_and_to_the_start(engine: Engine, every: int) -> None:
+    stage = Stage(engine, scale(), 5.0, every=every)
+    stage.play(1.1)
+    stage.player.move(2.0)
+    stage.play(0.5)
+    position = stage.player.position(stage.deck.frame)
+    assert 3.1 * RATE < position < 3.6 * RATE
+    velocities = stage.given["b"][stage.given["kind"] == NOTE_ON].tolist()
+    assert velocities[:5] == [40, 41, 42, 43, 44] and velocities[5:] == [53]
+    stage.player.move(-1.0)
+    stage.player.move(-1.0)
+    stage.play(0.5)
+    assert stage.given["b"][stage.given["kind"] == NOTE_ON].tolist()[6:] in ([47], [46, 47], [46])
+    stage.player.move_to_start()
+    stage.play(0.4)
+    on = stage.given[stage.given["kind"] == NOTE_ON]
+    assert on["b"].tolist()[-1] in (40, 41) and 40 in on["b"].tolist()[-2:]
+    # The expression stands as the song has it there, and every note was let go of before the next jump's.
+    expression = stage.given[(stage.given["kind"] == CONTROL) & (stage.given["a"] == 11)]["b"]
+    assert expression[-1] == on["b"][-1] + 20
+    held = False
+    for row in stage.given[np.isin(stage.given["kind"], (NOTE_ON, NOTE_OFF))]:
+        assert not (held and row["kind"] == NOTE_ON)
+        held = row["kind"] == NOTE_ON
+
+
+def test_beyond_its_ends_it_stays_at_them_and_ends(engine: Engine) -> None:
+    stage = Stage(engine, scale(4), 1.0)
+    stage.play(0.1)
+    stage.player.move(-100.0)
+    stage.play(0.3)
+    assert 0 <= stage.player.position(stage.deck.frame) < 0.3 * RATE
+    stage.player.move(1e9)
+    stage.play(0.5)
+    assert stage.player.position(stage.deck.frame) == stage.length and stage.player.over(stage.deck)
+    stage.player.move_to_start()  # and it can begin anew
+    stage.play(0.5)
+    assert not stage.player.over(stage.deck)
+
+
+def test_moved_while_it_is_paused_it_stays_silent_until_it_goes_on(engine: Engine) -> None:
+    stage = Stage(engine, scale(), 5.0)
+    stage.play(0.6)
+    stage.player.toggle()
+    stage.play(0.5)
+    stage.player.move(2.0)
+    stage.player.move(0.5)
+    count = len(stage.notes())
+    stage.play(0.5)
+    assert stage.player.paused and len(stage.notes()) == count
+    assert abs(stage.player.position(stage.deck.frame) - 3.1 * RATE) < 3 * BLOCK
+    stage.player.toggle()
+    stage.play(0.4)
+    assert stage.given["b"][stage.given["kind"] == NOTE_ON].tolist()[count:][0] == 53
+
+
+def test_what_was_recorded_renders_to_the_same_samples(engine: Engine) -> None:
+    """Pauses and jumps without pattern: the events given are what sounded, to the bit."""
+    rng = np.random.default_rng(5)
+    stage = Stage(engine, scale(), 5.0, every=3)
+    for _ in range(25):
+        stage.play(float(rng.uniform(0.02, 0.4)))
+        [stage.player.toggle, stage.player.move_to_start, lambda: stage.player.move(float(rng.uniform(-3, 3)))][
+            int(rng.choice(3, p=[0.3, 0.1, 0.6]))
+        ]()
+    stage.play(0.3)
+    sound = stage.sound
+    assert np.abs(sound).max() > 1e-3
+    np.testing.assert_array_equal(sound, offline(engine, stage.given, len(sound)).astype(np.float32))
+
+
+def test_power_up_knows_what_the_engine_begins_with(engine: Engine) -> None:
+    power_up = power_up_of(engine, {})
+    assert isinstance(power_up, PowerUp) and len(power_up.programs) == 16
+    engine.reset()
+    np.testing.assert_array_equal(power_up.programs, engine._state.channels["program"])
+    np.testing.assert_array_equal(power_up.parameters, engine._state.parameters)
