@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import json
 import math
-import sys
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
@@ -21,6 +20,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
+from synth import compiling
 from synth.author.connection import Connection, Stage
 from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
@@ -30,15 +30,13 @@ from synth.author.jobs import Job, Jobs, Progress
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
-from synth.author.voice import kernels_are_cached, phrase_preset, phrase_wav, prepared_engine, warm_up
-from synth.author.workspace import MOST_BYTES
+from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.fit import missing
-from synth.preset import PresetError, load_preset
+from synth.preset import MOST_BYTES, PresetError, load_preset
 
 PAGE = Path(__file__).parent / "page"
-#: how often what was edited is autosaved, and files are compared with the disk [s]
-AUTOSAVE_S, LOOK_S = 0.5, 1.0
-PREPARING = "Preparing the string engine: the first start only, about a minute; the page is there already, sound follows."
+#: how often what was edited is autosaved, files are compared with the disk, and a compilation is told of [s]
+AUTOSAVE_S, LOOK_S, TELL_S = 0.5, 1.0, 0.5
 MOST_BODY = 2 * MOST_BYTES
 #: why a WebSocket of a page is closed whose document belongs to an earlier run
 NO_DOCUMENT = 4404
@@ -173,6 +171,7 @@ class App:
                 Route("/", self._index),
                 Mount("/page", StaticFiles(directory=PAGE)),
                 on("/api/session", self._session),
+                on("/api/kernels", self._kernels),
                 on("/api/open", self._open, "POST"),
                 on("/api/import", self._import, "POST"),
                 on(doc, self._state),
@@ -206,6 +205,7 @@ class App:
         tasks = [
             asyncio.create_task(self._autosave()),
             asyncio.create_task(self._look_at_disk()),
+            asyncio.create_task(self._tell_of_compiling()),
         ]
         threading.Thread(target=self._warm_up, args=(asyncio.get_running_loop(),), daemon=True).start()
         try:
@@ -236,8 +236,6 @@ class App:
 
     def _warm_up(self, loop: asyncio.AbstractEventLoop) -> None:
         """Load (the first time compile) the kernels before anybody waits for them; in a thread that no end waits for."""
-        if not kernels_are_cached():
-            print(PREPARING, file=sys.stderr, flush=True)
         warm_up(self.rate_hz, self.quality)
         with contextlib.suppress(RuntimeError, OSError):  # the server has ended meanwhile
             loop.call_soon_threadsafe(self._ready)
@@ -245,8 +243,25 @@ class App:
 
     def _ready(self) -> None:
         self.kernels = "ready"
+        self._post_kernels()
+
+    async def _tell_of_compiling(self) -> None:
+        while self.kernels == "loading":
+            await asyncio.sleep(TELL_S)
+            if self.kernels == "loading" and compiling.busy():
+                self._post_kernels()
+
+    def _post_kernels(self) -> None:
         for connection in self.stage.connections:
-            connection.post({"type": "kernels", "kernels": self.kernels})
+            connection.post({"type": "kernels", **self._kernels_now()})
+
+    def _kernels_now(self) -> dict[str, Any]:
+        """Whether kernels are there, and how far those are that are compiled (null: none)."""
+        now = compiling.progress() if self.kernels == "loading" else None
+        return {"kernels": self.kernels, "compiling": now._asdict() if now is not None else None}
+
+    async def _kernels(self, _: Request) -> Response:
+        return JSONResponse(self._kernels_now())
 
     # --- the page ---
 
@@ -267,7 +282,7 @@ class App:
                 "folder": str(self.desk.workspace.folder),
                 "quality": self.quality,
                 "rate_hz": self.rate_hz,
-                "kernels": self.kernels,
+                **self._kernels_now(),
                 "presets": await asyncio.to_thread(self.desk.presets),
                 "opened": opened.id if opened is not None else None,
                 "outputs": [
@@ -429,7 +444,8 @@ class App:
         document = self.desk.documents.get(query.get("doc", ""))
         if document is None:
             raise Refused(404, "doc: there is no such document; open it anew")
-        string = _number(query, "string", 0, len(document.preset.string) - 1)
+        strings = len(document.preset.string)
+        string = _number(query, "string", 0, strings - 1) if "string" in query else None  # None: the nearest to its note
         preset = document.preset
         data = await body_of(request, MOST_RECORDING)
 

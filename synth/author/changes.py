@@ -15,7 +15,7 @@ from tomlkit.exceptions import TOMLKitError
 from synth.author.toml_edit import change_in
 from synth.author.views.parameters import INSTEAD
 from synth.author.workspace import MOST_BYTES
-from synth.compile import make_string, note_frequency, obstacle_of, string_notes
+from synth.check import check
 from synth.preset import Preset, PresetError, validate_preset
 
 #: a step at random: largest ratio of a number that is above 0, and what may be stepped
@@ -86,21 +86,8 @@ def checked(text: str, origin: str) -> Preset:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise PresetError(f"{origin}: not valid TOML: {error}") from None
-    preset = validate_preset(data, origin)
-    problems = []
-    for number, table in enumerate(preset.string):
-        for note in sorted({string_notes(table)[0], string_notes(table)[-1]}):
-            place = f"string.{number}"
-            try:
-                string = make_string(preset, table, note, note_frequency(preset, table, note, None))
-                place = "obstacle"
-                obstacle_of(preset, note, string.length_m).check(string.length_m)
-            except ValueError as error:
-                problems.append((place, str(error)))
-    if problems:
-        problems = list(dict.fromkeys(problems))
-        raise PresetError("\n".join(f"{origin}: {place}: {what}" for place, what in problems), problems)
-    return preset
+    # every fret of a neck takes longer than a knob may wait: its ends are looked at here, all of it where it is loaded
+    return check(validate_preset(data, origin), origin, everywhere=False)
 
 
 def _changed(document: TOMLDocument, path: str, value: Any, origin: str) -> TOMLDocument:

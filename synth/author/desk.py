@@ -56,8 +56,9 @@ class Desk:
         from synth.preset import preset_folder
 
         def row(name: str, path: Path, **more: Any) -> dict[str, Any]:
-            same = {"name": name, "title": _title(path), "embedded": False, "file": None, "unsaved": False}
-            return {**same, "when": None, "reason": None, **more}
+            same = {"name": name, "embedded": False, "file": None, "unsaved": False, "when": None, "reason": None, **more}
+            # what cannot be opened is not opened for its title either; the program's own may be installed as links
+            return {"title": _title(path, follow=same["embedded"]) if same["reason"] is None else same["file"], **same}
 
         open_now = {document.autosave for document in list(self.documents.values())}
         rows = []
@@ -73,7 +74,7 @@ class Desk:
             if reason is None:
                 rows.append(row(path.stem, path, file=path.name))
             else:
-                rows.append(row(shown, path, title=shown, file=shown, reason=reason))
+                rows.append(row(shown, path, file=shown, reason=reason))
         return rows
 
     def _left(self) -> list[Path]:
@@ -89,7 +90,8 @@ class Desk:
                 for document in self.documents.values():
                     if document.embedded and document.name == preset:
                         return document
-                made = Document(preset, read_text(embedded), self.workspace.autosave(EMBEDDED + preset), embedded=True)
+                text = read_text(embedded, follow=True)
+                made = Document(preset, text, self.workspace.autosave(EMBEDDED + preset), embedded=True)
                 return self._add(made)
             file = self.workspace.file(preset)
             for document in self.documents.values():
@@ -221,9 +223,9 @@ def _unsaved_name(path: Path) -> str:
     return path.name.removeprefix(f".{UNSAVED}").removesuffix(SUFFIX + AUTOSAVE)
 
 
-def _title(path: Path) -> str:
+def _title(path: Path, *, follow: bool) -> str:
     try:
-        data = tomllib.loads(read_text(path))
+        data = tomllib.loads(read_text(path, follow=follow))
     except (OSError, ValueError, RecursionError, PresetError):
         return f"{path.stem} (cannot be read)"
     title = data.get("title")

@@ -22,10 +22,9 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
-from synth.author.views.place import playable
-from synth.author.workspace import read_text, regular
-from synth.preset import FORMAT, Preset, PresetError, format_of, migrate
-from synth.targets import write_text
+from synth.author.workspace import check_regular, read_text, regular
+from synth.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes
+from synth.targets import is_special, write_text
 
 STEPS = 500
 
@@ -169,8 +168,8 @@ class Document:
             "disk": self.disk,
             "autosave_problem": self.autosave_problem,
             "notices": self.notices,
-            "notes": playable(preset),
-            "saved_notes": playable(saved.preset),
+            "notes": playable_notes(preset),
+            "saved_notes": playable_notes(saved.preset),
             "kind": preset.obstacle.kind,
         }
 
@@ -250,6 +249,7 @@ class Document:
                 raise Conflict(
                     "changed-on-disk", f"{self.file.name} {how} on disk since it was read: reload it, or save by force"
                 )
+            check_regular(self.file)
             write_text(self.file, self.text)
             self._is_saved()
 
@@ -261,7 +261,7 @@ class Document:
         self.notices = []
         self.revision += 1
         self.autosave_due, self.autosave_problem = False, None
-        self.autosave.unlink(missing_ok=True)
+        self._drop_autosave()
         self._history = _merging_ended(self._history)
 
     def save_as(self, file: Path, autosave: Path) -> None:
@@ -269,11 +269,12 @@ class Document:
         then on. Raises PresetError, OSError."""
         with self._lock:
             text, preset = changes.apply(self.text, [("name", preset_name(file.stem))], self.name)
+            check_regular(file)
             write_text(file, text)
             if text != self.text:
                 self._take(text, preset, "name")
             if autosave != self.autosave:
-                self.autosave.unlink(missing_ok=True)
+                self._drop_autosave()
                 self.file, self.autosave, self.name = file, autosave, file.stem
                 self.find_autosaved()
             self._is_saved()
@@ -285,7 +286,7 @@ class Document:
                 return False
             before = self.disk
             try:
-                found = self.file.stat()
+                found = self.file.lstat()
                 now = (found.st_ino, found.st_size, found.st_mtime_ns, hash(self._on_disk))
                 if now == self._looked_at:
                     return False
@@ -310,14 +311,19 @@ class Document:
             self.disk, self.notices = None, notices
             self.revision += 1
             self.autosave_due, self.autosave_problem = False, None
-            self.autosave.unlink(missing_ok=True)
+            self._drop_autosave()
 
     def close(self, *, discard: bool = False) -> None:
         """Write nothing from now on; `discard`: and throw the autosaved text away."""
         with self._lock:
             self._closed = True
             if discard:
-                self.autosave.unlink(missing_ok=True)
+                self._drop_autosave()
+
+    def _drop_autosave(self) -> None:
+        """Take the autosaved text away, which is of no use any more: one that stays undoes nothing of what was done."""
+        with contextlib.suppress(OSError):
+            self.autosave.unlink(missing_ok=True)
 
     # --- after a crash ---
 
@@ -328,6 +334,9 @@ class Document:
             if self._closed:
                 return
             if self.dirty:
+                if not self.autosave.is_symlink() or is_special(self.autosave):
+                    check_regular(self.autosave)  # a link to a file is replaced
+                _make_private(self.autosave)
                 write_text(self.autosave, self.text)
             else:
                 self.autosave.unlink(missing_ok=True)
@@ -353,11 +362,11 @@ class Document:
             self._offers = sorted(filter(regular, found), key=lambda path: path.stat().st_mtime_ns)
             for path in list(self._offers):
                 try:
-                    same = read_text(path) in (self.text, self._on_disk)
+                    same = read_text(path) in ("", self.text, self._on_disk)
                 except (OSError, ValueError):
                     self._offers.remove(path)
                     continue
-                if same:  # nothing that is not in the file already
+                if same:  # nothing that is not in the file already, or nothing yet
                     self._offers.remove(path)
                     path.unlink()
 
@@ -387,6 +396,13 @@ class Document:
             self._offers = self._offers[:-1]
             path.unlink(missing_ok=True)
             self.revision += 1
+
+
+def _make_private(path: Path) -> None:
+    """Have a file there that nobody else reads, as the preset may be one that nobody else does: its mode stays when it is
+    written. Raises OSError."""
+    with contextlib.suppress(FileExistsError):
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
 
 def _merging_ended(history: History) -> History:

@@ -11,6 +11,7 @@ from synth.author.views.parameters import describe
 from synth.fit import Fit, fit_recording, missing, report, settings
 from synth.fit.recording import read_recording
 from synth.preset import Preset, StringTable
+from synth.units import hz_to_midi
 
 
 class StringChanged(ValueError):
@@ -22,7 +23,8 @@ class FittedString:
     """What a fit says of string number `string` of document `doc`, which was `table` (of `preset`) then.
 
     settings: (path, value) of the preset.
-    report: what `synth.fit.report` says, and `settings`, {path, label, unit, value} of each, as its control has them.
+    report: what `synth.fit.report` says, `settings`, {path, label, unit, value} of each, as its control has them, `string`,
+    and `nearest`, the number of the string whose own note lies nearest to the one that was found.
     """
 
     doc: str
@@ -48,18 +50,29 @@ def _same(one: StringTable, other: StringTable) -> bool:
 
 
 def fit_string(
-    doc: str, data: bytes, preset: Preset, string: int, progress: Callable[[float], bool] = lambda _: True
+    doc: str, data: bytes, preset: Preset, string: int | None, progress: Callable[[float], bool] = lambda _: True
 ) -> FittedString:
-    """Fit string number `string` to the bytes of an audio file. Raises ValueError with the reason, and FitCancelled where
-    `progress`, told how much is done (0 … 1), returns False."""
+    """Fit string number `string` to the bytes of an audio file; None: the string nearest to its note. Raises ValueError with
+    the reason, and FitCancelled where `progress`, told how much is done (0 … 1), returns False."""
     reason = missing()
     if reason is not None:
         raise ValueError(reason)
     found = fit_recording(*read_recording(io.BytesIO(data)), progress=progress)
+    nearest = nearest_string(preset, found.first_partial_hz)
+    string = nearest if string is None else string
     values = settings(found, preset, string)
     controls = {control["path"]: control for control in describe(preset)}
     rows = [
         {"path": path, "label": controls[path]["label"], "unit": controls[path]["unit"], "value": value}
         for path, value in values
     ]
-    return FittedString(doc, string, preset, found, values, {**report(found), "settings": rows})
+    return FittedString(
+        doc, string, preset, found, values, {**report(found), "settings": rows, "string": string, "nearest": nearest}
+    )
+
+
+def nearest_string(preset: Preset, frequency_hz: float) -> int:
+    """The number of the string whose open note, or one of whose notes, lies nearest; among equals the first."""
+    note = hz_to_midi(frequency_hz, preset.tuning.a4_hz) - preset.tuning.offset_cents / 100.0
+    distances = [max(table.notes[0] - note, note - table.notes[1], 0.0) for table in preset.string]
+    return distances.index(min(distances))

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synth.author.views.place import playable
 from synth.compile import string_notes
 from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
-from synth.preset import Preset
+from synth.preset import Preset, playable_notes
 from synth.units import midi_to_note
 
 NAMES = ("note", "drone", "riff", "scale")
@@ -39,7 +38,7 @@ def phrase(name: str, preset: Preset, note: int, velocity: int, rate_hz: float) 
         raise ValueError(f"phrase: must be one of {', '.join(NAMES)}, got {name!r}")
     if not 1 <= velocity <= 127:
         raise ValueError(f"velocity: must lie between 1 and 127, got {velocity}")
-    there = playable(preset)
+    there = playable_notes(preset)
     if note not in there:
         if not 0 <= note <= 127:
             raise ValueError(f"note: must lie between 0 and 127, got {note}")

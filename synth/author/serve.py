@@ -19,20 +19,22 @@ import uvicorn
 
 from synth.author.app import App
 from synth.author.desk import Desk
+from synth.author.ending import Ending
 from synth.author.guard import Guard
 from synth.author.workspace import SUFFIX, Workspace
+from synth.sources import kind_of
 
 LOOPBACK = "127.0.0.1"
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class _Server(uvicorn.Server):
-    """Says when it listens, and lets `ends` end what requests wait for before it waits for them."""
+    """Says when it listens, and lets what requests wait for end before it waits for them."""
 
-    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], ends: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], ending: Ending) -> None:
         super().__init__(config)
         self._ready = ready
-        self._ends = ends
+        self._ending = ending
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
@@ -41,7 +43,7 @@ class _Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         logging.getLogger("uvicorn.error").addFilter(_is_news)
-        self._ends()
+        self._ending.put_in_order()
         await super().shutdown(sockets)
 
     @contextlib.contextmanager
@@ -50,6 +52,7 @@ class _Server(uvicorn.Server):
 
     def handle_exit(self, sig: int, frame: Any) -> None:
         self.should_exit = True  # again and again: it ends soon, and in order
+        self._ending.begin()
 
     @contextlib.contextmanager
     def signals_go_here(self) -> Iterator[None]:
@@ -72,6 +75,8 @@ def workspace_of(preset: str | None, folder: str | None) -> tuple[Workspace, str
     """The workspace, and what to open in it: a file lies in its own folder. Raises ValueError."""
     if preset is not None and (preset.endswith(SUFFIX) or Path(preset).is_file()):
         file = Path(preset)
+        if file.exists() and (kind := kind_of(file.stat().st_mode)) is not None:
+            raise ValueError(f"{preset}: is {kind}, no regular file; copy what it holds into one")
         if not file.is_file():
             raise ValueError(f"preset file {preset} does not exist")
         if folder is not None and Path(folder).resolve() != file.resolve().parent:
@@ -108,15 +113,16 @@ def serve(
         if wanted is not None:
             desk.opened = desk.open(wanted)
         app = App(desk, rate_hz=rate_hz, quality=quality)
-        url = f"http://{LOOPBACK}:{port}/?token={token}"
+        guard = Guard(app.asgi(), port, token)
+        url = f"http://{LOOPBACK}:{port}/"
 
         def ready() -> None:
-            say(url)
+            say(f"{url}?token={token}")
             if browser:
-                Thread(target=_open_browser, args=(url,), daemon=True).start()
+                Thread(target=_open_browser, args=(f"{url}?door={guard.door().code}",), daemon=True).start()
 
         config = uvicorn.Config(
-            Guard(app.asgi(), port, token),
+            guard,
             log_level="warning",
             access_log=False,
             ws=_websockets(),
@@ -125,7 +131,8 @@ def serve(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        server = _Server(config, ready, app.end)
+        ending = Ending(app.end)
+        server = _Server(config, ready, ending)
         with server.signals_go_here():
             try:
                 asyncio.run(server.serve(sockets=[listening]))

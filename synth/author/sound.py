@@ -22,11 +22,10 @@ from synth.author.document import Document, fingerprint
 from synth.author.errors import one_line
 from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
-from synth.author.views.place import playable
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
 from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
-from synth.preset import Preset
+from synth.preset import Preset, playable_notes
 
 LOG = logging.getLogger(__name__)
 #: how far ahead of real time, how much may wait to be sent, and how much may have been sent unheard, by a page that says
@@ -248,7 +247,7 @@ class Player:
         self._start()
 
     def _note_on(self, preset: Preset, text: str, key: int, velocity: int) -> None:
-        if key not in playable(preset):
+        if key not in playable_notes(preset):
             return
         self._begins()
         if self._output == "server":

@@ -7,6 +7,7 @@ import threading
 from synth.author.errors import one_line
 from synth.author.phrases import Phrase
 from synth.engine.engine import Engine
+from synth.engine.uncopied import Uncopied
 from synth.live.deck import Deck, Meters
 from synth.live.errors import DeviceError
 
@@ -30,7 +31,7 @@ def why_not(rate_hz: float) -> tuple[str | None, str | None]:
         return None, one_line(error)
 
 
-class Speaker:
+class Speaker(Uncopied):
     """One engine at the default output from silence on, until it is closed. Raises DeviceError."""
 
     def __init__(self, engine: Engine, rate_hz: int, phrase: Phrase | None = None) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,12 +35,6 @@ def phrase_preset(preset: Preset, phrase: Phrase) -> Preset:
     """The preset with no more strings than a phrase needs: a single note takes one, which `find` knows beforehand."""
     struck = phrase.events["a"][phrase.events["kind"] == NOTE_ON]
     return find(preset, int(struck[0])).preset if len(struck) == 1 else preset
-
-
-def kernels_are_cached() -> bool:
-    """Whether the engine of the program as it is has been compiled before; else its first use does."""
-    folder = os.environ.get("NUMBA_CACHE_DIR")
-    return folder is not None and next(Path(folder).rglob("advance._steps*.nbi"), None) is not None
 
 
 def warm_up(rate_hz: float, quality: str) -> None:

@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
 import re
-import time
+import stat
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
-from synth.preset import preset_folder
+from synth.preset import MOST_BYTES, preset_folder
+from synth.sources import kind_of, read_file
+from synth.targets import tidy
 
 SUFFIX = ".toml"
 #: what an autosaved text's file is called, behind the name of the preset's own
 AUTOSAVE = ".autosave"
-#: largest preset that is read [bytes]
-MOST_BYTES = 1 << 20
 #: longest name of a file without its ending [bytes]: its autosave's and what stands behind that fit as well
 MOST_NAME = 200
-#: what a write that was cut short leaves, and after which time nobody can be writing it any more [s]
-_PART = re.compile(r"\..+\.toml(\.autosave)?\.[a-z0-9_]{8}\.part")
-STALE_S = 60.0
 
 
 class Workspace:
     """Preset files in `folder`, and the presets that come with the program."""
 
     def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder).resolve()
+        try:
+            self.folder = Path(folder).resolve()
+        except FileNotFoundError:
+            raise ValueError("the current directory has been deleted: go to another, or give --folder") from None
         if not self.folder.is_dir():
             raise ValueError(f"--folder {folder}: there is no such directory; make it first")
 
@@ -50,8 +51,8 @@ class Workspace:
             raise ValueError(f"{name}: leads out of {self.folder}; copy the file into it")
         if target.suffix != SUFFIX or not _readable(target.stem):
             raise ValueError(f"{name}: leads to {target.name}, which is no preset's file; rename that to end in {SUFFIX}")
-        if target.exists() and not target.is_file():
-            raise ValueError(f"{name}: is no regular file")
+        if target.exists() and (kind := kind_of(target.stat().st_mode)) is not None:
+            raise ValueError(f"{name}: is {kind}, no regular file; copy what it holds into one")
         return target
 
     def files(self) -> Iterator[tuple[Path, str | None]]:
@@ -63,13 +64,6 @@ class Workspace:
                 yield self.file(path.name), None
             except (ValueError, OSError) as error:
                 yield path, str(error)
-
-    def tidy(self) -> None:
-        """Take away what writes that were cut short have left."""
-        for path in self.folder.glob(".*.part"):
-            with contextlib.suppress(OSError):
-                if _PART.fullmatch(path.name) and regular(path) and time.time() - path.stat().st_mtime > STALE_S:
-                    path.unlink()
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
@@ -85,7 +79,7 @@ class Workspace:
                 ) from None
             except OSError:  # a file system that knows no locks
                 pass
-            self.tidy()
+            tidy(self.folder)
             yield
         finally:
             os.close(handle)
@@ -126,15 +120,27 @@ def stem_of(filename: str) -> str:
 
 def regular(path: Path) -> bool:
     """Whether it is a file, and no link to one."""
-    return path.is_file() and not path.is_symlink()
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
 
 
-def read_text(path: Path) -> str:
-    """A preset's text as it stands. Raises OSError, ValueError."""
-    with path.open("rb") as file:
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise ValueError(f"{path.name}: larger than {MOST_BYTES >> 20} MB, which no preset is")
+def check_regular(path: Path) -> None:
+    """Raises FileExistsError where something else than a file stands in the place of one that is to be written."""
+    try:
+        kind = kind_of(path.lstat().st_mode)
+    except FileNotFoundError:
+        return
+    if kind is not None:
+        why = f"is {kind}, no regular file; move it away, or save under another name"
+        raise FileExistsError(errno.EEXIST, why, str(path))
+
+
+def read_text(path: Path, *, follow: bool = False) -> str:
+    """A preset's text as it stands in a regular file; `follow`: or in one that a link leads to. Raises OSError,
+    ValueError."""
+    data = read_file(path, MOST_BYTES, "preset", follow=follow)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

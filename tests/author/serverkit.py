@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -17,17 +17,34 @@ import httpx
 from websockets.sync.client import ClientConnection, connect
 
 ROOT = Path(__file__).resolve().parents[2]
-#: the first sound may wait for the kernels to be compiled [s]
-PATIENCE_S = 240.0
+#: how long a quiet machine may take for anything that is waited for [s]
+QUIET_S = 60.0
+#: how long it may take to compile the kernels, once on a machine, where others compile as well [s]
+COMPILING_S = 3600.0
+
+
+def patience_s() -> float:
+    """How long to wait for what will come [s]: on a busy machine as many times longer as there is more to do than cores.
+
+    Every wait ends with what it waits for; only what never comes takes so long."""
+    return QUIET_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 class Server:
-    """`synth author` on a folder. `get` and `post` show the token; answers are checked unless a status is expected."""
+    """`synth author` on a folder, without a browser unless told. `get` and `post` show the token; answers are checked unless
+    a status is expected. `program`: what runs instead of the command."""
 
-    def __init__(self, folder: Path, *arguments: str, env: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *arguments: str,
+        env: dict[str, str] | None = None,
+        browser: bool = False,
+        program: Sequence[str] = ("-m", "synth"),
+    ) -> None:
         self.folder = folder
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "synth", "author", "--no-browser", *arguments],
+            [sys.executable, *program, "author", *([] if browser else ["--no-browser"]), *arguments],
             cwd=folder,
             env={**(env or os.environ), "PYTHONPATH": str(ROOT)},
             stdout=subprocess.PIPE,
@@ -43,7 +60,7 @@ class Server:
         self.port = parts.port
         self.token = parts.query.removeprefix("token=")
         self.headers = {"Authorization": f"Bearer {self.token}"}
-        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=self.headers, timeout=PATIENCE_S)
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=self.headers, timeout=patience_s())
 
     @property
     def pid(self) -> int:
@@ -60,7 +77,7 @@ class Server:
         self.client.close()
         if self._process.poll() is None:
             self._process.send_signal(by)
-        _, said = self._process.communicate(timeout=PATIENCE_S)
+        _, said = self._process.communicate(timeout=patience_s())
         return self._process.returncode, said
 
     def get(self, path: str, status: int = 200) -> Any:
@@ -124,7 +141,7 @@ class Page:
         self.socket.send(json.dumps({"type": kind, **fields}))
 
     def receive(self) -> dict[str, Any] | bytes:
-        message = self.socket.recv(timeout=PATIENCE_S)
+        message = self.socket.recv(timeout=patience_s())
         return message if isinstance(message, bytes) else json.loads(message)
 
     def until(self, kind: str, holds: Callable[[dict[str, Any]], bool] = lambda _: True) -> dict[str, Any]:
@@ -135,9 +152,9 @@ class Page:
                 return message
 
 
-def until(holds: Callable[[], Any], seconds: float = PATIENCE_S) -> Any:
-    """Wait for something to be true; what it is then."""
-    end = time.monotonic() + seconds
+def until(holds: Callable[[], Any], seconds: float | None = None) -> Any:
+    """Wait for something to be true, `seconds` at most (None: `patience_s`); what it is then."""
+    end = time.monotonic() + (patience_s() if seconds is None else seconds)
     while True:
         found = holds()
         if found or time.monotonic() > end:

@@ -63,7 +63,7 @@ def test_back_to_the_default(doc: Doc) -> None:
         ("pluck.displacement_mm", None, "pluck.displacement_mm", "missing"),
         ("string.2.length_m", -1, "string.2.length_m", "must lie between 0.02 and 5, got -1"),
         ("string.2.length_m", {"H3": 1}, "string.2.length_m", "'H3'"),
-        ("obstacle.distance_mm", 99, "obstacle", ""),
+        ("obstacle.distance_mm", 99, "obstacle.distance_mm", "less than the string's length"),
         ("obstacle.colour", "red", "obstacle.colour", "no such key"),
         ("string.9.length_m", 1, "string.9.length_m", "there is no such place"),
         ("name", "Two Words", "name", "lower-case"),
@@ -78,13 +78,13 @@ def test_back_to_the_default(doc: Doc) -> None:
         ("pluck.", 1, "pluck.", "there is no such place"),
         ("a = 1\nb", 1, "a = 1\nb", "there is no such place"),
         ("format", 3, "format", ""),
-        ("string.0.diameter_mm", 6, "string.0", "bending stiffness"),
+        ("string.0.diameter_mm", 6, "string.0.youngs_modulus_gpa", "bending stiffness"),
     ],
 )
 def test_a_wrong_value_is_refused_at_its_field_and_changes_nothing(
     doc: Doc, path: str, value: object, at: str, words: str
 ) -> None:
-    if at in ("string.0", "obstacle"):
+    if at in ("string.0.youngs_modulus_gpa", "obstacle.distance_mm"):
         doc.set("string.0.length_m", 0.09)
     before = doc.state
     answer = doc.set(path, value, 422)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import subprocess
+import sys
 import unicodedata
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,6 +19,12 @@ from synth.preset import parse_preset, preset_folder
 from .conftest import Serve
 from .serverkit import Doc, Server, until
 
+ROOT = Path(__file__).resolve().parents[2]
+KILLED_IN_A_WRITE = """
+import os, signal, sys
+from synth.targets import write_whole
+write_whole(sys.argv[1], lambda file: os.kill(os.getpid(), signal.SIGKILL))
+"""
 TANPURA = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
 
 
@@ -236,7 +246,8 @@ def test_what_was_not_answered_is_not_overwritten(serve: Serve, folder: Path) ->
     doc = server.open("mine.toml")
     doc.set("obstacle.jiva_um", 12.0)
     second = doc.state["text"]
-    until(lambda: (folder / ".mine.toml.autosave").is_file())
+    autosave = folder / ".mine.toml.autosave"
+    until(lambda: autosave.is_file() and autosave.read_text(encoding="utf-8") == second)
     server.end(signal.SIGKILL)
     doc = serve().open("mine.toml")
     assert doc.state["recovered"]["text"] == second  # the newest first
@@ -383,7 +394,7 @@ def test_one_autosave_that_cannot_be_written(serve: Serve, folder: Path) -> None
         stuck.set("title", "Lost?")
         doc.set("title", "Kept")
         said = page.until("state", lambda message: message["state"]["autosave_problem"])
-        assert ".mine.toml.autosave: Is a directory" in said["state"]["autosave_problem"]
+        assert ".mine.toml.autosave: is a directory" in said["state"]["autosave_problem"]
         until(lambda: any("Kept" in path.read_text() for path in folder.glob(".emb*.autosave")))
         (folder / ".mine.toml.autosave").rmdir()
         page.until("state", lambda message: message["state"]["autosave_problem"] is None)
@@ -424,11 +435,122 @@ def test_links_to_what_is_no_preset(serve: Serve, folder: Path) -> None:
 
 
 def test_what_a_write_that_was_cut_short_leaves(serve: Serve, folder: Path) -> None:
-    parts = [folder / f".{name}.abcd_123.part" for name in ("mine.toml", "mine.toml.autosave")]
-    young, foreign = folder / ".mine.toml.abcd_124.part", folder / ".other.abcd_123.part"
-    for path in (*parts, young, foreign):
-        path.write_text("half")
-    for path in (*parts, foreign):
-        os.utime(path, (1e9, 1e9))
+    for name in ("mine.toml", "mine.toml.autosave"):
+        subprocess.run([sys.executable, "-c", KILLED_IN_A_WRITE, str(folder / name)], cwd=ROOT)
+    foreign = folder / ".other.abcd_123.part"
+    foreign.write_text("whose?")
+    assert len(autosaves(folder)) == 2  # the second has taken away what the first left
     serve()
-    assert autosaves(folder) == sorted([young.name, foreign.name])
+    assert autosaves(folder) == [foreign.name]
+
+
+def make_fifo(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def make_socket(path: Path) -> None:
+    # the address of a socket is short: by the folder that is worked in
+    here = os.getcwd()
+    os.chdir(path.parent)
+    try:
+        with socket.socket(socket.AF_UNIX) as bound:
+            bound.bind(path.name)
+    finally:
+        os.chdir(here)
+
+
+def make_link_to_a_device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def make_link_to_a_fifo(path: Path) -> None:
+    outside = path.parent.parent / f"{path.name}.fifo"
+    os.mkfifo(outside)
+    path.symlink_to(outside)
+
+
+ODD = {
+    make_fifo: "is a pipe",
+    make_socket: "is a socket",
+    Path.mkdir: "is a directory",
+    make_link_to_a_device: "leads out",
+    make_link_to_a_fifo: "leads out",
+}
+
+
+def test_what_is_no_file_is_shown_as_such_and_not_waited_for(serve: Serve, folder: Path) -> None:
+    for number, make in enumerate(ODD):
+        make(folder / f"odd{number}.toml")
+        make(folder / f".odd{number}.toml.autosave")
+        make(folder / f".unsaved~{number}.toml.autosave")
+    server = serve("mine.toml")
+    rows = {row["file"]: row for row in server.get("/api/session")["presets"] if row["file"]}
+    doc = server.open("mine.toml")
+    for number, words in enumerate(ODD.values()):
+        name = f"odd{number}.toml"
+        assert words in rows[name]["reason"] and rows[name]["title"] == name
+        assert words in server.post("/api/open", 400, preset=name)["error"]
+        for action in ("save-as", "duplicate"):
+            assert words in doc.do(action, 400, name=name, **({"overwrite": True} if action == "save-as" else {}))["error"]
+    assert rows["mine.toml"]["reason"] is None
+    assert not any(row["unsaved"] for row in server.get("/api/session")["presets"])
+    assert server.end() == (0, "")
+
+
+@pytest.mark.parametrize("make", ODD)
+def test_an_open_document_whose_file_becomes_something_else(
+    serve: Serve, folder: Path, make: Callable[[Path], object]
+) -> None:
+    server = serve("mine.toml")
+    doc = server.open("mine.toml")
+    file, away = folder / "mine.toml", folder.parent / "away.toml"
+    with doc.connect() as page:
+        doc.set("title", "Kept")
+        file.rename(away)
+        make(file)
+        page.until("disk", lambda message: message["disk"] == "changed")
+        before = file.lstat()
+        for asked in (lambda: doc.do("save", 400, force=True), lambda: doc.do("reload", 400)):
+            error = asked()["error"]
+            assert "mine.toml: is a" in error and "no regular file" in error
+        assert doc.do("save", 409)["reason"] == "changed-on-disk"
+        assert (file.lstat().st_mode, file.lstat().st_ino) == (before.st_mode, before.st_ino)
+        until(lambda: "Kept" in (folder / ".mine.toml.autosave").read_text())
+        assert server.get("/api/session")["presets"] and doc.set("title", "Still")["dirty"]
+        # and when it is a file again, all is well
+        file.rmdir() if file.is_dir() and not file.is_symlink() else file.unlink()
+        away.rename(file)
+        page.until("disk", lambda message: message["disk"] is None)
+        assert not doc.do("save")["dirty"]
+    assert parse_preset(file.read_text(), "x").title == "Still"
+
+
+@pytest.mark.parametrize("make", [make_fifo, make_link_to_a_fifo, Path.mkdir])
+def test_an_autosave_that_is_no_file(serve: Serve, folder: Path, make: Callable[[Path], object]) -> None:
+    """It is in the way of nothing but the autosave, and the page is told."""
+    server = serve("mine.toml")
+    doc = server.open("mine.toml")
+    autosave = folder / ".mine.toml.autosave"
+    make(autosave)
+    before = autosave.lstat()
+    with doc.connect() as page:
+        doc.set("title", "One")
+        said = page.until("state", lambda message: message["state"]["autosave_problem"])
+        assert ".mine.toml.autosave: is a" in said["state"]["autosave_problem"]
+        assert autosave.lstat().st_ino == before.st_ino
+        assert not doc.do("save")["dirty"] and doc.state["autosave_problem"] is None
+    assert parse_preset((folder / "mine.toml").read_text(), "x").title == "One"
+    assert doc.set("title", "Two")["dirty"] and not doc.do("revert")["dirty"] and not doc.do("reload")["dirty"]
+    assert server.end()[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [(make_fifo, "is a pipe"), (Path.mkdir, "is a directory"), (make_link_to_a_device, "is a device")],
+)
+def test_a_command_line_that_names_no_file(folder: Path, make: Callable[[Path], object], words: str) -> None:
+    make(folder / "odd.toml")
+    with pytest.raises(RuntimeError, match=f"exit code 2: synth: error: odd.toml: {words}, no regular file"):
+        Server(folder, "odd.toml")
+    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: --folder .*: there is no such directory"):
+        Server(folder, "--folder", "/dev/null")

@@ -21,12 +21,11 @@ from synth.author import voice
 from synth.author.document import Document
 from synth.author.phrases import NAMES, phrase
 from synth.author.sound import Player
-from synth.author.views.place import playable
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
-from synth.preset import Preset, preset_folder
+from synth.preset import Preset, playable_notes, preset_folder
 
-from .serverkit import PATIENCE_S, ROOT, Doc, Page, Server
+from .serverkit import ROOT, Doc, Page, Server, patience_s
 
 RATE_HZ = 44100
 
@@ -174,7 +173,7 @@ class Listener:
     def next(self, kind: str) -> Any:
         """The next message of a type; of blocks of sound: the next that is not silence."""
         while True:
-            message = self.sent.get(timeout=PATIENCE_S)
+            message = self.sent.get(timeout=patience_s())
             if isinstance(message, dict):
                 if message["type"] == kind:
                     return message
@@ -221,7 +220,7 @@ def test_what_sounds_too_long_fades(listener: Listener, monkeypatch: pytest.Monk
     listener.player.ask({"type": "note_on", "key": 60, "velocity": 100})
     listener.next("audio")
     blocks = []
-    while not isinstance(message := listener.sent.get(timeout=PATIENCE_S), dict) or message["type"] != "stopped":
+    while not isinstance(message := listener.sent.get(timeout=patience_s()), dict) or message["type"] != "stopped":
         if isinstance(message, bytes):
             blocks.append(np.frombuffer(message[8:], "<f4").reshape(-1, 2))
     assert np.abs(blocks[-2]).max() > 0.01
@@ -336,7 +335,7 @@ def test_files_that_cannot_be_made(server: Server, query: str, words: str) -> No
 @pytest.mark.parametrize("kind", NAMES)
 def test_phrases_can_be_played_everywhere(name: str, kind: str) -> None:
     preset = load_preset(name)
-    there = playable(preset)
+    there = playable_notes(preset)
     for note in there:
         made = phrase(kind, preset, note, 100, RATE_HZ)
         assert made.notes <= set(there)
@@ -363,7 +362,7 @@ def test_a_single_note_needs_one_string(name: str) -> None:
     """Wherever a preset plays a note, one string alone sounds as it does among all of them."""
     preset = load_preset(name)
     whole = prepared_engine(preset, None, RATE_HZ, "draft")
-    for note in playable(preset)[::5]:
+    for note in playable_notes(preset)[::5]:
         wanted = phrase("note", preset, note, 100, RATE_HZ)
         alone = prepared_engine(phrase_preset(preset, wanted), wanted.notes, RATE_HZ, "draft")
         assert [len(string.positions) for string in alone.compiled[0].strings] == [1]

@@ -179,7 +179,7 @@ def test_recordings_that_cannot_be_fitted(server: Server, kind: str) -> None:
 
 def test_a_fit_for_a_string_that_is_not_there(server: Server) -> None:
     doc = server.open("tanpura")
-    for query, status in ((f"doc={doc.key}&string=4", 400), (f"doc={doc.key}", 400), ("doc=none&string=0", 404)):
+    for query, status in ((f"doc={doc.key}&string=4", 400), (f"doc={doc.key}&string=-1", 400), ("doc=none&string=0", 404)):
         assert server.client.post(f"/api/fit?{query}", content=b"x").status_code == status
 
 

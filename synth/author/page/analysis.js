@@ -58,6 +58,8 @@ export function mount(element, { store, api }) {
 
   // ---- figures
   const wave = new Figure("Waveform", { height: 110, margins: WIDE });
+  const peak = h("span", { class: "plot-peak" });
+  wave.tools.append(peak);
   const spectrum = new Figure("Spectrogram", { height: 260, margins: WIDE });
   const logBox = h("input", { type: "checkbox", checked: true, onchange: () => ((log = logBox.checked), draw()) });
   const range = h(
@@ -145,6 +147,7 @@ export function mount(element, { store, api }) {
   function draw() {
     if (!shown) return;
     const { partials } = shown;
+    peak.textContent = `peak ${number(shown.peak_dbfs, 3)} dBFS`;
     wave.show(
       waveform(shown.waveform, other?.waveform, lengthS),
       `Waveform over ${lengthS} s, peak ${number(shown.peak_dbfs, 3)} dBFS`,

@@ -9,8 +9,8 @@ const HEIGHT = 36;
 /** `single` is the control of one value, shown while there is one. */
 export function makeAnchors(parameter, { store, commit, refuse, labels }, single) {
   const { path, unit } = parameter;
-  const split = h("button", { type: "button", class: "quiet small", "data-part": "split" }, "by note");
-  split.title = "Give values at several notes; between them they are interpolated";
+  const split = h("button", { type: "button", class: "icon", "data-part": "split", "aria-label": `${parameter.label} by note` }, "♪");
+  split.title = "By note: give values at several notes; between them they are interpolated";
   const join = h("button", { type: "button", class: "quiet small", "data-part": "join" }, "one value");
   const curve = s("svg", { class: "anchor-curve", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, "aria-hidden": "true", preserveAspectRatio: "none" });
   const rows = h("div", { class: "rows", role: "table", "aria-labelledby": labels["aria-labelledby"] });
@@ -85,8 +85,8 @@ export function makeAnchors(parameter, { store, commit, refuse, labels }, single
   }
 
   return {
-    entry: [split, ...single.entry],
-    below: [...single.below, table],
+    entry: single.entry,
+    below: [h("div", { class: "slider-row" }, ...single.below, split), table],
     update(value, invalid) {
       const many = value !== null && typeof value === "object";
       for (const element of one) element.hidden = many;

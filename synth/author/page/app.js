@@ -53,6 +53,9 @@ function named(text) {
   }
 }
 
+// the secret that the address may carry stays out of the tab, its bookmarks and the browser's history
+history.replaceState(null, "", location.pathname + location.hash);
+
 // A reload of the tab goes on with its document; else what the command line named; else the page asks.
 const session = await store.refreshSession();
 const before = named(location.hash.slice(1));

@@ -1,26 +1,29 @@
-// The controls: made from GET …/parameters, in groups, with a search field; strings and resonances as tables of their own.
+// The controls: made from GET …/parameters, in groups, with a search field; strings and resonances as tables of their own;
+// numbers that are not given folded away.
 
 import { changesFor, listBeside, shownBeside } from "./edits.js";
 import { makeField } from "./field.js";
 import { h, valueAt } from "./format.js";
 import { latest } from "./latest.js";
+import { groups as roveGroups } from "./roving.js";
 import { stringName } from "./wording.js";
 
 const GROUPS = {
+  setup: "Setup",
   string: "Strings",
-  obstacle: "What they touch",
-  pluck: "Pluck",
+  pluck: "Pluck, finer",
   damping: "Damping",
-  output: "Pickup and body",
+  output: "Level and body",
   mapping: "Keys and pressure",
   about: "About this preset",
 };
-/** Groups that a step at random may change. */
-const SHUFFLED = ["string", "obstacle", "pluck", "damping", "output"];
-/** Tables that stand first in their group, last first. */
-const ORDER = ["nut", "string"];
+/** Groups that a step at random may change, and the tables of the file that it then steps. */
+const SHUFFLED = { setup: ["obstacle", "pluck", "output"], string: ["string"], pluck: ["pluck"], damping: ["damping"], output: ["output"] };
+/** What stands first in its group. */
+const ORDER = ["obstacle.kind", "obstacle.jiva_um", "string", "nut"];
 /** Lists of tables, one of which is shown at a time. */
 const TABS = ["string"];
+const KEYS = "Up and down arrow go from control to control, Tab into one; Page up and down from field to field";
 const REST_MS = 300;
 
 export function mount(element, { store }) {
@@ -28,7 +31,7 @@ export function mount(element, { store }) {
   const shuffle = h("button", { type: "button", id: "randomise" }, "Randomise");
   shuffle.title = "Step every number a little at random: one step of undo";
   const none = h("p", { class: "controls-none muted", hidden: true }, "No control of that name.");
-  const groups = h("fieldset", { class: "control-groups" });
+  const groups = h("fieldset", { class: "control-groups", "aria-label": "Settings", "aria-description": KEYS });
   const body = h("div", { class: "controls-body" }, groups, none);
   element.append(h("div", { class: "controls-head" }, search, shuffle), body);
 
@@ -36,6 +39,9 @@ export function mount(element, { store }) {
   let parameters = [];
   let byPath = new Map();
   let fields = new Map();
+  // groups' bodies and the panel of the string, each with what it folds away
+  let places = [];
+  const unfolded = new Set();
   let shape = "";
   let tab = 0;
   let form = "";
@@ -105,6 +111,7 @@ export function mount(element, { store }) {
     const kept = focus && [focus.closest("[data-path]")?.dataset.path, focus.dataset.part];
     const scroll = body.scrollTop;
     fields = new Map();
+    places = [];
     tab = Math.min(tab, data.string.length - 1);
     groups.replaceChildren();
     for (const [group, title] of Object.entries(GROUPS)) {
@@ -112,6 +119,7 @@ export function mount(element, { store }) {
       if (mine.length > 0) groups.append(makeGroup(group, title, mine, data));
     }
     filter();
+    element.dataset.shows = `${store.state.doc.doc} ${tab}`;
     body.scrollTop = scroll;
     if (kept?.[0]) {
       const part = kept[1] ? `[data-part="${kept[1]}"]` : "input, select, textarea, button";
@@ -120,34 +128,81 @@ export function mount(element, { store }) {
   }
 
   function makeGroup(group, title, mine, data) {
-    const summary = h("summary", {}, h("h2", {}, title));
-    const details = h("details", { class: "group", "data-group": group, open: !shut.has(group) }, summary);
+    const summary = h("summary", { "data-stop": true, "data-tip-keys": KEYS }, h("h2", {}, title));
+    const inside = h("div", { class: "group-body" });
+    const details = h("details", { class: "group", "data-group": group, open: !shut.has(group) }, summary, inside);
     details.addEventListener("toggle", () => {
       if (search.value !== "") return;
       if (details.open) shut.delete(group);
       else shut.add(group);
     });
-    if (SHUFFLED.includes(group)) {
-      const one = h("button", { type: "button", class: "quiet small", "data-part": "shuffle" }, "randomise");
+    if (group in SHUFFLED) {
+      const one = h("button", { type: "button", class: "quiet small", "data-part": "shuffle", "data-stop": true }, "randomise");
       one.setAttribute("aria-label", `Randomise ${title}`);
       one.addEventListener("click", (event) => {
         event.preventDefault();
-        store.randomise([group]);
+        store.randomise(SHUFFLED[group]);
       });
       summary.append(one);
     }
-    // the strings themselves before what concerns all of them
-    const ordered = [...mine].sort((a, b) => ORDER.indexOf(b.path.split(".")[0]) - ORDER.indexOf(a.path.split(".")[0]));
-    for (const parameter of ordered) {
+    const blocks = [];
+    for (const parameter of ordered(mine)) {
       if (parameter.kind === "list" && parameter.item === "table") {
         const rows = valueAt(data, parameter.path) ?? [];
-        details.append(TABS.includes(parameter.path) ? makeTabs(parameter, rows) : makeRows(parameter, rows));
+        blocks.push(TABS.includes(parameter.path) ? makeTabs(parameter, rows) : makeRows(parameter, rows));
       } else if (!parameters.some((list) => list.item === "table" && parameter.path.startsWith(`${list.path}.`))) {
-        details.append(place(parameter, data));
+        blocks.push(place(parameter, data));
       }
     }
+    addFolding(inside, blocks, group);
     return details;
   }
+
+  /** The strings themselves before what concerns all of them, and what shapes most before the rest. */
+  function ordered(some) {
+    const rank = ({ path }) => {
+      const at = ORDER.findIndex((one) => path === one || path.startsWith(`${one}.`));
+      return at < 0 ? ORDER.length : at;
+    };
+    return [...some].sort((a, b) => rank(a) - rank(b));
+  }
+
+  // ---- folding: numbers that are not given, behind one line at the end
+  function addFolding(inside, blocks, name) {
+    const count = h("summary", { "data-stop": true });
+    const away = h("div", { class: "group-body" });
+    const fold = h("details", { class: "unset-values", "data-fold": name, open: unfolded.has(name), hidden: true }, count, away);
+    fold.addEventListener("toggle", () => {
+      if (search.value !== "") return;
+      if (fold.open) unfolded.add(name);
+      else unfolded.delete(name);
+    });
+    inside.append(...blocks, fold);
+    places.push({ inside, fold, away, count, blocks, name });
+  }
+
+  const isNumber = ({ kind, item }) => kind === "number" || kind === "anchored" || (kind === "list" && item === "number");
+  const isUnset = (value) => value === null || value === undefined || (Array.isArray(value) && value.length === 0);
+
+  /** Every control where it belongs; one that has the focus moves when it has lost it. */
+  function arrange() {
+    const data = store.data();
+    for (const { inside, fold, away, count, blocks } of places) {
+      for (const [i, block] of blocks.entries()) {
+        const field = fields.get(block.dataset.path);
+        if (field?.element !== block || block.contains(document.activeElement)) continue;
+        const { parameter } = field;
+        const to = isNumber(parameter) && isUnset(valueAt(data, parameter.path)) && !field.refused() ? away : inside;
+        if (block.parentElement === to) continue;
+        const next = blocks.slice(i + 1).find((one) => one.parentElement === to);
+        to.insertBefore(block, next ?? (to === inside ? fold : null));
+      }
+      const folded = [...away.children].filter((each) => !each.hidden).length;
+      fold.hidden = folded === 0;
+      count.textContent = `${folded} unset ${folded === 1 ? "value" : "values"}`;
+    }
+  }
+  groups.addEventListener("focusout", () => setTimeout(() => store.state.doc !== null && arrange()));
 
   function place(parameter, data) {
     // a list that shows another's column has both names
@@ -165,7 +220,7 @@ export function mount(element, { store }) {
   function makeTabs(parameter, rows) {
     const { path } = parameter;
     const data = store.data();
-    const panel = h("div", { role: "tabpanel", class: "tab-panel", "aria-label": `String ${stringName(rows[tab], tab)}` });
+    const panel = h("div", { role: "tabpanel", class: "tab-panel group-body", "aria-label": `String ${stringName(rows[tab], tab)}` });
     const tabs = rows.map((row, i) => {
       const button = h(
         "button",
@@ -190,8 +245,10 @@ export function mount(element, { store }) {
     const away = h("button", { type: "button", class: "quiet small", "data-part": "away" }, "remove this string");
     away.hidden = rows.length < 2;
     away.addEventListener("click", () => store.edit(`${path}.${tab}`, null));
-    panel.append(...own(`${path}.${tab}`).map((one) => place(one, data)), h("div", { class: "row-tools" }, away));
-    return h("div", { class: "tabs", "data-path": path }, h("div", { class: "tab-list", role: "tablist", "aria-label": "Strings" }, ...tabs, add), panel);
+    addFolding(panel, own(`${path}.${tab}`).map((one) => place(one, data)), path);
+    panel.append(h("div", { class: "row-tools", "data-stop": true }, away));
+    const list = h("div", { class: "tab-list", role: "tablist", "aria-label": "Strings", "data-stop": true }, ...tabs, add);
+    return h("div", { class: "tabs", "data-path": path }, list, panel);
   }
 
   /** A string chosen by hand leads the picture and the sound to its own note. */
@@ -222,12 +279,12 @@ export function mount(element, { store }) {
       return h(
         "div",
         { class: "card" },
-        h("div", { class: "card-head" }, h("span", { class: "muted" }, `Resonance ${i + 1}`), away),
+        h("div", { class: "card-head", "data-stop": true }, h("span", { class: "muted" }, `Resonance ${i + 1}`), away),
         ...own(`${path}.${i}`).map((one) => place(one, data)),
       );
     });
     const name = h("button", { type: "button", class: "control-name", "data-tip": tip, "data-tip-tap": true }, label);
-    const head = h("div", { class: "control-head" }, h("span", { class: "control-mark" }), name, h("span", { class: "control-entry" }, add));
+    const head = h("div", { class: "control-head", "data-stop": true }, h("span", { class: "control-mark" }), name, h("span", { class: "control-entry" }, add));
     return h("div", { class: "table-list", "data-path": path }, head, ...cards);
   }
 
@@ -244,6 +301,7 @@ export function mount(element, { store }) {
         error: which === "saved" ? undefined : errorOf(path, errors),
       });
     }
+    arrange();
     for (const group of groups.children) group.classList.toggle("has-changes", group.querySelector(".control.changed") !== null);
   }
 
@@ -277,9 +335,14 @@ export function mount(element, { store }) {
       group.open = words.length > 0 ? here : !shut.has(group.dataset.group);
       any ||= here;
     }
+    for (const { fold, away, name } of places) {
+      fold.open = words.length > 0 ? away.querySelector(".control:not(.filtered):not([hidden])") !== null : unfolded.has(name);
+    }
     none.hidden = any || words.length === 0;
+    rove();
   }
 
+  const rove = roveGroups(groups, ".group");
   store.on(["doc", "which"], follow);
   store.on(["errors"], (state) => {
     update();

@@ -1,6 +1,6 @@
 // What an edit of one field brings with it, so that the preset stays consistent in one step of undo.
 
-import { valueAt } from "./format.js";
+import { same, valueAt } from "./format.js";
 
 const given = (value) => value !== null && value !== undefined && !(Array.isArray(value) && value.length === 0);
 
@@ -32,4 +32,16 @@ export function listBeside(path) {
 /** True where another list shows this one beside its own rows. */
 export function shownBeside(path, data) {
   return path.endsWith(".measured_decay_rates") || (path === "obstacle.heights_mm" && data.obstacle.kind === "points");
+}
+
+/**
+ * The way back: to the saved value if it was changed since, else to the default. null where there is none, else {target,
+ * toSaved, value}: where it leads, whether that is the saved value, and what an edit sends for it (null: the default).
+ */
+export function wayBack(parameter, value, saved) {
+  const fallback = parameter.default ?? null;
+  const toSaved = !same(value, saved);
+  const target = toSaved ? saved : fallback;
+  if (same(value, target) || (!toSaved && (parameter.required || parameter.kind === "text"))) return null;
+  return { target, toSaved, value: same(target, fallback) ? null : target };
 }

@@ -7,13 +7,16 @@
 // What is typed is sent on Enter or when the field is left; `refuse` shows a reason without asking the server.
 
 import { makeAnchors } from "./anchors.js";
+import { wayBack } from "./edits.js";
+import { FINE, makeKeys, onWheel, refine } from "./fine.js";
 import { h, number, noteName, parseNote, plain, same } from "./format.js";
 import { makeNumbers } from "./numbers.js";
-import { keyStep, makeScale, parseNumber, STEPS } from "./scale.js";
+import { keyStep, makeScale, STEPS } from "./scale.js";
 import { hiddenTip } from "./tip.js";
+import { parseQuantity } from "./units.js";
 
-/** Edits of a slider that follow each other within this time are one step of undo. */
-const PAUSE_MS = 1000;
+/** A slider's arrow key or notch of the wheel moves it by a hundredth of its travel. */
+const SLIDER_STEP = STEPS / 100;
 
 let fields = 0;
 
@@ -25,33 +28,34 @@ export function makeField(parameter, context) {
   const back = h("button", { type: "button", class: "icon control-back", "data-part": "back" }, "↺");
   const error = h("p", { class: "control-error", id: `${id}-error`, role: "alert", hidden: true });
   const labels = { "aria-labelledby": `${id}-name`, "aria-describedby": `${id}-tip ${id}-error` };
-  const body = makeBody(parameter, { ...context, labels });
+  let way = null;
+  const goBack = (merge = null) => way && context.commit(path, way.value, merge);
+  const body = makeBody(parameter, { ...context, labels, goBack });
   const head = h("div", { class: "control-head" }, mark, name, h("span", { class: "control-entry" }, ...body.entry), back);
   const element = h(
     "div",
-    { class: `control kind-${parameter.kind}`, "data-path": path, role: "group", "aria-labelledby": `${id}-name` },
+    { class: `control kind-${parameter.kind}`, "data-path": path, "data-stop": true, role: "group", "aria-labelledby": `${id}-name` },
     head,
     ...body.below,
     error,
     hiddenTip(`${id}-tip`, unit ? `${tip} In ${unit}.` : tip),
   );
-  let way = null;
-  back.addEventListener("click", () => context.commit(path, way, null));
+  back.addEventListener("click", () => goBack());
 
   return {
     element,
     parameter,
+    /** A reason stands at it. */
+    refused: () => !error.hidden,
     update(value, { saved, error: reason }) {
-      const fallback = parameter.default ?? null;
       const changed = !same(value, saved);
-      // back to the saved value if it was changed since, else to the default
-      way = changed && !same(saved, fallback) ? saved : null;
-      const target = changed ? saved : fallback;
-      const named = parameter.kind === "text" || parameter.required;
-      back.hidden = same(value, target) || (named && !changed);
-      back.classList.toggle("to-saved", changed);
-      back.title = `Back to ${changed ? "saved" : "default"}: ${brief(target)}`;
-      back.setAttribute("aria-label", `${label}: ${back.title.toLowerCase()}`);
+      way = wayBack(parameter, value, saved);
+      back.hidden = way === null;
+      if (way !== null) {
+        back.classList.toggle("to-saved", way.toSaved);
+        back.title = `Back to ${way.toSaved ? "saved" : "default"}: ${brief(way.target)}`;
+        back.setAttribute("aria-label", `${label}: ${back.title.toLowerCase()}`);
+      }
       mark.classList.toggle("changed", changed);
       mark.title = changed ? `Saved: ${brief(saved)}` : "";
       element.classList.toggle("changed", changed);
@@ -119,8 +123,7 @@ export function numberInput(parameter, { commit, attributes = {} }) {
   const input = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", spellcheck: "false", ...attributes });
   let shown = "";
   const sending = makeSending(input, () => shown);
-  let last = 0;
-  let key = 0;
+  const keys = makeKeys();
   const refused = (reason) => {
     input.setAttribute("aria-invalid", "true");
     input.setCustomValidity(reason);
@@ -139,10 +142,10 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       return;
     }
     const away = text === "" && parameter.optional;
-    const value = away ? null : parseNumber(text);
-    if (Number.isNaN(value)) {
-      refused(`“${text}” is no number`);
-      commit(undefined, null, `must be a number, got “${text}”`);
+    const { value, reason } = away ? { value: null } : parseQuantity(text, parameter.unit);
+    if (reason !== undefined) {
+      refused(reason);
+      commit(undefined, null, reason);
       return;
     }
     settle();
@@ -160,16 +163,20 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       commit(undefined, null, null);
     }
     if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
-    const value = parseNumber(input.value);
-    if (Number.isNaN(value)) return;
-    event.preventDefault();
-    const step = keyStep(value, parameter) * (event.shiftKey ? 10 : 1);
-    const next = value + (event.key === "ArrowUp" ? step : -step);
-    input.value = plain(Math.min(parameter.maximum ?? Infinity, Math.max(parameter.minimum ?? -Infinity, next)));
-    if (performance.now() - last > PAUSE_MS) key += 1;
-    last = performance.now();
-    send(`arrows ${attributes["data-part"]} ${key}`);
+    if (step(event.key === "ArrowUp" ? 1 : -1, event.shiftKey)) event.preventDefault();
   });
+  onWheel(input, (notches, event) => step(notches, event.shiftKey));
+
+  /** So many steps up, finer ones with Shift; false where there is no number to step from. */
+  function step(count, fine) {
+    const { value, reason } = parseQuantity(input.value, parameter.unit);
+    if (reason !== undefined) return false;
+    const size = keyStep(value, parameter) * (fine && !parameter.integer ? FINE : 1);
+    input.value = plain(Math.min(parameter.maximum ?? Infinity, Math.max(parameter.minimum ?? -Infinity, value + count * size)));
+    send(`arrows ${attributes["data-part"]} ${keys.following()}`);
+    return true;
+  }
+
   return {
     input,
     update(value, invalid) {
@@ -185,7 +192,7 @@ export function numberInput(parameter, { commit, attributes = {} }) {
   };
 }
 
-function makeNumber(parameter, { commit, refuse, labels }) {
+function makeNumber(parameter, { commit, refuse, labels, goBack }) {
   const { path, unit } = parameter;
   const entry = numberInput(parameter, {
     commit: (value, merge, reason) => (value === undefined ? refuse(path, reason) : commit(path, value, merge && `${merge} ${path}`)),
@@ -193,47 +200,69 @@ function makeNumber(parameter, { commit, refuse, labels }) {
   });
   const below = [];
   let slider = null;
-  let held = false;
-  const travel = parameter.usual ?? [parameter.minimum, parameter.maximum];
+  let hand = null;
   let scale = null;
+  let at = 0;
+  let wanted = [null, false];
+  let sent = 0;
+  const travel = parameter.travel ?? parameter.usual ?? [parameter.minimum, parameter.maximum];
   if (travel.every(Number.isFinite)) {
-    slider = h("input", { type: "range", min: 0, max: STEPS, step: 1, class: "control-slider", "data-part": "slider", ...labels });
-    let last = 0;
-    let key = 0;
-    slider.addEventListener("pointerdown", () => {
-      held = true;
-      key += 1;
-    });
-    for (const end of ["pointerup", "pointercancel", "change", "blur"]) slider.addEventListener(end, () => (held = false));
-    slider.addEventListener("input", () => {
-      if (!held && performance.now() - last > PAUSE_MS) key += 1;
-      last = performance.now();
-      const value = scale.value(Number(slider.value));
-      entry.input.value = plain(value);
-      slide(value);
-      commit(path, value, `slider ${path} ${key}`);
+    slider = h("input", { type: "range", min: 0, max: STEPS, step: "any", class: "control-slider", "data-part": "slider", ...labels });
+    hand = refine(slider, {
+      place: () => at,
+      move(place, { key, fine }) {
+        const value = scale.value(place, fine);
+        entry.input.value = plain(value);
+        slide(value);
+        follow(commit(path, value, `slider ${path} ${key}`));
+      },
+      reset: (key) => follow(goBack(`slider ${path} ${key}`)),
+      step: SLIDER_STEP,
+      // whole numbers have no finer step
+      least: parameter.integer ? STEPS / (travel[1] - travel[0]) : 0,
+      rest: () => show(),
     });
     below.push(slider);
   }
+
+  /** Until the last answer is there, the slider stays where the hand has put it. */
+  function follow(answer) {
+    sent += 1;
+    const mine = sent;
+    Promise.resolve(answer).finally(() => {
+      if (mine !== sent) return;
+      sent = 0;
+      show();
+    });
+  }
+
   const slide = (value) => {
-    slider.style.setProperty("--at", `${(100 * scale.place(value)) / STEPS}%`);
+    at = scale.place(value);
+    slider.value = at;
+    slider.style.setProperty("--at", `${(100 * at) / STEPS}%`);
     slider.setAttribute("aria-valuetext", `${number(value)} ${unit ?? ""}`.trim());
   };
+
+  function show() {
+    if (hand?.held() || sent > 0) return;
+    const [value, invalid] = wanted;
+    entry.update(value, invalid);
+    if (slider === null) return;
+    const given = typeof value === "number";
+    const place = given ? value : typeof parameter.suggested === "number" ? parameter.suggested : travel[0];
+    // a value outside of what is usual widens the slider's travel
+    scale = makeScale({ ...parameter, minimum: Math.min(travel[0], place), maximum: Math.max(travel[1], place) });
+    slider.classList.toggle("unset", !given);
+    slide(place);
+    if (!given) slider.setAttribute("aria-valuetext", "not given");
+  }
+
   return {
     entry: [entry.input, h("span", { class: "unit" }, unit ?? "")],
     below,
     update(value, invalid) {
-      if (held) return;
-      entry.update(value, invalid);
-      if (slider === null) return;
-      const given = typeof value === "number";
-      const place = given ? value : typeof parameter.suggested === "number" ? parameter.suggested : travel[0];
-      // a value outside of what is usual widens the slider's travel
-      scale = makeScale({ ...parameter, minimum: Math.min(travel[0], place), maximum: Math.max(travel[1], place) });
-      slider.classList.toggle("unset", !given);
-      slider.value = scale.place(place);
-      slide(place);
-      if (!given) slider.setAttribute("aria-valuetext", "not given");
+      wanted = [value, invalid];
+      show();
     },
   };
 }

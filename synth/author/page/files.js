@@ -95,7 +95,8 @@ export function mount(element, { store, api }) {
     const act = async (action, words) => {
       dialog.close();
       const result = await action();
-      if (result && !result.refused) store.notify(words);
+      if (result?.refused) store.notify(result.refused.message, "error");
+      else if (result) store.notify(words);
     };
     const dialog = sheet(
       "The file has changed",

@@ -1,4 +1,5 @@
-// Fitting a string of the preset to a recording: drop a note, look at the fit against the data, take it over.
+// Fitting a string of the preset to a recording: drop a note, look at the fit against the data, take it over. Unless a string
+// is chosen, it is the one whose note lies nearest.
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
@@ -20,6 +21,7 @@ export function mount(element, { store, api }) {
   let last = null;
   let shownDoc = null;
 
+  const NEAREST = "the one nearest to its note";
   const strings = h("select", { id: "fit-string", onchange: () => (run !== null || result !== null) && listen(last) });
   const picker = h("input", {
     type: "file",
@@ -69,6 +71,7 @@ export function mount(element, { store, api }) {
   );
 
   // ---- what the fit says
+  const proposal = h("p", { class: "fit-proposal" });
   const tiles = h("dl", { class: "tiles" });
   const warnings = h("ul", { class: "warnings" });
   const stretch = new Figure("Frequency against number, above n f₀", { height: 170 });
@@ -77,6 +80,7 @@ export function mount(element, { store, api }) {
   const settings = h("div", { class: "settings", tabindex: 0, role: "region", "aria-label": "Settings" });
   const apply = h("button", { type: "button", class: "primary", id: "apply-fit", onclick: take }, "Fill the controls");
   found.append(
+    proposal,
     tiles,
     warnings,
     h("div", { class: "plots" }, stretch.element, decay.element, levels.element),
@@ -94,7 +98,7 @@ export function mount(element, { store, api }) {
     settings,
     h(
       "div",
-      { class: "sheet-actions" },
+      { class: "sheet-actions fit-actions" },
       h("button", { type: "button", onclick: () => begin() }, "Another recording"),
       apply,
     ),
@@ -128,7 +132,7 @@ export function mount(element, { store, api }) {
     run = mine;
     const { doc } = store.state.doc;
     try {
-      const query = new URLSearchParams({ doc, string: strings.value });
+      const query = new URLSearchParams({ doc, ...(strings.value === "" ? {} : { string: strings.value }) });
       const { job } = await api.post(`/api/fit?${query}`, file, { signal: mine.abort.signal });
       mine.job = follow(api, job, (progress) => mine === run && (bar.value = progress));
       if (mine !== run) mine.job.cancel().catch(() => {});
@@ -155,6 +159,7 @@ export function mount(element, { store, api }) {
   function show(report) {
     zone.hidden = true;
     found.hidden = false;
+    propose(report);
     tiles.replaceChildren(
       ...report.facts.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))),
     );
@@ -169,6 +174,15 @@ export function mount(element, { store, api }) {
     levels.show(fitted({ ...curves.level, xName: "partial", yName: "dB", say: (n, db) => `${n}: ${number(db, 3)} dB` }));
     showSettings();
     apply.focus({ preventScroll: true });
+  }
+
+  /** Which string this is taken for, and which lies nearer. */
+  function propose({ string, nearest, note }) {
+    const named = (index) => `string ${strings.options[index + 1].text}`;
+    const what = note === null ? "this note" : `${note.replace("#", "♯")}`;
+    if (string === nearest) return proposal.replaceChildren(`Nearest to ${what} is ${named(nearest)}.`);
+    const other = h("button", { type: "button", id: "fit-nearest", onclick: () => ((strings.value = nearest), listen(last)) }, "Fit that one");
+    proposal.replaceChildren(`Fitted as ${named(string)}; nearest to ${what} is ${named(nearest)}. `, other);
   }
 
   function showSettings() {
@@ -224,18 +238,20 @@ export function mount(element, { store, api }) {
     },
   );
 
-  // ---- the strings of the document; until a recording is chosen here, the one that is shown outside
-  store.on(["doc", "table"], ({ doc, table }) => {
+  // a refusal goes with the dialog
+  dialog.addEventListener("close", () => (refusal.hidden = true));
+
+  // ---- the strings of the document
+  store.on(["doc"], ({ doc }) => {
     if ((doc?.doc ?? null) !== shownDoc) {
       shownDoc = doc?.doc ?? null;
       begin();
     } else if (result !== null) showSettings();
     const names = (doc?.data.string ?? []).map((string, i) => `${i + 1}: ${string.name || noteWords(string.notes)}`);
-    const chosen = Number(strings.value);
-    if (names.join("\n") !== [...strings.options].map((option) => option.text).join("\n"))
-      strings.replaceChildren(...names.map((name, i) => h("option", { value: i }, name)));
-    const free = !dialog.open && run === null && result === null;
-    strings.value = Math.max(0, Math.min(free ? table : chosen, names.length - 1));
+    const chosen = run === null && result === null && !dialog.open ? "" : strings.value;
+    if ([NEAREST, ...names].join("\n") !== [...strings.options].map((option) => option.text).join("\n"))
+      strings.replaceChildren(h("option", { value: "" }, NEAREST), ...names.map((name, i) => h("option", { value: i }, name)));
+    strings.value = chosen !== "" && Number(chosen) < names.length ? chosen : "";
   });
 }
 

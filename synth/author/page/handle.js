@@ -1,22 +1,24 @@
 // Things of the drawing that can be dragged, by mouse, touch or arrow keys. Each is a slider to assistive technology.
 //
-//   const handles = makeHandles(panel, {edit(changes, mergeKey), busy(bool)});
+//   const handles = makeHandles(panel, {edit(changes, mergeKey), valueOf(path), backOf(path), busy(bool)});
 //   handles.show([{id, x, y, label, row, drag: {x: D|null, height: D|null}, shape: SVGElement[]}]);
 //
 // Handles of a `row` (the frets) are one stop of Tab: left and right arrow go from one to the next, up and down move it.
 //
 // x [m], y [mm] are the place; D is as GET …/instrument describes it: value = offset + factor · coordinate. A drag moves
-// along one axis, the one in which it begins; all of it is one step of undo.
+// along one axis, the one in which it begins; all of it is one step of undo. Shift moves ten times finer, Page up and down
+// ten times further than an arrow key; a double click puts the thing back, to what backOf(path) says ({value}, or null).
 
+import { FINE, makeKeys } from "./fine.js";
 import { number, s } from "./format.js";
 
 const DEAD_PX = 4;
 const REACH_PX = matchMedia("(pointer: coarse)").matches ? 22 : 14;
-/** An arrow key moves by so much of what is shown, with Shift by ten times. */
+/** An arrow key moves by so much of what is shown. */
 const KEY_SHARE = 0.004;
-const PAUSE_MS = 1000;
+const PAGE_STEPS = 10;
 
-export function makeHandles(panel, { edit, valueOf, busy }) {
+export function makeHandles(panel, { edit, valueOf, backOf, busy }) {
   const known = new Map();
   const readout = s("g", { class: "readout", "aria-hidden": "true" }, s("rect", { rx: 4 }), s("text"));
   readout.setAttribute("visibility", "hidden");
@@ -61,7 +63,7 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
     const element = s("g", { class: "handle", tabindex: 0, role: "slider", "data-handle": id }, reach, shape);
     const handle = { element, spec: null, take };
     let start = null;
-    let keys = { at: 0, count: 0, x: 0, y: 0 };
+    const keys = makeKeys();
 
     function take(spec) {
       if (held === handle) {
@@ -90,14 +92,14 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
     }
 
     /** Move to a coordinate on one axis: the handle at once, the preset as fast as the server follows. */
-    function move(axis, coordinate, key) {
+    function move(axis, coordinate, key, fine) {
       const d = handle.spec.drag[axis];
       const value = clamp(d.offset + d.factor * coordinate, d);
       const settled = (value - d.offset) / d.factor;
       handle.spec = { ...handle.spec, ...(axis === "x" ? { x: settled } : { y: settled }) };
       place();
       say(handle);
-      const digits = Number(value.toPrecision(4));
+      const digits = Number(value.toPrecision(fine ? 5 : 4));
       const whole = d.anchor === null ? digits : { ...valueOf(d.path), [d.anchor]: digits };
       edit([...d.edits, { path: d.path, value: whole }], key);
     }
@@ -109,7 +111,7 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
       element.setPointerCapture(event.pointerId);
       drags += 1;
       held = handle;
-      start = { px: event.clientX, py: event.clientY, x: handle.spec.x, y: handle.spec.y, axis: null };
+      start = { px: event.clientX, py: event.clientY, x: handle.spec.x, y: handle.spec.y, axis: null, way: 0, before: 0 };
       element.classList.add("held");
       busy(true);
       say(handle);
@@ -123,9 +125,13 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
         if (Math.hypot(dx, dy) < DEAD_PX) return;
         start.axis = drag.x && (!drag.height || Math.abs(dx) >= Math.abs(dy)) ? "x" : "height";
       }
-      const fine = event.shiftKey ? 0.1 : 1;
-      if (start.axis === "x") move("x", panel.x(panel.X(start.x) + fine * dx), `drag ${id} ${drags}`);
-      else move("height", panel.y(panel.Y(start.y) + fine * dy), `drag ${id} ${drags}`);
+      // where Shift comes or goes on the way, the thing stays under the hand
+      const fine = event.shiftKey;
+      const along = start.axis === "x" ? dx : dy;
+      start.way += (along - start.before) * (fine ? FINE : 1);
+      start.before = along;
+      if (start.axis === "x") move("x", panel.x(panel.X(start.x) + start.way), `drag ${id} ${drags}`, fine);
+      else move("height", panel.y(panel.Y(start.y) + start.way), `drag ${id} ${drags}`, fine);
     });
     const end = () => {
       if (start === null) return;
@@ -138,8 +144,15 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
     element.addEventListener("pointercancel", end);
     element.addEventListener("lostpointercapture", end);
 
+    element.addEventListener("dblclick", (event) => {
+      event.preventDefault();
+      const paths = [...new Set([handle.spec.drag.x, handle.spec.drag.height].filter(Boolean).map(({ path }) => path))];
+      const changes = paths.map((path) => ({ path, back: backOf(path) })).filter(({ back }) => back !== null);
+      if (changes.length > 0) edit(changes.map(({ path, back }) => ({ path, value: back.value })), null);
+    });
+
     element.addEventListener("keydown", (event) => {
-      const way = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowUp: ["height", 1], ArrowDown: ["height", -1] }[event.key];
+      const way = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowUp: ["height", 1], ArrowDown: ["height", -1], PageUp: ["height", PAGE_STEPS], PageDown: ["height", -PAGE_STEPS] }[event.key];
       if (way === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
       const { drag } = handle.spec;
       if (handle.spec.row && way[0] === "x") {
@@ -152,12 +165,11 @@ export function makeHandles(panel, { edit, valueOf, busy }) {
       // what moves along one axis only takes both pairs of arrows
       const axis = drag[way[0]] ? way[0] : drag.x ? "x" : "height";
       event.preventDefault();
-      if (performance.now() - keys.at > PAUSE_MS) keys = { ...keys, count: keys.count + 1 };
-      keys.at = performance.now();
       const { view } = panel;
       const span = axis === "x" ? view.x1 - view.x0 : view.y1 - view.y0;
       const from = axis === "x" ? handle.spec.x : handle.spec.y;
-      move(axis, from + way[1] * KEY_SHARE * span * (event.shiftKey ? 10 : 1), `keys ${id} ${axis} ${keys.count}`);
+      const step = KEY_SHARE * span * (event.shiftKey ? FINE : 1);
+      move(axis, from + way[1] * step, `keys ${id} ${axis} ${keys.following()}`, event.shiftKey);
     });
     element.addEventListener("focus", () => {
       if (!handle.spec.row) return;

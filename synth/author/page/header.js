@@ -1,5 +1,6 @@
 // The header: name and state of the document, undo and redo, edited or saved version, theme, the fit sheet.
 
+import { toolbar } from "./roving.js";
 import { stepName } from "./wording.js";
 
 /** Loading kernels that are compiled already takes no longer than this. */
@@ -31,6 +32,8 @@ export function mount(page, { store, api }) {
     if (back) store.undo();
     else store.redo();
   });
+
+  for (const part of page.querySelectorAll(".bar [role=toolbar]")) toolbar(part);
 
   const versions = [...at("ab").querySelectorAll("[role=radio]")];
   for (const button of versions) {
@@ -89,19 +92,34 @@ export function mount(page, { store, api }) {
   let patience = 0;
   let long = false;
   let gone = false;
-  const tell = ({ connected, kernels }) => {
-    const preparing = connected && kernels === "loading" && long;
+  const words = page.createElement("span");
+  const bar = page.createElement("progress");
+  bar.setAttribute("aria-label", "Preparing the string engine");
+  // the figures change twice a second: for eyes only, a screen reader asks the bar
+  const figures = page.createElement("span");
+  figures.className = "figures";
+  figures.setAttribute("aria-hidden", "true");
+  const tell = ({ connected, kernels, compiling }) => {
+    const preparing = connected && kernels === "loading" && (long || compiling !== null);
     banner.hidden = connected && !preparing;
     banner.classList.toggle("calm", preparing);
-    banner.textContent = banner.hidden
+    const said = banner.hidden
       ? ""
       : preparing
-        ? "Preparing the string engine for this machine: about a minute, at the first start only. Sound and analysis come then; editing works already."
+        ? compiling === null
+          ? "Loading the string engine. Sound and analysis come then; editing works already."
+          : "Preparing the string engine, once on this machine: one to four minutes, more while it is busy. Sound and analysis come then; editing works already."
         : gone
           ? "The program was started anew, or this preset was put away in another tab. Go on in the newest tab and close this one."
           : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
+    if (words.textContent !== said) words.textContent = said;
+    const shown = preparing && compiling !== null ? [words, bar, figures] : [words];
+    if (banner.childElementCount !== shown.length) banner.replaceChildren(...shown);
+    if (compiling === null) return;
+    bar.value = compiling.share;
+    figures.textContent = `${compiling.done} of ${compiling.total} kernels, ${Math.round(compiling.seconds)} s`;
   };
-  store.on(["connected", "kernels"], tell);
+  store.on(["connected", "kernels", "compiling"], tell);
   for (const [type, value] of Object.entries({ gone: true, open: false })) {
     api.socket.on(type, () => {
       gone = value;

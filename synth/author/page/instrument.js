@@ -1,7 +1,8 @@
 // The instrument from the side: the whole string and a close-up of what it touches near its end, to scale, with handles;
 // the choice of note; and, with motion.js, the string in slow motion.
 
-import { h, noteName, number } from "./format.js";
+import { wayBack } from "./edits.js";
+import { h, noteName, number, same, valueAt } from "./format.js";
 import { makeHandles } from "./handle.js";
 import { latest } from "./latest.js";
 import { mount as mountMotion } from "./motion.js";
@@ -11,8 +12,8 @@ import { closeView, drawScene, handlesOf, wholeView } from "./scene.js";
 export function mount(element, { store }) {
   const facts = h("dl", { class: "facts" });
   const note = h("select", { id: "note", "aria-label": "Note" });
-  const lower = h("button", { type: "button", class: "icon", "aria-label": "Lower note" }, "‹");
-  const higher = h("button", { type: "button", class: "icon", "aria-label": "Higher note" }, "›");
+  const lower = h("button", { type: "button", class: "icon", tabindex: -1, "aria-label": "Lower note" }, "‹");
+  const higher = h("button", { type: "button", class: "icon", tabindex: -1, "aria-label": "Higher note" }, "›");
   const whole = makePanel("whole", "The whole string, to scale");
   const close = makePanel("close", "Close-up of the contact");
   const wholeCaption = h("figcaption");
@@ -39,6 +40,15 @@ export function mount(element, { store }) {
   let hand = false;
   let played = null;
   const motion = mountMotion(film, { store, panels: { whole, close }, redraw: draw });
+  /** What a double click brings back: the saved value of what has been changed, else the default of what has one. */
+  function backOf(path) {
+    const parameter = store.state.parameters.find((one) => one.path === path);
+    const value = store.value(path) ?? null;
+    const saved = valueAt(store.state.doc.saved, path) ?? null;
+    if (parameter === undefined) return saved === null || same(value, saved) ? null : { value: saved }; // one of a list
+    return wayBack(parameter, value, saved);
+  }
+
   const edits = {
     async edit(changes, key) {
       if ((await store.editMany(changes, key)) !== null) return;
@@ -50,6 +60,7 @@ export function mount(element, { store }) {
       if (!hand) draw();
     },
     valueOf: (path) => store.value(path),
+    backOf,
     busy: (now) => {
       hand = now;
       if (!now) draw();
@@ -74,6 +85,7 @@ export function mount(element, { store }) {
     }
     played = { doc: doc.doc, note: wanted, which, string: drawing.string, table: drawing.table };
     store.setTable(drawing.table);
+    element.dataset.shows = `${doc.doc} ${drawing.table}`;
     draw();
     await askGhost();
   });

@@ -2,8 +2,10 @@
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
+import { refine } from "./fine.js";
 import { h, noteName } from "./format.js";
 import { connectMidi, midiGranted } from "./midi.js";
+import { toolbar } from "./roving.js";
 
 // By place on the keyboard, whatever the letters are there: the keys of a piano from C on, as `synth play` has them.
 const PIANO = [
@@ -29,6 +31,7 @@ const PIANO = [
 const LETTERS = [..."awsedftgyhujkolp;'"];
 const BLACK = new Set([1, 3, 6, 8, 10]);
 const VELOCITY_STEP = 12;
+const VELOCITY_SLIDER_STEP = 4;
 const LAYOUT = "jawari-keyboard";
 const FOLDED = "jawari-keyboard-folded";
 // What stands for octaves that are left out, in white keys.
@@ -132,7 +135,15 @@ export function mount(element, { store, api }) {
     min: 1,
     max: 127,
     "aria-label": "Velocity",
-    oninput: () => store.setVelocity(Number(velocity.value)),
+    title: "Velocity (c v)",
+  });
+  const usual = store.state.velocity;
+  refine(velocity, {
+    place: () => store.state.velocity,
+    move: (wanted) => store.setVelocity(wanted),
+    reset: () => store.setVelocity(usual),
+    step: VELOCITY_SLIDER_STEP,
+    least: 1,
   });
   const velocityText = h("output", { class: "unit" });
   const sustain = h(
@@ -152,18 +163,25 @@ export function mount(element, { store, api }) {
     },
   });
   const hint = h("span", { class: "unit key-hint" });
+  // where there is little room
+  const more = h("button", { type: "button", class: "quiet small dock-more", "aria-expanded": "false", onclick: () => open() }, "More…");
+  function open() {
+    const shown = element.closest(".dock").classList.toggle("open");
+    more.textContent = shown ? "Less" : "More…";
+    more.setAttribute("aria-expanded", String(shown));
+  }
+  const tools = h("span", { class: "key-tools", role: "toolbar", "aria-label": "Keyboard" }, sustain, layouts, midiButton, fold);
+  toolbar(tools);
   element.append(
     h(
       "div",
       { class: "keyboard-head" },
       chosen,
       h("label", { class: "key-velocity" }, h("span", { class: "unit" }, "Velocity"), velocity, velocityText),
-      sustain,
-      layouts,
-      midiButton,
+      more,
+      tools,
       midiText,
       hint,
-      fold,
     ),
     keys,
   );
@@ -171,6 +189,7 @@ export function mount(element, { store, api }) {
   /** Show the keys, or leave their room to the pictures; computer keys and MIDI play all the same. */
   function unfold(shown) {
     keys.hidden = !shown;
+    element.classList.toggle("with-keys", shown);
     fold.textContent = shown ? "Hide keys" : "Show keys";
     fold.setAttribute("aria-expanded", String(shown));
     if (shown && store.state.doc) show(store.state.note);

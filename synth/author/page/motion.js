@@ -1,6 +1,7 @@
 // The string in slow motion over the drawing: play, time slider with the contact force over time, speed, which moment.
 // Points that are touched light up, with a bar as long as the force. Time counts from the moment the finger lets go.
 
+import { refine } from "./fine.js";
 import { h, number, s } from "./format.js";
 import { latest } from "./latest.js";
 
@@ -20,6 +21,8 @@ const LEAD_S = 0.0015;
 const BAR_PX = 46;
 const STRIP = { width: 1000, height: 24 };
 const SETTLE_MS = 350;
+/** Frames that an arrow key goes on. */
+const SLIDER_STEP = 3;
 
 const PLAY = "M6 3.5v13l10.5-6.5z";
 const PAUSE = "M6 4h3v12H6zM11.5 4h3v12h-3z";
@@ -28,7 +31,7 @@ export function mount(element, { store, panels, redraw }) {
   const icon = s("path", { class: "fill", d: PLAY });
   const play = h("button", { type: "button", class: "icon play", id: "film-play", "aria-label": "Play in slow motion" }, s("svg", { viewBox: "0 0 20 20" }, icon));
   const strip = s("svg", { class: "strip", viewBox: `0 0 ${STRIP.width} ${STRIP.height}`, preserveAspectRatio: "none", "aria-hidden": "true" });
-  const slider = h("input", { type: "range", min: 0, max: FRAMES - 1, step: 1, value: 0, id: "film-time", "aria-label": "Time in the film" });
+  const slider = h("input", { type: "range", min: 0, max: FRAMES - 1, step: "any", value: 0, id: "film-time", "aria-label": "Time in the film" });
   const time = h("output", { class: "film-time", for: "film-time" }, "slow motion");
   const force = h("output", { class: "film-force" });
   const speed = h("select", { id: "film-speed", "aria-label": "Slowed down by" }, ...SPEEDS.map((x) => h("option", { value: x }, `1/${x}`)));
@@ -105,7 +108,7 @@ export function mount(element, { store, panels, redraw }) {
     const sum = film.total[forces];
     force.textContent = sum > 0 ? `${number(sum, 2)} N` : "free";
     force.classList.toggle("lit", sum > 0);
-    slider.value = Math.round(at);
+    slider.value = at;
     slider.setAttribute("aria-valuetext", `${time.textContent}, ${sum > 0 ? `contact ${number(sum, 2)} newton` : "no contact"}`);
     slider.style.setProperty("--at", `${(100 * at) / (film.frames.length - 1)}%`);
   }
@@ -143,16 +146,17 @@ export function mount(element, { store, panels, redraw }) {
   }
 
   play.addEventListener("click", () => (playing ? stop() : start()));
-  slider.addEventListener("input", () => {
+  function go(place) {
     stop();
-    at = Number(slider.value);
+    at = place;
     if (!shown) {
       shown = true;
       redraw();
     }
     if (film === null) load();
     else draw();
-  });
+  }
+  refine(slider, { place: () => at, move: go, reset: () => go(0), step: SLIDER_STEP });
   moment.addEventListener("change", () => {
     shown = true;
     load();

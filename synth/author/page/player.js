@@ -4,9 +4,11 @@
 //
 // The element passes on the player's events "received", "began" and "played" (see pcm.js).
 
-import { h, noteName, onScheme } from "./format.js";
+import { refine } from "./fine.js";
+import { h, noteName, number, onScheme } from "./format.js";
 import { theme } from "./figure.js";
 import { Player } from "./pcm.js";
+import { toolbar } from "./roving.js";
 
 const PHRASES = [
   ["note", "Note", "The note that is looked at, two seconds held, then let go"],
@@ -46,14 +48,13 @@ export function mount(element, { store, api }) {
   auto.checked = localStorage.getItem(AUTO) !== "no";
 
   const outputs = h("span", { class: "segments", role: "radiogroup", "aria-label": "Where the sound comes out" });
-  const reason = h("span", { class: "unit player-reason" });
+  const why = h("button", { type: "button", class: "quiet small player-why", hidden: true, "data-tip-tap": true }, "why not?");
   const volume = h("input", {
     type: "range",
     min: LOWEST_DB,
     max: 6,
-    step: 1,
+    step: "any",
     "aria-label": "Volume in the browser",
-    oninput: () => setVolume(Number(volume.value)),
   });
   const volumeText = h("output", { class: "unit" });
   const meter = levelMeter();
@@ -62,18 +63,26 @@ export function mount(element, { store, api }) {
   function setVolume(db) {
     player.setGain(db);
     volume.value = db;
-    volumeText.textContent = db <= LOWEST_DB ? "off" : `${db > 0 ? "+" : ""}${String(db).replace("-", "−")} dB`;
+    volumeText.textContent = db <= LOWEST_DB ? "off" : `${db > 0 ? "+" : ""}${number(db, 3)} dB`;
     volume.setAttribute("aria-valuetext", volumeText.textContent);
     localStorage.setItem(VOLUME, db);
   }
   setVolume(Number(localStorage.getItem(VOLUME) ?? 0));
+  refine(volume, {
+    place: () => Number(volume.value),
+    move: (db, { fine }) => setVolume(fine ? Math.round(10 * db) / 10 : Math.round(db)),
+    reset: () => setVolume(0),
+    step: 1,
+  });
 
+  const bar = h("span", { class: "player-phrases", role: "toolbar", "aria-label": "Phrases" }, ...phrases, stop);
+  toolbar(bar);
   element.append(
-    h("span", { class: "player-phrases" }, ...phrases, stop),
+    bar,
     h("label", { class: "player-volume" }, volume, volumeText),
-    meter.element,
+    h("span", { class: "player-level" }, meter.element, meter.text),
     h("label", { class: "check" }, auto, "after each change"),
-    h("span", { class: "player-output" }, h("span", { class: "unit" }, "Sound from"), outputs, reason),
+    h("span", { class: "player-output" }, h("span", { class: "unit" }, "Sound from"), outputs, why),
     load,
   );
 
@@ -89,6 +98,7 @@ export function mount(element, { store, api }) {
           "data-output": output.id,
           disabled: !output.available,
           "aria-checked": String(player.output === output.id),
+          tabindex: player.output === output.id ? 0 : -1,
           title: output.reason || null,
           onclick: () => choose(output.id),
           onkeydown: (event) => arrow(event, output.id),
@@ -98,13 +108,19 @@ export function mount(element, { store, api }) {
     );
     outputs.replaceChildren(...choices);
     const missing = (session?.outputs ?? []).find((output) => !output.available);
-    reason.textContent = missing ? missing.reason : "";
-    reason.title = reason.textContent;
+    why.hidden = !missing;
+    if (missing) {
+      why.dataset.tip = missing.reason;
+      why.setAttribute("aria-label", `${missing.label}: why not? ${missing.reason}`);
+    }
   });
 
   function choose(id) {
     player.chooseOutput(id);
-    for (const one of outputs.children) one.setAttribute("aria-checked", String(one.dataset.output === id));
+    for (const one of outputs.children) {
+      one.setAttribute("aria-checked", String(one.dataset.output === id));
+      one.tabIndex = one.dataset.output === id ? 0 : -1;
+    }
     volume.disabled = id !== "browser";
   }
 
@@ -173,25 +189,35 @@ export function mount(element, { store, api }) {
   store.on(["note", "velocity"], () => (phrases[0].title = `${PHRASES[0][2]}: ${seen()} (Enter)`));
 }
 
-/** Peaks of what goes out, −60 to 0 dBFS, falling 20 dB a second. */
+/** Peaks of what goes out, −60 to 0 dBFS, falling 20 dB a second, and the highest of what sounds in figures. */
 function levelMeter() {
   const canvas = h("canvas", { class: "meter", role: "img", "aria-label": "Level" });
+  const text = h("output", { class: "unit meter-peak", title: "Highest peak since it was silent" });
   const FALL_DB_S = 20;
   const HOLD_MS = 1500;
   let levels = [LOWEST_DB, LOWEST_DB];
   let peak = { db: LOWEST_DB, at: 0 };
   let moving = false;
   let before = 0;
+  let top_db = LOWEST_DB;
+
+  /** The figure stays when it is silent again, until something else sounds. */
+  function say(db) {
+    text.textContent = `${number(Math.round(10 * db) / 10)} dBFS`;
+    text.classList.toggle("over", db >= 0);
+  }
 
   function feed(samples) {
+    if (!moving) top_db = LOWEST_DB;
     for (const side of [0, 1]) {
       let top = 0;
       for (let i = side; i < samples.length; i += 2) top = Math.max(top, Math.abs(samples[i]));
       const db = Math.max(LOWEST_DB, 20 * Math.log10(top || 1e-9));
       levels[side] = Math.max(levels[side], db);
       if (db >= peak.db) peak = { db, at: performance.now() };
+      if (db > top_db) say((top_db = db));
     }
-    if (!moving) {
+    if (!moving && peak.db > LOWEST_DB) {
       moving = true;
       before = performance.now();
       requestAnimationFrame(step);
@@ -240,5 +266,5 @@ function levelMeter() {
 
   onScheme(draw);
   new ResizeObserver(draw).observe(canvas);
-  return { element: canvas, feed };
+  return { element: canvas, text, feed };
 }

@@ -3,21 +3,23 @@
 /** Steps of a slider from end to end. */
 export const STEPS = 1000;
 
-/** {place(value) → 0..STEPS, value(place)}; values have the digits that a person would write. */
-export function makeScale({ minimum: low, maximum: high, integer, scale }) {
+/** {place(value) → 0..STEPS, value(place, fine)}; values have the digits that a person would write, one more where it is `fine`. */
+export function makeScale({ minimum: low, maximum: high, integer, scale, step }) {
   const knee = Math.max(Math.abs(low), Math.abs(high)) / 1000;
-  const bend =
-    scale !== "log" ? [(x) => x, (y) => y] : low > 0 ? [Math.log, Math.exp] : [(x) => Math.asinh(x / knee), (y) => knee * Math.sinh(y)];
+  const both = scale === "log" && low <= 0;
+  const bend = scale !== "log" ? [(x) => x, (y) => y] : both ? [(x) => Math.asinh(x / knee), (y) => knee * Math.sinh(y)] : [Math.log, Math.exp];
   const first = bend[0](low);
   const last = bend[0](high);
   return {
     place: (value) => (STEPS * (bend[0](Math.min(high, Math.max(low, value))) - first)) / (last - first),
-    value(place) {
+    value(place, fine = false) {
       if (place <= 0) return low;
       if (place >= STEPS) return high;
       const exact = bend[1](first + ((last - first) * place) / STEPS);
-      const around = bend[1](first + ((last - first) * (place + 1)) / STEPS) - exact;
-      return Math.min(high, Math.max(low, tidy(exact, around, integer)));
+      const beside = bend[1](first + ((last - first) * (place + (fine ? 0.1 : 1))) / STEPS);
+      // round zero, where its steps are smallest, no finer than what exact entry counts in
+      const least = both && step ? step / 10 : 0;
+      return Math.min(high, Math.max(low, tidy(exact, Math.max(least, Math.abs(beside - exact)), integer)));
     },
   };
 }
@@ -25,7 +27,7 @@ export function makeScale({ minimum: low, maximum: high, integer, scale }) {
 /** The value with no more digits than tell it from its neighbour at `distance`; whole where it must be. */
 function tidy(value, distance, integer) {
   if (integer) return Math.round(value);
-  const unit = 10 ** Math.floor(Math.log10(Math.abs(distance) || 1));
+  const unit = 10 ** Math.floor(Math.log10(distance || 1));
   return Number((Math.round(value / unit) * unit).toPrecision(12));
 }
 
@@ -40,6 +42,6 @@ export function keyStep(value, { step, integer }) {
 
 /** What is typed into a number field; NaN where it is no number. Comma and real minus sign are taken. */
 export function parseNumber(text) {
-  const clean = text.trim().replace("−", "-").replace(",", ".");
+  const clean = text.trim().replaceAll("−", "-").replace(",", ".");
   return /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(clean) ? Number(clean) : NaN;
 }

@@ -18,7 +18,7 @@ export function closeView(drawing) {
   const near = drawing.points.filter(({ x }) => x > 0.94 * length);
   if (drawing.kind === "frets" || near.length === 0) return null;
   const far = Math.max(...near.map(({ x }) => length - x));
-  const deep = Math.max(...near.map(({ height }) => Math.abs(height)));
+  const deep = Math.max(...near.map(({ height }) => Math.abs(height)), Math.abs(drawing.thread?.height ?? 0));
   // the string, drawn aside, leaves its rest by its slope times the distance
   const slope = drawing.pluck.displacement_mm / Math.max(0.05 * length, length - drawing.pluck.x);
   const high = Math.max(3 * deep, Math.min(1.6 * slope * far, 40 * Math.max(deep, 0.002)), 0.012);
@@ -69,6 +69,9 @@ function ghostOf(panel, drawing, ghost, close) {
     const now = drawing.points[i];
     if (now?.x === x && now?.height === height) continue;
     if (panel.shows(x)) out.push(s("circle", { class: "ghost", cx: panel.X(x), cy: panel.Y(height), r: 4.5 }));
+  }
+  if (ghost.thread !== null && ghost.thread.height !== drawing.thread?.height && panel.shows(ghost.thread.x)) {
+    out.push(s("circle", { class: "ghost", cx: panel.X(ghost.thread.x), cy: panel.Y(ghost.thread.height), r: 4.5 }));
   }
   if (!close && ghost.output.x !== drawing.output.x) {
     const x = panel.X(ghost.output.x);
@@ -158,6 +161,16 @@ export function handlesOf(panel, drawing, { close, hasClose }) {
       past: !point.in_play,
       drag: point.drag,
       shape: [s("circle", { class: neck ? "knob small" : "knob", r: neck ? 3.2 : 5 })],
+    });
+  }
+  if (drawing.thread !== null && close === hasClose) {
+    out.push({
+      id: "thread",
+      x: drawing.thread.x,
+      y: drawing.thread.height,
+      label: "Thread (jiva)",
+      drag: drawing.thread.drag,
+      shape: [s("circle", { class: "knob", r: 5 })],
     });
   }
   if (!close && output.drag.x) {

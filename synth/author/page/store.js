@@ -10,11 +10,13 @@
 // state.connected the WebSocket is up                      state.theme     "auto" | "light" | "dark"
 // state.table     number of the string that plays the note
 // state.kernels   "loading" (nothing can be computed yet) | "ready"
+// state.compiling  {done, total, share, seconds} of the kernels while they are compiled, else null
 // state.parameters  what GET …/parameters lists, [] before it came
 //
 // store.data() is the preset of the version that is shown (state.which); store.value(path) one value of it.
 // Actions return promises. They never throw: what the server refuses is shown as a notice, a refused edit (422) at its field
-// by state.errors, and the promise gives null. 409 (exists, changed on disk) is given to who saves as {refused: ApiError}.
+// by state.errors, and the promise gives null. Who asks for a name, to save or for a fit is given what is refused, as
+// {refused: {message, reason}}, to say it where it was asked for.
 // Refusals at fields go with their cause: when the value is changed, by whomever, or the text as a whole.
 
 import { ApiError } from "./api.js";
@@ -24,7 +26,7 @@ import { inWords, labelOf } from "./wording.js";
 const THEME = "jawari-theme";
 /** The note of a document, kept over reloads of the tab. */
 const NOTE = "jawari-note-";
-const KERNELS_MS = 3000;
+const KERNELS_MS = 1000;
 
 export function createStore(api) {
   const listeners = new Set();
@@ -36,6 +38,7 @@ export function createStore(api) {
     velocity: 90,
     table: 0,
     kernels: "ready",
+    compiling: null,
     parameters: [],
     which: "current",
     errors: {},
@@ -81,9 +84,11 @@ export function createStore(api) {
   function failed(error) {
     if (error.name === "AbortError") return null;
     if (!(error instanceof ApiError)) throw error;
-    notify(error.errors.length > 0 ? error.errors.map(said).join("; ") : error.message, "error");
+    notify(inSum(error), "error");
     return null;
   }
+
+  const inSum = (error) => (error.errors.length > 0 ? error.errors.map(said).join("; ") : error.message);
 
   const label = (path) => labelOf(path, state.parameters, state.doc?.data);
 
@@ -128,21 +133,21 @@ export function createStore(api) {
     return kept.length === Object.keys(state.errors).length ? state.errors : Object.fromEntries(kept);
   }
 
-  /** `asks`: the caller deals with a conflict. */
+  /** `asks`: the caller says what is refused. */
   async function act(request, { asks = false } = {}) {
     try {
       return take(await request);
     } catch (error) {
-      if (asks && error instanceof ApiError && error.status === 409) return { refused: error };
+      if (asks && error instanceof ApiError) return { refused: { message: inSum(error), reason: error.reason } };
       return failed(error);
     }
   }
 
   /** What changes the whole text: it is the edited version that is seen then, and no refusal stands any more. */
-  async function changeAll(action, body) {
+  async function changeAll(action, body, options = {}) {
     if (state.which === "saved") set({ which: "current" });
-    const result = await act(after(action, body));
-    if (result !== null && Object.keys(state.errors).length > 0) set({ errors: {} });
+    const result = await act(after(action, body), options);
+    if (result !== null && !result.refused && Object.keys(state.errors).length > 0) set({ errors: {} });
     return result;
   }
 
@@ -222,9 +227,9 @@ export function createStore(api) {
   /** Kernels that were loading may be there: a socket, which would say so, is there for documents only. */
   async function lookAgain() {
     if (state.kernels !== "loading") return;
-    const session = await api.get("/api/session").catch(() => null);
-    if (session?.kernels === "ready") set({ kernels: "ready" });
-    else setTimeout(lookAgain, KERNELS_MS);
+    const now = await api.get("/api/kernels").catch(() => null);
+    if (now !== null) set({ kernels: now.kernels, compiling: now.compiling });
+    if (now?.kernels !== "ready") setTimeout(lookAgain, KERNELS_MS);
   }
 
   const actions = {
@@ -246,7 +251,7 @@ export function createStore(api) {
     duplicate: (name) => act(after("duplicate", { name }), { asks: true }),
     recover: (takeIt) => changeAll("recover", { take: takeIt }),
     reload: () => changeAll("reload"),
-    applyFit: (job) => changeAll("apply-fit", { job }),
+    applyFit: (job) => changeAll("apply-fit", { job }, { asks: true }),
     setParameters: (parameters) => set({ parameters }),
     /** The words for a value's path: "Pa string, Length". */
     labelOf: label,
@@ -255,7 +260,7 @@ export function createStore(api) {
     refreshSession: async () => {
       try {
         const session = await api.get("/api/session");
-        set({ session, kernels: session.kernels });
+        set({ session, kernels: session.kernels, compiling: session.compiling });
         if (session.kernels === "loading") setTimeout(lookAgain, KERNELS_MS);
       } catch (error) {
         failed(error);
@@ -292,7 +297,7 @@ export function createStore(api) {
   });
   // saved over by another document, which goes on in its place
   api.socket.on("moved", ({ doc }) => doc !== null && actions.resume(doc));
-  api.socket.on("kernels", (message) => set({ kernels: message.kernels }));
+  api.socket.on("kernels", ({ kernels, compiling }) => set({ kernels, compiling }));
   api.socket.on("error", (message) => notify(message.message, "error"));
   api.socket.on("open", () => {
     // what happened while the connection was down

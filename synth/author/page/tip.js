@@ -1,4 +1,5 @@
-// One tooltip for the page: shown on hover, keyboard focus or tap of an element with data-tip, gone with Escape.
+// One tooltip for the page: shown on hover, keyboard focus or tap of an element with data-tip, gone with Escape; what only who
+// uses the keyboard needs to know is data-tip-keys.
 
 import { h } from "./format.js";
 
@@ -10,7 +11,7 @@ export function mount(tip) {
 
   function show(element) {
     owner = element;
-    tip.textContent = element.dataset.tip;
+    tip.textContent = element.dataset.tip ?? element.dataset.tipKeys;
     tip.hidden = false;
     const at = element.getBoundingClientRect();
     const size = tip.getBoundingClientRect();
@@ -39,7 +40,7 @@ export function mount(tip) {
     if (element !== null) timer = setTimeout(() => show(element), 350);
   });
   document.addEventListener("focusin", (event) => {
-    const element = owning(event);
+    const element = event.target.closest?.("[data-tip], [data-tip-keys]") ?? null;
     if (element !== null && element.matches(":focus-visible")) show(element);
     else hide();
   });

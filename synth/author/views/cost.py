@@ -3,7 +3,7 @@
 estimate(preset, note, velocity=100, *, quality="standard", rate_hz=44100.0) -> dict
 
     quality, rate_hz (internal), factor (times the output rate), modes, contacts
-    scene             "nothing to touch", "bridge" or "impacts": what decides the promise
+    scene             "nothing to touch", "bridge", "bridge plucked from afar" or "impacts": what decides the promise
     promise, reason   of the plan, in words
     real_time_factor  seconds of sound per second of one core, of this string from the pluck on, measured over `MEASURED_S`
     worst_block       largest share of its time that a block of `BLOCK_FRAMES` took
@@ -30,16 +30,16 @@ from threadpoolctl import threadpool_limits
 from synth.author.views.place import find, speaking
 from synth.author.views.runs import differences, run
 from synth.author.views.tape import QUALITY, RATE_HZ
-from synth.compile import note_frequency
+from synth.compile import note_frequency, string_kind
 from synth.engine.engine import Engine
 from synth.engine.events import EVENT, NOTE_ON, make_events
-from synth.plan import BRIDGE, FREE, IMPACTS, QUALITIES, choose_factor, scene_kind
+from synth.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor
 from synth.preset import Preset
 
 MEASURED_S = 1.0
 COMPARED_S = 0.4
 BLOCK_FRAMES = 256
-SCENES = {FREE: "nothing to touch", BRIDGE: "bridge", IMPACTS: "impacts"}
+SCENES = {FREE: "nothing to touch", BRIDGE: "bridge", FAR: "bridge plucked from afar", IMPACTS: "impacts"}
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -58,7 +58,7 @@ def estimate(
     factor = blocks.size * BLOCK_FRAMES / rate_hz / blocks.sum()
     position = next(p for p in engine.compiled[0].strings[0].positions if p.fret == place.fret)
     scene = speaking(place)
-    kind = scene_kind(scene.opened, scene.below.positions_m)
+    kind = string_kind(preset, scene.opened, scene.below)
     mine, reference = (run(place, velocity, COMPARED_S, q, rate_hz=rate_hz) for q in (quality, "reference"))
     polyphony = preset.mapping.polyphony
     return {

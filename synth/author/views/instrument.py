@@ -1,7 +1,8 @@
 """The instrument from the side, to scale: the string at rest, what lies under it, where it is plucked and heard.
 
 draw(preset, note, velocity=127) -> dict. Places x [m] count from the nut of the open string, the saddle is at
-`open_length_m`; heights [mm] count from the line of the open string at rest, upwards. Rounded to 1e-6 m and 1e-5 mm.
+`open_length_m`; heights [mm] count upwards from the line of the open string at rest, over a bridge from the line on which it
+would just touch the edge: the bridge stays where it is, and its thread raises the string's end. Rounded to 1e-6 m, 1e-5 mm.
 
     note, note_name, string (its name), table (index of its table in the file), opened (its open note), fret (0: open)
     open_length_m   from nut to saddle
@@ -15,7 +16,7 @@ draw(preset, note, velocity=127) -> dict. Places x [m] count from the nut of the
     points          [{index, x, height, gap_mm, label, in_play, drag}] the obstacle, from the nut: gap_mm from the string at
                     rest at this note down to the point (negative: pressed); in_play: the note can touch it
     frets           [x …] of a neck, else []
-    thread          {x, height} of a bridge: the thread (jiva) on which the string ends, else None
+    thread          {x, height, drag} of a bridge: the thread (jiva) on which the string ends, which is its saddle; else None
     finger          {x, height, fret} of a stopped note, else None
     pluck           {x, x_hard, width_m, displacement_mm (at this velocity and note),
                     shape [[x, mm] …] the string as it is let go, drag}
@@ -78,7 +79,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     heights = [0.0, *(point["height"] for point in points), *(h for _, h in pluck["shape"]), output["height"] or 0.0]
     core = place.table.core_diameter_mm or place.table.diameter_mm
     area = math.pi * (1e-3 * at_note(core, place.opened)) ** 2 / 4.0
-    return {
+    drawing = {
         "note": note,
         "note_name": midi_to_note(note),
         "string": place.label,
@@ -100,7 +101,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
         "rest": rest,
         "points": points,
         "frets": [point["x"] for point in points] if neck else [],
-        "thread": {"x": _m(length), "height": 0.0} if isinstance(preset.obstacle, BridgeObstacle) else None,
+        "thread": None,
         "finger": {"x": _m(fret_x), "height": _mm(fret_height), "fret": place.fret} if place.fret else None,
         "pluck": pluck,
         "output": output,
@@ -109,6 +110,33 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
         "reason": reason,
         "places": _elsewhere(preset, place),
     }
+    if isinstance(preset.obstacle, BridgeObstacle):
+        _raise_thread(drawing, obstacle, drags, preset.obstacle)
+    return drawing
+
+
+def _raise_thread(drawing: dict[str, Any], obstacle: Obstacle, drags: _Drags, bridge: BridgeObstacle) -> None:
+    """Turn the string of a drawing about its nut until the bridge's edge lies at height 0."""
+    length, edge = drags.length_m, obstacle.positions_m[0]
+    rise = -1e3 * obstacle.heights_m[0] / edge  # [mm] a metre
+
+    def raised(x: float, height: float) -> float:
+        return round(height + rise * x, 5) + 0.0
+
+    pluck, output = drawing["pluck"], drawing["output"]
+    drawing["rest"] = [[x, raised(x, height)] for x, height in drawing["rest"]]
+    pluck["shape"] = [[x, raised(x, height)] for x, height in pluck["shape"]]
+    for thing in (drawing["saddle"], *drawing["points"], output):
+        if thing["height"] is not None:
+            thing["height"] = raised(thing["x"], thing["height"])
+    for thing in (pluck, output):
+        drag = thing["drag"]["height"]
+        if drag is not None:
+            drag["offset"] -= drag["factor"] * rise * thing["x"]
+    height = drags.along("obstacle.jiva_um", 0.0, 1e3 * edge / length, bridge.jiva_um)
+    drawing["thread"] = {**drawing["saddle"], "drag": {"x": None, "height": height}}
+    heights = [0.0, *(h for _, h in drawing["rest"]), *(h for _, h in pluck["shape"]), output["height"] or 0.0]
+    drawing["extent_mm"] = [min(heights), max(heights)]
 
 
 def _m(metres: float) -> float:
@@ -208,7 +236,7 @@ def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) 
             x = drags.along("obstacle.distance_mm", 1e3 * length, -1e3, shape.distance_mm)
         else:
             x = drags.along("obstacle.distance_ratio", 1.0, -1.0 / length, shape.distance_ratio)
-        return {"x": x, "height": drags.along("obstacle.jiva_um", 0.0, -1e3, shape.jiva_um)}
+        return {"x": x, "height": None}  # it is the thread that is raised
     if isinstance(shape, PointsObstacle):
         return {
             "x": drags.along(f"obstacle.positions_mm.{index}", 0.0, 1e3, None),

@@ -3,8 +3,7 @@
 film(preset, note, velocity=100, seconds=0.05, frames=150, *, start_s=0.0, quality="standard", rate_hz=44100.0) -> dict.
 
 The note is held; time counts from the moment the finger touches the string, which is when the key goes down. x [m] and
-heights [mm] are those of `instrument.draw`: from the nut of the open string, from its line at rest; force in N, upwards on
-the string.
+heights [mm] are those of `instrument.draw`; force in N, upwards on the string.
 
     rate_hz        internal rate; `step_s` its step
     start_s        time of the first frame: `start_s` as asked for, to the next state that the engine keeps (8 steps)
@@ -81,7 +80,9 @@ def film(
     shapes = _shapes(scene, position, x)
     heights = shots.q @ shapes.T
     nut = drawing["open_length_m"] - position.length_m
-    rest = position.rest_height_m * (1.0 - x / position.length_m)
+    rest = (
+        position.rest_height_m * (1.0 - x / position.length_m) + 1e-3 * drawing["saddle"]["height"] * x / position.length_m
+    )
     output = _sound_at(shots.out, wanted * step_s, engine)
     in_play = [point for point in drawing["points"] if point["in_play"]]
     points = [

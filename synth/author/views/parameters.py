@@ -3,7 +3,8 @@
 describe(preset) -> list of dicts, in the order of the file, one for every setting that this preset can have now:
 
     path      where it stands, "string.0.length_m"; what an edit names
-    group     "string", "obstacle", "pluck", "damping", "output", "mapping" or "about"
+    group     "setup" (what shapes the instrument, of several tables), "string", "obstacle", "pluck", "damping", "output",
+              "mapping" or "about"
     table     the path of its table, "string.0", "nut.1", "pluck"; "" at the top: controls of one table belong together
     label, unit, tip   words; unit "" for a bare number, a text or a choice
     kind      "number"    a number
@@ -15,10 +16,12 @@ describe(preset) -> list of dicts, in the order of the file, one for every setti
               "list"      of `item`: "number", "text" or "table"; the tables' own controls follow in the list
     minimum, maximum   ends of the control, both accepted; of a list the number of its items; None: no limit
     above, below       limits that are themselves refused, None where the end is accepted
-    usual     [low, high] of real instruments, for the travel of a slider and for randomising; None: nothing usual
+    usual     [low, high] of real instruments; None: nothing usual
+    travel    [low, high] of a slider, as a rule what is usual; None: there is none
     step      what exact entry counts in, None for what is not a number
     integer   whole numbers only
-    scale     "linear", or "log" where the usual range spans a factor of 20 or more
+    scale     of the slider: "linear", or "log" where its ends lie a factor of 20 or more apart; also on both sides of zero,
+              where it reaches that much further than what is usual
     default   value where the file has none, None: there is none (`required`) or it is then absent (`optional`)
     required  the file must have it
     optional  may be absent (null): the default is its absence
@@ -41,7 +44,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
-from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, WORDS, Words
+from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, WORDS, Words
 from synth.compile import ideal_string, obstacle_of, string_frequency
 from synth.preset import (
     KINDS,
@@ -139,12 +142,13 @@ def _control(
     preset: Preset, kind: type[Table], table: Table, name: str, path: str, inner: Any, metadata: list[Any]
 ) -> dict[str, Any]:
     words = WORDS[kind][name]
+    travel = words.travel or words.usual
     field = kind.model_fields[name]
     required = field.is_required()
     default = None if required else _plain(field.get_default(call_default_factory=True))
     entry: dict[str, Any] = {
         "path": path,
-        "group": GROUPS[path.split(".")[0]],
+        "group": SETUP if words.setup else GROUPS[path.split(".")[0]],
         "table": path.rpartition(".")[0],
         "label": words.label,
         "unit": words.unit,
@@ -154,9 +158,10 @@ def _control(
         "item": None,
         **_limits(metadata, words),
         "usual": list(words.usual) if words.usual else None,
+        "travel": list(travel) if travel else None,
         "step": words.step,
         "integer": inner is int,
-        "scale": "log" if words.usual and words.usual[0] > 0.0 and words.usual[1] >= LOG_FROM * words.usual[0] else "linear",
+        "scale": "log" if _spreads(words.usual, travel) else "linear",
         "default": default,
         "required": required,
         "optional": not required and default is None,
@@ -188,6 +193,15 @@ def _control(
     else:
         entry.update(kind="anchored")
     return entry
+
+
+def _spreads(usual: tuple[float, float] | None, travel: tuple[float, float] | None) -> bool:
+    """Whether a slider from end to end needs a scale that is finer where its values are small."""
+    if usual is None or travel is None:
+        return False
+    if travel[0] > 0.0:
+        return travel[1] >= LOG_FROM * travel[0]
+    return travel[1] - travel[0] >= LOG_FROM * (usual[1] - usual[0])
 
 
 def _list_item(item: Any, table: Table, name: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.compile import make_string, note_frequency, obstacle_of, string_frequency, string_notes
+from synth.compile import make_string, note_frequency, obstacle_of, string_frequency
 from synth.physics.obstacle import Obstacle, fretted
 from synth.physics.string import String
 from synth.preset import FretsObstacle, Preset, PresetError, StringTable, fret_count, playable_range
@@ -89,10 +89,3 @@ def find(preset: Preset, note: int) -> Place:
             f"{preset.name}: no string plays {midi_to_note(note)}; its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
         )
     return best
-
-
-def playable(preset: Preset) -> list[int]:
-    """The MIDI notes that a preset's strings and frets give, in order."""
-    frets = fret_count(preset)
-    notes = {opened + fret for table in preset.string for opened in string_notes(table) for fret in range(frets + 1)}
-    return sorted(note for note in notes if note <= 127)

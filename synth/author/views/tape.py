@@ -8,7 +8,7 @@ Strings do not fly and modes do not rest here, as at the quality `fine`: on the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -118,9 +118,9 @@ class Taped(Engine):
         self.place = place
         self.prepare(rate_hz, PIECE)
 
-    def prepare(self, rate_hz: float, max_block: int = PIECE) -> None:
+    def prepare(self, rate_hz: float, max_block: int = PIECE, progress: Callable[[int, int], None] | None = None) -> None:
         """As the engine's, and the tape begins."""
-        super().prepare(rate_hz, max_block)
+        super().prepare(rate_hz, max_block, progress)
         string = self.compiled[0].strings[0]
         steps = (max_block + SPAN * QUANTUM) * string.factor
         shots = steps // BLOCK + MORE_SHOTS

@@ -30,7 +30,9 @@ from synth.preset import (
 @dataclass(frozen=True)
 class Words:
     """label and tip, in English; unit, "" for a bare number; usual: (low, high) of real instruments; step: what exact entry
-    counts in; live: heard without a new pluck, or at the next one without compiling anew."""
+    counts in; live: heard without a new pluck, or at the next one without compiling anew; travel: (low, high) of a slider
+    that goes further than what is usual, since the tip speaks of it; setup: a part of the instrument's setup, which stands
+    first."""
 
     label: str
     tip: str
@@ -38,8 +40,12 @@ class Words:
     usual: tuple[float, float] | None = None
     step: float | None = None
     live: bool = False
+    travel: tuple[float, float] | None = None
+    setup: bool = False
 
 
+#: group of what is setup, wherever in the file it stands
+SETUP = "setup"
 #: group of a table of the file
 GROUPS = {
     "name": "about",
@@ -62,6 +68,7 @@ _OBSTACLE_KIND = Words(
     "What the string touches",
     "Nothing; the thread and edge of a tanpura's bridge; any points; the frets of a neck. What the string meets while it "
     "swings makes the buzz, the slap, the rattle.",
+    setup=True,
 )
 
 WORDS: dict[type[Table], dict[str, Words]] = {
@@ -221,6 +228,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "mm",
             (2.0, 20.0),
             0.1,
+            setup=True,
         ),
         "distance_ratio": Words(
             "Thread to edge, of the length",
@@ -228,6 +236,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "of L",
             (0.002, 0.03),
             0.0001,
+            setup=True,
         ),
         "jiva_um": Words(
             "Thread (jiva)",
@@ -237,19 +246,34 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (0.0, 30.0),
             0.5,
             live=True,
+            travel=(-100.0, 1000.0),
+            setup=True,
         ),
     },
     PointsObstacle: {
         "kind": _OBSTACLE_KIND,
-        "positions_mm": Words("Places", "Points of contact, counted from the nut, rising; each needs its height.", "mm"),
+        "positions_mm": Words(
+            "Places",
+            "Points of contact, counted from the nut, rising; each needs its height.",
+            "mm",
+            setup=True,
+        ),
         "heights_mm": Words(
-            "Heights", "Of the points above the string at rest: −1 lies a millimetre below it, 0 just touches.", "mm"
+            "Heights",
+            "Of the points above the string at rest: −1 lies a millimetre below it, 0 just touches.",
+            "mm",
+            setup=True,
         ),
     },
     FretsObstacle: {
         "kind": _OBSTACLE_KIND,
         "count": Words(
-            "Frets", "How many, in equal temperament; every string plays as many notes above its own.", "", (12.0, 24.0), 1.0
+            "Frets",
+            "How many, in equal temperament; every string plays as many notes above its own.",
+            "",
+            (12.0, 24.0),
+            1.0,
+            setup=True,
         ),
         "action_12th_mm": Words(
             "Action at fret 12",
@@ -257,6 +281,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "mm",
             (0.8, 4.0),
             0.05,
+            setup=True,
         ),
         "relief_mm": Words(
             "Relief",
@@ -264,15 +289,22 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "mm",
             (0.0, 0.6),
             0.01,
+            setup=True,
         ),
         "nut_height_mm": Words(
-            "Gap at fret 1", "Between the open string and fret 1: what the nut's slots leave.", "mm", (0.2, 1.0), 0.01
+            "Gap at fret 1",
+            "Between the open string and fret 1: what the nut's slots leave.",
+            "mm",
+            (0.2, 1.0),
+            0.01,
+            setup=True,
         ),
         "heights_mm": Words(
             "Fret heights",
             "Of every fret above the open string at rest (−2 lies two millimetres below it), in place of action and relief: "
             "a worn or high fret buzzes by itself.",
             "mm",
+            setup=True,
         ),
     },
     Pluck: {
@@ -284,6 +316,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (0.05, 0.5),
             0.001,
             live=True,
+            setup=True,
         ),
         "position_hard": Words(
             "Hardest pluck at, from saddle",
@@ -300,6 +333,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (0.2, 6.0),
             0.05,
             live=True,
+            setup=True,
         ),
         "velocity_exponent": Words(
             "Velocity curve",
@@ -307,6 +341,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "",
             (0.5, 2.0),
             0.05,
+            travel=(0.0, 4.0),
         ),
         "width_mm": Words(
             "Finger width",
@@ -316,6 +351,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (1.0, 25.0),
             0.1,
             live=True,
+            setup=True,
         ),
         "width_hard_mm": Words(
             "Finger width, hard",
@@ -345,6 +381,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "× Z",
             (0.1, 5.0),
             0.05,
+            travel=(0.0, 5.0),
         ),
     },
     Damping: {
@@ -365,6 +402,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "What is heard",
             "The string's force on the saddle (what drives a body), its displacement or velocity at a place, or a magnetic "
             "pickup over it.",
+            setup=True,
         ),
         "position": Words(
             "Pickup at, from saddle",
@@ -373,6 +411,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "of L",
             (0.0, 0.4),
             0.001,
+            setup=True,
         ),
         "distance_mm": Words(
             "Pickup distance",
@@ -380,6 +419,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "mm",
             (1.0, 10.0),
             0.1,
+            setup=True,
         ),
         "aperture_mm": Words(
             "Pickup aperture",

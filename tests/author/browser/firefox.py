@@ -19,8 +19,9 @@ from typing import Any
 
 from websockets.sync.client import connect
 
-from tests.author.browser.running import PATIENCE_S
-from tests.author.serverkit import until
+from tests import pipewirekit
+from tests.author.browser.running import SETTLED
+from tests.author.serverkit import patience_s, until
 
 NAMES = ("firefox-esr", "firefox")
 PREFERENCES = {
@@ -36,8 +37,9 @@ _LISTENS = re.compile(r"WebDriver BiDi listening on (ws://\S+)")
 
 def why_not() -> str:
     """Why no page can be opened and heard here; empty if one can."""
-    missing = [*([] if _program() else ["firefox-esr"]), *([] if shutil.which("pulseaudio") else ["pulseaudio"])]
-    return f"{' and '.join(missing)} not installed (apt-get install {' '.join(missing)})" if missing else ""
+    if _program() is None:
+        return "firefox-esr not installed (apt-get install firefox-esr)"
+    return pipewirekit.why_not(pulse=True)
 
 
 def _program() -> str | None:
@@ -46,22 +48,9 @@ def _program() -> str | None:
 
 @contextmanager
 def null_sink(rate_hz: int = 44100) -> Iterator[str]:
-    """A PulseAudio of its own whose only output is paced and goes nowhere: what PULSE_SERVER must be to use it."""
-    with tempfile.TemporaryDirectory(prefix="jawari-pulse-") as folder:
-        socket = Path(folder) / "native"
-        command = ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--log-target=null"]
-        command += ["-L", f"module-null-sink rate={rate_hz}"]
-        command += ["-L", f"module-native-protocol-unix socket={socket} auth-anonymous=1"]
-        process = subprocess.Popen(
-            command, env=os.environ | {"HOME": folder, "XDG_RUNTIME_DIR": folder}, stderr=subprocess.DEVNULL
-        )
-        try:
-            until(lambda: socket.exists() or process.poll() is not None, PATIENCE_S)
-            assert socket.exists(), "pulseaudio does not start"
-            yield f"unix:{socket}"
-        finally:
-            process.terminate()
-            process.wait(PATIENCE_S)
+    """A sound server of its own whose only output is paced and goes nowhere: what PULSE_SERVER must be to use it."""
+    with pipewirekit.PipeWire(rate_hz=rate_hz, pulse=True) as server:
+        yield server.env["PULSE_SERVER"]
 
 
 class Firefox:
@@ -96,14 +85,14 @@ class Firefox:
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
         try:
-            self._process.wait(PATIENCE_S)
+            self._process.wait(patience_s())
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
         self._held.close()
 
     def _address(self) -> str:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + patience_s()
         while time.monotonic() < deadline and self._process.poll() is None:
             if found := _LISTENS.search(self._said.read_text(errors="replace")):
                 return found[1]
@@ -115,7 +104,7 @@ class Firefox:
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
-            answer = json.loads(self._socket.recv(timeout=PATIENCE_S))
+            answer = json.loads(self._socket.recv(timeout=patience_s()))
             if answer["type"] == "event":
                 if answer["method"] == "log.entryAdded" and answer["params"]["level"] == "error":
                     self._errors.append(str(answer["params"]["text"]))
@@ -133,6 +122,7 @@ class Firefox:
     def open(self, address: str) -> None:
         self.call("browsingContext.navigate", context=self.tab, url=address, wait="complete")
         self.until(lambda: self.script("return document.documentElement.dataset.ready === 'yes'"))
+        self.until(lambda: self.script(SETTLED))
 
     def open_nothing(self) -> None:
         """Leave the page, whatever is unsaved in it."""
@@ -158,7 +148,7 @@ class Firefox:
 
     def until(self, holds: Callable[[], Any]) -> Any:
         """Wait for it: its value."""
-        return until(holds, PATIENCE_S)
+        return until(holds, patience_s())
 
     def place(self, selector: str) -> tuple[float, float]:
         """The middle of the first such element to be seen, scrolled into view, as soon as there is one [px]."""
@@ -187,6 +177,13 @@ class Firefox:
         self._act({"type": "pointer", "id": "mouse", "actions": actions})
 
     click = drag
+
+    def double_click(self, selector: str) -> None:
+        """Two clicks on an element, as fast as they go."""
+        x, y = self.place(selector)
+        click = [{"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0}]
+        actions = [{"type": "pointerMove", "x": round(x), "y": round(y)}, *click, *click]
+        self._act({"type": "pointer", "id": "mouse", "actions": actions})
 
     def keys(self, *keys: str, held: str = "") -> None:
         """Press keys one after the other while others are held; see WebDriver for names of keys that are no characters."""

@@ -18,14 +18,17 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
-from tests.author.serverkit import ROOT, Server
+from tests.author.serverkit import ROOT, Server, patience_s
 
 #: on a folder: Author(folder, preset)
 Author = Server
 PRESETS = ROOT / "presets"
-PATIENCE_S = 90.0
 #: where the number of a path's control is typed
 FIELD = '[data-path="{}"] input[type="text"]'
+SETTLED = """
+const [controls, instrument] = ["controls", "instrument"].map((id) => document.getElementById(id).dataset);
+return controls.shows === instrument.shows && controls.shows?.startsWith(`${decodeURIComponent(location.hash.slice(1))} `);
+"""
 FLAGS = (
     "--headless=new",
     "--no-sandbox",
@@ -58,7 +61,14 @@ class Page:
         self.ready()
 
     def ready(self) -> None:
+        """The page has come, with everything of the document that it was opened with."""
         self.until(lambda: self.script("return document.documentElement.dataset.ready === 'yes'"))
+        if self.script("return !document.getElementById('work').hidden"):
+            self.settle()
+
+    def settle(self) -> None:
+        """Controls and picture are there and show the same string: nothing is made anew under a hand but by an edit."""
+        self.until(lambda: self.script(SETTLED))
 
     def reload(self) -> None:
         self.driver.refresh()
@@ -74,21 +84,27 @@ class Page:
         card = self.find(f'[data-preset="{name}"]')
         self.script("arguments[0].scrollIntoView()", card)
         card.click()
-        self.until(lambda: self.all('.control[data-path="pluck.position"]'))
+        self.settle()
 
     def click(self, selector: str) -> None:
         self.find(selector).click()
 
     def field(self, path: str) -> WebElement:
-        """Where the number of a control is typed."""
+        """Where the number of a control is typed; what folds it away is opened."""
+        self.unfold(path)
         return self.find(FIELD.format(path))
+
+    def unfold(self, path: str) -> None:
+        """Open what folds a control away."""
+        control = self.until(lambda: self.all(f'.control[data-path="{path}"]'))[0]
+        self.script("for (let e = arguments[0]; e; e = e.parentElement) if (e.matches('details')) e.open = true", control)
 
     def script(self, source: str, *arguments: Any) -> Any:
         return self.driver.execute_script(source, *arguments)  # type: ignore[no-untyped-call]
 
     def await_script(self, source: str, *arguments: Any) -> Any:
         """The result of the body of an async function."""
-        self.driver.set_script_timeout(PATIENCE_S)
+        self.driver.set_script_timeout(patience_s())
         return self.driver.execute_async_script(  # type: ignore[no-untyped-call]
             "const done = arguments[arguments.length - 1];"
             f"(async (...given) => {{ {source} }})(...[...arguments].slice(0, -1)).then((value) => done([value, null]),"
@@ -102,10 +118,10 @@ class Page:
             raise RuntimeError(error)
         return value
 
-    def until(self, holds: Callable[[], Any], patience_s: float = PATIENCE_S) -> Any:
+    def until(self, holds: Callable[[], Any]) -> Any:
         """Wait for it: its value. What the page has replaced in between is looked for again."""
         gone = (StaleElementReferenceException,)
-        wait = WebDriverWait(self.driver, patience_s, poll_frequency=0.05, ignored_exceptions=gone)
+        wait = WebDriverWait(self.driver, patience_s(), poll_frequency=0.05, ignored_exceptions=gone)
         return wait.until(lambda _: holds())
 
     def find(self, selector: str) -> WebElement:

@@ -60,6 +60,38 @@ def test_a_wrong_value_is_refused_at_the_field(page):
     assert not state(page)["dirty"]
 
 
+def test_a_slider_is_dragged_finer_with_shift_and_goes_back_by_a_double_click(page):
+    path = "pluck.width_mm"
+    slider = f'.control[data-path="{path}"] .control-slider'
+    page.drag(slider, -40)
+    page.until(lambda: value_of(page, path) < 13)
+    page.until(lambda: state(page)["data"]["pluck"]["width_mm"] == value_of(page, path))
+    before = value_of(page, path)
+    page.script("document.querySelector(arguments[0]).focus()", slider)
+    page.keys("\ue014")  # arrow right
+    page.until(lambda: value_of(page, path) > before)
+    coarse = value_of(page, path) - before
+    page.keys("\ue014", held="\ue008")  # with Shift
+    page.until(lambda: value_of(page, path) > before + coarse)
+    assert value_of(page, path) - before - coarse == pytest.approx(0.1 * coarse, rel=0.25)
+    page.double_click(slider)
+    page.until(lambda: state(page)["data"]["pluck"]["width_mm"] == 18)
+    page.until(lambda: value_of(page, path) == 18)
+    assert page.errors() == []
+
+
+def test_a_unit_is_taken_and_a_wrong_one_refused(page):
+    page.click(FIELD.format("obstacle.jiva_um"))
+    page.keys("a", held=CONTROL)
+    page.keys(*"0.02 mm", ENTER)
+    page.until(lambda: state(page)["data"]["obstacle"]["jiva_um"] == 20)
+    page.keys("a", held=CONTROL)
+    page.keys(*"3 s", ENTER)
+    error = "return document.querySelector('.control[data-path=\"obstacle.jiva_um\"] .control-error').textContent"
+    page.until(lambda: page.script(error).startswith("must be a length in µm"))
+    assert state(page)["data"]["obstacle"]["jiva_um"] == 20
+
+
 def test_the_pluck_is_dragged(page):
     page.drag('[data-handle="pluck"] .reach', 120)
     page.until(lambda: state(page)["dirty"])

@@ -62,7 +62,7 @@ def test_fit_is_shown_and_fills_the_controls(page, tmp_path):
     soundfile.write(tmp_path / "note.wav", plucked(), RATE_HZ)
     page.find("#open-fit").click()
     page.find("#fit-string")
-    page.script("document.getElementById('fit-string').value = 1")
+    page.find("#fit-string option[value='1']").click()
     offer(page, tmp_path / "note.wav")
     said = page.text(".fit-found .tiles")
     assert "110.0" in said or "109.9" in said
@@ -195,19 +195,53 @@ def test_of_two_recordings_the_second_is_fitted(page, tmp_path):
     assert page.script("return document.querySelector('#fit .fit-refusal').hidden")
 
 
-def test_a_fit_is_of_the_string_that_is_shown_and_goes_with_its_document(page, tmp_path):
-    soundfile.write(tmp_path / "note.wav", plucked(2.0), RATE_HZ)
-    chosen = "return document.getElementById('fit-string').selectedIndex"
-    page.until(lambda: page.script(chosen) == page.script("return document.getElementById('fit-string').length - 1"))
+def test_a_fit_proposes_the_nearest_string_and_goes_with_its_document(page, tmp_path):
+    """The string that is shown is G; the note that is found lies nearest to A."""
+    soundfile.write(tmp_path / "note.wav", plucked(2.0, note_hz=56.0), RATE_HZ)  # A1, 31 cents up
     offer(page, tmp_path / "note.wav")
-    page.find(".fit-found .tiles")
+    assert page.text(".fit-found .fit-proposal") == "Nearest to A1 is string 2: A."
     assert page.script(STAGE) == FOUND
     paths = [row.get_attribute("data-path") for row in page.all(".settings tbody tr")]
-    assert "string.3.notes" in paths
+    assert "string.1.cents" in paths and not any(path.startswith(("string.0.", "string.2.", "string.3.")) for path in paths)
+    # another one by hand: the nearest is told, and can be had
+    page.script("const s = document.getElementById('fit-string'); s.value = '3'; s.dispatchEvent(new Event('change'))")
+    page.until(lambda: "nearest to A1 is string 2: A" in page.text(".fit-found .fit-proposal"))
+    assert page.text(".fit-found .fit-proposal").startswith("Fitted as string 4: G;")
+    page.find("#fit-nearest").click()
+    page.until(lambda: page.text(".fit-found .fit-proposal").startswith("Nearest to A1 is string 2: A"))
     page.script("document.getElementById('fit-dialog').close()")
     page.find("#open").click()
     page.find('dialog [data-preset="tanpura"]').click()
     page.until(lambda: page.text("#title") == "Tanpura")
     page.find("#open-fit").click()
     assert page.script(STAGE) == WAITING
-    assert page.script("return document.getElementById('fit-string').selectedOptions[0].text") == "4: kharaj"
+    assert page.script("return document.getElementById('fit-string').value") == ""
+
+
+def test_a_fit_says_which_t60_is_which_and_shows_the_next_step_at_once(page, tmp_path):
+    soundfile.write(tmp_path / "note.wav", plucked(2.0), RATE_HZ)
+    page.driver.set_window_size(1280, 800)
+    offer(page, tmp_path / "note.wav")
+    names = [each.text for each in page.find(".fit-found .tiles").find_elements("css selector", "dt")]
+    t60 = [name for name in names if name.startswith("T60")]
+    assert t60[0] == "T60 of partial 1" and t60[1].startswith("T60 of partial ") and len(set(t60)) == 2 == len(t60)
+    seen = """const b = document.getElementById("apply-fit").getBoundingClientRect();
+      const at = document.elementFromPoint(b.x + b.width / 2, b.y + b.height / 2);
+      return [document.getElementById("fit-dialog").scrollTop, b.bottom <= innerHeight, at?.id];"""
+    for figure in range(3):
+        page.until(lambda figure=figure: ink(page, figure) > 1000)
+    page.until(lambda: page.script(seen) == [0, True, "apply-fit"])
+    # a string that is no longer there is refused in the dialog, and the refusal goes with it
+    page.result(
+        "await fetch('/api/docs/' + location.hash.slice(1) + '/edit', {method: 'POST', body: JSON.stringify({merge: null,"
+        " changes: [{path: 'string.3', value: null}, {path: 'string.2', value: null}, {path: 'string.1', value: null},"
+        " {path: 'string.0.name', value: 'other'}]})});"
+    )
+    page.until(lambda: len(page.result("return (await (await fetch('/api/docs/' + location.hash.slice(1))).json())")
+                           ["data"]["string"]) == 1)  # fmt: skip
+    page.find("#apply-fit").click()
+    page.until(lambda: "fit the recording anew" in page.text(".fit-refusal"))
+    assert not [each for each in page.all(".notice.error") if each.is_displayed()]
+    page.script("document.getElementById('fit-dialog').close()")
+    page.find("#open-fit").click()
+    assert not page.find("#fit-dialog").find_element("css selector", ".fit-refusal").is_displayed()

@@ -169,7 +169,8 @@ def test_output_of_the_server_is_offered_or_says_why_not(page):
         button = page.find(f"[data-output='{output['id']}']")
         assert button.is_enabled() == output["available"]
         if not output["available"]:
-            assert output["reason"] and output["reason"] in page.text(".player-reason")
+            page.find(".player-why").click()
+            assert output["reason"] and output["reason"] == page.text("#tip")
 
 
 def test_midi_that_is_refused_is_said(page):

@@ -170,3 +170,26 @@ def test_difference_of_long_texts(page):
     )
     around = [[" ", f"same {k}"] for k in (59998, 59999)], [[" ", f"same {k}"] for k in (0, 1)]
     assert rows == [[*around[0], ["-", "old"], ["+", "new"], *around[1]], 120_000]
+
+
+def test_a_refused_name_stands_at_its_field_and_goes_with_the_dialog(page, folder):
+    menu(page, "Save as")
+    name = page.find("#file-name")
+    name.clear()
+    name.send_keys("a/b\n")
+    page.until(lambda: page.text("dialog .field-error") != "")
+    assert name.get_attribute("aria-invalid") == "true"
+    assert page.all(".notice.error") == []
+    page.find("dialog .sheet-close").click()
+    page.until(lambda: page.all("dialog[open]") == [])
+    assert page.all(".field-error") == [] and page.all(".notice.error") == []
+    assert [path.name for path in folder.iterdir()] == ["mine.toml"]
+
+
+def test_what_is_said_over_a_dialog_goes_with_it(page):
+    page.find("#open").click()
+    page.find("dialog .file-list")
+    page.script(DROP, "broken.toml", "format = ")
+    assert page.text("dialog .notice.error")
+    page.find("dialog .sheet-close").click()
+    page.until(lambda: page.all(".notice.error") == [])

@@ -1,9 +1,12 @@
 """What the page says: refusals in words, gone with their cause and in nobody's way; what leads picture and note."""
 
+import os
+import re
+
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.author.browser.running import Page, copy_preset, name_of, set_value, state
+from tests.author.browser.running import Author, Page, copy_preset, name_of, set_value, state
 
 
 @pytest.fixture
@@ -140,3 +143,24 @@ def test_an_address_that_is_no_name_still_opens_the_page(driver, author):
     page = Page(driver)
     page.open(f"{author.address}#%")
     assert page.find("[data-preset]")
+
+
+def test_a_first_start_shows_what_it_compiles(driver, tmp_path):
+    """…as a bar that moves, at once; the page can be used meanwhile, and its address holds no secret."""
+    (tmp_path / "presets").mkdir()
+    copy_preset("tanpura", tmp_path / "presets" / "mine.toml")
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment["XDG_CACHE_HOME"] = str(tmp_path / "cache")
+    with Author(tmp_path / "presets", env=environment) as author:
+        page = Page(driver)
+        page.open(author.address)
+        page.until(lambda: page.all("#banner progress"))
+        assert "token" not in driver.current_url
+        assert "once on this machine" in page.text("#banner") and page.find("#banner").is_displayed()
+        before = page.find("#banner progress").get_property("value")
+        page.choose("mine")  # its socket tells from now on
+        page.until(lambda: page.find("#banner progress").get_property("value") > before)
+        assert re.search(r"\d+ of \d+ kernels, \d+ s", page.text("#banner"))
+        set_value(page, "pluck.width_mm", 9)
+        page.until(lambda: state(page)["dirty"])
+        page.open_nothing()

@@ -8,9 +8,9 @@ import pytest
 
 from synth.author.changes import apply
 from synth.author.views.instrument import draw
-from synth.author.views.place import find, playable
+from synth.author.views.place import find
 from synth.compile import compile_preset
-from synth.preset import Preset, PresetError, load_preset, playable_range
+from synth.preset import Preset, PresetError, load_preset, playable_notes, playable_range
 
 from .kit import TEXTS, preset
 
@@ -61,7 +61,8 @@ def test_the_drawing_is_the_models(name: str, note: int, velocity: int) -> None:
     if drawing["finger"]:
         assert drawing["finger"]["height"] == pytest.approx(1e3 * model.rest_height_m, abs=1e-4)
     shape = drawing["pluck"]["shape"]
-    assert all(a[0] < b[0] for a, b in pairwise(shape)) and shape[-1] == [drawing["open_length_m"], 0.0]
+    assert all(a[0] < b[0] for a, b in pairwise(shape))
+    assert shape[-1] == [drawing["open_length_m"], drawing["saddle"]["height"]]
     low, high = drawing["extent_mm"]
     assert low <= min(h for _, h in shape) and max(h for _, h in shape) <= high
 
@@ -70,6 +71,8 @@ def test_the_drawing_is_the_models(name: str, note: int, velocity: int) -> None:
 def test_drags_put_things_where_they_are_dragged(name: str, note: int, velocity: int) -> None:
     drawing = draw(preset(name), note, velocity)
     things: list[tuple[str, Any, dict[str, Any]]] = [("pluck", None, drawing["pluck"]), ("output", None, drawing["output"])]
+    if drawing["thread"]:
+        things.append(("thread", None, drawing["thread"]))
     things += [("points", point["index"], point) for point in drawing["points"] if point["in_play"]][:4]
     tried = 0
     for kind, index, thing in things:
@@ -99,8 +102,22 @@ def test_drags_put_things_where_they_are_dragged(name: str, note: int, velocity:
 
 def test_a_string_that_is_pressed_lies_on_the_bridge() -> None:
     drawing = draw(load_preset("tanpura").with_setting("obstacle.jiva_um", "-50"), 43)
-    assert drawing["rest"] == [[0.0, 0.0], [0.944, 0.05], [0.95, 0.0]]
+    assert drawing["rest"] == [[0.0, 0.0], [0.944, 0.0], [0.95, pytest.approx(-0.05 * 950 / 944, abs=1e-5)]]
     assert drawing["points"][0]["gap_mm"] == pytest.approx(-0.05)
+
+
+@pytest.mark.parametrize("jiva_um", ["0", "3", "30", "1000", "-50"])
+def test_the_thread_is_raised_and_the_bridge_stays(jiva_um: str) -> None:
+    drawing = draw(load_preset("tanpura").with_setting("obstacle.jiva_um", jiva_um), 43)
+    (edge,) = drawing["points"]
+    thread = drawing["thread"]
+    assert edge["height"] == 0.0 and drawing["nut"]["height"] == 0.0
+    assert thread["height"] == pytest.approx(1e-3 * float(jiva_um) * 950 / 944, abs=1e-5) == drawing["saddle"]["height"]
+    assert edge["gap_mm"] == pytest.approx(1e-3 * float(jiva_um), abs=1e-5)
+    assert drawing["rest"][-1] == [thread["x"], thread["height"]]
+    drag = thread["drag"]["height"]
+    assert drag["path"] == "obstacle.jiva_um" and (drag["minimum"], drag["maximum"]) == (-100.0, 1000.0)
+    assert drag["offset"] + drag["factor"] * thread["height"] == pytest.approx(float(jiva_um), abs=0.02)
 
 
 def test_a_fret_that_stops_the_string_is_drawn_and_named() -> None:
@@ -134,9 +151,9 @@ def test_notes_that_no_string_plays_are_refused() -> None:
     with pytest.raises(PresetError, match="no string plays C7; its notes lie in C2-C3"):
         draw(load_preset("tanpura"), 96)
     for name in TEXTS:
-        notes = playable(preset(name))
+        notes = playable_notes(preset(name))
         assert (notes[0], notes[-1]) == playable_range(preset(name))
-    assert playable(load_preset("tanpura")) == [36, 43, 48]
+    assert playable_notes(load_preset("tanpura")) == [36, 43, 48]
 
 
 def test_a_pluck_is_dragged_no_further_than_the_middle() -> None:

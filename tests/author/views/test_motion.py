@@ -7,6 +7,7 @@ import pytest
 
 from synth.author.views import motion
 from synth.author.views.analysis import analyse
+from synth.author.views.instrument import draw
 from synth.author.views.motion import MOST_FRAMES, film
 from synth.author.views.place import find, speaking
 from synth.author.views.tape import RATE_HZ, Taped
@@ -141,7 +142,8 @@ def test_the_finger_draws_the_string_as_far_as_it_is_drawn() -> None:
     assert shown["finger"][last] == pytest.approx(3.0, rel=1e-3)
     at = int(np.argmin(np.abs(np.array(shown["x"]) - shown["finger_x"])))
     assert shown["frames"][last][at] == pytest.approx(3.0, rel=0.05)  # its tip is flat over the finger's width
-    assert np.abs(shown["frames"][0]).max() < 1e-3
+    assert np.abs(np.subtract(shown["frames"][0], shown["rest"])).max() < 1e-3
+    assert shown["rest"][-1] == draw(load_preset("tanpura"), 48)["thread"]["height"] > 0.0
 
 
 def test_a_film_from_later_on_is_a_part_of_the_longer_one() -> None:

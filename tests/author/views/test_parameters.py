@@ -210,3 +210,32 @@ def test_live_controls_are_the_engines_live_parameters() -> None:
         "output.gain_db",
         "obstacle.jiva_um",
     }
+
+
+def test_setup_is_what_the_string_touches_where_it_is_plucked_and_heard() -> None:
+    setup = {name: {path for path, entry in controls(name).items() if entry["group"] == "setup"} for name in NAMES}
+    assert setup["tanpura"] == {
+        "obstacle.kind",
+        "obstacle.distance_mm",
+        "obstacle.distance_ratio",
+        "obstacle.jiva_um",
+        "pluck.position",
+        "pluck.displacement_mm",
+        "pluck.width_mm",
+        "output.kind",
+        "output.position",
+        "output.distance_mm",
+    }
+    assert {"obstacle.action_12th_mm", "obstacle.relief_mm", "obstacle.heights_mm"} <= setup["fretted-bass"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sliders_reach_what_is_usual_and_go_no_further_than_what_is_allowed(name: str) -> None:
+    for path, entry in controls(name).items():
+        if entry["travel"] is None or entry["minimum"] is None:
+            continue
+        (low, high), usual = entry["travel"], entry["usual"]
+        assert entry["minimum"] <= low <= usual[0] < usual[1] <= high <= entry["maximum"], path
+    if "obstacle.jiva_um" in controls(name):
+        jiva = controls(name)["obstacle.jiva_um"]
+        assert jiva["travel"] == [jiva["minimum"], jiva["maximum"]] and jiva["scale"] == "log"
