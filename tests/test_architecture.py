@@ -1,5 +1,5 @@
-"""Imports go one way only: units → physics, solver, dsp → measures, exact → plan, preset → compile, case → scene → methods
-→ simulation → engine → host, tune, fit → live → author → cli.
+"""Imports go one way only: signals, compiling → units → physics, solver, dsp → measures, exact → plan, preset → compile,
+case → scene, check → methods → simulation → engine → host, tune, fit → live → author → cli.
 """
 
 import ast
@@ -13,12 +13,13 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"units", "kernel_cache", "schemes", "calibration", "targets", "simd"},
+    {"compiling", "signals"},
+    {"units", "kernel_cache", "schemes", "calibration", "targets", "sources", "simd", "npz", "spelling"},
     {"physics", "solver", "dsp"},
-    {"measures", "exact"},
+    {"measures", "exact", "result"},
     {"plan", "preset"},
     {"compile", "case"},
-    {"scene"},
+    {"scene", "check"},
     {"methods"},
     {"simulation"},
     {"engine"},

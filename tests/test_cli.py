@@ -15,6 +15,7 @@ import soundfile
 
 from synth import cli
 from synth.cli import common, presets, render
+from synth.signals import hearing_signals
 from tests.host.midibytes import header, off, on, track
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -86,7 +87,13 @@ WRONG = [
     ([], "COMMAND"),
     (["sing"], "invalid choice"),
     (["render"], "IN.mid"),
-    (["render", DRONE], "nothing to write"),
+    (["render", DRONE, "-p", "tampura"], "'tampura' is not one of fretted-bass, jawari-harp, tanpura (perhaps tanpura?)"),
+    (["render", DRONE, "--map", "1=Fretted-Bas"], "(perhaps fretted-bass?)"),
+    (["render", DRONE, "--fallback", "harp"], "(perhaps jawari-harp?)"),
+    (["render", DRONE, "-p", "tanpura", "--set", "pluk.position=0.3"], "no such key (perhaps pluck?)"),
+    (["render", DRONE, "--transpose", "up"], "--transpose 'up' is not SEMITONES or CHANNEL=SEMITONES"),
+    (["render", DRONE, "--transpose", "-97"], "-96 to 96 semitones, got -97"),
+    (["render", DRONE, "--transpose=17=1"], "must be 1 to 16, got 17"),
     (["render", DRONE, "-o", "x.wav", "--volume", "3"], "unrecognized arguments: --volume"),
     (["render", DRONE, "-o", "x.wav", "-r", "22050"], "44100, 48000, 88200, 96000 Hz, got '22050'"),
     (["render", DRONE, "-o", "x.wav", "--block", "0"], "from 1 to 4096, got '0'"),
@@ -301,21 +308,27 @@ def test_signals_are_heard_while_a_kernel_runs() -> None:
     over, ran = threading.Event(), []
     threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
-        common.hearing_signals(lambda: ran.append(threading.current_thread()) or over.wait(30.0))
+        hearing_signals(lambda: ran.append(threading.current_thread()) or over.wait(30.0))
     over.set()
     assert ran != [threading.main_thread()]
-    assert common.hearing_signals(lambda: 3) == 3
+    assert hearing_signals(lambda: 3) == 3
     with pytest.raises(ValueError, match="no"):
-        common.hearing_signals(lambda: int("no"))
+        hearing_signals(lambda: int("no"))
 
 
-def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path) -> None:
-    """A loss of 1e300: still JSON, no word from NumPy, a warning."""
-    from synth.simulation import case_folder
+def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path, monkeypatch) -> None:
+    """Still JSON, no word from NumPy, a warning."""
+    from synth import methods
 
-    text = (case_folder() / "tanpura.toml").read_text(encoding="utf-8")
-    (tmp_path / "case.toml").write_text(text.replace("viscoelastic_loss = 4.5e-3", "viscoelastic_loss = 1e300"))
-    run = ["simulate", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out.npz"), "--json"]
+    solved = methods.run
+
+    def blown_up(scene):
+        outcome = solved(scene)
+        outcome.u[-1] = np.inf
+        return outcome
+
+    monkeypatch.setattr(methods, "run", blown_up)
+    run = ["simulate", "tanpura", "-o", str(tmp_path / "out.npz"), "--json"]
     assert cli.main([*run, "--rate", "44100", "--modes", "5", "--duration", "0.001"]) == 0
     out, err = capsys.readouterr()
     summary = json.loads(out, parse_constant=pytest.fail)
@@ -330,3 +343,40 @@ def test_a_plan_in_words_and_as_json(capsys) -> None:
     assert json.loads(capsys.readouterr().out)
     assert cli.main(["plan", "tanpura", "H9"]) == 2
     assert capsys.readouterr().err.startswith("synth: error: ")
+
+
+def test_without_a_name_the_sound_lies_here_and_over_nothing_else(tmp_path, monkeypatch, capsys) -> None:
+    (tmp_path / "songs").mkdir()
+    (tmp_path / "songs" / "two notes.mid").write_bytes(header() + track((0, on(36, channel=9)), (48, off(36, channel=9))))
+    monkeypatch.chdir(tmp_path)
+    song = os.path.join("songs", "two notes.mid")
+    assert cli.main(["render", song, "--tail", "0"]) == 0
+    assert capsys.readouterr().out.startswith("two notes.wav: 0.")
+    before = (tmp_path / "two notes.wav").read_bytes()
+    assert soundfile.info(tmp_path / "two notes.wav").format == "WAV"
+    assert cli.main(["render", song, "--tail", "0"]) == 2
+    assert "two notes.wav is there already; -o two notes.wav writes over it" in capsys.readouterr().err
+    assert (tmp_path / "two notes.wav").read_bytes() == before
+    assert cli.main(["render", song, "--tail", "0", "--format", "flac"]) == 0
+    assert cli.main(["render", song, "--tail", "0", "-o", "two notes.wav"]) == 0
+    assert sorted(os.listdir(tmp_path)) == ["songs", "two notes.flac", "two notes.wav"]
+    assert os.listdir(tmp_path / "songs") == ["two notes.mid"]
+
+
+def test_a_speed_is_said_when_it_has_been_measured(monkeypatch, capsys) -> None:
+    now = [100.0]
+    monkeypatch.setattr(common.time, "monotonic", lambda: now[0])
+
+    def shown(step_s: float, call, *values: float) -> str:
+        now[0] += step_s
+        call(*values)
+        return capsys.readouterr().err.strip()
+
+    line = common.ProgressLine(True)
+    assert shown(0.2, line.preparing, 3, 69) == "preparing: 3 of 69 strings"
+    assert shown(0.01, line.preparing, 4, 69) == ""
+    # the first block took no time that could be measured; what was done until then counts for no speed
+    assert shown(0.2, line.show, 1.0, 60.0) == "2 %  1.0 of at most 60.0 s"
+    assert shown(0.3, line.show, 2.0, 60.0) == "3 %  2.0 of at most 60.0 s"
+    assert shown(0.7, line.show, 5.0, 60.0) == "8 %  5.0 of at most 60.0 s  4.0× real time"
+    assert shown(1.0, common.ProgressLine(False).show, 5.0, 60.0) == ""

@@ -1,62 +1,99 @@
 """The command line: `synth render`, `play`, `drone`, `author`, `fit`, `devices`, `presets`, `plan`, `simulate`.
 
-Exit codes: 0 done; 1 failed for a reason that lies in the program; 2 wrong usage or input (one line on
-standard error says what); 130 or 143 interrupted or terminated. Everything heavy is imported where it is
+Exit codes: 0 done; 1 failed for a reason that lies in the program, or whoever read its output has enough; 2 wrong usage or
+input, or something that could not be written (one line on standard error says what, and what was there before is as it was);
+128 + N ended by signal N: 129 hung up, 130 interrupted, 131 quit, 143 terminated. Everything heavy is imported where it is
 used, so that help comes at once.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from synth.cli import author, devices, drone, fit, plan, play, presets, render, simulate
+from synth import targets
+from synth.cli import author, devices, drone, fit, plan, play, presets, render, simulate, streams
 from synth.cli.common import Parser
+from synth.cli.kernel_line import compiling_shown, leave_compiling
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line (`sys.argv` by default) and returns the exit code."""
+    code = _run(arguments)
+    if arguments is None:  # the process ends with it
+        leave_compiling(code)
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     arguments = render.joined_normalize(list(sys.argv[1:] if arguments is None else arguments))
-    previous = _raise_on_termination()
-    try:
-        options = _parser().parse_args(arguments)
-        return options.run(options)
-    except BrokenPipeError:
-        # Whoever read our output has enough. Standard output is flushed once more at exit, which must not
-        # fail.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except (ValueError, OSError) as error:
-        for line in _message(error).splitlines():
-            print(f"synth: error: {line}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("synth: interrupted", file=sys.stderr)
-        return 130
-    except _Terminated:
-        return 128 + signal.SIGTERM
-    finally:
-        if previous is not None:
-            signal.signal(signal.SIGTERM, previous)
+    wording = streams.Wording(arguments)
+    with streams.ready(wording), _raising_on_termination():
+        try:
+            try:
+                options = _parser().parse_args(arguments)
+                with compiling_shown(quiet=getattr(options, "quiet", False)):
+                    code = options.run(options)
+            except SystemExit:
+                sys.stdout.flush()  # of --help
+                raise
+            sys.stdout.flush()  # what cannot be said shows here
+            return code
+        except BrokenPipeError:
+            # Whoever read our output has enough.
+            return 1
+        except (ValueError, OSError) as error:
+            for line in wording(_message(error)).splitlines():
+                print(f"synth: error: {line}", file=sys.stderr)
+            return 2
+        except KeyboardInterrupt:
+            targets.discard_unfinished()
+            streams.drop_output()
+            print("synth: interrupted", file=sys.stderr)
+            return 130
+        except _Terminated as end:
+            targets.discard_unfinished()
+            streams.drop_output()
+            return 128 + end.number
+        finally:
+            streams.settle_output()
 
 
 class _Terminated(BaseException):
-    """SIGTERM as an exception, so that unfinished files are removed on the way out."""
+    """A signal that ends the program as an exception, so that unfinished files are removed on the way out."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
 
 
-def _raise_on_termination() -> Any:
-    def terminate(*_: object) -> NoReturn:
-        raise _Terminated
+@contextmanager
+def _raising_on_termination() -> Iterator[None]:
+    """SIGTERM, SIGHUP and SIGQUIT raise _Terminated, once; one that is ignored (nohup) stays so."""
 
+    def terminate(number: int, _: object) -> NoReturn:
+        for each in before:  # what is removed meanwhile is removed in peace, unless one insists
+            signal.signal(each, signal.SIG_DFL if each == getattr(signal, "SIGQUIT", None) else signal.SIG_IGN)
+        raise _Terminated(number)
+
+    before: dict[int, Any] = {}
     try:
-        return signal.signal(signal.SIGTERM, terminate)
+        for name in ("SIGTERM", "SIGHUP", "SIGQUIT"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, terminate)
     except ValueError:
         # Signals can be caught in the main thread only; a caller in another one looks after them itself.
-        return None
+        pass
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _message(error: Exception) -> str:

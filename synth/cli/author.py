@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import signal
 from typing import Any
 
 from synth.cli.common import QUALITIES, number, rate
@@ -36,6 +37,16 @@ def _author(options: argparse.Namespace) -> int:
         raise ValueError(f"the page needs {', '.join(missing)}: pip install 'jawari[author]'")
     from synth.author.serve import serve
 
+    unsaid: list[OSError] = []
+
+    def say(url: str) -> None:
+        try:
+            print(url, flush=True)
+        except OSError as error:
+            unsaid.append(error)
+            if options.no_browser:  # then nobody can find the page
+                signal.raise_signal(signal.SIGTERM)
+
     serve(
         options.preset,
         folder=options.folder,
@@ -43,6 +54,8 @@ def _author(options: argparse.Namespace) -> int:
         rate_hz=options.rate,
         quality=options.quality,
         browser=not options.no_browser,
-        say=lambda url: print(url, flush=True),
+        say=say,
     )
+    if unsaid:
+        raise unsaid[0]
     return 0

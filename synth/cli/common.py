@@ -8,7 +8,6 @@ import math
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,6 +25,11 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"synth: error: {message} (see {self.prog} --help)\n")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """argparse passes over what cannot be written; whoever asks for help is to hear of it."""
+        if message:
+            (file or sys.stderr).write(message)
 
 
 def number(kind: Callable[[str], float], low: float, high: float, unit: str = "") -> Callable[[str], float]:
@@ -168,25 +172,44 @@ def warner(quiet: bool) -> Callable[[str], None]:
     return warn
 
 
+#: a speed is said when that long has been measured [s]
+MEASURED_S = 0.5
+
+
 class ProgressLine:
     """One line on the terminal that overwrites itself, at most ten times a second."""
 
     def __init__(self, on: bool) -> None:
         self._on = on
-        self._began: float | None = None
+        self._began: tuple[float, float] | None = None  # when, and what was done then
         self._shown = 0.0
         self._width = 0
 
     def show(self, done_s: float, total_s: float) -> None:
+        """How much of the sound is rendered, and, once that has been measured for a while, how fast."""
         now = time.monotonic()
         if self._began is None:
-            self._began = now
-        if not self._on or now - self._shown < 0.1:
+            self._began = now, done_s
+        if not self._due(now):
             return
-        self._shown = now
-        speed = done_s / max(now - self._began, 1e-9)
+        since, done_then = self._began
         percent = 100.0 * done_s / total_s if total_s > 0.0 else 100.0
-        self._write(f"{percent:3.0f} %  {done_s:.1f} of at most {total_s:.1f} s  {speed:.1f}× real time")
+        text = f"{percent:3.0f} %  {done_s:.1f} of at most {total_s:.1f} s"
+        if now - since >= MEASURED_S:
+            text += f"  {(done_s - done_then) / (now - since):.1f}× real time"
+        self._write(text)
+
+    def preparing(self, done: int, total: int) -> None:
+        """How many strings are prepared."""
+        if self._due(time.monotonic()):
+            self._write(f"preparing: {done} of {total} strings")
+
+    def _due(self, now: float) -> bool:
+        """Whether it is time for another line."""
+        due = self._on and now - self._shown >= 0.1
+        if due:
+            self._shown = now
+        return due
 
     def _write(self, text: str) -> None:
         sys.stderr.write("\r" + text.ljust(self._width))
@@ -200,27 +223,6 @@ class ProgressLine:
         if self._width:
             self._write("")
             sys.stderr.write("\r")
-
-
-def hearing_signals(work: Callable[[], Any]) -> Any:
-    """What `work` returns or raises. Meanwhile the main thread hears signals, which no compiled kernel does; one that ends
-    the program leaves the work behind.
-    """
-    returned: list[Any] = []
-    raised: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            returned.append(work())
-        except BaseException as error:
-            raised.append(error)
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    thread.join()
-    if raised:
-        raise raised[0]
-    return returned[0]
 
 
 @contextmanager

@@ -68,6 +68,9 @@ def _lines(found: dict[str, Any]) -> list[str]:
     lines += [f"  {number:3}  {name}" for number, name in enumerate(found["midi_inputs"])]
     if not found["midi_inputs"]:
         lines.append(f"  none: {found['midi_missing'] or 'plug a keyboard in; it is found while playing, too'}")
+        if found["midi_missing"] and found["jack"]:
+            # python-rtmidi brings a JACK library of its own, which does not see PipeWire
+            lines.append("  but synth play --jack hears the MIDI ports of the JACK server below, by its own, midi_in")
     if found["jack"]:
         lines.append(f"JACK server (--jack): runs at {found['jack']['rate_hz']} Hz")
     else:

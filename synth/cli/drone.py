@@ -131,6 +131,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 def _drone(options: argparse.Namespace) -> int:
     _check(options)
+    _check_files(options)
     strings, cycle = _strings(options), _cycle(options)
     cycle.gaps(len(strings.keys))
     return _to_file(options, strings, cycle) if options.output is not None else _live(options, strings, cycle)
@@ -151,6 +152,24 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError("--second is the fifth string's swara; add --strings 5")
     if options.fade is not None and options.fade > _duration(options):
         raise ValueError(f"--fade must not be longer than --duration {_duration(options):g} s, got {options.fade:g} s")
+
+
+def _check_files(options: argparse.Namespace) -> None:
+    """Raises ValueError where a file that is written is one that is read."""
+    from synth.host.parts import files_read
+    from synth.targets import Named, check_apart
+
+    read = files_read([options.preset])
+    if options.output is not None:
+        check_apart(read, [Named("-o", options.output)])
+    if options.record is not None:
+        from synth.live.recorder import files_written
+
+        check_apart(read, [*files_written(options.record), Named("strings", _strings_file(options))])
+
+
+def _strings_file(options: argparse.Namespace) -> str:
+    return str(Path(options.record).with_suffix(".toml"))
 
 
 def _duration(options: argparse.Namespace) -> float:
@@ -230,10 +249,11 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
 
 def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     from synth.live.drone import Drone
+    from synth.live.paragraph import fitting
     from synth.live.presetfile import write_preset
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
-    from synth.live.tanpura_keys import HELP, DronePlayer, TanpuraKeys, strings_text
+    from synth.live.tanpura_keys import DronePlayer, TanpuraKeys, strings_text
     from synth.live.terminal import terminal_at
     from synth.targets import check_target
 
@@ -255,7 +275,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     )
     preset_file = ""
     if options.record is not None:
-        preset_file = str(Path(options.record).with_suffix(".toml"))
+        preset_file = _strings_file(options)
         for path in (options.record, preset_file):
             check_target(path)
     line = StatusLine(quiet=options.quiet)
@@ -266,7 +286,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
         session.add_player(DronePlayer(drone, terminal, keys))
         line.say(f"{strings_text(drone)}, a cycle of {cycle.cycle_s:.2f} s, jiva {drone.jiva_um:g} µm; Ctrl-C ends")
         if terminal.is_one:
-            line.say(HELP)
+            line.say(keys.help)
         session.run(stop)
     assert session.report is not None
     if options.record is not None:
@@ -276,5 +296,5 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
     if options.json:
         print_unless_gone(json.dumps(session.report.as_dict(), indent=2, allow_nan=False))
     elif not options.quiet:
-        print_unless_gone("\n".join(session.report.lines()))
+        print_unless_gone(fitting("\n".join(session.report.lines()), sys.stdout))
     return 1 if session.report.ended == "device" else 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from typing import Any
 
 from synth.cli.common import number
@@ -34,12 +35,13 @@ def _fit(options: argparse.Namespace) -> int:
         raise ValueError(reason)
     from synth.fit import fit_recording, report, settings
     from synth.fit.recording import read_recording
-    from synth.preset import load_preset
+    from synth.preset import parse_preset, read_preset
 
-    preset = None if options.preset is None else load_preset(options.preset)
+    text = "" if options.preset is None else read_preset(options.preset)
+    preset = None if options.preset is None else parse_preset(text, options.preset)
     index = 0 if preset is None or options.string is None else _string_index(preset, options.string)
     if options.output is not None:
-        _check_output(options.output, options.recording)
+        _check_output(options)
     samples, rate_hz = read_recording(options.recording)
     try:
         found = fit_recording(samples, rate_hz, expected_hz=options.pitch)
@@ -48,7 +50,7 @@ def _fit(options: argparse.Namespace) -> int:
     values = [] if preset is None else settings(found, preset, index)
     told = {**report(found), "settings": [{"path": path, "value": value} for path, value in values]}
     if options.output is not None:
-        _write(options.preset, options.output, values)
+        _write(text, options.preset, options.output, values)
         told["output"] = options.output
     print(json.dumps(told, indent=2, allow_nan=False) if options.json else _text(options.recording, told))
     return 0
@@ -64,41 +66,37 @@ def _string_index(preset: Any, text: str) -> int:
     raise ValueError(f"--string must be one of {known} of {preset.name}, got {text!r}")
 
 
-def _check_output(output: str, recording: str) -> None:
-    """Raises ValueError, OSError where the preset must not or cannot be written there."""
+def _check_output(options: argparse.Namespace) -> None:
+    """Raises ValueError, OSError where the preset must not or cannot be written there: over the recording, or over a preset
+    that comes with the program. One's own preset may get its new string in place (-p and -o the same name)."""
     from pathlib import Path
 
-    from synth.targets import check_target, is_special
+    from synth.preset import preset_folder, preset_path
+    from synth.targets import Named, check_apart, check_target, is_special
 
-    check_target(output)
-    target, source = Path(output), Path(recording)
-    if is_special(target):
-        return
-    if target.exists() and source.exists() and target.samefile(source):
-        raise ValueError(f"-o {output} is the recording; give the preset another name, ending in .toml")
-    if target.suffix != ".toml":
-        raise ValueError(f"-o must be a preset's file, ending in .toml, got {output!r}")
+    source = preset_path(options.preset)
+    in_place = Path(options.preset) == Path(options.output) and source.parent != preset_folder()
+    read = [Named("recording", options.recording)] + ([] if in_place else [Named("preset", source)])
+    check_apart(read, [Named("-o", options.output)])
+    check_target(options.output)
+    if not is_special(options.output) and Path(options.output).suffix != ".toml":
+        raise ValueError(f"-o must be a preset's file, ending in .toml, got {options.output!r}")
 
 
-def _write(source: str, target: str, values: list[tuple[str, Any]]) -> None:
-    """The preset's file with the values changed, its comments kept, and named after the new file as saving under another
+def _write(text: str, source: str, target: str, values: list[tuple[str, Any]]) -> None:
+    """The preset's text with the values changed, its comments kept, and named after the new file as saving under another
     name does; a device or pipe is written to as it is, and the name stays."""
     from pathlib import Path
 
     from synth.author import changes
     from synth.author.document import current, preset_name
-    from synth.preset import preset_path
-    from synth.targets import is_special, write_text
+    from synth.targets import is_special, write_whole
 
-    text, _ = current(preset_path(source).read_text(encoding="utf-8-sig"), source)
+    text, _ = current(text, source)
     special = is_special(target)
-    named = [] if special else [("name", preset_name(Path(target).stem))]
+    named = [] if special else [("name", preset_name(os.fsencode(Path(target).stem).decode("utf-8", "replace")))]
     text, _ = changes.apply(text, [*values, *named], source)
-    if special:
-        with open(target, "w", encoding="utf-8") as file:
-            file.write(text)
-    else:
-        write_text(Path(target), text)
+    write_whole(target, lambda file: file.write(text.encode("utf-8")))
 
 
 def _text(recording: str, told: dict[str, Any]) -> str:

@@ -23,12 +23,13 @@ def add(commands: Any) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
+    from synth.check import check
     from synth.compile import describe_plan
     from synth.preset import load_preset
 
     note = None if options.note is None else note_number(options.note)
     plan = describe_plan(
-        load_preset(options.preset),
+        check(load_preset(options.preset), options.preset),
         note,
         quality=options.quality,
         rate_hz=options.rate,

@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
         help="play live: MIDI keyboard, computer keyboard or a MIDI file",
         allow_abbrev=False,
         description="Plays until Ctrl-C. Listens to every MIDI input and offers one of its own, jawari. Without -p, General "
-        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp.",
+        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp. In a terminal ? lists the keys.",
     )
     what = parser.add_argument_group("instruments")
     add_instruments(what)
@@ -79,15 +79,23 @@ def add(commands: Any) -> None:
         "--keys",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help="play on the computer's keyboard (default: on a terminal)",
+        help="play on the computer's keyboard (default: on a terminal, unless a file is played); --no-keys: no keys at all",
     )
-    control.add_argument("--play", metavar="SONG.mid", help="play this file; without other inputs asked for it ends with it")
+    control.add_argument(
+        "--play",
+        metavar="SONG.mid",
+        help="play this file; keys pause it and go through it; without other inputs asked for it ends with it",
+    )
 
     out = parser.add_argument_group("recording and reports")
     out.add_argument("--record", metavar="TAKE.wav", help="record the sound, and the events to TAKE.mid")
     out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="of the recording (default 24)")
     out.add_argument("--duration", type=number(float, 0.01, 1e6, " s"), metavar="SEC", help="stop after this time")
-    out.add_argument("--measure-latency", action="store_true", help="measure the time from event to sound, and end")
+    out.add_argument(
+        "--measure-latency",
+        action="store_true",
+        help="measure the time from event to sound, also at the output of a JACK server or PipeWire (pw-jack), and end",
+    )
     out.add_argument("--quiet", action="store_true", help="say nothing but errors")
     out.add_argument("--json", action="store_true", help="closing report as JSON")
     parser.set_defaults(run=_play)
@@ -102,21 +110,33 @@ def _play(options: argparse.Namespace) -> int:
     if options.record is not None and not options.record.lower().endswith(".wav"):
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
     keys = options.keys
+    song_keys = False
     if keys is not False:
         from synth.live.keyboard import Keyboard
 
         if keys is None:
-            # Where a file is played, the terminal is nobody's instrument unless asked for.
+            # Where a file is played, the terminal is nobody's instrument unless asked for: its keys are the song's.
             keys = not options.play and not options.measure_latency and Keyboard.available() and sys.stderr.isatty()
+            song_keys = bool(options.play)
         elif not Keyboard.available():
             raise ValueError("--keys: standard input is no terminal in the foreground; run it there or connect MIDI")
+        else:
+            song_keys = bool(options.play)
 
-    from synth.host.parts import parse_channel_map
+    from synth.host import parts
 
-    channel_presets = parse_channel_map(options.map)
+    channel_presets = parts.parse_channel_map(options.map)
     from synth.host.bindings import parse_bindings
 
     bindings = parse_bindings(options.cc)
+    if options.record is not None:
+        from synth.live.recorder import files_written
+        from synth.targets import check_apart
+
+        read = parts.files_read(
+            [options.preset, *channel_presets.values()], song=options.play, tuning=options.tuning, kbm=options.kbm
+        )
+        check_apart(read, files_written(options.record))
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
 
@@ -146,6 +166,7 @@ def _play(options: argparse.Namespace) -> int:
         midi_channel=None if options.midi_channel is None else options.midi_channel - 1,
         virtual_port=not options.no_virtual_port,
         keys=keys,
+        song_keys=song_keys,
         record=options.record,
         bit_depth=options.bit_depth,
         duration_s=options.duration,
@@ -172,4 +193,6 @@ def _print(options: argparse.Namespace, values: dict[str, Any], lines: list[str]
     if options.json:
         print_unless_gone(json.dumps(values, indent=2, allow_nan=False))
     elif not options.quiet:
-        print_unless_gone("\n".join(lines))
+        from synth.live.paragraph import fitting
+
+        print_unless_gone(fitting("\n".join(lines), sys.stdout))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import Any
 
 from synth.cli.common import Parser
@@ -39,22 +40,24 @@ def _list_presets(options: argparse.Namespace) -> int:
 
 
 def _show_preset(options: argparse.Namespace) -> int:
-    from pathlib import Path
+    from synth.preset import parse_preset, preset_text, read_preset_bytes
+    from synth.targets import naming
 
-    from synth.preset import load_preset, preset_folder
-
-    load_preset(options.name)
-    path = Path(options.name)
-    if not path.is_file():
-        path = preset_folder() / f"{options.name}.toml"
-    print(path.read_text(encoding="utf-8").rstrip("\n"))
+    data = read_preset_bytes(options.name)  # once: it may be a pipe
+    parse_preset(preset_text(data, options.name), options.name)
+    # The file as it is, whatever letters the terminal knows: `presets show tanpura > mine.toml` is a preset.
+    sys.stdout.flush()
+    with naming("-"):
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
     return 0
 
 
 def _check_preset(options: argparse.Namespace) -> int:
+    from synth.check import check
     from synth.preset import load_preset
 
-    preset = load_preset(options.file)
+    preset = check(load_preset(options.file), options.file)
     count = len(preset.string)
     print(f"{options.file}: {preset.name} is in order ({count} string entr{'y' if count == 1 else 'ies'})")
     return 0

@@ -29,10 +29,23 @@ def add(commands: Any) -> None:
         "everything else to jawari-harp; percussion (channel 10) is left out.",
     )
     parser.add_argument("midi", metavar="IN.mid")
-    parser.add_argument("-o", "--output", metavar="FILE", help="audio file to write; - for standard output")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="file to write, - for standard output (default: IN.wav, here)"
+    )
     what = parser.add_argument_group("instruments")
     add_instruments(what)
     add_controllers(what)
+    what.add_argument(
+        "--transpose",
+        action="append",
+        default=[],
+        metavar="[CH=]SEMITONES,…",
+        help="transpose all channels or single ones (1 to 16), such as --transpose=-12,3=7",
+    )
+    what.add_argument(
+        "--fold", action="store_true", help="notes that the preset has no string for go by octaves to where it has one"
+    )
+    what.add_argument("--fallback", metavar="PRESET", help="preset that plays the notes which the channel's own cannot")
 
     how = parser.add_argument_group("computation")
     add_physics(how)
@@ -95,7 +108,8 @@ def _render(options: argparse.Namespace) -> int:
             f"take {max(1, round(options.internal_rate / options.rate)) * options.rate}"
         )
     if options.output is None and options.stems is None:
-        raise ValueError("there is nothing to write; give -o OUT.wav or --stems DIR")
+        options.output = _default_output(options.midi, options.format)
+    from synth.host.compass import parse_transpose
     from synth.host.parts import parse_channel_map
 
     channel_presets = parse_channel_map(options.map)
@@ -132,10 +146,13 @@ def _render(options: argparse.Namespace) -> int:
         keyboard=options.kbm,
         bindings=bindings,
         mpe=options.mpe,
+        transpose=parse_transpose(options.transpose),
+        fold=options.fold,
+        fallback=options.fallback,
     )
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
-        report = render_file(settings, warn=warner(options.quiet), progress=line.show)
+        report = render_file(settings, warn=warner(options.quiet), progress=line.show, preparing=line.preparing)
     # With the sound on standard output, words go to standard error.
     where = sys.stderr if options.output == "-" else sys.stdout
     if options.json:
@@ -143,6 +160,16 @@ def _render(options: argparse.Namespace) -> int:
     elif not options.quiet:
         print("\n".join(report.lines()), file=where)
     return 0
+
+
+def _default_output(midi: str, container: str | None) -> str:
+    """SONG.wav in the current directory. Raises FileExistsError rather than write over a file that was not named."""
+    from pathlib import Path
+
+    name = f"{Path(midi).stem}.{container or 'wav'}"
+    if Path(name).exists():
+        raise FileExistsError(f"{name} is there already; -o {name} writes over it, -o NAME another")
+    return name
 
 
 def joined_normalize(arguments: list[str]) -> list[str]:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
-from synth.cli.common import QUALITIES, hearing_signals, number, warner
+from synth.cli.common import QUALITIES, number, warner
 from synth.schemes import SCHEMES
+from synth.signals import hearing_signals
+
+if TYPE_CHECKING:
+    from synth.simulation import Overrides
 
 
 def add(commands: Any) -> None:
@@ -15,10 +19,19 @@ def add(commands: Any) -> None:
         "simulate",
         help="one string by its case file: motion, forces and energy as arrays",
         allow_abbrev=False,
-        description="Computes a case file (TOML) and writes an .npz file; options replace its values.",
+        description="Computes a case file (TOML) and writes its results; options replace its values.",
     )
     parser.add_argument("case", metavar="CASE", help="a .toml file, or a case of the program by name: tanpura, bass, hard/…")
-    parser.add_argument("-o", "--output", required=True, metavar="OUT.npz")
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="OUT",
+        help=".npz: all of it (for --from, load_result); .csv: a table of the rows",
+    )
+    parser.add_argument(
+        "--from", dest="resume_from", metavar="RUN.npz", help="go on from where that run ended, for --duration more"
+    )
     parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
     parser.add_argument(
         "--restitution", type=number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
@@ -46,8 +59,10 @@ def add(commands: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    from synth.case import files_of
+    from synth.result import check_name
     from synth.simulation import simulate
-    from synth.targets import check_target
+    from synth.targets import Named, check_apart, check_target
 
     names = (
         "scheme", "restitution", "stiffness", "exponent", "quality", "rate", "output_rate", "modes", "substeps", "tail",
@@ -59,8 +74,15 @@ def _simulate(options: argparse.Namespace) -> int:
         import numpy as np
 
         with np.errstate(all="ignore"):  # what is not finite the summary says
-            return simulate(options.case, warn=warner(options.quiet), **overrides)
+            return simulate(
+                options.case, resume_from=options.resume_from, warn=warner(options.quiet), **cast("Overrides", overrides)
+            )
 
+    read = [Named("case", path) for path in files_of(options.case)]
+    if options.resume_from is not None:
+        read.append(Named("--from", options.resume_from))
+    check_apart(read, [Named("-o", options.output)])
+    check_name(options.output)
     check_target(options.output)
     result = hearing_signals(work)
     result.save(options.output)
