@@ -22,7 +22,7 @@ from synth.schemes import PASSIVE_TO, energy_warning, safe_rate_hz
 from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
 from synth.solver import driver
 from synth.solver.kernels import no_finger
-from synth.solver.reference import exact_hold_step, moreau_jean_step
+from tests.oracles.steps import exact_hold_step, moreau_jean_step
 
 HARD = [name for name in case_names() if name.startswith("hard/")]
 SMALLEST = np.finfo(float).tiny

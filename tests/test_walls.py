@@ -25,7 +25,7 @@ from synth.solver.clearance import attend, clear_for
 from synth.solver.kernels import fly
 from synth.solver.problem import Problem
 from synth.solver.sine import make_sine, transform
-from synth.solver.wall_reference import wall_steps
+from tests.oracles.wall_steps import wall_steps
 
 
 def case(name: str, **tables):

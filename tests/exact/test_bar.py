@@ -7,10 +7,10 @@ import pytest
 
 from synth.exact import bar
 from synth.solver import driver
-from synth.solver import reference as twin
 from synth.solver.energy import filter_factor
 from synth.solver.kernels import no_finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients
+from tests.oracles import steps as twin
 
 LENGTH, MODULUS, DENSITY, SPEED, GAP, THROW = 10.0, 900.0, 1.0, 30.0, 5.0, 10.0
 LANDING, RELEASE = GAP / THROW, GAP / THROW + 2.0 * LENGTH / SPEED

@@ -21,7 +21,7 @@ from synth.solver.penalty import (
     solve_stiffened,
 )
 from synth.solver.problem import Problem
-from synth.solver.reference_penalty import Twin
+from tests.oracles.penalty_steps import Twin
 
 EPS = np.finfo(float).eps
 METHODS = tuple(COMPLIANT)

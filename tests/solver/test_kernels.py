@@ -1,4 +1,4 @@
-"""The block kernels against their twins in `synth.solver.reference`: one step from many states, then short runs."""
+"""The block kernels against their twins in `tests.oracles.steps`: one step from many states, then short runs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from synth.solver import reference as twin
 from synth.solver.kernels import Finger, advance, advance_free, advance_one, finger_row, make_work, no_finger
 from synth.solver.laws import (
     EXACT_HOLD,
@@ -18,6 +17,7 @@ from synth.solver.laws import (
     contact_matrix,
 )
 from synth.solver.lcp import SOLVED
+from tests.oracles import steps as twin
 
 LAWS = list(SCHEMES.values())
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import nnls
 
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
-from synth.solver.reference import lemke
+from tests.oracles.steps import lemke
 
 
 def run(a, b, enabled=None, guess=None):

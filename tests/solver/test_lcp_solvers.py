@@ -14,10 +14,11 @@ import pytest
 
 from synth.case import Case, load_case
 from synth.scene import Scene
-from synth.solver import gauss_seidel, lcp, lemke
+from synth.solver import lcp
 from synth.solver.lcp import FEASIBILITY, NOT_SOLVED, SOLVED, natural_residual
-from synth.solver.record import contact_problems
-from synth.solver.reference import lemke as reference_lemke
+from tests.oracles import gauss_seidel, lemke
+from tests.oracles.record import contact_problems
+from tests.oracles.steps import lemke as reference_lemke
 
 DIRECT = 1e-12
 SOLVERS = ("active set", "lemke", "gauss-seidel", "psor 1.3")

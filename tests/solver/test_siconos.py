@@ -11,9 +11,10 @@ import pytest
 
 from synth.case import load_case
 from synth.scene import Scene
-from synth.solver import lcp, lemke, siconos
+from synth.solver import lcp
 from synth.solver.lcp import SOLVED, natural_residual
-from synth.solver.record import contact_problems
+from tests.oracles import lemke, siconos
+from tests.oracles.record import contact_problems
 
 pytestmark = pytest.mark.skipif(not siconos.available(), reason=siconos.MISSING)
 

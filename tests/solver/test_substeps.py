@@ -8,8 +8,8 @@ from synth.physics.string import String
 from synth.solver import driver
 from synth.solver.kernels import Finger, finger_row, no_finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
-from synth.solver.reference import substepped_step
 from synth.solver.substeps import make_substeps
+from tests.oracles.steps import substepped_step
 
 OUT = [0.83, 0.4]
 

@@ -23,13 +23,13 @@ def make_work(contacts: int) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros((contacts, contacts + 2)), np.zeros(3 * contacts + 1, np.int64)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def solve(a, b, enabled, active, z, table, index) -> int:
     """As `lcp.solve`, but `active` is only written; table and index from `make_work`."""
     return pivot(a, b, enabled, active, z, table, index)[0]
 
 
-@njit(cache=True, nogil=True)
+@njit
 def pivot(a, b, enabled, active, z, table, index) -> tuple[int, int]:
     """`solve` with the number of pivots: (status, pivots). NOT_SOLVED: it ended on a ray, there is no solution."""
     n = b.size
@@ -85,13 +85,13 @@ def pivot(a, b, enabled, active, z, table, index) -> tuple[int, int]:
     return NOT_SOLVED, pivots
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _unit(diagonal: float) -> float:
     """Scale of a row and column whose diagonal becomes 1."""
     return 1.0 / np.sqrt(diagonal) if diagonal > 0.0 else 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _exchange(table, m: int, row: int, column: int) -> None:
     """The basic variable of the row and the nonbasic one of the column change places."""
     inverse = 1.0 / table[row, column]
@@ -107,7 +107,7 @@ def _exchange(table, m: int, row: int, column: int) -> None:
                 add(part, pivot_row, table[r])
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _leaving_row(table, m: int, column: int, basic, nonbasic) -> int:
     """The lexicographically least ratio's row, z0's where it is among equals; −1: none bounds the column's variable."""
     largest = 0.0
@@ -130,7 +130,7 @@ def _leaving_row(table, m: int, column: int, basic, nonbasic) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _precedes(table, m: int, column: int, basic, nonbasic, r: int, s: int) -> bool:
     """Whether row r of the inverse basis, over its entry in the column, is lexicographically less than row s."""
     for k in range(m):
@@ -150,7 +150,7 @@ def _precedes(table, m: int, column: int, basic, nonbasic, r: int, s: int) -> bo
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _polish(a, b, active, z, table, index) -> int:
     """z again from the set that was found, by one Cholesky solve, where the set is well enough conditioned for that."""
     n = b.size

