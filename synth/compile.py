@@ -25,6 +25,7 @@ from synth.physics.modes import (
 from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
 from synth.physics.string import NutResonance, String
 from synth.physics.tail import lumped_tail
+from synth.physics.tuning import tuned
 from synth.plan import KEPT, StringPlan, plan_string, scene_kind
 from synth.preset import (
     BridgeObstacle,
@@ -152,7 +153,7 @@ def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: fl
 
 def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
     """The open string of a table at one of its notes, tuned to `frequency_hz`."""
-    string = ideal_string(preset, table, note, frequency_hz).tuned(frequency_hz)
+    string = tuned(ideal_string(preset, table, note, frequency_hz), frequency_hz)
     if table.measured_frequencies_hz:
         ratio = frequency_hz / table.measured_frequencies_hz[0]
         string = replace(string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz))
@@ -227,7 +228,7 @@ def speaking_string(
     length, left = fretted(below, fret, opened.length_m)
     if not fret:
         return opened, left, 0.0
-    string = opened.with_length(length).tuned(string_frequency(preset, table, note + fret, note_hz))
+    string = tuned(opened.with_length(length), string_frequency(preset, table, note + fret, note_hz))
     return string, left, below.heights_m[fret - 1]
 
 

@@ -3,6 +3,8 @@ case → scene, check → methods → simulation → engine → host, tune, fit 
 """
 
 import ast
+import graphlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -68,6 +70,34 @@ def test_imports_go_down(path: Path) -> None:
     for other in rooms_imported(path.read_text(encoding="utf-8"), path):
         assert other in FLOOR_OF, f"{other} has no floor"
         assert allowed(room, other), f"{room} must not import {other}"
+
+
+def modules_imported(path: Path) -> set[Path]:
+    """Files of the package that a file of it imports, function-level imports included."""
+    found: set[Path] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        found |= {PACKAGE.parent.joinpath(*name.split(".")).with_suffix(".py") for name in names}
+    return found & set(FILES)
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    graph = {path: modules_imported(path) for path in FILES}
+    assert graph[PACKAGE / "physics" / "modes.py"] == {PACKAGE / "physics" / "string.py"}
+    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(FILES)
+
+
+def test_no_module_of_the_page_imports_itself_through_others() -> None:
+    named = re.compile(r'^(?:import|export)\b[^;]*?from "\./([\w-]+\.js)";', re.MULTILINE)
+    files = sorted((PACKAGE / "author" / "page").glob("*.js"))
+    graph = {path.name: set(named.findall(path.read_text(encoding="utf-8"))) for path in files}
+    assert "field.js" in graph["controls.js"] and "entry.js" in graph["field.js"]
+    assert set(graphlib.TopologicalSorter(graph).static_order()) == {path.name for path in files}
 
 
 def test_the_package_itself_loads_nothing_heavy() -> None:

@@ -18,6 +18,7 @@ from synth.case import case_names
 from synth.engine.events import NOTE_ON
 from synth.measures import relative_error
 from synth.physics.modes import residual_compliance, static_compliance
+from synth.physics.tuning import tuned
 from synth.schemes import PASSIVE_TO, energy_warning, safe_rate_hz
 from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
 from synth.solver import driver
@@ -495,7 +496,7 @@ def test_residual_compliance_of_a_bent_string(name, cents):
     scene = scene_of(name)
     got = scene.bent_model(cents).residual
     exact = residual_compliance(
-        scene.string.tuned(float(scene.omega[0]) * 2.0 ** (cents / 1200) / (2.0 * np.pi)), scene.positions, scene.omega.size
+        tuned(scene.string, float(scene.omega[0]) * 2.0 ** (cents / 1200) / (2.0 * np.pi)), scene.positions, scene.omega.size
     )
     np.testing.assert_allclose(got, exact, rtol=0, atol=2.0 * 0.0293**2 / 8.0 * np.diag(exact).max())
     assert np.abs(np.diag(got) / np.diag(scene.residual) - 1.0).max() > 3e-4

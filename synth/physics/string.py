@@ -10,7 +10,6 @@ describes; frequencies, decay rates and shapes are computed in `modes`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any, Literal, Self
 
 StiffnessLaw = Literal["sqrt", "linear"]
@@ -56,7 +55,7 @@ class NutResonance:
 
     def __post_init__(self) -> None:
         for name in ("frequency_hz", "q", "modal_mass_kg"):
-            _require_within(name, getattr(self, name), f"nut resonance {name}")
+            require_within(name, getattr(self, name), f"nut resonance {name}")
 
 
 @dataclass(frozen=True)
@@ -103,15 +102,15 @@ class String:
             object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
 
         for name in ("length_m", "tension_n", "linear_density_kg_m", "diameter_m", "bending_stiffness_n_m2"):
-            _require_within(name, getattr(self, name))
+            require_within(name, getattr(self, name))
         for name in ("viscoelastic_loss", "thermoelastic_q_inverse", "air_viscosity", "air_density"):
-            _require_within(name, getattr(self, name))
+            require_within(name, getattr(self, name))
         if self.stiffness_law not in STIFFNESS_LAWS:
             raise ValueError(f"stiffness_law must be 'sqrt' or 'linear', got {self.stiffness_law!r}")
         self._check_winding()
         for name in ("measured_frequencies_hz", "measured_decay_rates"):
             for mode, value in enumerate(getattr(self, name), start=1):
-                _require_within(name, value, f"{name} of mode {mode}", "end the list before that mode")
+                require_within(name, value, f"{name} of mode {mode}", "end the list before that mode")
         self._check_derived()
 
     def _check_winding(self) -> None:
@@ -121,8 +120,8 @@ class String:
                 f"got {self.core_diameter_m} and {self.winding_diameter_m}; leave both out for a plain string"
             )
         if self.core_diameter_m is not None and self.winding_diameter_m is not None:
-            _require_within("core_diameter_m", self.core_diameter_m)
-            _require_within("winding_diameter_m", self.winding_diameter_m)
+            require_within("core_diameter_m", self.core_diameter_m)
+            require_within("winding_diameter_m", self.winding_diameter_m)
             if self.core_diameter_m >= self.diameter_m:
                 raise ValueError(
                     f"core_diameter_m must be less than diameter_m = {self.diameter_m:g} m, "
@@ -159,7 +158,7 @@ class String:
 
         others: String's remaining fields, by name.
         """
-        _require_within("inharmonicity", inharmonicity, remedy="0 is a string without stiffness")
+        require_within("inharmonicity", inharmonicity, remedy="0 is a string without stiffness")
         string = cls(length_m, tension_n, linear_density_kg_m, 0.0, diameter_m, **others)
         return replace(string, bending_stiffness_n_m2=inharmonicity * tension_n * length_m**2 / math.pi**2)
 
@@ -199,67 +198,6 @@ class String:
             return self
         return replace(self, length_m=length_m, measured_frequencies_hz=(), measured_decay_rates=())
 
-    def tuned(self, frequency_hz: float) -> Self:
-        """The same string at the tension that puts its first mode ν_1 at frequency_hz [Hz].
-
-        ν_1 is the model's (A1) with stiffness and nut mobility, met to 1e-12 relative. Measured values belong
-        to the tension they were measured at: they are dropped. Where a strong nut resonance gives several
-        tensions the same pitch, one near that with a rigid nut is taken. Raises ValueError when no tension
-        gives the frequency.
-        """
-        _require_within("frequency_hz", frequency_hz)
-        string = replace(self, measured_frequencies_hz=(), measured_decay_rates=())
-        tension = string._rigid_nut_tension(frequency_hz)
-        if string.nut:
-            tension = string._mobile_nut_tension(frequency_hz, tension)
-        return replace(string, tension_n=tension)
-
-    def _rigid_nut_tension(self, frequency_hz: float) -> float:
-        """Tension [N] that solves ν_1 = frequency_hz for either law without mobility."""
-        ideal = 4.0 * self.length_m**2 * self.linear_density_kg_m * frequency_hz**2
-        bending = math.pi**2 * self.bending_stiffness_n_m2 / self.length_m**2  # B T, the same at any T
-        if self.stiffness_law == "sqrt":
-            tension = ideal - bending
-        else:
-            # √T solves T − √(ideal)·√T + bending/2 = 0; the greater root is the string, the lesser a bar
-            root = ideal - 2.0 * bending
-            tension = (math.sqrt(ideal) + math.sqrt(root)) ** 2 / 4.0 if root > 0.0 else 0.0
-        if not tension > 0.0:
-            raise ValueError(
-                f"frequency_hz must be above what bending stiffness alone gives, got {frequency_hz:g} Hz; "
-                "take a lower bending_stiffness_n_m2 or a longer string"
-            )
-        return tension
-
-    # kept, as a preset's strings are tuned when it is checked and again when it is compiled; a String is small
-    @lru_cache(maxsize=4096)  # noqa: B019
-    def _mobile_nut_tension(self, frequency_hz: float, start_n: float) -> float:
-        """Bisection on log T, from a bracket that grows around start_n until it holds a root."""
-        from synth.physics.modes import model_frequencies  # modes needs String; only this method needs modes
-
-        target = 2.0 * math.pi * frequency_hz
-
-        def is_sharp(log_ratio: float) -> bool:
-            string = replace(self, tension_n=start_n * math.exp(log_ratio))
-            return bool(model_frequencies(string, 1)[0] > target)
-
-        sharp = is_sharp(0.0)
-        near, far = 0.0, -1e-6 if sharp else 1e-6
-        while is_sharp(far) == sharp:
-            near, far = far, 2.0 * far
-            if abs(far) > 1.5:
-                raise ValueError(
-                    f"frequency_hz must be within reach of this nut, got {frequency_hz:g} Hz, "
-                    f"which no tension near {start_n:g} N gives; "
-                    "raise the modal_mass_kg of the nut resonance nearest to it"
-                )
-        while abs(far - near) > 1e-15:
-            middle = 0.5 * (near + far)
-            if middle in (near, far):
-                break
-            near, far = (middle, far) if is_sharp(middle) == sharp else (near, middle)
-        return start_n * math.exp(0.5 * (near + far))
-
 
 def _require(name: str, value: float, holds: Callable[[float], bool], condition: str, remedy: str) -> None:
     try:
@@ -270,7 +208,7 @@ def _require(name: str, value: float, holds: Callable[[float], bool], condition:
         raise ValueError(f"{name} must be a number {condition}, got {value!r}; {remedy}")
 
 
-def _require_within(field: str, value: float, name: str | None = None, remedy: str | None = None) -> None:
+def require_within(field: str, value: float, name: str | None = None, remedy: str | None = None) -> None:
     """Refuses what is not within LIMITS[field]; `name` is what the message calls it."""
     low, high, unit = LIMITS[field]
     least = f"> 0{unit}" if low > 0.0 else f">= 0{unit}"

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from synth.physics.modes import decay_rates, modal_frequencies, model_frequencies
 from synth.physics.string import LIMITS, NutResonance, String
+from synth.physics.tuning import tuned
 
 NUT = (NutResonance(45.0, 20.0, 1.5), NutResonance(110.0, 30.0, 0.8))
 
@@ -107,15 +108,15 @@ def test_tuned_meets_the_first_mode(law, inharmonicity, frequency, nut):
     string = String.from_inharmonicity(
         0.8, 150.0, 5e-3, inharmonicity, 1e-3, stiffness_law=law, nut=nut, measured_frequencies_hz=(50.0,)
     )
-    tuned = string.tuned(frequency)
-    assert tuned.measured_frequencies_hz == ()
-    assert modal_frequencies(tuned, 1)[0] / (2 * math.pi) == pytest.approx(frequency, rel=1e-12)
-    assert dataclasses.replace(tuned, tension_n=string.tension_n, measured_frequencies_hz=(50.0,)) == string
+    taut = tuned(string, frequency)
+    assert taut.measured_frequencies_hz == ()
+    assert modal_frequencies(taut, 1)[0] / (2 * math.pi) == pytest.approx(frequency, rel=1e-12)
+    assert dataclasses.replace(taut, tension_n=string.tension_n, measured_frequencies_hz=(50.0,)) == string
 
 
 def test_tuned_ideal_string_by_hand():
     # T = 4 L² μ f²
-    assert String(0.5, 1.0, 1e-3, 0.0, 1e-3).tuned(400.0).tension_n == pytest.approx(160.0, rel=1e-15)
+    assert tuned(String(0.5, 1.0, 1e-3, 0.0, 1e-3), 400.0).tension_n == pytest.approx(160.0, rel=1e-15)
 
 
 @given(st.sampled_from(["sqrt", "linear"]), st.floats(20.0, 400.0), st.floats(1e-9, 1e-5))
@@ -123,20 +124,20 @@ def test_tuned_returns_to_where_it_was(law, tension, stiffness):
     string = String(0.7, tension, 2e-3, stiffness, 1e-3, stiffness_law=law)
     assume(string.inharmonicity < 0.1)
     first = model_frequencies(string, 1)[0] / (2 * math.pi)
-    assert string.tuned(first).tension_n == pytest.approx(tension, rel=1e-12)
+    assert tuned(string, first).tension_n == pytest.approx(tension, rel=1e-12)
 
 
 @pytest.mark.parametrize("law", ["sqrt", "linear"])
 def test_a_bar_cannot_be_tuned_below_its_own_pitch(law):
     bar = String(0.1, 10.0, 1e-2, 1.0, 2e-3, stiffness_law=law)
     with pytest.raises(ValueError, match="frequency_hz must be above what bending stiffness alone gives, got 20 Hz"):
-        bar.tuned(20.0)
+        tuned(bar, 20.0)
 
 
 @pytest.mark.parametrize("bad", [0.0, -5.0, math.nan])
 def test_tuned_needs_a_frequency(guitar, bad):
     with pytest.raises(ValueError, match="frequency_hz must be a number > 0 Hz"):
-        guitar.tuned(bad)
+        tuned(guitar, bad)
 
 
 @pytest.mark.parametrize("field", [name for name in LIMITS if name != "inharmonicity"])
@@ -170,4 +171,4 @@ def test_fields_that_describe_no_string_together():
     with pytest.raises(ValueError, match=r"^length_m must be a number from"):
         String.from_inharmonicity(1e308, 100.0, 1e-3, 1e-4, 1e-3)
     with pytest.raises(ValueError, match=r"^frequency_hz must be a number from"):
-        String(1.0, 100.0, 1e-3, 0.0, 1e-3).tuned(1e200)
+        tuned(String(1.0, 100.0, 1e-3, 0.0, 1e-3), 1e200)

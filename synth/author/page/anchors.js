@@ -1,6 +1,6 @@
 // A number that may be given at notes: one value with a slider, or a small table of notes and values with its curve.
 
-import { numberInput } from "./field.js";
+import { numberInput } from "./entry.js";
 import { h, noteName, parseNote, s } from "./format.js";
 
 const WIDTH = 240;

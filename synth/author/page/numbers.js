@@ -1,7 +1,7 @@
 // A list of numbers as a small table: heights of frets, points under the string, measured partials.
 
 import { listBeside } from "./edits.js";
-import { numberInput } from "./field.js";
+import { numberInput } from "./entry.js";
 import { h } from "./format.js";
 
 export function makeNumbers(parameter, { store, parameterOf, commit, commitMany, refuse, labels }) {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from synth.compile import make_string, note_frequency, obstacle_of, string_frequency
 from synth.physics.obstacle import Obstacle, fretted
 from synth.physics.string import String
+from synth.physics.tuning import tuned
 from synth.preset import FretsObstacle, Preset, PresetError, StringTable, fret_count, playable_range
 from synth.tune import single_strings
 from synth.units import midi_to_note
@@ -68,7 +69,7 @@ def speaking(place: Place) -> Speaking:
     if not isinstance(place.preset.obstacle, FretsObstacle):
         return Speaking(opened, opened, below, below)
     length, reached = fretted(below, place.fret, opened.length_m)
-    string = opened.with_length(length).tuned(place.model_hz(place.fret)) if place.fret else opened
+    string = tuned(opened.with_length(length), place.model_hz(place.fret)) if place.fret else opened
     return Speaking(opened, string, below, reached)
 
 
