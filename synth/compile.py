@@ -2,8 +2,8 @@
 
 Every string of the preset gets one modal model per position it can be played at (open, and each fret), tuned so that
 the sounding fundamental has the note's pitch: the tension is that of the model's first mode at the note's frequency
-less the preset's measured contact shift. Positions are counted from the saddle (x = L), heights from the
-string's line at rest.
+less the preset's measured contact shift. Positions count from the nut or the fret that stops it
+(x = 0; the saddle is at x = L), heights from the string's line at rest.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ NOTE_OFF = 2  # a = note
 CONTROL = 3  # a = controller, b = value
 BEND = 4  # a = -8192 … 8191
 PROGRAM = 5  # a = program
-PARAMETER = 6  # channel = part, a = index in PARAMETERS, value
+PARAMETER = 6  # channel = part, a = `layout.GAIN` or another of N_PARAMETERS, value
 N_PARAMETERS = 6
 PRESSURE = 7  # of the channel: b = 0 … 127
 KEY_PRESSURE = 8  # a = note, b = 0 … 127

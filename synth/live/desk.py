@@ -62,7 +62,7 @@ STEP = 2.0**32
     ADAPTIVE,
     PEAK_SEEN,
     ENDING,
-    # the clock's number of changes, odd while it changes; its frame, the time of that frame [ns since ORIGIN] and of a
+    # the clock's number of changes, odd while it changes; its frame, the time of that frame [ns since origin_ns] and of a
     # frame [2^−32 ns]; frames between an event and its place
     CLOCK,
     CLOCK_FRAME,
@@ -82,7 +82,7 @@ STEP = 2.0**32
 ) = range(0, 37 * LINE_F8, LINE_F8)
 N_WORDS = 37 * LINE_F8
 
-#: places in Desk.levels: the clock's own time of its frame [ns since ORIGIN] and ns per frame; peak since it was seen;
+#: places in Desk.levels: the clock's own time of its frame [ns since origin_ns] and ns per frame; peak since it was seen;
 #: mean load; the device's own latency [s]; the level below which strings are spared [dBFS]
 CLOCK_NS, FRAME_NS, PEAK, MEAN_LOAD, DEVICE_S, SPARE_DB = range(6)
 N_LEVELS = 6

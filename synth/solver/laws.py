@@ -7,14 +7,14 @@ A mode obeys μ(q̈ + 2σq̇ + ω²q) = f. Every law here steps a pair (q, v) pe
 
 and differs only in what v means, in the six numbers and in what the contact unknown f is:
 
-ω = 0 is a rigid motion and has its limits in every row (F → (1 − e^{−2σΔt})/(2σΔt), 1 without loss).
-
 exact-hold
     v = q̇, f a force [N] held over the step; (p) is the exact propagator Φ(Δt), kq and kv its step responses.
 moreau-jean
     v = (qⁿ − qⁿ⁻¹)/Δt, f an impulse [N s] acting unfiltered on v (Issanchou et al., JASA 143(5), 2018, eqs 24–33).
 moreau-jean-filtered
     the same with each mode's impulse multiplied by F = (1 − a + e)/(ωΔt)².
+
+ω = 0 is a rigid motion and has its limits in every row (F → (1 − e^{−2σΔt})/(2σΔt), 1 without loss).
 """
 
 from __future__ import annotations
