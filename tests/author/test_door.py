@@ -20,8 +20,7 @@ from .conftest import Serve
 from .serverkit import Server, until
 
 #: a browser that leaves what others see of it, and asks for nothing
-BROWSER = """#!{python}
-import os, sys
+BROWSER = """import os, sys
 with open({seen!r} + ".part", "wb") as file:
     for name in ("cmdline", "environ", "comm"):
         with open("/proc/self/" + name, "rb") as source:
@@ -33,8 +32,9 @@ os.rename({seen!r} + ".part", {seen!r})
 @pytest.fixture
 def browser(tmp_path: Path) -> tuple[dict[str, str], Path]:
     """(environment with a browser, the file that says what others see of it)."""
-    program, seen = tmp_path / "browser", tmp_path / "seen"
-    program.write_text(BROWSER.format(python=sys.executable, seen=str(seen)))
+    program, script, seen = tmp_path / "browser", tmp_path / "browser.py", tmp_path / "seen"
+    script.write_text(BROWSER.format(seen=str(seen)))
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')  # its path may have spaces
     program.chmod(0o700)
     return {**os.environ, "BROWSER": str(program)}, seen
 
