@@ -23,7 +23,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic as _intrinsic
 
 from bench.kernels import BY_NAME, Plucked, Stretch
-from synth.solver.blocks import Blocks, advance_blocks, aligned, forget, make_block_work, make_blocks
+from synth.native.arrays import aligned
+from synth.solver.blocks import Blocks, advance_blocks, forget, make_block_work, make_blocks
 from synth.solver.lanes import (
     ADV11,
     ADV12,
@@ -314,7 +315,7 @@ def in_double(plucked: Plucked, steps: int) -> np.ndarray:
     """What `stretch` plays over its contact, in float64: displacements (steps,)."""
     m, q0, v0 = plucked
     block = make_blocks(m.law, m.dt, m.coef, m.shapes, m.g, m.out_shapes)
-    n, out, work = block.rows.shape[1], aligned(1, steps), make_block_work(1, q0.size)
+    n, out, work = block.rows.shape[1], aligned((1, steps)), make_block_work(1, q0.size)
     q, v = aligned(n), aligned(n)
     q[: q0.size], v[: q0.size] = q0, v0
     u, speed = block.shapes @ q, block.shapes @ v

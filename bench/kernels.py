@@ -13,12 +13,12 @@ from numba import njit
 from speed_error.grid import BASE_HZ, E0, WITHOUT_R, Run
 
 from bench.count import fma_per_mode_step
+from synth.native.arrays import aligned
 from synth.physics.modes import modal_frequencies
 from synth.solver.blocks import (
     BLOCK,
     Blocks,
     advance_blocks,
-    aligned,
     fly_blocks,
     forget,
     make_block_work,
@@ -178,7 +178,7 @@ def _naive(plucked: Plucked, steps: int) -> Stretch:
 
 def _fly_blocks(plucked: Plucked, steps: int) -> Stretch:
     block = _blocks_of(plucked.model)
-    n, out = block.rows.shape[1], aligned(1, steps)
+    n, out = block.rows.shape[1], aligned((1, steps))
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
         fly_blocks(steps // BLOCK, n, block.rows, q, v, block.weights, 1, out)
@@ -188,7 +188,7 @@ def _fly_blocks(plucked: Plucked, steps: int) -> Stretch:
 
 def _press_blocks(plucked: Plucked, steps: int) -> Stretch:
     block = _blocks_of(plucked.model)
-    n, out, u, forces = block.rows.shape[1], aligned(1, steps), aligned(BLOCK), aligned(BLOCK)
+    n, out, u, forces = block.rows.shape[1], aligned((1, steps)), aligned(BLOCK), aligned(BLOCK)
     none = aligned(0)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
@@ -203,7 +203,7 @@ def _press_blocks(plucked: Plucked, steps: int) -> Stretch:
 def _advance_blocks(certified: bool) -> Callable[[Plucked, int], Stretch]:
     def make(plucked: Plucked, steps: int) -> Stretch:
         block, c = _blocks_of(plucked.model), plucked.model.eta.size
-        n, out, forces = block.rows.shape[1], aligned(1, steps), np.zeros((steps, c))
+        n, out, forces = block.rows.shape[1], aligned((1, steps)), np.zeros((steps, c))
         work, empty = make_block_work(c, n), np.zeros((0, c))
         u, speed = np.zeros(c), np.zeros(c)
 

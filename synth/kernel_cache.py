@@ -54,8 +54,8 @@ def cache_folder() -> Path:
     digest = hashlib.blake2b(os.environ.get("JAWARI_LANES", "").encode(), digest_size=8)
     for path in sorted(package.rglob("*.py")):
         content = path.read_bytes()
-        # the engine's constants are compiled in, and so is what intrinsics emit
-        if b"njit" in content or b"intrinsic" in content or path.parent.name == "engine":
+        # the engine's constants are compiled in, and so are what intrinsics emit and how arrays are declared
+        if b"njit" in content or b"intrinsic" in content or path.parent.name in ("engine", "native"):
             digest.update(str(path.relative_to(package)).encode())
             digest.update(content)
     if sys.platform == "darwin":

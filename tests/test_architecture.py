@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
     {"compiling", "signals"},
-    {"units", "kernel_cache", "schemes", "calibration", "targets", "sources", "simd", "npz", "spelling"},
+    {"units", "kernel_cache", "schemes", "calibration", "targets", "sources", "simd", "npz", "spelling", "native"},
     {"physics", "solver", "dsp"},
     {"measures", "exact", "result"},
     {"plan", "preset"},

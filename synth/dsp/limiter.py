@@ -26,8 +26,8 @@ LOOKAHEAD = 64
 RELEASE_S = 0.15
 """Default time constant of the release."""
 
-_WINDOW = LOOKAHEAD + 1
-_WEIGHTS = np.hanning(_WINDOW + 2)[1:-1] / np.hanning(_WINDOW + 2)[1:-1].sum()
+WINDOW = LOOKAHEAD + 1
+_WEIGHTS = np.hanning(WINDOW + 2)[1:-1] / np.hanning(WINDOW + 2)[1:-1].sum()
 
 # A remaining reduction of −140 dB counts as none, so that the limiter returns to a bitwise delay.
 _RELEASED = 1e-7
@@ -54,8 +54,8 @@ def limiter_state(channels: int) -> LimiterState:
         raise ValueError(f"channels must be at least 1, got {channels}; give the width of the signal")
     return LimiterState(
         np.zeros((LOOKAHEAD, channels)),
-        np.zeros(2 * _WINDOW),
-        np.zeros(2 * _WINDOW),
+        np.zeros(2 * WINDOW),
+        np.zeros(2 * WINDOW),
         np.zeros(3, np.int64),
         np.zeros(2),
     )
@@ -66,8 +66,8 @@ def limiter_problem(state: LimiterState, ceiling: float) -> str | None:
     place, ring, active = (int(count) for count in state.counters)
     for name, value, most in (
         ("place in the delay", place, LOOKAHEAD - 1),
-        ("place in the rings", ring, _WINDOW - 1),
-        ("number of frames until release", active, 2 * _WINDOW),
+        ("place in the rings", ring, WINDOW - 1),
+        ("number of frames until release", active, 2 * WINDOW),
     ):
         if not 0 <= value <= most:
             return f"the {name} must lie between 0 and {most}, got {value}"
@@ -78,13 +78,13 @@ def limiter_problem(state: LimiterState, ceiling: float) -> str | None:
         if wrong.size:
             return f"reductions must lie between 0 and 1, got {wrong[0]:g}"
     for ringed in (state.required, state.released):
-        if not np.array_equal(ringed[:_WINDOW], ringed[_WINDOW:]):
+        if not np.array_equal(ringed[:WINDOW], ringed[WINDOW:]):
             return "a ring of reductions is not written twice"
     # frame k from now leaves from the delay at place + k; it came LOOKAHEAD − k frames ago, and so did its reduction
     k = np.arange(LOOKAHEAD)
     over = np.abs(state.delay[(place + k) % LOOKAHEAD]).max(axis=1) > ceiling
-    known = state.required[(ring + 1 + k) % _WINDOW] > 0.0
-    if (over & ~known).any() or (over.any() and active < _WINDOW):
+    known = state.required[(ring + 1 + k) % WINDOW] > 0.0
+    if (over & ~known).any() or (over.any() and active < WINDOW):
         return "the delay holds what is above the ceiling, and no reduction for it"
     return None
 
@@ -109,7 +109,7 @@ def largest_reduction_db(state: LimiterState) -> float:
 @njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})
 def _smooth(released):
     total = 0.0
-    for k in range(_WINDOW):
+    for k in range(WINDOW):
         total += _WEIGHTS[k] * released[k]
     return total
 
@@ -117,8 +117,8 @@ def _smooth(released):
 @njit(cache=True, nogil=True)
 def _largest(required):
     """The largest of a window, in lanes: a chain of maxima takes as long as it has members."""
-    a = b = c = d = e = f = g = h = required[_WINDOW - 1]
-    for k in range(0, _WINDOW - 1, 8):
+    a = b = c = d = e = f = g = h = required[WINDOW - 1]
+    for k in range(0, WINDOW - 1, 8):
         a = max(a, required[k])
         b = max(b, required[k + 1])
         c = max(c, required[k + 2])
@@ -169,7 +169,7 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
                 _exchange(entering, inside[place * channels : (place + count) * channels])
                 n += count
                 place = (place + count) % LOOKAHEAD
-                ring = (ring + count) % _WINDOW
+                ring = (ring + count) % WINDOW
                 continue
         peak = 0.0
         for c in range(channels):
@@ -179,14 +179,14 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
         need = 0.0
         if peak > ceiling:
             need = 1.0 - ceiling / peak
-            active = 2 * _WINDOW
+            active = 2 * WINDOW
         required[ring] = need
-        required[ring + _WINDOW] = need
-        ring_next = ring + 1 if ring + 1 < _WINDOW else 0
+        required[ring + WINDOW] = need
+        ring_next = ring + 1 if ring + 1 < WINDOW else 0
 
         reduction = 0.0
         if active > 0:
-            held = _largest(required[ring_next : ring_next + _WINDOW])
+            held = _largest(required[ring_next : ring_next + WINDOW])
             if held >= last:
                 last = held
             else:
@@ -194,12 +194,12 @@ def limit(delay, required, released, counters, levels, ceiling, release, x):
                 if last < _RELEASED:
                     last = 0.0
             released[ring] = last
-            released[ring + _WINDOW] = last
-            smooth = _smooth(released[ring_next : ring_next + _WINDOW])
+            released[ring + WINDOW] = last
+            smooth = _smooth(released[ring_next : ring_next + WINDOW])
             # The frame that leaves now is the oldest in the window; rounding must not cost it its guarantee.
             reduction = max(smooth, required[ring_next])
             if last > 0.0:
-                active = 2 * _WINDOW
+                active = 2 * WINDOW
             else:
                 active -= 1
         ring = ring_next
@@ -228,7 +228,7 @@ def limit_reference(x, ceiling: float, release: float) -> NDArray[np.float64]:
     n = len(x)
     peak = np.abs(x).max(axis=1)
     needed = np.concatenate([np.zeros(LOOKAHEAD), 1.0 - ceiling / np.maximum(peak, ceiling)])
-    held = np.lib.stride_tricks.sliding_window_view(needed, _WINDOW).max(axis=1)
+    held = np.lib.stride_tricks.sliding_window_view(needed, WINDOW).max(axis=1)
     released = np.empty(n)
     last = 0.0
     for i in range(n):

@@ -6,6 +6,6 @@ events, notes, expression, zones            what a player does, and which string
 strings, coefficients, parameters           what hands do to a string
 advance, flight, output                     a string through time
 process, mix                                spans between events, buses, limiter
-layout, bank, views                         the arrays that the native core works on, behind one address
+layout, bank, core                          the arrays that the native core works on, behind two addresses
 team, atomics                               threads
 """

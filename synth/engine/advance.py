@@ -26,6 +26,7 @@ from synth.engine.coefficients import (
     shapes_of,
     weights_of,
 )
+from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state_of
 from synth.engine.expression import bend_of, follow, height_of
 from synth.engine.flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.layout import (
@@ -45,7 +46,7 @@ from synth.engine.layout import (
 )
 from synth.engine.output import collect
 from synth.engine.strings import damp, finger_done, sleep
-from synth.engine.views import bank_of, call_back, scratch_of, settings_of, shared_of, state_of
+from synth.native.views import call_back
 from synth.solver.blocks import CERTIFY_FROM, BlockWork, advance_blocks, fly_blocks, forget, press_blocks
 from synth.solver.fingers import advance_under_finger
 from synth.solver.kernels import Finger, Work, advance, amplitudes, reach

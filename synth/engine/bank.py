@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,26 +12,11 @@ from threadpoolctl import threadpool_limits
 from synth.compile import CompiledPart, Position
 from synth.dsp.body import body_coefficients
 from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
-from synth.dsp.limiter import limiter_state
+from synth.dsp.limiter import LOOKAHEAD, WINDOW, limiter_state
 from synth.engine import layout
-from synth.engine.events import EVENT
-from synth.engine.layout import (
-    FADE,
-    LINE,
-    LINE_F8,
-    N_TASK,
-    QUANTUM,
-    RESPONSE,
-    SPAN,
-    SPAN_STEPS,
-    STEP,
-    WORK_ON,
-    Bank,
-    Scratch,
-    Shared,
-    State,
-)
+from synth.engine.layout import FADE, QUANTUM, RESPONSE, SPAN, SPAN_STEPS, STEP, WORK_ON, Bank, Scratch, Shared, State
 from synth.engine.team import N_WORDS
+from synth.native.arrays import allocate, record, whole_lines
 from synth.preset import at_note
 from synth.solver.blocks import make_lags, make_rows, padded_rows
 from synth.solver.lanes import BLOCK, ROWS, padded
@@ -61,24 +46,7 @@ def build_bank(
     positions: list[tuple] = []
     part_rows: list[tuple] = []
     buses: list[tuple] = []
-    flat: dict[str, list[np.ndarray]] = {
-        name: []
-        for name in (
-            "omega",
-            "sigma",
-            "rows",
-            "flight",
-            "shapes",
-            "eta",
-            "residual",
-            "matrix",
-            "lags",
-            "out_lags",
-            "weights",
-            "direct_weights",
-            "q_rest",
-        )
-    }
+    flat: defaultdict[str, list[np.ndarray]] = defaultdict(list)
     bodies: list[np.ndarray] = []
     taps: list[np.ndarray] = []
     tap_places: dict[int, tuple[int, int]] = {}
@@ -101,44 +69,46 @@ def build_bank(
                         split_taps(linear, factor, taps[-1])
                     place, size = tap_places[factor]
                     bus_of[factor] = len(buses)
-                    buses.append((p, factor, place, size, line))
-                    line += _padded(size + span * QUANTUM * factor)
+                    buses.append(record(layout.BUS, part=p, factor=factor, taps=place, n_taps=size, off=line))
+                    line += whole_lines(size + span * QUANTUM * factor)
             factor = string.factor
             index = len(strings)
             cap = padded(max(position.omega.size for position in string.positions))
             cmax = max(position.eta.size for position in string.positions)
             strings.append(
-                (
-                    p,
-                    bus_of[factor],
-                    factor,
-                    cap,
-                    s_off,
-                    s_coff,
-                    cmax,
-                    s_goff,
-                    string.places,
-                    string.open_length_m,
-                    string.pluck_force_n,
-                    string.impedance_kg_s,
-                    string.draw_s,
-                    string.release_s,
-                    row,
-                    bus_of[1] if factor > 1 else -1,
-                    len(strings) * span * QUANTUM,
-                    fade,
-                    1e-6 * at_note(preset.mapping.pressure_um, string.open_note),
+                record(
+                    layout.STRING,
+                    part=p,
+                    bus=bus_of[factor],
+                    factor=factor,
+                    cap=cap,
+                    off=s_off,
+                    coff=s_coff,
+                    cmax=cmax,
+                    goff=s_goff,
+                    positions=string.places,
+                    open_length=string.open_length_m,
+                    pluck_force=string.pluck_force_n,
+                    impedance=string.impedance_kg_s,
+                    draw_s=string.draw_s,
+                    release_s=string.release_s,
+                    row=row,
+                    direct_bus=bus_of[1] if factor > 1 else -1,
+                    direct=len(strings) * span * QUANTUM,
+                    fade=fade,
+                    pressure_height=1e-6 * at_note(preset.mapping.pressure_um, string.open_note),
                 )
             )
-            row += _padded(span * QUANTUM * factor)
+            row += whole_lines(span * QUANTUM * factor)
             fade += FADE * factor
             s_off += cap
-            s_coff += _padded(cmax)
+            s_coff += whole_lines(cmax)
             s_goff += cmax * cmax
             for position in string.positions:
                 n, c = position.omega.size, position.eta.size
                 n_cap = padded(n)
-                positions.append((p, index, position.note, position.fret, len(models)))
+                place_of = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(models)}
+                positions.append(record(layout.POSITION, **place_of))
                 bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
                 if preset.output.kind in ("velocity", "pickup"):
                     bound = math.sqrt(float(np.sum(position.wv**2)))
@@ -147,26 +117,28 @@ def build_bank(
                     bent = position.shapes[0] / (position.mu * position.omega**2)
                     static = float(position.shapes[0] @ bent + position.residual[0, 0])
                     lift = float(position.wq @ bent)
+                stopband = 2.0 * math.pi * STOPBAND_EDGE * rate_hz
                 models.append(
-                    (
-                        n,
-                        position.own,
-                        c,
-                        max(1, int(np.sum(position.omega[: position.own] < 2.0 * math.pi * STOPBAND_EDGE * rate_hz))),
-                        n_cap,
-                        off,
-                        soff,
-                        coff,
-                        goff,
-                        position.length_m,
-                        position.tension_n,
-                        position.mu,
-                        position.rest_height_m,
-                        position.output_rest,
-                        float(position.wq @ position.q_rest),
-                        bound,
-                        static,
-                        lift,
+                    record(
+                        layout.MODEL,
+                        n=n,
+                        own=position.own,
+                        contacts=c,
+                        audible=max(1, int(np.sum(position.omega[: position.own] < stopband))),
+                        cap=n_cap,
+                        off=off,
+                        soff=soff,
+                        coff=coff,
+                        goff=goff,
+                        length=position.length_m,
+                        tension=position.tension_n,
+                        mu=position.mu,
+                        rest_height=position.rest_height_m,
+                        line_output=position.output_rest,
+                        rest_output=float(position.wq @ position.q_rest),
+                        output_bound=bound,
+                        static_response=static,
+                        lift_output=lift,
                     )
                 )
                 off, soff, coff, goff = off + n_cap, soff + n_cap * c, coff + c, goff + c * c
@@ -186,51 +158,69 @@ def build_bank(
                 )
             )
         part_rows.append(
-            (
-                channels[p],
-                first_position,
-                len(positions),
-                first_bus,
-                len(buses),
-                int(preset.damping.ring_on),
-                int(output.kind != "velocity"),
-                int(output.kind in ("velocity", "pickup")),
-                1e-3 * output.distance_mm,
-                pluck.velocity_exponent,
-                hard - pluck.position,
-                width_hard / pluck.width_mm,
-                1e3 * pluck.finger_stiffness_n_mm,
-                pluck.finger_loss,
-                db_to_gain(preset.body.direct_db),
-                body_off,
-                n_body,
-                1e-2 * preset.mapping.pressure_cents,
+            record(
+                layout.PART,
+                channel=channels[p],
+                first_position=first_position,
+                end_position=len(positions),
+                first_bus=first_bus,
+                end_bus=len(buses),
+                ring_on=int(preset.damping.ring_on),
+                use_q=int(output.kind != "velocity"),
+                use_v=int(output.kind in ("velocity", "pickup")),
+                pickup_distance=1e-3 * output.distance_mm,
+                velocity_exponent=pluck.velocity_exponent,
+                position_hard=hard - pluck.position,
+                width_hard=width_hard / pluck.width_mm,
+                finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
+                finger_loss=pluck.finger_loss,
+                direct=db_to_gain(preset.body.direct_db),
+                body_off=body_off,
+                body_n=n_body,
+                pressure_bend=1e-2 * preset.mapping.pressure_cents,
             )
         )
         body_off += n_body
 
-    def join(arrays: list[np.ndarray]) -> np.ndarray:
-        whole = aligned(sum(array.size for array in arrays))
-        np.concatenate([np.zeros(0), *arrays], out=whole)
-        return whole
-
     by_controller = sorted(bindings, key=lambda row: row[0])
-    rows = [(part, index, layout.PARAMETER_CURVES[index], low, high) for _, part, index, low, high in by_controller]
-    return Bank(
-        np.array(models, layout.MODEL),
-        np.array(strings, layout.STRING),
-        np.array(positions, layout.POSITION),
-        np.array(part_rows, layout.PART),
-        np.array(buses, layout.BUS),
-        np.ascontiguousarray(program_map, dtype=np.int64),
-        np.array([[(of_channel == p).any() for p in range(len(parts))] for of_channel in program_map], np.int64),
-        np.array(pitch, dtype=np.float64),
-        np.array(rows, layout.BINDING),
-        np.searchsorted([row[0] for row in by_controller], np.arange(129)).astype(np.int64),
-        **{name: join(arrays) for name, arrays in flat.items()},
-        taps=join(taps),
+    bound_rows = [
+        record(layout.BINDING, part=part, index=index, curve=layout.PARAMETER_CURVES[index], low=low, high=high)
+        for _, part, index, low, high in by_controller
+    ]
+    sizes = {
+        "models": len(models),
+        "strings": len(strings),
+        "positions": len(positions),
+        "parts": len(parts),
+        "buses": len(buses),
+        "bindings": len(bindings),
+        "model_modes": off,
+        "model_shapes": soff,
+        "model_contacts": coff,
+        "model_squares": goff,
+        "taps": sum(t.size for t in taps),
+        "resonances": body_off,
+        "ROWS": ROWS,
+        "RESPONSE": RESPONSE,
+    }
+    bank = allocate(
+        Bank,
+        sizes,
+        models=np.array(models, layout.MODEL),
+        strings=np.array(strings, layout.STRING),
+        positions=np.array(positions, layout.POSITION),
+        parts=np.array(part_rows, layout.PART),
+        buses=np.array(buses, layout.BUS),
+        program_map=np.ascontiguousarray(program_map, dtype=np.int64),
+        plays=np.array([[(of_channel == p).any() for p in range(len(parts))] for of_channel in program_map], np.int64),
+        pitch=np.array(pitch, dtype=np.float64),
+        bindings=np.array(bound_rows, layout.BINDING),
+        bound=np.searchsorted([row[0] for row in by_controller], np.arange(129)).astype(np.int64),
         body=np.concatenate(bodies, axis=1) if bodies else np.zeros((3, 0)),
     )
+    for name, pieces in (*flat.items(), ("taps", taps)):
+        np.concatenate([np.zeros(0), *pieces], out=getattr(bank, name))
+    return bank
 
 
 def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
@@ -269,20 +259,6 @@ def _model_arrays(position: Position, law: int, rate_hz: float, factor: int) -> 
     }
 
 
-def _padded(count: int) -> int:
-    """The next multiple of a cache line's numbers."""
-    return -(-count // LINE_F8) * LINE_F8
-
-
-def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
-    """Zeros that begin on a cache line."""
-    kind = np.dtype(dtype)
-    count = int(np.prod(shape))
-    memory = np.zeros(count * kind.itemsize + LINE, np.uint8)
-    start = -memory.ctypes.data % LINE
-    return memory[start : start + count * kind.itemsize].view(kind).reshape(shape)
-
-
 def span_quanta(parts: Sequence[CompiledPart]) -> int:
     """How many quanta are worked off in one go."""
     factor = max((string.factor for part in parts for string in part.strings), default=1)
@@ -294,116 +270,76 @@ def _end(offsets: np.ndarray, sizes: np.ndarray) -> int:
     return int((offsets + sizes).max(initial=0))
 
 
+def _state_sizes(bank: Bank, span: int) -> dict[str, int]:
+    """Extents of a State and of Shared, for spans of so many quanta."""
+    strings, buses = bank.strings, bank.buses
+    return {
+        "strings": strings.size,
+        "parts": bank.parts.size,
+        "buses": buses.size,
+        "modes": int(strings["cap"].sum()),
+        "contacts": _end(strings["coff"], strings["cmax"]),
+        "squares": int((strings["cmax"] ** 2).sum()),
+        "fades": _end(strings["fade"], FADE * strings["factor"]),
+        "string_rows": _end(strings["row"], span * QUANTUM * strings["factor"]),
+        "lines": _end(buses["off"], buses["n_taps"] + span * QUANTUM * buses["factor"]),
+        "phases": max((phase_space(int(factor), span * QUANTUM) for factor in buses["factor"]), default=0),
+        "resonances": max(1, bank.body.shape[1]),
+        "span": span,
+        "frames": span * QUANTUM,
+        "ROWS": ROWS,
+        "RESPONSE": RESPONSE,
+        "FADE": FADE,
+        "RING": layout.RING,
+        "LOOKAHEAD": LOOKAHEAD,
+        "WINDOW": WINDOW,
+        "N_PARAMETERS": layout.N_PARAMETERS,
+        "PENDING_EVENTS": PENDING_EVENTS,
+        "N_COUNTERS": layout.N_COUNTERS,
+        "N_METERS": layout.N_METERS,
+        "N_TASK": layout.N_TASK,
+        "N_WORDS": N_WORDS,
+    }
+
+
 def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
     """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta."""
-    n_strings, n_parts = bank.strings.size, bank.parts.size
-    modes = int(bank.strings["cap"].sum())
-    contacts = _end(bank.strings["coff"], bank.strings["cmax"])
-    squares = int((bank.strings["cmax"] ** 2).sum())
-    channels = aligned(16, layout.CHANNEL)
+    limiter = limiter_state(2)
+    state = allocate(
+        State,
+        _state_sizes(bank, span),
+        parameters=parameters.copy(),
+        delay=limiter.delay,
+        required=limiter.required,
+        released=limiter.released,
+        limiter_counters=limiter.counters,
+        limiter_levels=limiter.levels,
+    )
+    channels, part_state = state.channels, state.part_state
     channels["volume"] = channels["expression"] = 1.0
     channels["bend_range"] = 2.0
     channels["rpn"] = 0x3FFF
     channels["timbre"] = 64
     channels["master"] = np.arange(16)
-    part_state = aligned(n_parts, layout.PART_STATE)
     part_state["left"] = part_state["right"] = 1.0
     part_state["channel"] = bank.parts["channel"]
-    quiet = aligned(bank.buses.size, np.int64)
-    quiet[:] = bank.buses["n_taps"]
-    limiter = limiter_state(2)
-    return State(
-        aligned(n_strings, layout.SOUNDING),
-        channels,
-        part_state,
-        parameters.copy(),
-        aligned(128),
-        aligned(2, np.int64),
-        aligned(modes),
-        aligned(modes),
-        aligned(modes),
-        aligned(ROWS * modes),
-        aligned(squares),
-        aligned(RESPONSE * squares),
-        aligned(2 * RESPONSE * contacts),
-        aligned(contacts),
-        aligned(contacts),
-        aligned(contacts),
-        aligned(contacts),
-        aligned(contacts, np.uint8),
-        aligned(contacts, np.int64),
-        aligned(contacts),
-        aligned((contacts, 3)),
-        aligned(contacts, np.int64),
-        aligned(n_strings, np.int64),
-        aligned(n_strings, np.int64),
-        aligned(_end(bank.strings["fade"], FADE * bank.strings["factor"])),
-        aligned((n_strings, FADE)),
-        aligned(modes),
-        aligned(contacts),
-        aligned(RESPONSE * contacts),
-        aligned((n_strings, 3, RESPONSE)),
-        aligned(contacts),
-        aligned((n_strings, 2)),
-        aligned(PENDING_EVENTS, EVENT),
-        aligned((n_parts + 1, 128), np.int64),
-        aligned(layout.N_COUNTERS, np.int64),
-        aligned(layout.N_METERS),
-        aligned(_end(bank.buses["off"], bank.buses["n_taps"] + span * QUANTUM * bank.buses["factor"])),
-        quiet,
-        aligned((3, max(1, bank.body.shape[1]))),
-        aligned((layout.RING, 2)),
-        aligned((n_parts, layout.RING, 2)),
-        *limiter,
-    )
+    state.quiet[:] = bank.buses["n_taps"]
+    return state
 
 
 def new_shared(bank: Bank, span: int, entries: tuple[int, int]) -> Shared:
     """Work arrays for spans of so many quanta; `advance.entries`."""
-    task = aligned(N_TASK, np.int64)
-    task[WORK_ON], task[STEP] = entries
-    frames = span * QUANTUM
-    return Shared(
-        task,
-        aligned(bank.strings.size, np.int64),
-        aligned(N_WORDS, np.int64),
-        aligned(_end(bank.strings["row"], frames * bank.strings["factor"])),
-        aligned(bank.strings.size * frames),
-        aligned((span, 16)),
-        aligned((span, bank.parts.size)),
-        aligned(frames),
-        aligned(frames),
-        aligned(max((phase_space(int(factor), frames) for factor in bank.buses["factor"]), default=0)),
-        aligned((frames, 2)),
-    )
+    shared = allocate(Shared, _state_sizes(bank, span))
+    shared.task[WORK_ON], shared.task[STEP] = entries
+    return shared
 
 
 def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
-    widest = max(1, int(bank.models["contacts"].max(initial=0)))
-    modes = max(1, int(bank.strings["cap"].max(initial=1)))
-    steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
-    return Scratch(
-        aligned(steps + 1),
-        aligned(2 * steps),
-        aligned(modes),
-        aligned(modes),
-        aligned(modes),
-        aligned(modes),
-        aligned((steps, widest)),
-        aligned(widest),
-        aligned(widest),
-        aligned(widest),
-        aligned((widest, widest)),
-        aligned((widest, widest)),
-        aligned(widest, np.int64),
-        aligned(widest, np.uint8),
-        aligned(widest, np.uint8),
-        aligned(widest, np.uint8),
-        aligned((3, BLOCK)),
-        aligned((widest + 1) * BLOCK),
-        aligned((widest + 1) * BLOCK),
-        aligned(widest * widest),
-        aligned(3 * modes),
-        aligned(widest, np.int64),
-    )
+    sizes = {
+        "widest": max(1, int(bank.models["contacts"].max(initial=0))),
+        "widest_modes": max(1, int(bank.strings["cap"].max(initial=1))),
+        "steps": QUANTUM * int(bank.strings["factor"].max(initial=1)),
+        "BLOCK": BLOCK,
+    }
+    return allocate(Scratch, sizes)

@@ -6,8 +6,8 @@ import math
 
 from numba import njit
 
+from synth.engine.core import bank_of, scratch_of, settings_of, state_of
 from synth.engine.layout import CORE, NO_FINGER, RESPONSE
-from synth.engine.views import bank_of, scratch_of, settings_of, state_of
 from synth.solver.blocks import fill_lags, fill_rows
 from synth.solver.fingers import Grip, fill_grip
 from synth.solver.lanes import ROWS

@@ -31,8 +31,8 @@ from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound
 from synth.engine.process import process
 from synth.engine.state_check import check_state
 from synth.engine.team import Team, cores
-from synth.engine.views import table
 from synth.engine.zones import LOWER, MOST_MEMBERS
+from synth.native.views import table
 from synth.preset import Preset, PresetError, why_unplayed
 from synth.schemes import energy_warning
 from synth.solver.laws import law_of

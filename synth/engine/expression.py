@@ -10,8 +10,8 @@ import math
 
 from numba import njit
 
+from synth.engine.core import bank_of, settings_of, state_of
 from synth.engine.layout import CORE, HEIGHT, PARAMETER_RANGES, QUANTUM
-from synth.engine.views import bank_of, settings_of, state_of
 from synth.engine.zones import manager_of
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]

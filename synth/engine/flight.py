@@ -18,9 +18,9 @@ import math
 from numba import njit
 
 from synth.engine.coefficients import rows_of, weights_of
+from synth.engine.core import bank_of, scratch_of, shared_of, state_of
 from synth.engine.layout import CORE, FADE, QUANTUM
 from synth.engine.output import collect
-from synth.engine.views import bank_of, scratch_of, shared_of, state_of
 from synth.solver.blocks import fly_blocks
 from synth.solver.kernels import advance_free
 from synth.solver.lanes import BLOCK, ROWS, padded

@@ -3,17 +3,19 @@
 Modes are padded with zeros to whole vectors (`lanes`): a model of n modes takes `cap`. Offsets: modes of a model or string
 begin at `off`, the two rows of output weights at 2·off, coefficient rows (`lanes.ROWS`) at ROWS·off; contact rows at `coff`,
 contact matrices at `goff`, responses over a block's steps at RESPONSE·goff (contacts) and 2·RESPONSE·coff (outputs); mode
-shapes (C × cap) at `soff`.
+shapes (C × cap) at `soff`. Extents are named by what is counted; `bank` says how many there are. `model_modes` are those
+of all models, `modes` those of every string's longest, `widest_modes` of the longest of all; so with contacts and squares.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from synth.engine.events import EVENT
 from synth.engine.events import N_PARAMETERS as N_PARAMETERS
+from synth.native.arrays import f8, i8, struct, u1
 from synth.solver.lanes import BLOCK
 
 #: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
@@ -30,9 +32,6 @@ SPAN = 8
 SPAN_STEPS = 2048
 #: frames of output kept: a span, what is left of the quantum before it, the limiter's look-ahead
 RING = 512
-#: arrays are laid out on cache lines of so many bytes, so many f8
-LINE = 64
-LINE_F8 = 8
 #: length of a response to a force during a block
 RESPONSE = 2 * BLOCK
 #: frames over which a string changes between its internal rate and free flight at the output rate; a multiple of QUANTUM
@@ -41,14 +40,6 @@ FADE = 64
 #: linear output of a string or a part from which on it is no sound any more but a computation that has blown up (240 dB
 #: above full scale; presets may ask for 200 dB)
 BLOWN_UP = 1e12
-
-#: kinds of arrays: element type and number of dimensions
-F8 = Annotated[np.ndarray, np.dtype(np.float64), 1]
-F8x2 = Annotated[np.ndarray, np.dtype(np.float64), 2]
-F8x3 = Annotated[np.ndarray, np.dtype(np.float64), 3]
-I8 = Annotated[np.ndarray, np.dtype(np.int64), 1]
-I8x2 = Annotated[np.ndarray, np.dtype(np.int64), 2]
-U1 = Annotated[np.ndarray, np.dtype(np.uint8), 1]
 
 MODEL = np.dtype(
     [
@@ -147,31 +138,31 @@ BINDING = np.dtype(
 class Bank(NamedTuple):
     """Constant: every playable position of every part, and the filters."""
 
-    models: Annotated[np.ndarray, MODEL, 1]
-    strings: Annotated[np.ndarray, STRING, 1]
-    positions: Annotated[np.ndarray, POSITION, 1]
-    parts: Annotated[np.ndarray, PART, 1]
-    buses: Annotated[np.ndarray, BUS, 1]
-    program_map: I8x2  # (16, 128) part or −1
-    plays: I8x2  # (16, parts) whether a channel plays a part under any program
-    pitch: F8  # (128,) of every key as compiled, in semitones
-    bindings: Annotated[np.ndarray, BINDING, 1]  # by controller
-    bound: I8  # (129,) where each controller's bindings begin
-    omega: F8
-    sigma: F8
-    rows: F8
-    flight: F8  # like rows, over a whole frame
-    shapes: F8
-    eta: F8
-    residual: F8
-    matrix: F8
-    lags: F8
-    out_lags: F8
-    weights: F8  # of the outputs on q and on v
-    direct_weights: F8  # the same behind the decimator
-    q_rest: F8
-    taps: F8  # ordered by phase
-    body: F8x2  # (3, resonances of all parts)
+    models: Annotated[np.ndarray, struct(MODEL, "models")]
+    strings: Annotated[np.ndarray, struct(STRING, "strings")]
+    positions: Annotated[np.ndarray, struct(POSITION, "positions")]
+    parts: Annotated[np.ndarray, struct(PART, "parts")]
+    buses: Annotated[np.ndarray, struct(BUS, "buses")]
+    program_map: Annotated[np.ndarray, i8("16, 128")]  # part or −1
+    plays: Annotated[np.ndarray, i8("16, parts")]  # whether a channel plays a part under any program
+    pitch: Annotated[np.ndarray, f8("128")]  # of every key as compiled, in semitones
+    bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]  # by controller
+    bound: Annotated[np.ndarray, i8("129")]  # where each controller's bindings begin
+    omega: Annotated[np.ndarray, f8("model_modes")]
+    sigma: Annotated[np.ndarray, f8("model_modes")]
+    rows: Annotated[np.ndarray, f8("ROWS*model_modes")]
+    flight: Annotated[np.ndarray, f8("ROWS*model_modes")]  # like rows, over a whole frame
+    shapes: Annotated[np.ndarray, f8("model_shapes")]
+    eta: Annotated[np.ndarray, f8("model_contacts")]
+    residual: Annotated[np.ndarray, f8("model_squares")]
+    matrix: Annotated[np.ndarray, f8("model_squares")]
+    lags: Annotated[np.ndarray, f8("RESPONSE*model_squares")]
+    out_lags: Annotated[np.ndarray, f8("2*RESPONSE*model_contacts")]
+    weights: Annotated[np.ndarray, f8("2*model_modes")]  # of the outputs on q and on v
+    direct_weights: Annotated[np.ndarray, f8("2*model_modes")]  # the same behind the decimator
+    q_rest: Annotated[np.ndarray, f8("model_modes")]
+    taps: Annotated[np.ndarray, f8("taps")]  # ordered by phase
+    body: Annotated[np.ndarray, f8("3, resonances")]  # of all parts
 
 
 class Settings(NamedTuple):
@@ -302,52 +293,52 @@ N_METERS = 2
 class State(NamedTuple):
     """Everything that changes while sounding."""
 
-    sounding: Annotated[np.ndarray, SOUNDING, 1]
-    channels: Annotated[np.ndarray, CHANNEL, 1]
-    part_state: Annotated[np.ndarray, PART_STATE, 1]
-    parameters: F8x2  # (parts, N_PARAMETERS)
-    tuning: F8  # (128,) semitones of every key above Bank.pitch
-    zones: I8  # (2,) members of each MPE zone (`zones`), 0: there is none
-    q: F8
-    v: F8
-    omega: F8  # of bent strings
-    rows: F8
-    matrix: F8
-    lags: F8
-    out_lags: F8
-    eta: F8
-    u: F8
-    vc: F8
-    force: F8
-    looked: U1  # certificates of the block kernels, see `blocks.BlockWork`
-    until: I8
-    margin: F8
-    bounds: F8x2  # (contacts, 3)
-    renewed: I8
-    clock: I8  # (strings,)
-    moving: I8  # (strings,)
-    fade: F8  # what still fades, at the internal rate
-    direct_fade: F8x2  # (strings, FADE)
-    finger_weights: F8
-    finger_coupling: F8
-    grip_contacts: F8  # responses to the finger, see `fingers.Grip`
-    grip_points: F8x3  # (strings, 3, 2K) those of its own row, of the outputs on q and on v
-    grip_far: F8
-    finger_state: F8x2  # (strings, 2)
-    pending: Annotated[np.ndarray, EVENT, 1]
-    unplayed: I8x2  # (parts + 1, 128); last row: channels without a part
-    counters: I8
-    meters: F8
-    lines: F8  # of every bus: the steps its decimator still needs, then those of a span
-    quiet: I8  # (buses,) steps of nothing that the bus has seen last
-    body: F8x2
-    ring: F8x2  # (RING, 2)
-    stems: F8x3  # (parts, RING, 2)
-    delay: F8x2
-    required: F8
-    released: F8
-    limiter_counters: I8
-    limiter_levels: F8
+    sounding: Annotated[np.ndarray, struct(SOUNDING, "strings")]
+    channels: Annotated[np.ndarray, struct(CHANNEL, "16")]
+    part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]
+    parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
+    tuning: Annotated[np.ndarray, f8("128")]  # semitones of every key above Bank.pitch
+    zones: Annotated[np.ndarray, i8("2")]  # members of each MPE zone (`zones`), 0: there is none
+    q: Annotated[np.ndarray, f8("modes")]
+    v: Annotated[np.ndarray, f8("modes")]
+    omega: Annotated[np.ndarray, f8("modes")]  # of bent strings
+    rows: Annotated[np.ndarray, f8("ROWS*modes")]
+    matrix: Annotated[np.ndarray, f8("squares")]
+    lags: Annotated[np.ndarray, f8("RESPONSE*squares")]
+    out_lags: Annotated[np.ndarray, f8("2*RESPONSE*contacts")]
+    eta: Annotated[np.ndarray, f8("contacts")]
+    u: Annotated[np.ndarray, f8("contacts")]
+    vc: Annotated[np.ndarray, f8("contacts")]
+    force: Annotated[np.ndarray, f8("contacts")]
+    looked: Annotated[np.ndarray, u1("contacts")]  # certificates of the block kernels, see `blocks.BlockWork`
+    until: Annotated[np.ndarray, i8("contacts")]
+    margin: Annotated[np.ndarray, f8("contacts")]
+    bounds: Annotated[np.ndarray, f8("contacts, 3")]
+    renewed: Annotated[np.ndarray, i8("contacts")]
+    clock: Annotated[np.ndarray, i8("strings")]
+    moving: Annotated[np.ndarray, i8("strings")]
+    fade: Annotated[np.ndarray, f8("fades")]  # what still fades, at the internal rate
+    direct_fade: Annotated[np.ndarray, f8("strings, FADE")]
+    finger_weights: Annotated[np.ndarray, f8("modes")]
+    finger_coupling: Annotated[np.ndarray, f8("contacts")]
+    grip_contacts: Annotated[np.ndarray, f8("RESPONSE*contacts")]  # responses to the finger, see `fingers.Grip`
+    grip_points: Annotated[np.ndarray, f8("strings, 3, RESPONSE")]  # its own row, outputs on q and v
+    grip_far: Annotated[np.ndarray, f8("contacts")]
+    finger_state: Annotated[np.ndarray, f8("strings, 2")]
+    pending: Annotated[np.ndarray, struct(EVENT, "PENDING_EVENTS")]
+    unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]  # last row: channels without a part
+    counters: Annotated[np.ndarray, i8("N_COUNTERS")]
+    meters: Annotated[np.ndarray, f8("N_METERS")]
+    lines: Annotated[np.ndarray, f8("lines")]  # of every bus: the steps its decimator still needs, then those of a span
+    quiet: Annotated[np.ndarray, i8("buses")]  # steps of nothing that the bus has seen last
+    body: Annotated[np.ndarray, f8("3, resonances")]
+    ring: Annotated[np.ndarray, f8("RING, 2")]
+    stems: Annotated[np.ndarray, f8("parts, RING, 2")]
+    delay: Annotated[np.ndarray, f8("LOOKAHEAD, 2")]
+    required: Annotated[np.ndarray, f8("2*WINDOW")]
+    released: Annotated[np.ndarray, f8("2*WINDOW")]
+    limiter_counters: Annotated[np.ndarray, i8("3")]
+    limiter_levels: Annotated[np.ndarray, f8("2")]
 
 
 #: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
@@ -361,56 +352,41 @@ N_TASK = 6
 class Shared(NamedTuple):
     """Work arrays of one span that all threads see; they carry no sound from span to span."""
 
-    task: I8  # what is asked of the strings, see above
-    queue: I8  # (strings,) those at work
-    team: I8  # control words of the workers, see `team`
-    rows: F8  # outputs of every string, from STRING.row
-    direct: F8  # its outputs in flight, from STRING.direct
-    bends: F8x2  # (SPAN, channels) smoothed, per quantum
-    heights: F8x2  # (SPAN, parts)
-    mono: F8  # (frames of a span,)
-    frame: F8
-    phases: F8  # a line split by the decimator
-    mix: F8x2  # (frames of a span, 2)
+    task: Annotated[np.ndarray, i8("N_TASK")]  # what is asked of the strings, see above
+    queue: Annotated[np.ndarray, i8("strings")]  # those at work
+    team: Annotated[np.ndarray, i8("N_WORDS")]  # control words of the workers, see `team`
+    rows: Annotated[np.ndarray, f8("string_rows")]  # outputs of every string, from STRING.row
+    direct: Annotated[np.ndarray, f8("strings*frames")]  # its outputs in flight, from STRING.direct
+    bends: Annotated[np.ndarray, f8("span, 16")]  # smoothed, per quantum
+    heights: Annotated[np.ndarray, f8("span, parts")]
+    mono: Annotated[np.ndarray, f8("frames")]
+    frame: Annotated[np.ndarray, f8("frames")]
+    phases: Annotated[np.ndarray, f8("phases")]  # a line split by the decimator
+    mix: Annotated[np.ndarray, f8("frames, 2")]
 
 
 class Scratch(NamedTuple):
     """Work arrays of one thread; they carry nothing from call to call."""
 
-    path: F8
-    out: F8  # (2 · steps of a quantum,)
-    sigma: F8
-    amplitude: F8
-    q: F8
-    v: F8
-    record: F8x2  # (steps of a quantum, contacts)
-    y: F8
-    b: F8
-    z: F8
-    a: F8x2
-    factor: F8x2
-    order: I8
-    enabled: U1
-    active: U1
-    watch: U1
-    block: F8x2  # (3, K)
-    forces: F8  # ((contacts + 1) · K,)
-    block_u: F8
-    block_matrix: F8
-    moved: F8  # (3 · modes,)
-    near: I8
-
-
-def fields(kind: Any) -> dict[str, tuple[np.dtype, int]]:
-    """Element type and dimensions of each field; numbers have 0."""
-    out: dict[str, tuple[np.dtype, int]] = {}
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        metadata = getattr(hint, "__metadata__", None)
-        out[name] = (np.dtype(hint), 0) if metadata is None else metadata
-    return out
-
-
-#: what the arrays of each kind are
-FIELDS: dict[Any, dict[str, tuple[np.dtype, int]]] = {
-    kind: fields(kind) for kind in (Bank, Settings, State, Shared, Scratch)
-}
+    path: Annotated[np.ndarray, f8("steps + 1")]
+    out: Annotated[np.ndarray, f8("2*steps")]
+    sigma: Annotated[np.ndarray, f8("widest_modes")]
+    amplitude: Annotated[np.ndarray, f8("widest_modes")]
+    q: Annotated[np.ndarray, f8("widest_modes")]
+    v: Annotated[np.ndarray, f8("widest_modes")]
+    record: Annotated[np.ndarray, f8("steps, widest")]
+    y: Annotated[np.ndarray, f8("widest")]
+    b: Annotated[np.ndarray, f8("widest")]
+    z: Annotated[np.ndarray, f8("widest")]
+    a: Annotated[np.ndarray, f8("widest, widest")]
+    factor: Annotated[np.ndarray, f8("widest, widest")]
+    order: Annotated[np.ndarray, i8("widest")]
+    enabled: Annotated[np.ndarray, u1("widest")]
+    active: Annotated[np.ndarray, u1("widest")]
+    watch: Annotated[np.ndarray, u1("widest")]
+    block: Annotated[np.ndarray, f8("3, BLOCK")]
+    forces: Annotated[np.ndarray, f8("widest*BLOCK + BLOCK")]
+    block_u: Annotated[np.ndarray, f8("widest*BLOCK + BLOCK")]
+    block_matrix: Annotated[np.ndarray, f8("widest*widest")]
+    moved: Annotated[np.ndarray, f8("3*widest_modes")]
+    near: Annotated[np.ndarray, i8("widest")]

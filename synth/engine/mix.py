@@ -13,8 +13,8 @@ from numba import njit
 from synth.dsp.body import body_filter
 from synth.dsp.decimator import decimate_line
 from synth.dsp.limiter import limit
+from synth.engine.core import bank_of, settings_of, shared_of, state_of
 from synth.engine.layout import BLOWN_UP, CORE, GAIN, QUANTUM, RING
-from synth.engine.views import bank_of, settings_of, shared_of, state_of
 from synth.simd import move_within
 from synth.solver.vectors import dot
 

@@ -7,6 +7,7 @@ import math
 from numba import njit
 
 from synth.engine.coefficients import CUT_S
+from synth.engine.core import bank_of, settings_of, shared_of, state_of
 from synth.engine.events import (
     BEND,
     CONTROL,
@@ -37,8 +38,8 @@ from synth.engine.layout import (
     WORK_ON,
 )
 from synth.engine.strings import damp, let_go, pluck
-from synth.engine.views import bank_of, call_back, settings_of, shared_of, state_of
 from synth.engine.zones import CONFIGURATION, LOWER, MOST_MEMBERS, UPPER, manager_of, master_of, yielded
+from synth.native.views import call_back
 
 #: widest pitch bend that can be asked for [semitones], and what members of an MPE zone and other channels begin with
 WIDEST_BEND, MEMBER_BEND, PLAIN_BEND = 96, 48.0, 2.0

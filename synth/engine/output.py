@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
+from synth.engine.core import bank_of, scratch_of, settings_of, state_of
 from synth.engine.layout import CORE
-from synth.engine.views import bank_of, scratch_of, settings_of, state_of
 
 #: how fast the output's rest line follows a change of fret [s]
 BASE_S = 0.05

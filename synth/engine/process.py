@@ -13,6 +13,7 @@ from numba import njit
 
 from synth.dsp.denormals import enable_ftz, restore
 from synth.dsp.limiter import LOOKAHEAD
+from synth.engine.core import bank_of, settings_of, shared_of, state_of
 from synth.engine.events import copy_event
 from synth.engine.expression import approach, control_share
 from synth.engine.layout import (
@@ -38,7 +39,6 @@ from synth.engine.layout import (
 from synth.engine.mix import mix_span
 from synth.engine.notes import handle
 from synth.engine.team import rouse, share_out
-from synth.engine.views import bank_of, settings_of, shared_of, state_of
 
 #: a step under a finger takes about so many times as long as one in flight
 FINGER_COST = 2

@@ -21,7 +21,8 @@ import sys
 import numpy as np
 
 from synth.engine import layout
-from synth.engine.layout import FIELDS, Bank, Settings, State
+from synth.engine.layout import Bank, Settings, State
+from synth.native.arrays import fields
 
 MAGIC = b"jawarist"
 #: of the bytes, and of what the numbers mean
@@ -37,7 +38,7 @@ MOST_EVENTS = 1 << 21
 
 def origin_of(bank: Bank, settings: Settings) -> bytes:
     """(16 bytes) what tells banks, settings and layouts apart."""
-    kept = [(name, str(dtype), dimensions) for name, (dtype, dimensions) in FIELDS[State].items()]
+    kept = [(name, str(dtype), len(shape)) for name, (dtype, shape) in fields(State).items()]
     digest = hashlib.blake2b(repr((settings, kept, sys.byteorder)).encode(), digest_size=_ORIGIN)
     for array in bank:
         digest.update(array.tobytes())
@@ -78,16 +79,17 @@ def unpack(data: bytes, like: State, origin: bytes) -> State:
     if waiting > MOST_EVENTS:
         raise ValueError(f"not a state of this engine: {waiting} events wait in it, at most {MOST_EVENTS} can")
     shapes = {name: (waiting,) if name == "pending" else array.shape for name, array in like._asdict().items()}
-    sizes = {name: int(np.prod(shape)) * FIELDS[State][name][0].itemsize for name, shape in shapes.items()}
+    kinds = fields(State)
+    sizes = {name: int(np.prod(shape)) * kinds[name].dtype.itemsize for name, shape in shapes.items()}
     wanted = _HEAD + sum(sizes.values()) + _DIGEST
     if len(data) != wanted:
         raise ValueError(f"not a state of this engine: it has {len(data)} bytes, {wanted} are needed")
-    fields, at = {}, _HEAD
+    arrays, at = {}, _HEAD
     for name, shape in shapes.items():
         piece = np.frombuffer(data, np.uint8, sizes[name], at)
-        fields[name] = piece.copy().view(FIELDS[State][name][0]).reshape(shape)
+        arrays[name] = piece.copy().view(kinds[name].dtype).reshape(shape)
         at += sizes[name]
-    return State(**fields)
+    return State(**arrays)
 
 
 def _digest(data: bytes) -> bytes:

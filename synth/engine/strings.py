@@ -7,6 +7,7 @@ import math
 from numba import njit
 
 from synth.engine.coefficients import rest_state, set_rest
+from synth.engine.core import bank_of, scratch_of, settings_of, state_of
 from synth.engine.expression import bend_of, height_of, pluck_place, settle
 from synth.engine.flight import touch_down
 from synth.engine.layout import (
@@ -19,7 +20,6 @@ from synth.engine.layout import (
     PRESS,
     RELEASE,
 )
-from synth.engine.views import bank_of, scratch_of, settings_of, state_of
 from synth.solver.vectors import dot
 from synth.units import LN_1000
 

@@ -22,9 +22,11 @@ from numba import njit
 
 from synth.dsp.denormals import enable_ftz
 from synth.engine.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
-from synth.engine.layout import CORE, LINE_F8, WORK_ON
+from synth.engine.core import shared_of
+from synth.engine.layout import CORE, WORK_ON
 from synth.engine.uncopied import Uncopied
-from synth.engine.views import call_back, shared_of
+from synth.native.arrays import LINE_F8
+from synth.native.views import call_back
 
 #: places in Shared.team, a cache line apart: strings still to be taken; strings not done; workers that sleep; whether all
 #: are to end; and what does not change: workers, where to send tokens to

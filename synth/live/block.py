@@ -12,10 +12,10 @@ import math
 from numba import njit
 
 from synth.engine.atomics import load, store
+from synth.engine.core import state_of
 from synth.engine.events import NOTE_ON
 from synth.engine.layout import CORE, SPARE
 from synth.engine.process import process
-from synth.engine.views import state_of
 from synth.live import desk as d
 from synth.live.desk import copy_event, desk_of, stems_of
 from synth.live.native import monotonic_ns, thread_ns

@@ -12,11 +12,11 @@ import numpy as np
 from numba import njit
 
 from synth.engine.atomics import load, store
-from synth.engine.bank import aligned
 from synth.engine.events import EVENT
 from synth.engine.events import copy_event as _copy_event
-from synth.engine.layout import CORE, F8, FIELDS, I8, LINE_F8, F8x2, fields
-from synth.engine.views import opener, table
+from synth.engine.layout import CORE
+from synth.native.arrays import LINE_F8, allocate, f8, i8, struct
+from synth.native.views import opener, table
 
 #: events that can wait at a time, in each ring
 EVENTS = 16384
@@ -99,21 +99,20 @@ class Desk(NamedTuple):
     origin_ns: int  # where this clock begins
     ahead_frames: int  # of sound that a thread keeps ready; 0: there is none
     ahead_block: int  # frames that it renders at a time
-    words: I8
-    levels: F8
-    loads: F8x2  # (LOADS, 2) part of a block's time: by the wall clock, by the processor's
-    arrivals: Annotated[np.ndarray, EVENT, 1]  # `frame` is the time of arrival [ns]
-    score: Annotated[np.ndarray, EVENT, 1]  # `frame` counts from the start of the stream
-    log: Annotated[np.ndarray, EVENT, 1]
-    given: Annotated[np.ndarray, EVENT, 1]  # what the device itself brings with a block; `frame` counts from its start
-    block: Annotated[np.ndarray, EVENT, 1]
-    mix: F8x2  # (MOST_FRAMES, 2)
-    stems: F8  # see `stems_of`
-    tape: F8x2  # (TAPE, 2)
-    ready: F8x2  # sound rendered ahead
+    words: Annotated[np.ndarray, i8("N_WORDS")]
+    levels: Annotated[np.ndarray, f8("N_LEVELS")]
+    loads: Annotated[np.ndarray, f8("LOADS, 2")]  # part of a block's time: by the wall clock, by the processor's
+    arrivals: Annotated[np.ndarray, struct(EVENT, "EVENTS")]  # `frame` is the time of arrival [ns]
+    score: Annotated[np.ndarray, struct(EVENT, "EVENTS")]  # `frame` counts from the start of the stream
+    log: Annotated[np.ndarray, struct(EVENT, "logged")]
+    given: Annotated[np.ndarray, struct(EVENT, "BLOCK_EVENTS")]  # the device's own, `frame` from the block's start
+    block: Annotated[np.ndarray, struct(EVENT, "BLOCK_EVENTS")]
+    mix: Annotated[np.ndarray, f8("MOST_FRAMES, 2")]
+    stems: Annotated[np.ndarray, f8("stems*MOST_FRAMES*2")]  # see `stems_of`
+    tape: Annotated[np.ndarray, f8("taped, 2")]
+    ready: Annotated[np.ndarray, f8("ready, 2")]  # sound rendered ahead
 
 
-FIELDS[Desk] = fields(Desk)
 desk_of = opener(Desk)
 copy_event = njit(**CORE)(_copy_event)
 
@@ -131,36 +130,36 @@ def new_desk(
     ahead_block: int,
 ) -> tuple[Desk, np.ndarray]:
     """A Desk and its table; both are to be kept as long as anybody has the table's address."""
-    words = aligned(N_WORDS, np.int64)
-    words[RECORDING] = int(recording)
-    levels = aligned(N_LEVELS)
-    levels[FRAME_NS] = 1e9 / rate_hz
-    words[CLOCK_STEP] = int(STEP * 1e9 / rate_hz)
     ready = 1
     while ready < 2 * ahead_frames:
         ready *= 2
-    made = Desk(
-        core,
-        desk,
-        rate_hz,
-        channels,
-        parts,
-        origin_ns,
-        ahead_frames,
-        ahead_block,
-        words,
-        levels,
-        aligned((LOADS, 2)),
-        aligned(EVENTS, EVENT),
-        aligned(EVENTS, EVENT),
-        aligned(EVENTS if recording else 1, EVENT),
-        aligned(BLOCK_EVENTS, EVENT),
-        aligned(BLOCK_EVENTS, EVENT),
-        aligned((MOST_FRAMES, 2)),
-        aligned(parts * MOST_FRAMES * 2),
-        aligned((TAPE if recording else 1, 2)),
-        aligned((ready, 2)),
+    sizes = {
+        "N_WORDS": N_WORDS,
+        "N_LEVELS": N_LEVELS,
+        "LOADS": LOADS,
+        "EVENTS": EVENTS,
+        "BLOCK_EVENTS": BLOCK_EVENTS,
+        "MOST_FRAMES": MOST_FRAMES,
+        "logged": EVENTS if recording else 1,
+        "stems": parts,
+        "taped": TAPE if recording else 1,
+        "ready": ready,
+    }
+    made = allocate(
+        Desk,
+        sizes,
+        core=core,
+        desk=desk,
+        rate_hz=rate_hz,
+        channels=channels,
+        parts=parts,
+        origin_ns=origin_ns,
+        ahead_frames=ahead_frames,
+        ahead_block=ahead_block,
     )
+    made.words[RECORDING] = int(recording)
+    made.words[CLOCK_STEP] = int(STEP * 1e9 / rate_hz)
+    made.levels[FRAME_NS] = 1e9 / rate_hz
     return made, table(made)
 
 

@@ -6,7 +6,7 @@ A message at offset k of a period is played at frame k of that period: to the sa
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -14,14 +14,14 @@ from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 
 from synth.engine.atomics import add, load, send, store
-from synth.engine.bank import aligned
 from synth.engine.events import decode
-from synth.engine.layout import CORE, FIELDS, I8, LINE_F8, U1, I8x2, fields
-from synth.engine.views import opener, table
+from synth.engine.layout import CORE
 from synth.live import desk as d
 from synth.live.block import render_block, tick
 from synth.live.desk import desk_of, stems_of
 from synth.live.native import monotonic_ns, pointer
+from synth.native.arrays import LINE_F8, allocate, i8, u1
+from synth.native.views import opener, table
 
 #: bytes of system-exclusive messages that can wait, each with LENGTH bytes that tell how many it has
 EXCLUSIVE = 1 << 16
@@ -60,21 +60,20 @@ class Jack(NamedTuple):
     last_frame_time: int
     frames_since_cycle_start: int
     wake: int  # where to send tokens when a system-exclusive message waits
-    stems: I8x2  # (parts or 0, 2) ports
-    words: I8
-    message: I8  # jack_midi_event_t: offset, number of bytes, their address
-    exclusive: U1
+    stems: Annotated[np.ndarray, i8("stems, 2")]  # ports
+    words: Annotated[np.ndarray, i8("N_WORDS")]
+    message: Annotated[np.ndarray, i8("3")]  # jack_midi_event_t: offset, number of bytes, their address
+    exclusive: Annotated[np.ndarray, u1("EXCLUSIVE")]
 
 
-FIELDS[Jack] = fields(Jack)
 jack_of = opener(Jack)
 
 
-def new_jack(**addresses: Any) -> tuple[Jack, np.ndarray]:
-    """A Jack and its table; to be kept as long as a callback has the table's address."""
-    words = aligned(N_WORDS, np.int64)
-    words[FIRST] = -1
-    made = Jack(words=words, message=aligned(3, np.int64), exclusive=aligned(EXCLUSIVE, np.uint8), **addresses)
+def new_jack(stems: np.ndarray, **addresses: Any) -> tuple[Jack, np.ndarray]:
+    """A Jack and its table; to be kept as long as a callback has the table's address. stems: (parts or 0, 2) ports."""
+    sizes = {"stems": len(stems), "N_WORDS": N_WORDS, "EXCLUSIVE": EXCLUSIVE}
+    made = allocate(Jack, sizes, stems=stems, **addresses)
+    made.words[FIRST] = -1
     return made, table(made)
 
 

@@ -1,12 +1,13 @@
-"""Every array of the core behind one address.
+"""Many arrays behind one address.
 
-A compiled function that took Bank, State and Scratch as arguments would hand some 500 words to each function it calls.
+A compiled function that took the engine's arrays as arguments would hand some 500 words to each function it calls.
 Instead it takes the address of a table of pointers and sizes and opens what it needs:
 
-    bank, state = bank_of(core), state_of(core)
+    work_of = opener(Work)      # a NamedTuple as `arrays` declares them
+    …
+    work = work_of(address)     # in compiled code: work.q, work.steps
 
-`core` is the table of everything that the threads of an engine share, `desk` that of one thread's own work arrays. Only
-what is used is ever loaded. The tables own nothing: who makes one keeps it and the arrays alive, and in place.
+Only what is used is ever loaded. The tables own nothing: who makes one keeps it and the arrays alive, and in place.
 """
 
 from __future__ import annotations
@@ -21,30 +22,28 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, models, register_model
 from numba.np.arrayobj import make_array, populate_array
 
-from synth.engine.layout import FIELDS, Bank, Scratch, Settings, Shared, State
+from synth.native.arrays import fields, require_declared
 
 _I64 = ir.IntType(64)
-#: what stands in the table of a core, in this order
-CORE_PARTS: tuple[Any, ...] = (Bank, State, Shared, Settings)
 
 
-def _words(kind: Any) -> int:
-    return sum(1 + dimensions for _, dimensions in FIELDS[kind].values())
+def words(kind: Any) -> int:
+    """Words that a table of this kind takes: a number or an address for each field, and its extents."""
+    return sum(1 + len(shape) for _, shape in fields(kind).values())
 
 
 def table(*parts: Any) -> np.ndarray:
-    """int64 table of Bank, State, … in this order: pointer and sizes of each array, value of each number.
+    """int64 table of NamedTuples in this order: pointer and sizes of each array, value of each number.
 
-    Raises TypeError for an array that is not as FIELDS says: it would be read as something else.
+    Raises TypeError for an array that is not as declared: it would be read as something else.
     """
     out: list[int] = []
     for part in parts:
+        kind: Any = type(part)
         for name, value in part._asdict().items():
-            dtype, dimensions = FIELDS[type(part)][name]
-            if dimensions:
-                fits = isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim == dimensions
-                if not (fits and value.flags.c_contiguous and value.flags.aligned):
-                    raise TypeError(f"{type(part).__name__}.{name} must be a contiguous {dimensions}-d array of {dtype}")
+            dtype, shape = fields(kind)[name]
+            if shape:
+                require_declared(kind, name, value)
                 out += [value.ctypes.data, *value.shape]
             else:
                 out.append(int(np.array(value, dtype).view(np.int64)))
@@ -61,15 +60,15 @@ class Opened(types.Type):
 
     def member(self, name: str) -> Any:
         """Numba type of a field, None where there is none."""
-        if name not in FIELDS[self.kind]:
+        if name not in fields(self.kind):
             return None
-        dtype, dimensions = FIELDS[self.kind][name]
-        return types.Array(from_dtype(dtype), dimensions, "C") if dimensions else from_dtype(dtype)
+        dtype, shape = fields(self.kind)[name]
+        return types.Array(from_dtype(dtype), len(shape), "C") if shape else from_dtype(dtype)
 
     def place(self, name: str) -> int:
         """The first word of a field."""
-        names = list(FIELDS[self.kind])
-        return self.skip + sum(1 + FIELDS[self.kind][before][1] for before in names[: names.index(name)])
+        names = list(fields(self.kind))
+        return self.skip + sum(1 + len(fields(self.kind)[before].shape) for before in names[: names.index(name)])
 
 
 @register_model(Opened)
@@ -112,19 +111,13 @@ def _field(context: Any, builder: Any, opened: Opened, address: Any, name: str) 
 
 
 def opener(kind: Any, skip: int = 0) -> Any:
-    """The function that opens the table of a NamedTuple in FIELDS, `skip` words from where the address points to."""
+    """The function that opens the table of a NamedTuple, `skip` words from where the address points to."""
     opened = Opened(kind, skip)
 
     def open_table(typingctx, address):
         return opened(types.int64), lambda context, builder, signature, arguments: arguments[0]
 
     return intrinsic(open_table)
-
-
-bank_of, state_of, shared_of, settings_of = (
-    opener(kind, sum(map(_words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
-)
-scratch_of = opener(Scratch)
 
 
 def _call_back(typingctx, function, core, desk, s, more):

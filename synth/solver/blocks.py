@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from synth.native.arrays import aligned
 from synth.solver.kernels import FOR_EVER, MARGIN, extents
 from synth.solver.lanes import (
     ADV11,
@@ -89,17 +90,9 @@ class BlockWork(NamedTuple):
     moved: np.ndarray  # (3, N)
 
 
-def aligned(*shape: int) -> np.ndarray:
-    """Zeros that begin at a multiple of 64 bytes, where a vector of `lanes` is loaded fastest."""
-    size = int(np.prod(shape))
-    raw = np.zeros(size + 8)
-    skip = -(raw.ctypes.data // 8) % 8
-    return raw[skip : skip + size].reshape(shape)
-
-
 def padded_rows(rows: np.ndarray, modes: int) -> np.ndarray:
     """An aligned copy of (…, N) arrays with zeros up to `modes`."""
-    out = aligned(*rows.shape[:-1], modes)
+    out = aligned((*rows.shape[:-1], modes))
     out[..., : rows.shape[-1]] = rows
     return out
 
@@ -108,9 +101,9 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
     """Work arrays for up to `contacts` contacts and `modes` modes."""
     c = max(contacts, 1)
     return BlockWork(
-        aligned(3, BLOCK),
-        aligned(c + 1, BLOCK),
-        aligned(c + 1, BLOCK),
+        aligned((3, BLOCK)),
+        aligned((c + 1, BLOCK)),
+        aligned((c + 1, BLOCK)),
         np.zeros(c, np.int64),
         np.zeros(c, np.uint8),
         np.zeros(c, np.int64),
@@ -126,7 +119,7 @@ def make_block_work(contacts: int, modes: int) -> BlockWork:
         np.zeros(c, np.int64),
         np.zeros(c, np.uint8),
         np.zeros(c, np.uint8),
-        aligned(3, padded(modes)),
+        aligned((3, padded(modes))),
     )
 
 
@@ -199,7 +192,7 @@ def fill_lags(velocity: int, rows, shapes, weights, own, q, v, spare, out) -> No
 
 def make_rows(coef: np.ndarray) -> np.ndarray:
     """Rows (ROWS, n) of a block from step coefficients (6, N); n = padded(N)."""
-    rows = aligned(ROWS, padded(coef.shape[1]))
+    rows = aligned((ROWS, padded(coef.shape[1])))
     rows[:6, : coef.shape[1]] = coef
     fill_rows(rows)
     return rows
@@ -210,7 +203,7 @@ def make_lags(velocity: bool, rows: np.ndarray, shapes: np.ndarray, weights: np.
     n = rows.shape[1]
     out = np.zeros((weights.shape[0], shapes.shape[0], 2 * BLOCK))
     given = np.zeros((0, 0)) if own is None else np.ascontiguousarray(own)
-    fill_lags(int(velocity), rows, shapes, weights, given, aligned(n), aligned(n), aligned(2, BLOCK), out)
+    fill_lags(int(velocity), rows, shapes, weights, given, aligned(n), aligned(n), aligned((2, BLOCK)), out)
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from synth.case import read_case
+from synth.native.arrays import aligned
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
 from synth.scene import Scene as CaseScene
@@ -16,7 +17,6 @@ from synth.solver import driver
 from synth.solver.blocks import (
     BLOCK,
     advance_blocks,
-    aligned,
     fly_blocks,
     forget,
     make_block_work,

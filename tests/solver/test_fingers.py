@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from synth.native.arrays import aligned
 from synth.physics.excitation import pluck_weights
-from synth.solver.blocks import BLOCK, aligned, forget, make_block_work, make_blocks, make_lags, padded_rows
+from synth.solver.blocks import BLOCK, forget, make_block_work, make_blocks, make_lags, padded_rows
 from synth.solver.fingers import Grip, advance_under_finger, fill_grip
 from synth.solver.kernels import Finger, advance, finger_row, make_work
 from synth.solver.lanes import padded
@@ -60,7 +61,7 @@ def grip_of(scene, block, weights, out_weights, on_q):
     grip = Grip(np.zeros((1, k)), np.zeros((c, k)), np.zeros((out_weights.shape[0], k)), np.zeros(c))
     own = fill_grip(
         scene.law, block.rows, scene.omega, block.shapes, weights, out_weights, on_q, np.zeros(c), aligned(n), aligned(n),
-        aligned(2, BLOCK), grip,
+        aligned((2, BLOCK)), grip,
     )  # fmt: skip
     return grip, own
 

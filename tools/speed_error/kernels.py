@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from synth.native.arrays import aligned
 from synth.scene import Scene
 from synth.solver import driver
-from synth.solver.blocks import BLOCK, CERTIFY_FROM, advance_blocks, aligned, forget, press_blocks
+from synth.solver.blocks import BLOCK, CERTIFY_FROM, advance_blocks, forget, press_blocks
 from synth.solver.kernels import advance, no_finger
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.substeps import advance_substepped
@@ -38,7 +39,7 @@ def kernel_of(scene: Scene) -> Callable[[], np.ndarray]:
 
 def _pressing(m: driver.Model, state: driver.Run) -> Callable[[], np.ndarray]:
     block, parts, n = m.block, m.sub.parts, state.whole_q.size
-    out, spare = aligned(1, STEPS * parts), aligned(2, BLOCK)
+    out, spare = aligned((1, STEPS * parts)), aligned((2, BLOCK))
 
     def take() -> np.ndarray:
         press_blocks(
@@ -53,7 +54,7 @@ def _pressing(m: driver.Model, state: driver.Run) -> Callable[[], np.ndarray]:
 
 def _in_blocks(m: driver.Model, state: driver.Run) -> Callable[[], np.ndarray]:
     block, contacts = m.block, m.eta.size
-    out, forces, no_record = aligned(1, STEPS), np.zeros((STEPS, contacts)), np.zeros((0, contacts))
+    out, forces, no_record = aligned((1, STEPS)), np.zeros((STEPS, contacts)), np.zeros((0, contacts))
     certified = int(contacts >= CERTIFY_FROM)
     forget(state.block_work)
 

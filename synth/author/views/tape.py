@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numba import cfunc
@@ -19,10 +19,12 @@ from numba import cfunc
 from synth.author.views.place import Place
 from synth.compile import Position
 from synth.engine.advance import entries
+from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of
 from synth.engine.engine import Engine
 from synth.engine.events import EVENT, NOTE_ON, make_events
-from synth.engine.layout import F8, FIELDS, I8, NO_FINGER, QUANTUM, SPAN, STEP, F8x2, fields
-from synth.engine.views import CORE_PARTS, bank_of, call_back, opener, scratch_of, state_of, table
+from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
+from synth.native.arrays import allocate, f8, i8
+from synth.native.views import call_back, opener, table
 from synth.solver.lanes import BLOCK
 
 #: what views are of unless told otherwise, as `synth render` and a live stream are [Hz]
@@ -39,17 +41,16 @@ MORE_SHOTS = 256
 class Tape(NamedTuple):
     """What stands behind the engine's own arrays in its core table."""
 
-    written: I8  # (2,)
-    force: F8x2  # (steps, contacts) [N]
-    ends: I8  # (shots,) steps made before each shot, since the tape was last read
-    q: F8x2  # (shots, cap) coordinates of the modes
-    finger: F8  # (shots,) height to which the finger holds the string [m], nan without one
-    out: F8  # (2 · steps of a span,) outputs of the steps that are being made
+    written: Annotated[np.ndarray, i8("2")]
+    force: Annotated[np.ndarray, f8("steps, contacts")]  # [N]
+    ends: Annotated[np.ndarray, i8("shots")]  # steps made before each shot, since the tape was last read
+    q: Annotated[np.ndarray, f8("shots, cap")]  # coordinates of the modes
+    finger: Annotated[np.ndarray, f8("shots")]  # height to which the finger holds the string [m], nan without one
+    out: Annotated[np.ndarray, f8("2*span_steps")]  # outputs of the steps that are being made
     step: int  # address of the engine's own function
 
 
-FIELDS[Tape] = fields(Tape)
-tape_of = opener(Tape, sum(1 + dimensions for part in CORE_PARTS for _, dimensions in FIELDS[part].values()))
+tape_of = opener(Tape, CORE_WORDS)
 
 
 def _taped_steps(core: int, desk: int, s: int, steps: int) -> None:
@@ -126,15 +127,8 @@ class Taped(Engine):
         shots = steps // BLOCK + MORE_SHOTS
         contacts = max(position.eta.size for position in string.positions)
         modes = max(position.omega.size for position in string.positions)
-        self.tape = Tape(
-            np.zeros(2, np.int64),
-            np.zeros((steps, max(1, contacts))),
-            np.zeros(shots, np.int64),
-            np.zeros((shots, modes)),
-            np.zeros(shots),
-            np.zeros(2 * SPAN * QUANTUM * string.factor),
-            entries()[1],
-        )
+        sizes = {"steps": steps, "contacts": max(1, contacts), "shots": shots, "cap": modes}
+        self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=entries()[1])
         # behind the tables that the engine made: it looks no further than their end
         self._core = np.concatenate([self._core, table(self.tape)])
         self._taped_steps = _compiled()

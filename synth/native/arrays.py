@@ -1,0 +1,127 @@
+"""Arrays that compiled code works on, declared once: name, element type, symbolic shape.
+
+    class Work(NamedTuple):
+        steps: int
+        q: Annotated[np.ndarray, f8("modes")]
+        lags: Annotated[np.ndarray, f8("2*contacts, 16")]
+
+    work = allocate(Work, {"modes": 64, "contacts": 3}, steps=8)
+
+An extent is a sum of products of numbers and named sizes. By the declaration memory is made here, `views` finds each array
+behind an address, and what is not as it says is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import numpy as np
+
+#: arrays begin on a cache line of so many bytes, where vectors are loaded fastest; so many f8
+LINE = 64
+LINE_F8 = 8
+
+Kind = TypeVar("Kind", bound=tuple)
+
+
+class Field(NamedTuple):
+    """Element type and the symbolic extent of each dimension; a number has none."""
+
+    dtype: np.dtype
+    shape: tuple[str, ...]
+
+
+def struct(dtype: np.dtype, shape: str) -> Field:
+    """Records, as many as `shape` says."""
+    return Field(dtype, tuple(extent.strip() for extent in shape.split(",")))
+
+
+def f8(shape: str) -> Field:
+    """float64."""
+    return struct(np.dtype(np.float64), shape)
+
+
+def i8(shape: str) -> Field:
+    """int64."""
+    return struct(np.dtype(np.int64), shape)
+
+
+def u1(shape: str) -> Field:
+    """uint8."""
+    return struct(np.dtype(np.uint8), shape)
+
+
+@cache
+def fields(kind: Any) -> dict[str, Field]:
+    """The fields of a NamedTuple, in their order."""
+    out = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        declared = getattr(hint, "__metadata__", None)
+        out[name] = declared[0] if declared else Field(np.dtype(hint), ())
+    return out
+
+
+def allocate(kind: type[Kind], sizes: Mapping[str, int], **given: Any) -> Kind:
+    """A `kind` of zeros with the extents that `sizes` names, but for what is given.
+
+    Numbers have to be given. Raises TypeError for a field that is missing, unknown or of another element type, ValueError
+    for an array whose shape is not the declared one and for an extent that `sizes` does not name.
+    """
+    known = fields(kind)
+    if unknown := sorted(given.keys() - known.keys()):
+        raise TypeError(f"{kind.__name__} has no field {unknown[0]}")
+    for name, field in known.items():
+        if name not in given:
+            if not field.shape:
+                raise TypeError(f"{kind.__name__}.{name} is a number, which must be given")
+            given[name] = aligned(_extents(kind, name, sizes), field.dtype)
+        elif field.shape:
+            require_declared(kind, name, given[name])
+            if given[name].shape != (extents := _extents(kind, name, sizes)):
+                raise ValueError(f"{kind.__name__}.{name} must have the shape {extents}, got {given[name].shape}")
+    return kind(**given)
+
+
+def require_declared(kind: Any, name: str, value: Any) -> None:
+    """Raises TypeError unless `value` is a contiguous array of the declared element type and number of dimensions."""
+    dtype, shape = fields(kind)[name]
+    fits = isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim == len(shape)
+    if not (fits and value.flags.c_contiguous and value.flags.aligned):
+        raise TypeError(f"{kind.__name__}.{name} must be a contiguous {len(shape)}-d array of {dtype}")
+
+
+def record(dtype: np.dtype, **values: Any) -> tuple[Any, ...]:
+    """One element of an array of records. Raises TypeError unless every field has a value."""
+    names = dtype.names or ()
+    if values.keys() != set(names):
+        raise TypeError(f"a record needs exactly {', '.join(names)}; wrong: {', '.join(sorted(values.keys() ^ set(names)))}")
+    return tuple(values[name] for name in names)
+
+
+def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
+    """Zeros that begin on a cache line."""
+    kind = np.dtype(dtype)
+    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * kind.itemsize
+    memory = np.zeros(size + LINE, np.uint8)
+    start = -memory.ctypes.data % LINE
+    return memory[start : start + size].view(kind).reshape(shape)
+
+
+def whole_lines(count: int) -> int:
+    """The next multiple of a cache line's numbers."""
+    return -(-count // LINE_F8) * LINE_F8
+
+
+def _extents(kind: Any, name: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
+    try:
+        return tuple(_extent(symbols, sizes) for symbols in fields(kind)[name].shape)
+    except KeyError as missing:
+        raise ValueError(f"{kind.__name__}.{name} needs the size {missing}, which is not given") from None
+
+
+def _extent(symbols: str, sizes: Mapping[str, int]) -> int:
+    products = ([factor.strip() for factor in product.split("*")] for product in symbols.split("+"))
+    return sum(math.prod(int(factor) if factor.isdigit() else sizes[factor] for factor in factors) for factors in products)
