@@ -44,6 +44,9 @@ from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
 from synth.solver.lcp import SOLVED, solve
 from synth.units import db_to_gain, midi_to_hz, midi_to_note
 
+#: a string is heard at most this far from the saddle, as a part of its speaking length
+FARTHEST_OUTPUT = 0.98
+
 
 @dataclass(frozen=True)
 class Position:
@@ -239,11 +242,22 @@ def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
     return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in (pluck.position, hard)])
 
 
+def output_distance(preset: Preset, string: String, open_length_m: float) -> float:
+    """Where a speaking string is heard, from the saddle [m]: not behind a high fret, however near the neck the pickup is."""
+    return min(preset.output.position * open_length_m, FARTHEST_OUTPUT * string.length_m)
+
+
+def full_pluck_force(preset: Preset, opened: String, note: int) -> float:
+    """Force [N] that draws an open string at the pluck's place by its displacement: that of velocity 127."""
+    length = opened.length_m
+    x = preset.pluck.position * length
+    return 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
+
+
 def output_weights(preset: Preset, string: String, open_length_m: float, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Weights (N,), (N,) on q and on v of the preset's output for one speaking string."""
     output = preset.output
-    distance = min(output.position * open_length_m, 0.98 * string.length_m)
-    x = string.length_m - distance
+    x = string.length_m - output_distance(preset, string, open_length_m)
     zero = np.zeros(n)
     if output.kind == "force":
         return force_weights(string, x, n), zero
@@ -264,7 +278,7 @@ def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, h
         return -string.tension_n * slope
     if preset.output.kind in ("velocity", "pickup"):
         return 0.0
-    return slope * min(preset.output.position * open_length_m, 0.98 * string.length_m)
+    return slope * output_distance(preset, string, open_length_m)
 
 
 def static_state(omega: np.ndarray, mu: float, shapes: np.ndarray, eta: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -407,8 +421,6 @@ def compile_string(
         raise
     except ValueError as error:
         raise PresetError(f"{preset.name}: string {label}: {in_file_words(str(error), table)}") from None
-    x = preset.pluck.position * length
-    force = 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
     return CompiledString(
         label,
         note,
@@ -416,7 +428,7 @@ def compile_string(
         length,
         positions[0].plan.factor,
         tuple(positions),
-        force,
+        full_pluck_force(preset, opened, note),
         opened.impedance_kg_s,
         1e-3 * at_note(preset.pluck.draw_ms, note),
         at_note(preset.damping.release_s, note),

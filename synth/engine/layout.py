@@ -112,8 +112,8 @@ PART = np.dtype(
         ("use_v", "i8"),
         ("pickup_distance", "f8"),
         ("velocity_exponent", "f8"),
-        ("position_hard", "f8"),  # minus position at velocity 0
-        ("width_hard", "f8"),  # factor on the width at velocity 127
+        ("position_shift", "f8"),  # of the pluck from velocity 0 to 127, parts of the open length
+        ("width_ratio", "f8"),  # of the finger at velocity 127 to velocity 0
         ("finger_stiffness", "f8"),
         ("finger_loss", "f8"),
         ("direct", "f8"),

@@ -20,6 +20,7 @@ from synth.engine.layout import (
     PRESS,
     RELEASE,
 )
+from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
 from synth.solver.vectors import dot
 from synth.units import LN_1000
 
@@ -29,6 +30,9 @@ PRESS_S = 0.004
 FINGER_S = 0.04
 #: level of a string under a finger, until it is measured: about to sound, it is the last to be stolen
 LOUD = 1e9
+
+_finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
+_pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
 
 
 @njit(**CORE)
@@ -120,13 +124,12 @@ def draw(core: int, s: int, velocity: float, sounding: bool) -> None:
     model = bank.models[me.model]
     parameters = state.parameters[fixed.part]
     strength = velocity / 127.0
-    position = pluck_place(parameters[PLUCK_POSITION], me.timbre) + strength * part.position_hard
-    width = 1e-3 * parameters[PLUCK_WIDTH] * (1.0 + strength * (part.width_hard - 1.0))
-    distance = min(max(position * fixed.open_length, 0.02 * model.length), 0.5 * model.length)
-    width = min(width, 1.5 * distance)
+    position = pluck_place(parameters[PLUCK_POSITION], me.timbre) + strength * part.position_shift
+    distance = _finger_distance(position, fixed.open_length, model.length)
+    width = _finger_width(1e-3 * parameters[PLUCK_WIDTH], part.width_ratio, strength, distance)
     _set_finger(core, s, distance, width, fixed.draw_s)
-    force = fixed.pluck_force * parameters[PLUCK_AMOUNT] * strength**part.velocity_exponent
-    me.finger_to = force * distance * (model.length - distance) / (model.tension * model.length)
+    force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT], strength, part.velocity_exponent)
+    me.finger_to = _drawn_by(force, distance, model.length, model.tension)
     me.phase = DRAW
     if sounding:
         damp(core, s, FINGER_S)

@@ -42,6 +42,8 @@ from typing import Any
 
 from synth.author.views.parameters import ranges
 from synth.author.views.place import Place, find, open_string, speaking
+from synth.compile import full_pluck_force, output_distance
+from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
 from synth.physics.obstacle import Obstacle
 from synth.physics.string import String
 from synth.preset import BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
@@ -50,9 +52,6 @@ from synth.units import midi_to_note
 
 #: where drawn steel breaks [Pa]
 BREAKS_PA = 2e9
-#: ends of what live pluck positions are held in, as shares of the speaking length (`engine.strings.draw`)
-NEAREST, FARTHEST = 0.02, 0.5
-
 Drag = dict[str, Any]
 
 
@@ -258,12 +257,11 @@ def _pluck(place: Place, opened: String, string: String, velocity: int, fret_hei
     hard = table.position if table.position_hard is None else table.position_hard
     width_hard = table.width_mm if table.width_hard_mm is None else table.width_hard_mm
     share = table.position + strength * (hard - table.position)
-    distance = min(max(share * length, NEAREST * speaking), FARTHEST * speaking)
-    width = min(1e-3 * (table.width_mm + strength * (width_hard - table.width_mm)), 1.5 * distance)
-    x = table.position * length
+    distance = finger_distance(share, length, speaking)
+    width = finger_width(1e-3 * table.width_mm, width_hard / table.width_mm, strength, distance)
     full = at_note(table.displacement_mm, place.opened)
-    force = 1e-3 * full * opened.tension_n * length / (x * (length - x)) * strength**table.velocity_exponent
-    moved = force * distance * (speaking - distance) / (string.tension_n * speaking)
+    full_force = full_pluck_force(place.preset, opened, place.opened)
+    moved = drawn_by(pluck_force(full_force, strength, table.velocity_exponent), distance, speaking, string.tension_n)
     crest = fret_height * distance / speaking + moved
     start = [] if not place.fret else [[0.0, 0.0]]
     if table.position_hard is None:
@@ -291,7 +289,7 @@ def _pluck(place: Place, opened: String, string: String, velocity: int, fret_hei
 
 def _output(place: Place, string: String, length: float, drags: _Drags) -> dict[str, Any]:
     output = place.preset.output
-    distance = min(output.position * length, 0.98 * string.length_m)
+    distance = output_distance(place.preset, string, length)
     pickup = output.kind == "pickup"
     return {
         "kind": output.kind,

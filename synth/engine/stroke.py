@@ -1,0 +1,32 @@
+"""The law of a pluck: where the finger takes hold, how wide it is, how far it draws the string. Plain Python that the core
+compiles as it stands, and views use as it is.
+
+Distances count from the saddle [m]. `strength` is velocity/127.
+"""
+
+from __future__ import annotations
+
+#: a finger takes hold between these parts of the speaking length; beyond the middle is the same from the other side
+NEAREST, FARTHEST = 0.02, 0.5
+#: widest finger, as a part of its distance from the saddle
+WIDEST = 1.5
+
+
+def finger_distance(share: float, open_length: float, length: float) -> float:
+    """Distance of the finger at a share of the open length, on a string that speaks over `length`."""
+    return min(max(share * open_length, NEAREST * length), FARTHEST * length)
+
+
+def finger_width(soft: float, ratio: float, strength: float, distance: float) -> float:
+    """Width of the finger: `soft` at velocity 0, `ratio` times that at velocity 127."""
+    return min(soft * (1.0 + strength * (ratio - 1.0)), WIDEST * distance)
+
+
+def pluck_force(full: float, strength: float, exponent: float) -> float:
+    """Force of a pluck [N], `full` at velocity 127."""
+    return full * strength**exponent
+
+
+def drawn_by(force: float, distance: float, length: float, tension: float) -> float:
+    """How far a force [N] draws the ideal string of this tension [N] where it acts [m]."""
+    return force * distance * (length - distance) / (tension * length)
