@@ -19,9 +19,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.patience import patience_s
+
 ROOT = Path(__file__).resolve().parents[1]
-#: for a process that does not answer, on a machine that is busy [s]
-PATIENCE_S = 120.0
+#: what a quiet machine may take for a command, kernels compiled [s]
+COMMAND_QUIET_S = 120.0
 
 
 @dataclass
@@ -53,7 +55,7 @@ class ForkServer:
         assert self._process.stdin is not None
         self._process.stdin.close()
         try:
-            self._process.wait(PATIENCE_S)
+            self._process.wait(patience_s())
         finally:
             self._process.kill()
             self._process.wait()
@@ -111,14 +113,6 @@ def ended(pid: int) -> bool:
         return True
 
 
-def until(true: Callable[[], Any], what: str) -> None:
-    """Wait for it."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.02)
-
-
 def writes(pid: int, number: int) -> bool:
     """Whether a process stands in a write to a file descriptor."""
     try:
@@ -154,9 +148,9 @@ def _say(handle: int, what: Any) -> None:
 
 
 def _waited(pid: int) -> int:
-    """Its status; one that does not end within PATIENCE_S is killed."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
+    """Its status; one that does not end is killed."""
+    begun = time.monotonic()
+    while time.monotonic() - begun < patience_s(COMMAND_QUIET_S):
         done, status = os.waitpid(pid, os.WNOHANG)
         if done:
             return status

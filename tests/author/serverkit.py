@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
@@ -16,18 +15,9 @@ from urllib.parse import urlsplit
 import httpx
 from websockets.sync.client import ClientConnection, connect
 
+from tests.patience import patience_s
+
 ROOT = Path(__file__).resolve().parents[2]
-#: how long a quiet machine may take for anything that is waited for [s]
-QUIET_S = 60.0
-#: how long it may take to compile the kernels, once on a machine, where others compile as well [s]
-COMPILING_S = 3600.0
-
-
-def patience_s() -> float:
-    """How long to wait for what will come [s]: on a busy machine as many times longer as there is more to do than cores.
-
-    Every wait ends with what it waits for; only what never comes takes so long."""
-    return QUIET_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 class Server:
@@ -150,14 +140,3 @@ class Page:
             message = self.receive()
             if isinstance(message, dict) and message["type"] == kind and holds(message):
                 return message
-
-
-def until(holds: Callable[[], Any], seconds: float | None = None) -> Any:
-    """Wait for something to be true, `seconds` at most (None: `patience_s`); what it is then."""
-    end = time.monotonic() + (patience_s() if seconds is None else seconds)
-    while True:
-        found = holds()
-        if found or time.monotonic() > end:
-            assert found, "waited in vain"
-            return found
-        time.sleep(0.02)

@@ -15,9 +15,10 @@ import pytest
 
 from synth.author import door
 from synth.author.door import Door, owner_of
+from tests.patience import until
 
 from .conftest import Serve
-from .serverkit import Server, until
+from .serverkit import Server
 
 #: a browser that leaves what others see of it, and asks for nothing
 BROWSER = """#!{python}

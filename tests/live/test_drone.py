@@ -26,6 +26,7 @@ from synth.live.terminal import Terminal
 from synth.measures import band_levels_db, click_ratios, sounding_fundamental
 from synth.preset import load_preset, parse_preset
 from synth.units import cents, midi_to_hz
+from tests.patience import compiling_s, patience_s
 
 from .conftest import StartServer
 from .deckkit import Card
@@ -377,7 +378,7 @@ def test_a_ratio_takes_no_longer_than_its_text(ratio: str) -> None:
         cwd=Path(__file__).parents[2],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=patience_s(),
     )
     assert done.returncode == 2 and "ratio from 1 to 2" in done.stderr and done.stderr.count("\n") == 1
 
@@ -402,7 +403,7 @@ def test_on_a_sound_server(output: list[str], jack_server: StartServer, tmp_path
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=200,
+        timeout=compiling_s(),
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)

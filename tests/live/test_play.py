@@ -25,12 +25,12 @@ from synth.engine.events import CONTROL, PARAMETER
 from synth.engine.layout import GAIN
 from synth.host.midi import read_song
 from tests.host.midibytes import header, track
+from tests.patience import COMPILING_QUIET_S, compiling_s, patience_s, until
 
 from .jackkit import JackServer
 
 ROOT = Path(__file__).resolve().parents[2]
 SONG = str(ROOT / "presets" / "demos" / "bassline.mid")
-PATIENCE_S = 240  # kernels may have to be compiled
 EXPRESSION = 11
 QUIET = ["--no-virtual-port", "--midi-in", "none"]
 
@@ -53,7 +53,12 @@ def patched(patch: str, *arguments: str) -> list[str]:
 
 def synth(server: JackServer | None, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        command(*arguments), cwd=folder, env=environment(server), capture_output=True, text=True, timeout=PATIENCE_S
+        command(*arguments),
+        cwd=folder,
+        env=environment(server),
+        capture_output=True,
+        text=True,
+        timeout=compiling_s(),
     )
 
 
@@ -65,6 +70,11 @@ def is_beginning(path: Path, whole: Path) -> bool:
     """Whether the sound of one file is, sample by sample, what the other begins with, and not silent."""
     short, long = samples(path), samples(whole)
     return 0 < len(short) <= len(long) and bool(short.any()) and np.array_equal(short, long[: len(short)])
+
+
+def recorded(folder: Path) -> bool:
+    """Whether a second of a take that goes on lies there."""
+    return any(path.stat().st_size > 6 * 44100 for path in folder.glob(".take.wav.*"))
 
 
 @pytest.fixture
@@ -82,11 +92,8 @@ def playing(jack_server) -> Iterator[Callable[..., subprocess.Popen[str]]]:
             text=True,
         )
         begun.append(running)
-        deadline = time.monotonic() + PATIENCE_S
-        second = 6 * 44100
-        while not any(path.stat().st_size > second for path in folder.glob(".take.wav.*")):
-            assert running.poll() is None and time.monotonic() < deadline, running.communicate()
-            time.sleep(0.05)
+        until(lambda: running.poll() is not None or recorded(folder), "a second", COMPILING_QUIET_S)
+        assert running.poll() is None, running.communicate()
         return running
 
     yield begin
@@ -128,7 +135,7 @@ def test_a_song_ends_when_it_has_rung_out(jack_server, tmp_path) -> None:
 def test_a_signal_fades_and_keeps_the_take(playing, tmp_path, how: signal.Signals) -> None:
     running = playing(tmp_path, "--play", SONG)
     running.send_signal(how)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 0, err
     assert "Traceback" not in err
     assert json.loads(out)["ended"] == "stopped"
@@ -151,7 +158,7 @@ def test_a_second_signal_ends_at_once_with_a_valid_take(playing, tmp_path) -> No
     running = playing(tmp_path, "--play", SONG, *QUIET, patch="from synth.live import session\nsession.FADE_S = 1e6")
     running.send_signal(signal.SIGINT)
     running.send_signal(signal.SIGTERM)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 0 and "Traceback" not in err
     report = json.loads(out)
     recorded = samples(tmp_path / "take.wav")
@@ -176,7 +183,7 @@ Recorder.close = interrupted
 """
     running = playing(tmp_path, "--play", SONG, *QUIET, patch=patch)
     running.send_signal(signal.SIGTERM)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 0 and "Traceback" not in err, err
     assert json.loads(out)["files"] == ["take.wav", "take.mid"]
     assert sorted(os.listdir(tmp_path)) == ["take.mid", "take.wav"]
@@ -185,7 +192,7 @@ Recorder.close = interrupted
 def test_the_fade_leaves_a_bound_expression_alone(playing, tmp_path) -> None:
     running = playing(tmp_path, "--play", SONG, "--cc", "11=pluck.position", *QUIET)
     running.send_signal(signal.SIGINT)
-    err = running.communicate(timeout=PATIENCE_S)[1]
+    err = running.communicate(timeout=compiling_s())[1]
     assert running.returncode == 0, err
     assert not len(controls_of(tmp_path / "take.mid", EXPRESSION))
     events = read_song(tmp_path / "take.mid", 44100).events
@@ -223,13 +230,13 @@ def test_a_terminal_that_is_closed_ends_it_and_leaves_the_take(jack_server, tmp_
     os.close(slave)
     said = b""
     try:
-        deadline = time.monotonic() + PATIENCE_S
-        while not any(path.stat().st_size > 6 * 44100 for path in tmp_path.glob(".take.wav.*")):
-            assert running.poll() is None and time.monotonic() < deadline, said
+        begun = time.monotonic()
+        while not recorded(tmp_path):
+            assert running.poll() is None and time.monotonic() - begun < compiling_s(), said
             if select.select([master], [], [], 0.05)[0]:
                 said += os.read(master, 4096)
         os.close(master)  # the kernel sends SIGHUP, and nothing can be written to the terminal any more
-        assert running.wait(PATIENCE_S) == 0
+        assert running.wait(patience_s()) == 0
     finally:
         running.kill()
         running.wait()
@@ -244,7 +251,7 @@ def test_a_server_that_dies_leaves_the_take_and_exit_1(playing, jack_server, tmp
     server = jack_server()
     running = playing(tmp_path, "--play", SONG, *how, server=server)
     server.kill()
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 1, err
     assert "has gone; the recording is kept" in err and "has not come back" in err
     assert "Traceback" not in err
@@ -294,7 +301,7 @@ def test_a_measurement_can_be_broken_off(jack_server, tmp_path, how: list[str]) 
         assert running.stderr is not None
         assert any(line.startswith("synth: measuring") for line in running.stderr)
         running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=PATIENCE_S)
+        out, err = running.communicate(timeout=compiling_s())
     finally:
         running.kill()
     assert (running.returncode, out, err) == (130, "", "synth: interrupted\n")
@@ -420,6 +427,6 @@ def test_help_loads_nothing_heavy() -> None:
     )
     for arguments in (["play", "--help"], ["devices", "--help"]):
         done = subprocess.run(
-            [sys.executable, "-c", program, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60
+            [sys.executable, "-c", program, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=patience_s()
         )
         assert done.returncode == 0, done.stderr

@@ -8,7 +8,6 @@ import signal
 import struct
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -28,9 +27,10 @@ from synth.live.tanpura_keys import TanpuraKeys
 from synth.live.tanpura_keys import keys_of as drone_keys_of
 from synth.live.unplayable import TOLD_S, Unplayable
 from synth.preset import load_preset
+from tests.patience import COMPILING_QUIET_S, patience_s, until
 
 from .jackkit import JackServer
-from .test_play import PATIENCE_S, QUIET, SONG, command, environment, is_beginning, synth
+from .test_play import QUIET, SONG, command, environment, is_beginning, synth
 
 pty = pytest.importorskip("pty")
 fcntl = pytest.importorskip("fcntl")
@@ -194,24 +194,26 @@ class AtTerminal:
 
     def wait_for(self, *texts: str) -> None:
         """Until all of them have been shown since the last key."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not all(text in self.shown[self._from :] for text in texts):
-            assert time.monotonic() < deadline and self.process.poll() is None, (texts, self.shown[-2000:])
-            time.sleep(0.02)
+        until(
+            lambda: all(text in self.shown[self._from :] for text in texts) or self.process.poll() is not None,
+            texts,
+            COMPILING_QUIET_S,
+        )
+        assert all(text in self.shown[self._from :] for text in texts), self.shown[-2000:]
 
     def press(self, keys: bytes) -> None:
         self._from = len(self.shown)
         os.write(self._master, keys)
 
     def ended(self) -> int:
-        code = self.process.wait(PATIENCE_S)
-        self._reader.join(10.0)
+        code = self.process.wait(patience_s())
+        self._reader.join(patience_s())
         return code
 
     def close(self) -> None:
         self.process.kill()
         self.process.wait()
-        self._reader.join(10.0)
+        self._reader.join(patience_s())
         os.close(self._master)
 
 

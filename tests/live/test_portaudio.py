@@ -12,6 +12,7 @@ import pytest
 
 from synth import Engine, load_preset
 from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
+from tests.patience import compiling_s, patience_s
 
 from .conftest import StartServer
 from .deckkit import offline
@@ -53,7 +54,7 @@ def _play(server: JackServer, folder: Path, block: int, **job) -> tuple[np.ndarr
     assert player.stdout.readline().strip() == "open"
     capture = Capture(server, PORTS, folder)
     try:
-        player.communicate("\n", timeout=60)
+        player.communicate("\n", timeout=patience_s())
         assert player.returncode == 0
     finally:
         player.kill()
@@ -105,7 +106,12 @@ def test_a_rate_that_the_server_does_not_run_at(jack_server: StartServer) -> Non
         "        print(error)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], env=jack_server(256).env, capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, "-c", program],
+        env=jack_server(256).env,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=compiling_s(),
     )
     listed, rate, name, number = done.stdout.splitlines()
     assert "JACK" in listed
