@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 import httpx
 from websockets.sync.client import ClientConnection, connect
 
+from tests.forkserver import Forked, prepared
 from tests.patience import patience_s
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 class Server:
     """`synth author` on a folder, without a browser unless told. `get` and `post` show the token; answers are checked unless
-    a status is expected. `program`: what runs instead of the command."""
+    a status is expected. `program`: what runs instead of the command; with it or `env` it is a new interpreter."""
 
     def __init__(
         self,
@@ -30,17 +31,22 @@ class Server:
         *arguments: str,
         env: dict[str, str] | None = None,
         browser: bool = False,
-        program: Sequence[str] = ("-m", "synth"),
+        program: Sequence[str] = (),
     ) -> None:
         self.folder = folder
-        self._process = subprocess.Popen(
-            [sys.executable, *program, "author", *([] if browser else ["--no-browser"]), *arguments],
-            cwd=folder,
-            env={**(env or os.environ), "PYTHONPATH": str(ROOT)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self._process: subprocess.Popen[str] | Forked
+        command = ["author", *([] if browser else ["--no-browser"]), *arguments]
+        if env is None and not program:
+            self._process = prepared().start(command, folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        else:
+            self._process = subprocess.Popen(
+                [sys.executable, *(program or ("-m", "synth")), *command],
+                cwd=folder,
+                env={**(env or os.environ), "PYTHONPATH": str(ROOT)},
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
         assert self._process.stdout is not None and self._process.stderr is not None
         self.address = self._process.stdout.readline().strip()
         if not self.address:

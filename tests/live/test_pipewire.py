@@ -20,7 +20,7 @@ import soundfile
 from tests.patience import compiling_s
 from tests.pipewirekit import SINK, PipeWire, Record, why_not
 
-from .test_play import ROOT, SONG, command
+from .test_play import ROOT, SONG, command, start
 
 #: of one piece, to be told from chance [frames]
 LEAST = 64
@@ -51,7 +51,11 @@ def environment(server: PipeWire) -> dict[str, str]:
 
 
 def synth(server: PipeWire, folder: Path, *arguments: str, jack: bool = False) -> subprocess.CompletedProcess[str]:
-    wanted = server.jack(*command(*arguments)) if jack else command(*arguments)
+    if not jack:
+        with start(None, folder, *arguments, env=environment(server)) as running:
+            out, err = running.communicate(timeout=compiling_s())
+        return subprocess.CompletedProcess(arguments, running.returncode or 0, out, err)
+    wanted = server.jack(*command(*arguments))
     return subprocess.run(
         wanted,
         cwd=folder,

@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from synth import cli
 from synth.engine.events import CONTROL, PARAMETER
 from synth.engine.layout import GAIN
 from synth.host.midi import read_song
+from tests.forkserver import Forked, prepared
 from tests.host.midibytes import header, track
 from tests.patience import COMPILING_QUIET_S, compiling_s, patience_s, until
 
@@ -46,12 +48,20 @@ def environment(server: JackServer | None) -> dict[str, str]:
     return dict(base, PYTHONPATH=str(ROOT))
 
 
-def patched(patch: str, *arguments: str) -> list[str]:
-    """The command in a program of which the patch has changed something before."""
-    return [sys.executable, "-c", f"{patch}\nimport sys\nfrom synth.cli import main\nsys.exit(main())", *arguments]
+def start(server: JackServer | None, folder: Path, *arguments: str, **how: Any) -> Forked:
+    """`synth` with these arguments, which has its imports behind it."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return prepared().start(list(arguments), folder, **({"env": environment(server)} | pipes | how))
 
 
 def synth(server: JackServer | None, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    with start(server, folder, *arguments) as running:
+        out, err = running.communicate(timeout=compiling_s())
+    return subprocess.CompletedProcess(arguments, running.returncode or 0, out, err)
+
+
+def anew(server: JackServer | None, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The same in a new interpreter."""
     return subprocess.run(
         command(*arguments),
         cwd=folder,
@@ -78,19 +88,13 @@ def recorded(folder: Path) -> bool:
 
 
 @pytest.fixture
-def playing(jack_server) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """playing(folder, …, server=None, patch=""): `synth play …` that has recorded its first second to take.wav."""
-    begun: list[subprocess.Popen[str]] = []
+def playing(jack_server) -> Iterator[Callable[..., Forked]]:
+    """playing(folder, …, server=None, patch=""): `synth play …` that has recorded its first second to take.wav; a patch
+    changes something in the program before."""
+    begun: list[Forked] = []
 
-    def begin(folder: Path, *arguments: str, server: JackServer | None = None, patch: str = "") -> subprocess.Popen[str]:
-        running = subprocess.Popen(
-            patched(patch, "play", *arguments, "--record", "take.wav", "--json"),
-            cwd=folder,
-            env=environment(server or jack_server()),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+    def begin(folder: Path, *arguments: str, server: JackServer | None = None, patch: str = "") -> Forked:
+        running = start(server or jack_server(), folder, "play", *arguments, "--record", "take.wav", "--json", before=patch)
         begun.append(running)
         until(lambda: running.poll() is not None or recorded(folder), "a second", COMPILING_QUIET_S)
         assert running.poll() is None, running.communicate()
@@ -104,7 +108,7 @@ def playing(jack_server) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 
 def test_a_song_live_is_the_song_rendered(jack_server, tmp_path) -> None:
-    live = synth(jack_server(), tmp_path, "play", "--play", SONG, "--record", "take.wav", "--duration", "3", "--json")
+    live = anew(jack_server(), tmp_path, "play", "--play", SONG, "--record", "take.wav", "--duration", "3", "--json")
     assert live.returncode == 0, live.stderr
     report = json.loads(live.stdout)
     assert report["ended"] == "duration" and report["notes"] > 5 and report["events_lost"] == 0
@@ -263,7 +267,7 @@ def test_a_server_that_dies_leaves_the_take_and_exit_1(playing, jack_server, tmp
 
 def test_jack_itself_as_output(jack_server, tmp_path) -> None:
     arguments = ["--play", SONG, "--jack", "instrument", "--record", "take.wav", "--duration", "2", "--json"]
-    done = synth(jack_server(), tmp_path, "play", *arguments)
+    done = anew(jack_server(), tmp_path, "play", *arguments)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["output"].startswith("instrument") and report["ended"] == "duration"
@@ -289,14 +293,7 @@ def test_latency_is_measured_through_a_midi_port(jack_server, tmp_path, how: lis
 @pytest.mark.parametrize("how", [[], ["--jack"]], ids=["portaudio", "jack"])
 def test_a_measurement_can_be_broken_off(jack_server, tmp_path, how: list[str]) -> None:
     server = jack_server()
-    running = subprocess.Popen(
-        command("play", "-p", "tanpura", "--measure-latency", *how),
-        cwd=tmp_path,
-        env=environment(server),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    running = start(server, tmp_path, "play", "-p", "tanpura", "--measure-latency", *how)
     try:
         assert running.stderr is not None
         assert any(line.startswith("synth: measuring") for line in running.stderr)
