@@ -13,6 +13,7 @@ import functools
 import json
 import os
 import resource
+import runpy
 import select
 import signal
 import socket
@@ -152,13 +153,15 @@ class ForkServer:
         stdout: int | None = None,
         stderr: int | None = None,
         env: dict[str, str] | None = None,
+        module: str = "synth",
         before: str = "",
         terminal: bool = False,
         closed: tuple[int, ...] = (),
         **more: Any,
     ) -> Forked:
-        """Run `synth` with `arguments`. stdin, stdout, stderr, env: as of subprocess.Popen; before: Python that is run
-        first; terminal: standard input becomes the controlling terminal; closed: streams that are; more: see `_become`."""
+        """Run `synth`, or another module, with `arguments`. stdin, stdout, stderr, env: as of subprocess.Popen; before:
+        Python that is run first; terminal: standard input becomes the controlling terminal; closed: streams that are; more:
+        see `_become`."""
         theirs: list[int] = []
         ours: list[int | None] = []
         given: list[int] = []
@@ -180,6 +183,7 @@ class ForkServer:
             "arguments": [os.fsencode(each).hex() for each in arguments],
             "cwd": str(cwd),
             "env": {name: os.fsencode(value).hex() for name, value in (os.environ if env is None else env).items()},
+            "module": module,
             "before": before,
             "terminal": terminal,
             "closed": closed,
@@ -372,12 +376,11 @@ def _become(request: dict[str, Any], handles: list[int]) -> None:
             fcntl.ioctl(0, termios.TIOCSCTTY, 0)
         if request.get("largest") is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (request["largest"], resource.RLIM_INFINITY))
-        from synth import cli
-
-        sys.argv = ["synth", *(os.fsdecode(bytes.fromhex(each)) for each in request["arguments"])]
+        sys.argv = [request["module"], *(os.fsdecode(bytes.fromhex(each)) for each in request["arguments"])]
         try:
             exec(request["before"], {"__name__": "before"})
-            code = cli.main()
+            runpy.run_module(request["module"], run_name="__main__")
+            code = 0
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1
         threading._shutdown()  # type: ignore[attr-defined]  # as the interpreter does: it waits for threads,

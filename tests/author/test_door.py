@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shlex
 import socket
 import stat
 import sys
@@ -21,8 +22,7 @@ from .conftest import Serve
 from .serverkit import Server
 
 #: a browser that leaves what others see of it, and asks for nothing
-BROWSER = """#!{python}
-import os, sys
+BROWSER = """import os, sys
 with open({seen!r} + ".part", "wb") as file:
     for name in ("cmdline", "environ", "comm"):
         with open("/proc/self/" + name, "rb") as source:
@@ -35,7 +35,10 @@ os.rename({seen!r} + ".part", {seen!r})
 def browser(tmp_path: Path) -> tuple[dict[str, str], Path]:
     """(environment with a browser, the file that says what others see of it)."""
     program, seen = tmp_path / "browser", tmp_path / "seen"
-    program.write_text(BROWSER.format(python=sys.executable, seen=str(seen)))
+    (tmp_path / "browser.py").write_text(BROWSER.format(seen=str(seen)))
+    # a shell, since the first line of a script takes no path with a space
+    words = " ".join(shlex.quote(str(word)) for word in (sys.executable, tmp_path / "browser.py"))
+    program.write_text(f'#!/bin/sh\nexec {words} "$@"\n')
     program.chmod(0o700)
     return {**os.environ, "BROWSER": str(program)}, seen
 

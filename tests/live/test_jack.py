@@ -19,6 +19,7 @@ from synth.live import jackclient, jackserver
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
 from tests.engine import kit
+from tests.forkserver import Forked, prepared
 from tests.patience import patience_s, until
 
 from .conftest import StartServer
@@ -204,11 +205,9 @@ def test_the_period_may_change_while_it_plays(jack_server: StartServer, tmp_path
         check(found, kit.play(kit.engine(kit.FREE), found.events, int(found.events["frame"][-1]) + 8192).T)
 
 
-def playing(server: JackServer, how: str) -> subprocess.Popen:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.live.jack_player", server.name, how],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=HERE.parents[1],
-    )  # fmt: skip
+def playing(server: JackServer, how: str) -> Forked:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = prepared().start([server.name, how], HERE.parents[1], module="tests.live.jack_player", **pipes)
     assert process.stdout is not None
     line = process.stdout.readline()
     if line != "playing\n":

@@ -12,6 +12,7 @@ import pytest
 
 from synth import Engine, load_preset
 from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
+from tests.forkserver import prepared
 from tests.patience import compiling_s, patience_s
 
 from .conftest import StartServer
@@ -48,8 +49,9 @@ def _play(server: JackServer, folder: Path, block: int, **job) -> tuple[np.ndarr
     """Captured samples (2, frames), the events that the player's engine was given."""
     file = folder / "played.npz"
     settings = {"block": block, "rate": 44100, "rows": _rows(), "seconds": SECONDS, "busy": False, "send": False, "ahead": 0}
-    command = [sys.executable, "-m", "tests.live.play_events", json.dumps({**settings, **job, "file": str(file)})]
-    player = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=server.env, text=True)
+    arguments = [json.dumps({**settings, **job, "file": str(file)})]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    player = prepared().start(arguments, folder, module="tests.live.play_events", env=server.env, **pipes)
     assert player.stdout is not None
     assert player.stdout.readline().strip() == "open"
     capture = Capture(server, PORTS, folder)
