@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-#: for a process or server that does not answer [s]
-PATIENCE_S = 60.0
+from tests.patience import patience_s
+
 SINK = "jawari-null"
 #: what has to be there, and the Debian package it is in
 PROGRAMS = {
@@ -131,7 +131,7 @@ class PipeWire:
 
     def ask(self, *command: str) -> str:
         """What a command says; "" if it fails."""
-        done = subprocess.run(command, env=self.env, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = subprocess.run(command, env=self.env, capture_output=True, text=True, timeout=patience_s())
         return done.stdout if done.returncode == 0 else ""
 
     def nodes(self) -> list[dict]:
@@ -141,10 +141,10 @@ class PipeWire:
         return [{**each["info"]["props"], "state": each["info"]["state"]} for each in nodes]
 
     def wait_for(self, condition: Callable[[], bool], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        begun = time.monotonic()
         while not condition():
             gone = [each.args for each in self._processes if each.poll() is not None]
-            if gone or time.monotonic() > deadline:
+            if gone or time.monotonic() - begun > patience_s():
                 raise RuntimeError(f"waited for {what}; {gone} ended; {self.said()}")
             time.sleep(0.05)
 
@@ -217,7 +217,7 @@ class Record:
         with suppress(ProcessLookupError):
             self._process.send_signal(signal.SIGINT)  # it ends the file as it should
         try:
-            self._process.wait(PATIENCE_S)
+            self._process.wait(patience_s())
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

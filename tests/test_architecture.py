@@ -125,3 +125,9 @@ def test_neighbours_do_not_know_each_other() -> None:
     assert not allowed("solver", "physics")
     assert not allowed("dsp", "plan")
     assert allowed("plan", "physics") and not allowed("plan", "compile") and allowed("scene", "case")
+
+
+def test_the_files_that_come_first_are_there():
+    from tests.conftest import LONGEST
+
+    assert [name for name in LONGEST if not (PACKAGE.parent / name).is_file()] == []

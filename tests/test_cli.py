@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from synth import cli
 from synth.cli import common, presets, render
 from synth.signals import hearing_signals
 from tests.host.midibytes import header, off, on, track
+from tests.patience import COMPILING_QUIET_S, compiling_s, patience_s, until
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -34,7 +34,7 @@ def synth(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[
         env=ENVIRONMENT,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=compiling_s(),
         **options,
     )
 
@@ -48,7 +48,7 @@ def test_help_loads_nothing_heavy() -> None:
     )
     for arguments in (["--help"], ["render", "--help"], ["--version"]):
         command = [sys.executable, "-c", program, *arguments]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=patience_s())
         assert done.returncode == 0, done.stderr
         assert done.stdout
 
@@ -236,7 +236,7 @@ def test_a_part_of_the_song_is_a_slice_of_the_whole(rendered, tmp_path) -> None:
 def test_standard_output_carries_the_samples_and_nothing_else(rendered, tmp_path) -> None:
     song = str(rendered / "song.mid")
     arguments = command_line("render", song, "-o", "-", "--format", "raw", "--tail", "0.25", "--bit-depth", "24")
-    done = subprocess.run(arguments, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, timeout=120)
+    done = subprocess.run(arguments, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, timeout=compiling_s())
     assert done.returncode == 0
     whole, _ = soundfile.read(rendered / "song.wav", dtype="int32")
     steps = np.frombuffer(done.stdout, np.uint8).reshape(-1, 3)
@@ -253,7 +253,7 @@ def test_a_reader_that_goes_away_is_no_traceback(rendered) -> None:
     running.stdout.close()
     told = running.stderr.read()
     running.stderr.close()
-    assert running.wait(timeout=120) == 1
+    assert running.wait(timeout=compiling_s()) == 1
     assert b"Traceback" not in told
 
 
@@ -263,12 +263,10 @@ def test_an_interrupted_render_leaves_nothing(tmp_path, how: signal.Signals, cod
     (tmp_path / "long.mid").write_bytes(header(division=1) + track((0, on(40)), (170_000, off(40))))
     arguments = command_line("render", "long.mid", "-p", "fretted-bass", "-o", "long.wav", "--stems", "stems")
     running = subprocess.Popen(arguments, cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE)
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob(".long.wav.*")):
-        assert running.poll() is None and time.monotonic() < deadline
-        time.sleep(0.05)
+    until(lambda: running.poll() is not None or list(tmp_path.glob(".long.wav.*")), quiet_s=COMPILING_QUIET_S)
+    assert running.poll() is None
     running.send_signal(how)
-    told = running.communicate(timeout=60)[1]
+    told = running.communicate(timeout=patience_s())[1]
     assert running.returncode == code
     assert b"Traceback" not in told
     assert os.listdir(tmp_path) == ["long.mid"]

@@ -16,8 +16,9 @@ from typing import Any
 
 import pytest
 
+from tests.patience import compiling_s, patience_s
+
 ROOT = Path(__file__).resolve().parents[1]
-PATIENCE_S = 240.0
 
 KERNELS = """
 from numba import cfunc, njit
@@ -72,7 +73,7 @@ class Tried:
 
     def run(self, text: str, **options: Any) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            self.command(text), env=self.environment, capture_output=True, text=True, timeout=PATIENCE_S, **options
+            self.command(text), env=self.environment, capture_output=True, text=True, timeout=patience_s(240.0), **options
         )
 
     def says(self, text: str, **options: Any) -> tuple[str, str]:
@@ -246,7 +247,7 @@ print(kernels.apart({value}))
         )
         for value in ("1", "1.5", "1j")
     ]
-    assert [process.communicate(timeout=PATIENCE_S)[0].strip() for process in running] == ["0", "0.5", "(-1+1j)"]
+    assert [process.communicate(timeout=patience_s(240.0))[0].strip() for process in running] == ["0", "0.5", "(-1+1j)"]
     found, told = tried.says(COUNTED.format(call="(kernels.apart(1), kernels.apart(1.5), kernels.apart(1j))"))[
         0
     ].splitlines()
@@ -282,7 +283,7 @@ def test_interrupted_while_the_compiler_hears_nothing(tried: Tried, sign: signal
         assert process.stdout.readline() == "compiling\n"
         process.send_signal(sign)
         try:
-            _, said = process.communicate(timeout=PATIENCE_S / 4)
+            _, said = process.communicate(timeout=patience_s())
         except subprocess.TimeoutExpired:
             process.kill()
             raise
@@ -328,7 +329,7 @@ def test_the_kernels_that_python_calls_are_those_it_is_known_of(tmp_path: Path, 
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=4 * PATIENCE_S,
+        timeout=compiling_s(),
     )
     assert done.returncode == 0, done.stderr
     unused, unknown, total = json.loads(done.stdout)

@@ -23,9 +23,10 @@ import pytest
 import soundfile
 
 from synth.preset import preset_folder
-from tests.forkserver import PATIENCE_S, ROOT, Done, ForkServer, ended, full_pipe, until, writes
+from tests.forkserver import ROOT, Done, ForkServer, ended, full_pipe, writes
 from tests.host.midibytes import header, off, on, track
 from tests.nocard import hide_sound_card
+from tests.patience import compiling_s, until
 
 CHEAP = ["--quality", "draft", "--threads", "1"]
 RENDER = ["render", "s.mid", "-o", "out.wav", "--tail", "0", *CHEAP]
@@ -385,7 +386,12 @@ def test_in_an_interpreter_of_its_own(prepared: dict[str, Path], tmp_path: Path)
     def shell(text: str) -> subprocess.CompletedProcess[str]:
         command = f"{shlex.quote(sys.executable)} -m synth {text}"
         return subprocess.run(
-            ["sh", "-c", command], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=PATIENCE_S
+            ["sh", "-c", command],
+            cwd=tmp_path,
+            env=env,
+            capture_output=True,
+            text=True,
+            timeout=compiling_s(),
         )
 
     done = shell("presets check my.toml <&- 2>&-")

@@ -13,6 +13,7 @@ import pytest
 from synth.cli import main
 from synth.preset import preset_folder
 from synth.sources import read_bytes, read_file
+from tests.patience import compiling_s
 
 TANPURA = preset_folder() / "tanpura.toml"
 
@@ -76,7 +77,7 @@ def test_presets_come_through_pipes(arguments: list[str]) -> None:
             pass_fds=[reading],
             capture_output=True,
             text=True,
-            timeout=240,
+            timeout=compiling_s(),
         )
         feeder.wait()
     finally:

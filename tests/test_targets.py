@@ -12,6 +12,7 @@ import pytest
 
 from synth import targets
 from synth.targets import Named, Whole, check_apart, check_target, tidy, write_text, write_whole
+from tests.patience import patience_s
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -41,7 +42,7 @@ def left_behind(path: Path) -> Path:
     """What a process leaves that was killed while it wrote `path`."""
     before = set(path.parent.iterdir())
     with process(KILLED, str(path)) as killed:
-        assert killed.wait(60) == -signal.SIGKILL
+        assert killed.wait(patience_s()) == -signal.SIGKILL
     (left,) = set(path.parent.iterdir()) - before
     return left
 
@@ -80,7 +81,7 @@ def test_nothing_else_is_taken_away(tmp_path: Path) -> None:
         assert {path.name for path in tmp_path.iterdir()} == {*mine, live.name, folder.name, link.name, "other.txt"}
         running.stdin.write("\n")
         running.stdin.flush()
-        assert running.wait(60) == 0
+        assert running.wait(patience_s()) == 0
     assert (tmp_path / "live.wav").read_bytes() == b"whole" and not live.exists()
 
 
@@ -93,12 +94,12 @@ for k in range(60):
     write_text(f"{sys.argv[1]}/{sys.argv[2]}-{k}", "x")
 """
     running = [process(program, str(tmp_path), str(number)) for number in range(2)]
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + patience_s()
     while any(each.poll() is None for each in running) and time.monotonic() < deadline:
         tidy(tmp_path)
     for each in running:
         with each:
-            assert each.wait(60) == 0
+            assert each.wait(patience_s()) == 0
     assert len(list(tmp_path.iterdir())) == 120
 
 
@@ -203,7 +204,12 @@ def test_standard_output_that_is_an_input(tmp_path: Path) -> None:
     program = "import sys; from synth.targets import *; check_apart([Named('in', sys.argv[1])], [Named('-o', '-')])"
     with open(song, "ab") as file:
         done = subprocess.run(
-            [sys.executable, "-c", program, str(song)], cwd=ROOT, stdout=file, stderr=subprocess.PIPE, text=True, timeout=60
+            [sys.executable, "-c", program, str(song)],
+            cwd=ROOT,
+            stdout=file,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=patience_s(),
         )
     assert "standard output would overwrite in" in done.stderr and song.read_bytes() == b"music"
 

@@ -9,6 +9,7 @@ import pytest
 
 from synth.preset import load_preset
 from synth.tune import TUNING_RANGE, calibrate, measure, measure_all, retuned, single_strings, tunings, worst
+from tests.patience import compiling_s
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT_CENTS = 2.0  # what a careful listener may notice in a melody
@@ -85,7 +86,7 @@ def test_tune_presets_writes_the_table_and_nothing_else(tmp_path: Path) -> None:
 
     def tune(*arguments: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, str(ROOT / "tools" / "tune-presets"), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, timeout=300)
+        return subprocess.run(command, capture_output=True, text=True, timeout=compiling_s())
 
     assert tune("--check", str(path)).returncode == 1
     done = tune(str(path))

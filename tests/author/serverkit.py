@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
@@ -16,23 +15,15 @@ from urllib.parse import urlsplit
 import httpx
 from websockets.sync.client import ClientConnection, connect
 
+from tests.forkserver import Forked, prepared
+from tests.patience import patience_s
+
 ROOT = Path(__file__).resolve().parents[2]
-#: how long a quiet machine may take for anything that is waited for [s]
-QUIET_S = 60.0
-#: how long it may take to compile the kernels, once on a machine, where others compile as well [s]
-COMPILING_S = 3600.0
-
-
-def patience_s() -> float:
-    """How long to wait for what will come [s]: on a busy machine as many times longer as there is more to do than cores.
-
-    Every wait ends with what it waits for; only what never comes takes so long."""
-    return QUIET_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 class Server:
     """`synth author` on a folder, without a browser unless told. `get` and `post` show the token; answers are checked unless
-    a status is expected. `program`: what runs instead of the command."""
+    a status is expected. `program`: what runs instead of the command; with it or `env` it is a new interpreter."""
 
     def __init__(
         self,
@@ -40,17 +31,22 @@ class Server:
         *arguments: str,
         env: dict[str, str] | None = None,
         browser: bool = False,
-        program: Sequence[str] = ("-m", "synth"),
+        program: Sequence[str] = (),
     ) -> None:
         self.folder = folder
-        self._process = subprocess.Popen(
-            [sys.executable, *program, "author", *([] if browser else ["--no-browser"]), *arguments],
-            cwd=folder,
-            env={**(env or os.environ), "PYTHONPATH": str(ROOT)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self._process: subprocess.Popen[str] | Forked
+        command = ["author", *([] if browser else ["--no-browser"]), *arguments]
+        if env is None and not program:
+            self._process = prepared().start(command, folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        else:
+            self._process = subprocess.Popen(
+                [sys.executable, *(program or ("-m", "synth")), *command],
+                cwd=folder,
+                env={**(env or os.environ), "PYTHONPATH": str(ROOT)},
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
         assert self._process.stdout is not None and self._process.stderr is not None
         self.address = self._process.stdout.readline().strip()
         if not self.address:
@@ -150,14 +146,3 @@ class Page:
             message = self.receive()
             if isinstance(message, dict) and message["type"] == kind and holds(message):
                 return message
-
-
-def until(holds: Callable[[], Any], seconds: float | None = None) -> Any:
-    """Wait for something to be true, `seconds` at most (None: `patience_s`); what it is then."""
-    end = time.monotonic() + (patience_s() if seconds is None else seconds)
-    while True:
-        found = holds()
-        if found or time.monotonic() > end:
-            assert found, "waited in vain"
-            return found
-        time.sleep(0.02)

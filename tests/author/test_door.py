@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shlex
 import socket
 import stat
 import sys
@@ -15,9 +16,10 @@ import pytest
 
 from synth.author import door
 from synth.author.door import Door, owner_of
+from tests.patience import until
 
 from .conftest import Serve
-from .serverkit import Server, until
+from .serverkit import Server
 
 #: a browser that leaves what others see of it, and asks for nothing
 BROWSER = """import os, sys
@@ -32,9 +34,11 @@ os.rename({seen!r} + ".part", {seen!r})
 @pytest.fixture
 def browser(tmp_path: Path) -> tuple[dict[str, str], Path]:
     """(environment with a browser, the file that says what others see of it)."""
-    program, script, seen = tmp_path / "browser", tmp_path / "browser.py", tmp_path / "seen"
-    script.write_text(BROWSER.format(seen=str(seen)))
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')  # its path may have spaces
+    program, seen = tmp_path / "browser", tmp_path / "seen"
+    (tmp_path / "browser.py").write_text(BROWSER.format(seen=str(seen)))
+    # a shell, since the first line of a script takes no path with a space
+    words = " ".join(shlex.quote(str(word)) for word in (sys.executable, tmp_path / "browser.py"))
+    program.write_text(f'#!/bin/sh\nexec {words} "$@"\n')
     program.chmod(0o700)
     return {**os.environ, "BROWSER": str(program)}, seen
 

@@ -13,8 +13,10 @@ from pathlib import Path
 import httpx
 import pytest
 
+from tests.patience import patience_s, until
+
 from .conftest import Serve
-from .serverkit import Doc, patience_s, until
+from .serverkit import Doc
 
 
 def autosaved(folder: Path) -> str:
@@ -30,7 +32,7 @@ def ask_for_views(doc: Doc) -> list[threading.Thread]:
             httpx.get(
                 f"http://127.0.0.1:{doc.server.port}{doc.path}/analysis?note=36&velocity={velocity}&seconds=10",
                 headers=doc.server.headers,
-                timeout=60,
+                timeout=patience_s(),
             )
 
     threads = [threading.Thread(target=ask, args=(velocity,)) for velocity in range(60, 90)]

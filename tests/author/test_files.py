@@ -15,9 +15,10 @@ from urllib.parse import quote
 import pytest
 
 from synth.preset import parse_preset, preset_folder
+from tests.patience import until
 
 from .conftest import Serve
-from .serverkit import Doc, Server, until
+from .serverkit import Doc, Server
 
 ROOT = Path(__file__).resolve().parents[2]
 KILLED_IN_A_WRITE = """

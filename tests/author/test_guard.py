@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from synth.author.app import NO_DOCUMENT
+from tests.patience import patience_s
 
 from .serverkit import Server
 
@@ -139,7 +140,7 @@ def test_a_websocket_of_a_document_that_is_gone(server: Server) -> None:
     """The page is told so in a way that a browser passes on."""
     url = f"ws://127.0.0.1:{server.port}/ws/nothing"
     with connect(url, additional_headers=server.headers, proxy=None) as page, pytest.raises(ConnectionClosed) as end:
-        page.recv(timeout=60)
+        page.recv(timeout=patience_s())
     assert end.value.rcvd is not None and end.value.rcvd.code == NO_DOCUMENT == 4404
 
 

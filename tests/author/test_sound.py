@@ -24,8 +24,9 @@ from synth.author.sound import Player
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
 from synth.preset import Preset, playable_notes, preset_folder
+from tests.patience import patience_s
 
-from .serverkit import ROOT, Doc, Page, Server, patience_s
+from .serverkit import ROOT, Doc, Page, Server
 
 RATE_HZ = 44100
 

@@ -17,9 +17,10 @@ from synth.author.jobs import Job, Jobs, Progress
 from synth.author.views import instrument, motion, parameters
 from synth.author.worker import Worker, compute
 from synth.preset import PresetError, load_preset
+from tests.patience import until
 
 from .conftest import Serve
-from .serverkit import Doc, Server, until
+from .serverkit import Doc, Server
 
 
 def finished(server: Server, job: str) -> dict[str, object]:

@@ -25,7 +25,7 @@ from synth.preset import load_preset
 
 RATE_HZ = 44100.0
 #: a case that takes longer hangs [s]
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 _NASTY_INTEGERS = (-(2**63), 2**63 - 1, -1, 0, 1, 2, 3, 7, 31, 32, 63, 64, 65, 128, 512, 10**6, 2**31, 2**53, -2, -(2**40))
 _NASTY_NUMBERS = (
     np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, 5e-324, 1e300, -1e300, 1e14, -1e14, 1e15, 1e9, 96.0, 24.0,

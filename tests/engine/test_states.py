@@ -17,6 +17,7 @@ from synth.engine import layout, snapshot
 from synth.engine.engine import Engine
 from synth.engine.events import BEND, NOTE_ON
 from synth.live.deck import Deck
+from tests.patience import compiling_s
 
 from .kit import BRIDGE, FREE, NECK, engine, play, preset, steel
 
@@ -106,7 +107,12 @@ def test_broken_states_are_refused_or_no_harm():
     program = Path(__file__).with_name("broken_states.py")
     root = Path(__file__).parents[2]
     done = subprocess.run(
-        [sys.executable, str(program), "400", "20"], capture_output=True, text=True, timeout=900, cwd=root, check=False
+        [sys.executable, str(program), "400", "20"],
+        capture_output=True,
+        text=True,
+        timeout=compiling_s(),
+        cwd=root,
+        check=False,
     )
     assert done.returncode == 0, done.stderr[-2000:]
     counts = json.loads(done.stdout)
@@ -164,7 +170,9 @@ def test_a_pickled_engine_sounds_in_another_process(tmp_path):
         made.process(np.zeros(0, EVENT), out)
         sys.stdout.buffer.write(out.tobytes())
     """
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, timeout=compiling_s(), check=False
+    )
     assert done.returncode == 0, done.stderr
     assert np.array_equal(np.frombuffer(done.stdout).reshape(700, 2), play(made, [], 700))
 
@@ -201,5 +209,7 @@ def test_a_forked_child_goes_on_alone():
         print("done")
     """
     program = textwrap.dedent(program)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=compiling_s(), check=False
+    )
     assert done.stdout == "done\n", done.stderr

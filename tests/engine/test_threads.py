@@ -13,6 +13,7 @@ import pytest
 
 from synth.engine import layout, team
 from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
+from tests.patience import compiling_s
 
 from .kit import BRIDGE, FREE, NECK, RATE_HZ, engine, play, preset, random_events, steel
 
@@ -184,6 +185,6 @@ work()
 print("played", flush=True)
 {ending}
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=compiling_s())
     assert done.stdout == "played\n", done.stderr
     assert done.returncode == {"raise SystemExit(3)": 3, "raise ValueError": 1}.get(ending, 0)

@@ -17,6 +17,7 @@ from synth import cli
 from synth.preset import load_preset, note_to_midi, parse_preset
 from synth.units import hz_to_midi
 from tests.fit.strings import render, steel
+from tests.patience import compiling_s
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,7 @@ def test_without_scipy_the_command_says_what_to_install(recording: str) -> None:
         "from synth import cli\n"
         f"sys.exit(cli.main(['fit', {recording!r}]))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=compiling_s())
     assert done.returncode == 2
     assert done.stderr.splitlines() == ["synth: error: a fit needs scipy: pip install 'jawari[fit]'"]
 

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synth.host.audiofile import AudioWriter, Quantizer, Spool, container_of
+from tests.patience import patience_s
 
 RATE_HZ = 48000
 ROOT = Path(__file__).resolve().parents[2]
@@ -222,7 +223,7 @@ def test_a_file_that_lacks_one_byte_is_none(tmp_path, container: str) -> None:
         if old is not None:
             path.write_bytes(old)
         command = [sys.executable, "-c", LIMITED, str(path), str(size)]
-        said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+        said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=patience_s())
         if size == len(whole):
             assert (said.stdout, path.read_bytes()) == ("whole\n", whole), said.stderr
             continue
@@ -238,7 +239,7 @@ def test_a_file_system_that_is_full(tmp_path, container: str) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
     mounted = shutil.which("mount") and subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)], capture_output=True, timeout=60
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)], capture_output=True, timeout=patience_s()
     )
     if not mounted or mounted.returncode:
         pytest.skip("a small file system can be mounted by root only; limits of file size stand for it above")
@@ -254,4 +255,4 @@ def test_a_file_system_that_is_full(tmp_path, container: str) -> None:
         with AudioWriter(path, 44100, container=container) as writer:  # there is room again
             writer.write(noise())
     finally:
-        subprocess.run(["umount", str(disk)], check=True, timeout=60)
+        subprocess.run(["umount", str(disk)], check=True, timeout=patience_s())

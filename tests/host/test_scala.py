@@ -9,6 +9,7 @@ import pytest
 
 from synth.host.scala import ScalaError, note_frequencies, playable_frequencies
 from synth.units import midi_to_hz
+from tests.patience import patience_s
 
 MIDDLE_C_HZ = 261.6255653005986  # 440 · 2^(−9/12)
 
@@ -124,7 +125,7 @@ def test_a_pitch_takes_no_longer_than_its_text(write) -> None:
     # In another process: what computes such a number can be ended by nothing else.
     program = "import sys; from synth.host.scala import note_frequencies; note_frequencies(sys.argv[1])"
     words = [sys.executable, "-c", program, str(write("bad.scl", "x\n1\n1e999999999\n"))]
-    done = subprocess.run(words, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(words, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=patience_s())
     assert done.returncode == 1 and "line 3: '1e999999999' is no pitch" in done.stderr
 
 

@@ -19,11 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from tests.nocard import hide_sound_card
+from tests.patience import patience_s
 
 HERE = Path(__file__).parent
 SHM = Path("/dev/shm")
-#: for a process or server that does not answer [s]
-PATIENCE_S = 20.0
 _numbers = count()
 
 
@@ -51,8 +50,8 @@ class JackServer:
         self.rate_hz = rate_hz
         self.env = os.environ | {"JACK_DEFAULT_SERVER": self.name, "JACK_NO_START_SERVER": "1"} | hide_sound_card()
         self._ended = False
-        waits = ["-S", "-t", str(int(1000 * PATIENCE_S))] if sync else []
-        deadline = time.monotonic() + PATIENCE_S
+        waits = ["-S", "-t", str(int(1000 * patience_s()))] if sync else []
+        begun = time.monotonic()
         while True:
             said = ""
             for realtime in (["-R", "-P", "70"], ["-r"]):  # the first needs a permission
@@ -60,7 +59,7 @@ class JackServer:
                 if _answers(self._process, self.name, self.env):
                     return
                 said = _terminate(self._process)
-            if "Too many servers" not in said or time.monotonic() > deadline:
+            if "Too many servers" not in said or time.monotonic() - begun > patience_s():
                 raise RuntimeError(f"jackd does not start: {said[:500]}")
             _free_places()
             time.sleep(0.5)
@@ -113,10 +112,10 @@ def _jackd(name: str, *more: str, frames: int = 256, rate_hz: int = 44100) -> su
 
 def _answers(process: subprocess.Popen, name: str, env: dict[str, str]) -> bool:
     """Wait until the server takes a client."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline and process.poll() is None:
+    begun = time.monotonic()
+    while time.monotonic() - begun < patience_s() and process.poll() is None:
         look = [sys.executable, str(HERE / "jack_look.py"), name]
-        if subprocess.run(look, env=env, capture_output=True, timeout=PATIENCE_S).returncode == 0:
+        if subprocess.run(look, env=env, capture_output=True, timeout=patience_s()).returncode == 0:
             return True
     return False
 
@@ -169,7 +168,7 @@ class _Helper:
     def _end(self) -> None:
         """Tell it to end and wait until it has."""
         try:
-            _, complaint = self._process.communicate("\n", timeout=PATIENCE_S)
+            _, complaint = self._process.communicate("\n", timeout=patience_s())
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()

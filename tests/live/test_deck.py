@@ -16,6 +16,7 @@ from synth.engine.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMET
 from synth.live import block as native
 from synth.live import desk as d
 from synth.live.deck import Deck
+from tests.patience import until
 
 from .deckkit import Card, offline
 
@@ -215,9 +216,7 @@ def test_rendered_ahead_it_sounds_the_same(tanpura: Engine, twin: Engine) -> Non
     try:
         pieces = []
         for _ in range(100):
-            deadline = time.monotonic() + 10.0
-            while deck._desk.words[d.AHEAD] < (len(pieces) + 1) * 256 and time.monotonic() < deadline:
-                time.sleep(0.0005)
+            until(lambda: deck._desk.words[d.AHEAD] >= (len(pieces) + 1) * 256)
             pieces.append(card.ask(256))
         played = np.concatenate(pieces)
         card.play(0.3, 256)

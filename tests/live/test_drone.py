@@ -26,6 +26,8 @@ from synth.live.terminal import Terminal
 from synth.measures import band_levels_db, click_ratios, sounding_fundamental
 from synth.preset import load_preset, parse_preset
 from synth.units import cents, midi_to_hz
+from tests.forkserver import prepared
+from tests.patience import compiling_s, patience_s
 
 from .conftest import StartServer
 from .deckkit import Card
@@ -377,7 +379,7 @@ def test_a_ratio_takes_no_longer_than_its_text(ratio: str) -> None:
         cwd=Path(__file__).parents[2],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=patience_s(),
     )
     assert done.returncode == 2 and "ratio from 1 to 2" in done.stderr and done.stderr.count("\n") == 1
 
@@ -395,17 +397,12 @@ def test_on_a_sound_server(output: list[str], jack_server: StartServer, tmp_path
     """A take of what a server heard: the same as the file, and it renders again."""
     options = ["--cycle", "1.5", "--human", "1", "--seed", "9", "--duration", "4", "--fade", "1", "--bit-depth", "24"]
     take = tmp_path / "take.wav"
-    done = subprocess.run(
-        [sys.executable, "-m", "synth", "drone", *options, *output, "--record", str(take), "--json"],
-        env=jack_server().env,
-        cwd=Path(__file__).parents[2],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=200,
-    )
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
+    how = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    arguments = ["drone", *options, *output, "--record", str(take), "--json"]
+    with prepared().start(arguments, tmp_path, env=jack_server().env, **how) as running:
+        out, err = running.communicate(timeout=compiling_s())
+    assert running.returncode == 0, err
+    told = json.loads(out)
     assert told["ended"] == "duration" and told["notes"] >= 10 and told["events_lost"] == 0
     assert [Path(name).suffix for name in told["files"]] == [".wav", ".mid", ".toml"]
     file = tmp_path / "file.wav"

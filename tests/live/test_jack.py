@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,9 +19,11 @@ from synth.live import jackclient, jackserver
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
 from tests.engine import kit
+from tests.forkserver import Forked, prepared
+from tests.patience import patience_s, until
 
 from .conftest import StartServer
-from .jackkit import HERE, PATIENCE_S, Capture, JackServer, Recorded, Sender
+from .jackkit import HERE, Capture, JackServer, Recorded, Sender
 
 pytest.importorskip("jack")
 
@@ -42,13 +43,6 @@ class Run:
     events: np.ndarray
     first: int
     heard: Recorded
-
-
-def wait_for(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not what():
-        assert time.monotonic() < deadline, "nothing happens"
-        time.sleep(0.005)
 
 
 def begin(output: jackclient.JackOutput) -> int:
@@ -79,7 +73,7 @@ def run(server: JackServer, folder: Path, parts: tuple, rows: Rows, *, stems: bo
         output.start()
         times = Sender(server, output.ports[0], rows, folder).done()
         last = deck.frame
-        wait_for(lambda: deck.frame > last + more_frames)
+        until(lambda: deck.frame > last + more_frames)
         return ran(deck, output, capture, times)
     finally:
         output.close()
@@ -194,15 +188,15 @@ def test_the_period_may_change_while_it_plays(jack_server: StartServer, tmp_path
                 done = subprocess.run(["jack_bufsize", str(frames)], env=server.env, capture_output=True, text=True)
                 assert done.returncode == 0, done.stderr
                 before = deck.frame
-                wait_for(lambda before=before: deck.frame > before)  # type: ignore[misc]
+                until(lambda before=before: deck.frame > before)  # type: ignore[misc]
                 rows = [(at, bytes((0x90, 48 + at % 5, 90))) for at in range(0, 16384, 1021)]
                 times += Sender(server, output.ports[0], rows, tmp_path).done()
                 last = deck.frame
-                wait_for(lambda last=last: deck.frame > last)  # type: ignore[misc]
+                until(lambda last=last: deck.frame > last)  # type: ignore[misc]
                 periods = max(periods, deck.delay_frames)
             assert periods == 8192
             last = deck.frame
-            wait_for(lambda: deck.frame > last + 8192)
+            until(lambda: deck.frame > last + 8192)
             found = ran(deck, output, capture, times)
         finally:
             output.close()
@@ -211,11 +205,9 @@ def test_the_period_may_change_while_it_plays(jack_server: StartServer, tmp_path
         check(found, kit.play(kit.engine(kit.FREE), found.events, int(found.events["frame"][-1]) + 8192).T)
 
 
-def playing(server: JackServer, how: str) -> subprocess.Popen:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.live.jack_player", server.name, how],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=HERE.parents[1],
-    )  # fmt: skip
+def playing(server: JackServer, how: str) -> Forked:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = prepared().start([server.name, how], HERE.parents[1], module="tests.live.jack_player", **pipes)
     assert process.stdout is not None
     line = process.stdout.readline()
     if line != "playing\n":
@@ -230,7 +222,7 @@ def test_a_server_that_ends_is_noticed_and_closing_does_not_hang(jack_server: St
         process = playing(server, "stay")
         try:
             server.kill(how)
-            said, complaint = process.communicate(timeout=PATIENCE_S)
+            said, complaint = process.communicate(timeout=patience_s())
         finally:
             process.kill()
         assert said.splitlines() == ["jawari: the JACK server has ended; start it and try again", "closed"]
@@ -241,7 +233,7 @@ def test_a_process_that_does_not_close_ends_all_the_same(jack_server: StartServe
     with jack_server(256) as server:
         process = playing(server, "leave")
         try:
-            said, complaint = process.communicate(timeout=PATIENCE_S)
+            said, complaint = process.communicate(timeout=patience_s())
         finally:
             process.kill()
     assert (said, complaint, process.returncode) == ("", "", 0)
@@ -259,13 +251,13 @@ def test_stopping_stops_the_stream_and_starting_goes_on(jack_server: StartServer
             other.close()
             assert not other.alive
             output.start()
-            wait_for(lambda: deck.frame > 1000)
+            until(lambda: deck.frame > 1000)
             output.stop()
             stood = deck.frame
             time.sleep(0.05)
             assert deck.frame == stood
             output.start()
-            wait_for(lambda: deck.frame > stood)
+            until(lambda: deck.frame > stood)
             assert output.frames_skipped == 0 or deck.meters().xruns  # a pause is none
         finally:
             output.close()
@@ -281,11 +273,11 @@ def test_a_server_that_is_late_is_counted(jack_server: StartServer) -> None:
         output = jackclient.open_output(deck, server=server.name)
         try:
             output.start()
-            wait_for(lambda: deck.frame > 1000)
+            until(lambda: deck.frame > 1000)
             server.pause(0.3)
-            wait_for(lambda: deck.meters().xruns > 0)
+            until(lambda: deck.meters().xruns > 0)
             after = deck.frame
-            wait_for(lambda: deck.frame > after + 1000)
+            until(lambda: deck.frame > after + 1000)
             assert output.alive
         finally:
             output.close()
@@ -298,7 +290,7 @@ def test_periods_that_we_miss_are_counted_and_the_stream_goes_on(jack_server: St
             process.send_signal(signal.SIGSTOP)
             time.sleep(0.3)
             process.send_signal(signal.SIGCONT)
-            said, complaint = process.communicate(timeout=PATIENCE_S)
+            said, complaint = process.communicate(timeout=patience_s())
         finally:
             process.kill()
     assert (said, complaint, process.returncode) == ("skipped\ngoes on\n", "", 0)

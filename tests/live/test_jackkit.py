@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.patience import patience_s
+
 from .conftest import StartServer
-from .jackkit import HERE, PATIENCE_S, SHM, Capture, Sender
+from .jackkit import HERE, SHM, Capture, Sender
 
 
 def test_what_is_sent_is_recorded_at_its_frames(jack_server: StartServer, tmp_path: Path) -> None:
@@ -30,7 +32,7 @@ def test_what_is_sent_is_recorded_at_its_frames(jack_server: StartServer, tmp_pa
             assert np.flatnonzero(heard.samples[0]).tolist() == [heard.place(time) for time in times]
             assert heard.samples[0][heard.samples[0] != 0].tolist() == [1.0, 2.0, 3.0, 4.0]
         finally:
-            echo.communicate("\n", timeout=PATIENCE_S)
+            echo.communicate("\n", timeout=patience_s())
 
 
 def test_nothing_is_left_behind(jack_server: StartServer) -> None:

@@ -7,26 +7,19 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
 from synth.live.keyboard import PIANO, QUIT, Keyboard
+from tests.patience import patience_s, until
 
 pty = pytest.importorskip("pty")
 termios = pytest.importorskip("termios")
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 20.0
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it has not happened"
-        time.sleep(0.005)
 
 
 def nothing() -> None:
@@ -202,7 +195,7 @@ def test_a_terminal_is_played_and_given_back_as_it_was(terminal) -> None:
     with keyboard:
         assert not termios.tcgetattr(slave)[3] & (termios.ECHO | termios.ICANON)
         os.write(master, b"as ?\x1b")
-        wait_for(lambda: len(keys) == 2)
+        until(lambda: len(keys) == 2)
     assert keys == ["?", QUIT]
     assert [row[:4] for row in rows] == [
         (NOTE_ON, 0, 48, 96),
@@ -226,9 +219,9 @@ def test_who_gets_the_terminal_back_has_let_go_of_the_keys(terminal) -> None:
     rows: list[tuple] = []
     with Keyboard(lambda *row: rows.append(row[:3]) is None, nothing, input=slave, hold_s=600.0, key_up=False):
         os.write(master, b"a")
-        wait_for(lambda: rows == [(NOTE_ON, 0, 48)])
+        until(lambda: rows == [(NOTE_ON, 0, 48)])
         termios.tcsetattr(slave, termios.TCSANOW, before)  # somebody else has it
-        wait_for(lambda: rows[1:] == [(NOTE_OFF, 0, 48)])
+        until(lambda: rows[1:] == [(NOTE_OFF, 0, 48)])
         assert not termios.tcgetattr(slave)[3] & (termios.ECHO | termios.ICANON)
 
 
@@ -239,7 +232,7 @@ def test_key_up_is_asked_for_and_taken_back(terminal, monkeypatch) -> None:
     with Keyboard(lambda *row: rows.append(row) is None, nothing, input=slave) as keyboard:
         assert os.read(master, 100) == b"\x1b[>11u"
         os.write(master, b"\x1b[97;1:1u\x1b[97;1:3u")
-        wait_for(lambda: len(rows) == 2)
+        until(lambda: len(rows) == 2)
         assert keyboard.tells_key_up
     assert os.read(master, 100) == b"\x1b[<u"
 
@@ -250,7 +243,7 @@ def test_a_terminal_that_hangs_up_is_an_end() -> None:
     keyboard = Keyboard(lambda *_: True, nothing, keys.append, input=slave)
     keyboard.open()
     os.close(master)
-    wait_for(lambda: keys == [QUIT])
+    until(lambda: keys == [QUIT])
     keyboard.close()
     os.close(slave)
 
@@ -308,7 +301,7 @@ def test_whatever_ends_the_program_the_terminal_is_as_it_was(terminal, then: str
         assert process.stdout is not None
         assert process.stdout.readline() == b"open\n"
         os.write(master, types)
-        assert process.wait(PATIENCE_S) == ends
+        assert process.wait(patience_s()) == ends
     finally:
         process.kill()
         process.communicate()

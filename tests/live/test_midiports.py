@@ -21,9 +21,9 @@ from synth.host.sysex import of_parameter, of_tuning
 from synth.live.errors import MidiPortError
 from synth.live.midiports import MidiInputs, find_port, midi_system, port_names
 from synth.live.midistream import MOST_SYSEX_BYTES, ArrivalClock, MidiStream
+from tests.patience import until
 
 HERE = Path(__file__).parent
-PATIENCE_S = 20.0
 
 
 class Kept(list):
@@ -341,27 +341,19 @@ def listen() -> Iterator[Callable[..., tuple[MidiInputs, Kept, list[str]]]]:
         inputs.close()
 
 
-def wait_for(condition: Callable[[], bool], poll: Callable[[], None] = lambda: None) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it has not happened"
-        poll()
-        time.sleep(0.01)
-
-
 def test_a_keyboard_that_is_plugged_in_just_works(keys: Keys, listen) -> None:
     keys("open", "first")
     inputs, kept, said = listen()
     assert inputs.system == "JACK" and inputs.connected == ["first:first"]
     assert port_names("jack") == ["first:first"]
     keys("open", "second")
-    wait_for(lambda: len(inputs.connected) == 2, inputs.poll)
+    until(lambda: len(inputs.connected) == 2, meanwhile=inputs.poll)
     assert said == ["MIDI port connected: first:first", "MIDI port connected: second:second"]
     before = time.monotonic_ns()
     keys.send("first", [0x90, 60, 100], [0xF8], [0xC0, 3])
-    wait_for(lambda: len(kept) == 2)
+    until(lambda: len(kept) == 2)
     keys.send("second", [0xF0, *of_parameter(0, 1, 0.25), 0xF7], [0x91, 61, 100], [0xF0, *[1] * 5000, 0xF7], [0xE1, 0, 64])
-    wait_for(lambda: len(kept) == 5)
+    until(lambda: len(kept) == 5)
     after = time.monotonic_ns()
     assert [row[:5] for row in kept] == [
         (NOTE_ON, 0, 60, 100, 0.0),
@@ -385,7 +377,7 @@ def test_only_ports_that_are_named_are_heard(keys: Keys, listen) -> None:
     assert inputs.connected == ["piano:piano", "other:other"]
     keys.send("organ", [0x90, 60, 1])
     keys.send("other", [0x90, 61, 1])
-    wait_for(lambda: len(kept) > 0)
+    until(lambda: len(kept) > 0)
     assert kept.plain() == [(NOTE_ON, 0, 61, 1)]
     with pytest.raises(MidiPortError, match="no MIDI port 'harp'; there are 0: "):
         listen(["harp"])
@@ -397,19 +389,19 @@ def test_a_port_that_vanishes_lets_go_and_is_heard_again_when_it_is_back(keys: K
     keys("open", "keys")
     inputs, kept, said = listen(["keys"])
     keys.send("keys", [0x90, 60, 100], [0xB0, 64, 127], [0x90, 61, 100], [0x80, 61, 0])
-    wait_for(lambda: len(kept) == 4)
+    until(lambda: len(kept) == 4)
     keys("close", "keys")
-    wait_for(lambda: not inputs.connected, inputs.poll)
+    until(lambda: not inputs.connected, meanwhile=inputs.poll)
     assert kept.plain()[4:] == [(NOTE_OFF, 0, 60, 64), (CONTROL, 0, 64, 0)]
     assert said[-1] == "MIDI port gone: keys:keys, what it held is let go"
     keys("open", "other")
     inputs.poll()
     assert inputs.connected == []
     keys("open", "keys")
-    wait_for(lambda: inputs.connected == ["keys:keys"], inputs.poll)
+    until(lambda: inputs.connected == ["keys:keys"], meanwhile=inputs.poll)
     assert said[-1] == "MIDI port back: keys:keys"
     keys.send("keys", [0x90, 62, 1])
-    wait_for(lambda: len(kept) == 7)
+    until(lambda: len(kept) == 7)
     assert kept.plain()[-1] == (NOTE_ON, 0, 62, 1)
     (count,) = [count for count in inputs.counts() if count.name == "keys:keys"]
     assert count.messages == 5
@@ -432,7 +424,7 @@ def test_other_programs_can_connect_to_the_port_of_its_own(server, listen) -> No
 
         client.activate()
         client.connect(out, port)
-        wait_for(lambda: len(kept) == 2)
+        until(lambda: len(kept) == 2)
         client.deactivate()
     finally:
         client.close()
@@ -457,7 +449,7 @@ def test_none_of_a_flood_is_lost_and_memory_does_not_grow(keys: Keys, listen) ->
     tracemalloc.start()
     try:
         keys("flood", "keys", 30_000, 10_000)
-        wait_for(lambda: count == 30_000)
+        until(lambda: count == 30_000)
         _, peak = tracemalloc.get_traced_memory()
         (told,) = [each for each in inputs.counts() if each.name == "keys:keys"]
         assert not wrong
@@ -479,7 +471,7 @@ def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_serv
         sender("open", "keys")
         inputs.open()
         sender.send("keys", [0x90, 60, 100])
-        wait_for(lambda: len(kept) == 1)
+        until(lambda: len(kept) == 1)
         first.kill(signal.SIGKILL)
         sender.end()
         inputs.poll()
@@ -490,10 +482,10 @@ def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_serv
         monkeypatch.setenv("JACK_DEFAULT_SERVER", second.name)
         sender = Keys(second)
         sender("open", "keys")
-        wait_for(lambda: inputs.connected == ["keys:keys"], inputs.poll)
+        until(lambda: inputs.connected == ["keys:keys"], meanwhile=inputs.poll)
         assert said[-2:] == ["JACK is back", "MIDI port back: keys:keys"]
         sender.send("keys", [0x90, 62, 100])
-        wait_for(lambda: len(kept) == 3)
+        until(lambda: len(kept) == 3)
     finally:
         inputs.close()
         sender.end()

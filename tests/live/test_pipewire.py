@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 import soundfile
 
+from tests.patience import compiling_s
 from tests.pipewirekit import SINK, PipeWire, Record, why_not
 
-from .test_play import PATIENCE_S, ROOT, SONG, command
+from .test_play import ROOT, SONG, command, start
 
 #: of one piece, to be told from chance [frames]
 LEAST = 64
@@ -50,9 +51,19 @@ def environment(server: PipeWire) -> dict[str, str]:
 
 
 def synth(server: PipeWire, folder: Path, *arguments: str, jack: bool = False) -> subprocess.CompletedProcess[str]:
-    wanted = server.jack(*command(*arguments)) if jack else command(*arguments)
+    if not jack:
+        with start(None, folder, *arguments, env=environment(server)) as running:
+            out, err = running.communicate(timeout=compiling_s())
+        return subprocess.CompletedProcess(arguments, running.returncode or 0, out, err)
+    wanted = server.jack(*command(*arguments))
     return subprocess.run(
-        wanted, cwd=folder, env=environment(server), capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        wanted,
+        cwd=folder,
+        env=environment(server),
+        capture_output=True,
+        text=True,
+        timeout=compiling_s(),
+        check=False,
     )
 
 
@@ -181,7 +192,7 @@ def test_a_server_that_dies_is_one_line_and_not_the_libraries(pipewire: START, t
                 break
         time.sleep(1.0)
         server.kill()
-        out, err = running.communicate(timeout=PATIENCE_S)
+        out, err = running.communicate(timeout=compiling_s())
     finally:
         running.kill()
         running.wait()
@@ -210,7 +221,7 @@ def test_periods_that_pipewire_goes_without_are_counted(pipewire: START, tmp_pat
         running.send_signal(signal.SIGCONT)
         time.sleep(1.0)
         running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=PATIENCE_S)
+        out, err = running.communicate(timeout=compiling_s())
     finally:
         running.kill()
         running.wait()

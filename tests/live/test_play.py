@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,13 +25,14 @@ from synth import cli
 from synth.engine.events import CONTROL, PARAMETER
 from synth.engine.layout import GAIN
 from synth.host.midi import read_song
+from tests.forkserver import Forked, prepared
 from tests.host.midibytes import header, track
+from tests.patience import COMPILING_QUIET_S, compiling_s, patience_s, until
 
 from .jackkit import JackServer
 
 ROOT = Path(__file__).resolve().parents[2]
 SONG = str(ROOT / "presets" / "demos" / "bassline.mid")
-PATIENCE_S = 240  # kernels may have to be compiled
 EXPRESSION = 11
 QUIET = ["--no-virtual-port", "--midi-in", "none"]
 
@@ -46,14 +48,27 @@ def environment(server: JackServer | None) -> dict[str, str]:
     return dict(base, PYTHONPATH=str(ROOT))
 
 
-def patched(patch: str, *arguments: str) -> list[str]:
-    """The command in a program of which the patch has changed something before."""
-    return [sys.executable, "-c", f"{patch}\nimport sys\nfrom synth.cli import main\nsys.exit(main())", *arguments]
+def start(server: JackServer | None, folder: Path, *arguments: str, **how: Any) -> Forked:
+    """`synth` with these arguments, which has its imports behind it."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return prepared().start(list(arguments), folder, **({"env": environment(server)} | pipes | how))
 
 
 def synth(server: JackServer | None, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    with start(server, folder, *arguments) as running:
+        out, err = running.communicate(timeout=compiling_s())
+    return subprocess.CompletedProcess(arguments, running.returncode or 0, out, err)
+
+
+def anew(server: JackServer | None, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The same in a new interpreter."""
     return subprocess.run(
-        command(*arguments), cwd=folder, env=environment(server), capture_output=True, text=True, timeout=PATIENCE_S
+        command(*arguments),
+        cwd=folder,
+        env=environment(server),
+        capture_output=True,
+        text=True,
+        timeout=compiling_s(),
     )
 
 
@@ -67,26 +82,22 @@ def is_beginning(path: Path, whole: Path) -> bool:
     return 0 < len(short) <= len(long) and bool(short.any()) and np.array_equal(short, long[: len(short)])
 
 
-@pytest.fixture
-def playing(jack_server) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """playing(folder, …, server=None, patch=""): `synth play …` that has recorded its first second to take.wav."""
-    begun: list[subprocess.Popen[str]] = []
+def recorded(folder: Path) -> bool:
+    """Whether a second of a take that goes on lies there."""
+    return any(path.stat().st_size > 6 * 44100 for path in folder.glob(".take.wav.*"))
 
-    def begin(folder: Path, *arguments: str, server: JackServer | None = None, patch: str = "") -> subprocess.Popen[str]:
-        running = subprocess.Popen(
-            patched(patch, "play", *arguments, "--record", "take.wav", "--json"),
-            cwd=folder,
-            env=environment(server or jack_server()),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+
+@pytest.fixture
+def playing(jack_server) -> Iterator[Callable[..., Forked]]:
+    """playing(folder, …, server=None, patch=""): `synth play …` that has recorded its first second to take.wav; a patch
+    changes something in the program before."""
+    begun: list[Forked] = []
+
+    def begin(folder: Path, *arguments: str, server: JackServer | None = None, patch: str = "") -> Forked:
+        running = start(server or jack_server(), folder, "play", *arguments, "--record", "take.wav", "--json", before=patch)
         begun.append(running)
-        deadline = time.monotonic() + PATIENCE_S
-        second = 6 * 44100
-        while not any(path.stat().st_size > second for path in folder.glob(".take.wav.*")):
-            assert running.poll() is None and time.monotonic() < deadline, running.communicate()
-            time.sleep(0.05)
+        until(lambda: running.poll() is not None or recorded(folder), "a second", COMPILING_QUIET_S)
+        assert running.poll() is None, running.communicate()
         return running
 
     yield begin
@@ -97,7 +108,7 @@ def playing(jack_server) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 
 def test_a_song_live_is_the_song_rendered(jack_server, tmp_path) -> None:
-    live = synth(jack_server(), tmp_path, "play", "--play", SONG, "--record", "take.wav", "--duration", "3", "--json")
+    live = anew(jack_server(), tmp_path, "play", "--play", SONG, "--record", "take.wav", "--duration", "3", "--json")
     assert live.returncode == 0, live.stderr
     report = json.loads(live.stdout)
     assert report["ended"] == "duration" and report["notes"] > 5 and report["events_lost"] == 0
@@ -128,7 +139,7 @@ def test_a_song_ends_when_it_has_rung_out(jack_server, tmp_path) -> None:
 def test_a_signal_fades_and_keeps_the_take(playing, tmp_path, how: signal.Signals) -> None:
     running = playing(tmp_path, "--play", SONG)
     running.send_signal(how)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 0, err
     assert "Traceback" not in err
     assert json.loads(out)["ended"] == "stopped"
@@ -151,7 +162,7 @@ def test_a_second_signal_ends_at_once_with_a_valid_take(playing, tmp_path) -> No
     running = playing(tmp_path, "--play", SONG, *QUIET, patch="from synth.live import session\nsession.FADE_S = 1e6")
     running.send_signal(signal.SIGINT)
     running.send_signal(signal.SIGTERM)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 0 and "Traceback" not in err
     report = json.loads(out)
     recorded = samples(tmp_path / "take.wav")
@@ -176,7 +187,7 @@ Recorder.close = interrupted
 """
     running = playing(tmp_path, "--play", SONG, *QUIET, patch=patch)
     running.send_signal(signal.SIGTERM)
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 0 and "Traceback" not in err, err
     assert json.loads(out)["files"] == ["take.wav", "take.mid"]
     assert sorted(os.listdir(tmp_path)) == ["take.mid", "take.wav"]
@@ -185,7 +196,7 @@ Recorder.close = interrupted
 def test_the_fade_leaves_a_bound_expression_alone(playing, tmp_path) -> None:
     running = playing(tmp_path, "--play", SONG, "--cc", "11=pluck.position", *QUIET)
     running.send_signal(signal.SIGINT)
-    err = running.communicate(timeout=PATIENCE_S)[1]
+    err = running.communicate(timeout=compiling_s())[1]
     assert running.returncode == 0, err
     assert not len(controls_of(tmp_path / "take.mid", EXPRESSION))
     events = read_song(tmp_path / "take.mid", 44100).events
@@ -223,13 +234,13 @@ def test_a_terminal_that_is_closed_ends_it_and_leaves_the_take(jack_server, tmp_
     os.close(slave)
     said = b""
     try:
-        deadline = time.monotonic() + PATIENCE_S
-        while not any(path.stat().st_size > 6 * 44100 for path in tmp_path.glob(".take.wav.*")):
-            assert running.poll() is None and time.monotonic() < deadline, said
+        begun = time.monotonic()
+        while not recorded(tmp_path):
+            assert running.poll() is None and time.monotonic() - begun < compiling_s(), said
             if select.select([master], [], [], 0.05)[0]:
                 said += os.read(master, 4096)
         os.close(master)  # the kernel sends SIGHUP, and nothing can be written to the terminal any more
-        assert running.wait(PATIENCE_S) == 0
+        assert running.wait(patience_s()) == 0
     finally:
         running.kill()
         running.wait()
@@ -244,7 +255,7 @@ def test_a_server_that_dies_leaves_the_take_and_exit_1(playing, jack_server, tmp
     server = jack_server()
     running = playing(tmp_path, "--play", SONG, *how, server=server)
     server.kill()
-    out, err = running.communicate(timeout=PATIENCE_S)
+    out, err = running.communicate(timeout=compiling_s())
     assert running.returncode == 1, err
     assert "has gone; the recording is kept" in err and "has not come back" in err
     assert "Traceback" not in err
@@ -256,7 +267,7 @@ def test_a_server_that_dies_leaves_the_take_and_exit_1(playing, jack_server, tmp
 
 def test_jack_itself_as_output(jack_server, tmp_path) -> None:
     arguments = ["--play", SONG, "--jack", "instrument", "--record", "take.wav", "--duration", "2", "--json"]
-    done = synth(jack_server(), tmp_path, "play", *arguments)
+    done = anew(jack_server(), tmp_path, "play", *arguments)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["output"].startswith("instrument") and report["ended"] == "duration"
@@ -282,19 +293,12 @@ def test_latency_is_measured_through_a_midi_port(jack_server, tmp_path, how: lis
 @pytest.mark.parametrize("how", [[], ["--jack"]], ids=["portaudio", "jack"])
 def test_a_measurement_can_be_broken_off(jack_server, tmp_path, how: list[str]) -> None:
     server = jack_server()
-    running = subprocess.Popen(
-        command("play", "-p", "tanpura", "--measure-latency", *how),
-        cwd=tmp_path,
-        env=environment(server),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    running = start(server, tmp_path, "play", "-p", "tanpura", "--measure-latency", *how)
     try:
         assert running.stderr is not None
         assert any(line.startswith("synth: measuring") for line in running.stderr)
         running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=PATIENCE_S)
+        out, err = running.communicate(timeout=compiling_s())
     finally:
         running.kill()
     assert (running.returncode, out, err) == (130, "", "synth: interrupted\n")
@@ -420,6 +424,6 @@ def test_help_loads_nothing_heavy() -> None:
     )
     for arguments in (["play", "--help"], ["devices", "--help"]):
         done = subprocess.run(
-            [sys.executable, "-c", program, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60
+            [sys.executable, "-c", program, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=patience_s()
         )
         assert done.returncode == 0, done.stderr

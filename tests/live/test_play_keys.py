@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import struct
-import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -28,9 +25,11 @@ from synth.live.tanpura_keys import TanpuraKeys
 from synth.live.tanpura_keys import keys_of as drone_keys_of
 from synth.live.unplayable import TOLD_S, Unplayable
 from synth.preset import load_preset
+from tests.forkserver import prepared
+from tests.patience import COMPILING_QUIET_S, patience_s, until
 
 from .jackkit import JackServer
-from .test_play import PATIENCE_S, QUIET, SONG, command, environment, is_beginning, synth
+from .test_play import QUIET, SONG, environment, is_beginning, synth
 
 pty = pytest.importorskip("pty")
 fcntl = pytest.importorskip("fcntl")
@@ -157,21 +156,9 @@ class AtTerminal:
     def __init__(self, server: JackServer, folder: Path, arguments: tuple[str, ...], wide: int) -> None:
         self._master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, wide, 0, 0))
-
-        def own_the_terminal() -> None:
-            os.setsid()
-            fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-
         env = {name: value for name, value in environment(server).items() if name != "COLUMNS"} | {"TERM": "xterm"}
-        self.process = subprocess.Popen(
-            command(*arguments),
-            cwd=folder,
-            env=env,
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            preexec_fn=own_the_terminal,
+        self.process = prepared().start(
+            list(arguments), folder, env=env, stdin=slave, stdout=slave, stderr=slave, terminal=True
         )
         os.close(slave)
         self._shown = b""
@@ -194,24 +181,26 @@ class AtTerminal:
 
     def wait_for(self, *texts: str) -> None:
         """Until all of them have been shown since the last key."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not all(text in self.shown[self._from :] for text in texts):
-            assert time.monotonic() < deadline and self.process.poll() is None, (texts, self.shown[-2000:])
-            time.sleep(0.02)
+        until(
+            lambda: all(text in self.shown[self._from :] for text in texts) or self.process.poll() is not None,
+            texts,
+            COMPILING_QUIET_S,
+        )
+        assert all(text in self.shown[self._from :] for text in texts), self.shown[-2000:]
 
     def press(self, keys: bytes) -> None:
         self._from = len(self.shown)
         os.write(self._master, keys)
 
     def ended(self) -> int:
-        code = self.process.wait(PATIENCE_S)
-        self._reader.join(10.0)
+        code = self.process.wait(patience_s())
+        self._reader.join(patience_s())
         return code
 
     def close(self) -> None:
         self.process.kill()
         self.process.wait()
-        self._reader.join(10.0)
+        self._reader.join(patience_s())
         os.close(self._master)
 
 

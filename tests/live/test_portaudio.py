@@ -12,6 +12,8 @@ import pytest
 
 from synth import Engine, load_preset
 from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
+from tests.forkserver import prepared
+from tests.patience import compiling_s, patience_s
 
 from .conftest import StartServer
 from .deckkit import offline
@@ -47,13 +49,14 @@ def _play(server: JackServer, folder: Path, block: int, **job) -> tuple[np.ndarr
     """Captured samples (2, frames), the events that the player's engine was given."""
     file = folder / "played.npz"
     settings = {"block": block, "rate": 44100, "rows": _rows(), "seconds": SECONDS, "busy": False, "send": False, "ahead": 0}
-    command = [sys.executable, "-m", "tests.live.play_events", json.dumps({**settings, **job, "file": str(file)})]
-    player = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=server.env, text=True)
+    arguments = [json.dumps({**settings, **job, "file": str(file)})]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    player = prepared().start(arguments, folder, module="tests.live.play_events", env=server.env, **pipes)
     assert player.stdout is not None
     assert player.stdout.readline().strip() == "open"
     capture = Capture(server, PORTS, folder)
     try:
-        player.communicate("\n", timeout=60)
+        player.communicate("\n", timeout=patience_s())
         assert player.returncode == 0
     finally:
         player.kill()
@@ -105,7 +108,12 @@ def test_a_rate_that_the_server_does_not_run_at(jack_server: StartServer) -> Non
         "        print(error)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], env=jack_server(256).env, capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, "-c", program],
+        env=jack_server(256).env,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=compiling_s(),
     )
     listed, rate, name, number = done.stdout.splitlines()
     assert "JACK" in listed

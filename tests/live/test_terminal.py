@@ -15,14 +15,12 @@ from pathlib import Path
 import pytest
 
 from synth.live.terminal import Terminal
-
-from .test_keyboard import wait_for
+from tests.patience import patience_s, until
 
 pty = pytest.importorskip("pty")
 termios = pytest.importorskip("termios")
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 20.0
 
 #: what a shell with job control does to a terminal and a job, and no more: it leaves the terminal's modes alone
 SHELL = """
@@ -112,11 +110,11 @@ class Shell:
 
     def told(self) -> str:
         """The next line from the shell or its job."""
-        return self._told.get(timeout=PATIENCE_S)
+        return self._told.get(timeout=patience_s())
 
     def shown(self) -> bytes:
         """What the terminal was sent next."""
-        assert select.select([self.master], [], [], PATIENCE_S)[0], "nothing was shown"
+        assert select.select([self.master], [], [], patience_s())[0], "nothing was shown"
         return os.read(self.master, 100)
 
     def foreground(self) -> None:
@@ -135,8 +133,8 @@ class Shell:
         self.tell(int(signal.SIGKILL))
         assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.close()
-        self._process.wait(PATIENCE_S)
-        self._reader.join(PATIENCE_S)
+        self._process.wait(patience_s())
+        self._reader.join(patience_s())
         self._process.stdout.close()
         for end in (self.master, self.slave):
             os.close(end)
@@ -161,7 +159,7 @@ def test_a_job_that_is_stopped_and_goes_on(program: str, shells: list[Shell]) ->
         assert shell.told() == f"stopped {int(signal.SIGTSTP)}"
         assert shell.as_before
         shell.foreground()
-        wait_for(lambda: shell.gives_keys)
+        until(lambda: shell.gives_keys)
         os.write(shell.master, b"7")
         assert shell.told() == "key 7"
     shell.tell("wait")
@@ -178,7 +176,7 @@ def test_a_job_that_cannot_know_that_it_is_stopped(program: str, shells: list[Sh
     assert shell.told() == f"stopped {int(signal.SIGSTOP)}"
     termios.tcsetattr(shell.slave, termios.TCSANOW, shell.before)  # as the shell does for its prompt
     shell.foreground()
-    wait_for(lambda: shell.gives_keys)
+    until(lambda: shell.gives_keys)
     os.write(shell.master, b"7")
     assert shell.told() == "key 7"
 
@@ -205,7 +203,7 @@ def test_a_job_from_the_background_takes_the_terminal_when_it_comes_to_the_front
     shells.append(shell)
     assert shell.told() == "ready" and shell.as_before
     shell.tell("front")  # without a signal, as `fg` does to a job that runs
-    wait_for(lambda: shell.gives_keys)
+    until(lambda: shell.gives_keys)
     os.write(shell.master, b"\x1b[A")
     assert shell.told() == "key up"
 

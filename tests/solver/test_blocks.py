@@ -29,6 +29,7 @@ from synth.solver.blocks import (
 from synth.solver.kernels import advance, advance_free, advance_one, make_work, no_finger
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
+from tests.patience import compiling_s, patience_s
 
 LAWS = [EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED]
 
@@ -320,7 +321,9 @@ def test_every_vector_width_gives_the_same():
     for lanes in ("2", "4", "8"):
         environment = {**os.environ, "JAWARI_LANES": lanes}
         code = _LANES.format(folder=os.path.dirname(__file__))
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=600)
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=compiling_s()
+        )
         assert done.returncode == 0, done.stderr
         width, out = json.loads(done.stdout)
         assert width == int(lanes)
@@ -333,7 +336,11 @@ def test_every_vector_width_gives_the_same():
 def test_an_unknown_width_is_refused():
     environment = {**os.environ, "JAWARI_LANES": "3"}
     done = subprocess.run(
-        [sys.executable, "-c", "import synth.solver.lanes"], env=environment, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", "import synth.solver.lanes"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=patience_s(),
     )
     assert done.returncode != 0 and "JAWARI_LANES must be 2, 4 or 8, got '3'" in done.stderr
 

@@ -16,6 +16,7 @@ from synth.solver.fingers import Grip, advance_under_finger, fill_grip
 from synth.solver.kernels import Finger, advance, finger_row, make_work
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD
+from tests.patience import compiling_s
 from tests.solver.test_blocks import LAWS, Scene, same
 
 
@@ -207,7 +208,7 @@ def test_every_vector_width_gives_the_same():
         environment = {**os.environ, "JAWARI_LANES": lanes}
         top = Path(__file__).parents[2]
         done = subprocess.run(
-            [sys.executable, "-c", _LANES], env=environment, cwd=top, capture_output=True, text=True, timeout=600
+            [sys.executable, "-c", _LANES], env=environment, cwd=top, capture_output=True, text=True, timeout=compiling_s()
         )
         assert done.returncode == 0, done.stderr
         width, results[lanes] = json.loads(done.stdout)

@@ -3,14 +3,14 @@
 import pytest
 
 from tests.author.browser.running import Author, Page, chromium, copy_preset, why_not
-from tests.author.serverkit import COMPILING_S, until
+from tests.patience import COMPILING_QUIET_S, until
 
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled(tmp_path_factory):
     """Kernels that need not be compiled while a page waits for them."""
     with Author(tmp_path_factory.mktemp("presets")) as author:
-        until(lambda: author.get("/api/session")["kernels"] == "ready", COMPILING_S)
+        until(lambda: author.get("/api/session")["kernels"] == "ready", quiet_s=COMPILING_QUIET_S)
         for preset, note in (("tanpura", 48), ("fretted-bass", 43)):
             doc = author.open(preset)
             for view in ("motion", "analysis"):

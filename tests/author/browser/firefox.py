@@ -21,7 +21,7 @@ from websockets.sync.client import connect
 
 from tests import pipewirekit
 from tests.author.browser.running import SETTLED
-from tests.author.serverkit import patience_s, until
+from tests.patience import patience_s, until
 
 NAMES = ("firefox-esr", "firefox")
 PREFERENCES = {
@@ -148,7 +148,7 @@ class Firefox:
 
     def until(self, holds: Callable[[], Any]) -> Any:
         """Wait for it: its value."""
-        return until(holds, patience_s())
+        return until(holds)
 
     def place(self, selector: str) -> tuple[float, float]:
         """The middle of the first such element to be seen, scrolled into view, as soon as there is one [px]."""

@@ -18,7 +18,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
-from tests.author.serverkit import ROOT, Server, patience_s
+from tests.author.serverkit import ROOT, Server
+from tests.patience import patience_s
 
 #: on a folder: Author(folder, preset)
 Author = Server
