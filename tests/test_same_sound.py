@@ -84,7 +84,7 @@ def test_nan_equals_nan_at_the_same_place_and_is_said() -> None:
     negative = np.array([1.0, -np.nan, 2.0])
     found = compare("u", base, negative)
     assert (found.verdict, found.nans) == (EQUAL, 1)
-    assert "NaN" in found.line() and "NaN" in verdict_of([found])[1]
+    assert "NaN" in found.line() and verdict_of([found]) == (EQUAL, "NaN at the same places: u (1)", ())
     moved = compare("u", base, np.array([np.nan, 1.0, 2.0]))
     assert (moved.verdict, moved.count, moved.first, moved.largest) == (DIFFERS, 2, (0,), math.inf)
 
@@ -113,9 +113,10 @@ def test_another_type_and_whole_numbers() -> None:
 def test_arrays_of_one_side_only() -> None:
     found = {each.array: each.verdict for each in compared({"out": OUT, "lost": OUT}, {"out": OUT, "won": OUT})}
     assert found == {"out": EQUAL, "lost": MISSING, "won": NEW}
-    assert verdict_of(compared({"out": OUT}, {"out": OUT, "won": OUT})) == (EQUAL, "not known to BASE: won")
+    assert verdict_of(compared({"out": OUT}, {"out": OUT, "won": OUT})) == (EQUAL, "", ("won",))
     assert verdict_of(compared({"out": OUT, "lost": OUT}, {"out": OUT}))[0] == DIFFERS
     assert verdict_of([])[0] == DIFFERS
+    assert verdict_of(compared({}, {"out": OUT}))[0] == DIFFERS
 
 
 def test_what_fails_is_different_and_what_base_does_not_know_is_new(tmp_path: Path) -> None:
@@ -125,10 +126,10 @@ def test_what_fails_is_different_and_what_base_does_not_know_is_new(tmp_path: Pa
     def answer(came: str, words: str = "") -> Answer:
         return Answer({"name": "scene"}, came, words, 0.0, path)
 
-    assert judged(answer(DONE), answer(DONE)) == (EQUAL, "")
-    assert judged(answer(UNKNOWN, "no preset 'lute'"), answer(DONE)) == (NEW, "BASE does not know it: no preset 'lute'")
+    assert judged(answer(DONE), answer(DONE)) == (EQUAL, "", ())
+    assert judged(answer(UNKNOWN, "no preset 'lute'"), answer(DONE)) == (NEW, "BASE does not know it: no preset 'lute'", ())
     for then, now in ((DONE, FAILED), (FAILED, DONE), (DONE, UNKNOWN), (UNKNOWN, UNKNOWN), (FAILED, FAILED)):
-        verdict, words = judged(answer(then, "why"), answer(now, "why"))
+        verdict, words, _ = judged(answer(then, "why"), answer(now, "why"))
         assert verdict == DIFFERS and "why" in words
 
 

@@ -43,7 +43,7 @@ class Finding:
             return f"{self.array} is missing in the working tree"
         if self.verdict == NEW:
             return f"{self.array} is not known to BASE"
-        nans = f", NaN at the same {self.nans} places" if self.nans else ""
+        nans = f"; NaN at the same {self.nans} places" if self.nans else ""
         if self.verdict == EQUAL:
             return f"{self.array} equal{nans}"
         parts = [self.shapes] if self.shapes else []

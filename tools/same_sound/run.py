@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,55 +55,67 @@ def run(base_name: str, patterns: Sequence[str], jobs: int, keep: Path | None) -
     began = time.perf_counter()
     then = _base_answers(base, wanted, jobs)
     tally = dict.fromkeys((EQUAL, DIFFERS, NEW), 0)
+    unknown: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
         here = Side("working tree", trees.ROOT)
         files = [(scene, Path(folder) / f"{number}.npz") for number, scene in enumerate(wanted)]
         progress = Progress(here.name, len(files))
         for now in answers(here, files, jobs):
             name = now.scene["name"]
-            verdict, words = judged(then[name], now)
-            tally[verdict] += 1
+            verdict = judged(then[name], now)
+            tally[verdict.what] += 1
+            unknown |= {array.split(".", 1)[1] if array[0].isdecimal() else array for array in verdict.new}  # of all runs
             progress.clear()
-            print(f"{verdict:<8} {name}{': ' if words else ''}{words}", flush=True)
-            if keep is not None and verdict == DIFFERS:
+            print(f"{verdict.what:<8} {name}{': ' if verdict.why else ''}{verdict.why}", flush=True)
+            if keep is not None and verdict.what == DIFFERS:
                 for side, answer in (("base", then[name]), ("here", now)):
                     if answer.came == DONE:
                         shutil.copyfile(answer.path, keep / f"{name.replace('/', '-')}.{side}.npz")
             progress.next(now)
             now.path.unlink(missing_ok=True)
         progress.clear()
+    if unknown:
+        print(f"note: arrays that BASE does not know: {', '.join(sorted(unknown))}")
     counts = f"{tally[EQUAL]} equal, {tally[DIFFERS]} different"
     new = f", {tally[NEW]} that BASE does not know" if tally[NEW] else ""
     print(f"{counts}{new}, {time.perf_counter() - began:.0f} s")
     return 1 if tally[DIFFERS] else 0
 
 
-def judged(then: Answer, now: Answer) -> tuple[str, str]:
-    """EQUAL, DIFFERS or NEW, and why."""
+class Verdict(NamedTuple):
+    """EQUAL, DIFFERS or NEW (BASE does not know the scene), why, and the arrays that BASE does not know."""
+
+    what: str
+    why: str = ""
+    new: tuple[str, ...] = ()
+
+
+def judged(then: Answer, now: Answer) -> Verdict:
+    """What came of a scene."""
     if now.came == DONE and then.came == DONE:
         with np.load(then.path) as base, np.load(now.path) as here:
             return verdict_of(compared(base, here))
     if now.came == DONE and then.came == UNKNOWN:
-        return NEW, f"BASE does not know it: {then.words}"
+        return Verdict(NEW, f"BASE does not know it: {then.words}")
     if now.came == then.came and now.words == then.words:
-        return DIFFERS, f"{now.came} on both sides, so nothing is compared: {now.words}"
+        return Verdict(DIFFERS, f"{now.came} on both sides, so nothing is compared: {now.words}")
     sides = (("BASE", then), ("working tree", now))
     said = [f"{side}: {answer.came}{': ' if answer.words else ''}{answer.words}" for side, answer in sides]
-    return DIFFERS, "; ".join(said)
+    return Verdict(DIFFERS, "; ".join(said))
 
 
-def verdict_of(findings: Sequence[Finding]) -> tuple[str, str]:
-    """EQUAL or DIFFERS, and what there is to say of the arrays."""
-    if not findings:
-        return DIFFERS, "no arrays, so nothing is compared"
+def verdict_of(findings: Sequence[Finding]) -> Verdict:
+    """What came of a scene by its arrays."""
+    if all(each.verdict == NEW for each in findings):
+        return Verdict(DIFFERS, "no array is on both sides, so nothing is compared")
     differ = [each for each in findings if each.verdict in (DIFFERS, MISSING)]
-    told = differ[:MOST_TOLD] + [each for each in findings if each.verdict == EQUAL and each.nans]
-    words = [each.line() for each in told]
+    words = [each.line() for each in differ[:MOST_TOLD]]
     if len(differ) > MOST_TOLD:
-        words.insert(MOST_TOLD, f"and {len(differ) - MOST_TOLD} arrays more")
-    if new := [each.array for each in findings if each.verdict == NEW]:
-        words.append(f"not known to BASE: {', '.join(new)}")
-    return (DIFFERS if differ else EQUAL), "; ".join(words)
+        words.append(f"and {len(differ) - MOST_TOLD} arrays more")
+    if nans := [f"{each.array} ({each.nans})" for each in findings if each.verdict == EQUAL and each.nans]:
+        words.append(f"NaN at the same places: {', '.join(nans)}")
+    new = tuple(each.array for each in findings if each.verdict == NEW)
+    return Verdict(DIFFERS if differ else EQUAL, "; ".join(words), new)
 
 
 def _base_answers(base: Base, wanted: Sequence[dict[str, Any]], jobs: int) -> dict[str, Answer]:

@@ -137,7 +137,7 @@ def _controls() -> list[Scene]:
     rising, waves = [4 * i for i in range(32)], [0, 127, 30, 90, 0, 64]
     mpe = [each for c, key in ((1, 40), (2, 44), (3, 47)) for each in (
         row(0.0, "bend", c, 700 * c), control(0.0, 74, 30 * c, c), *note(0.01 * c, key, 80 + 10 * c, 0.2, c),
-        *sweep("bend", 0.05, 0.15, [500 * i * c for i in range(10)], c), *sweep("pressure", 0.1, 0.1, rising[::4], c),
+        *sweep("bend", 0.05, 0.15, [270 * i * c for i in range(10)], c), *sweep("pressure", 0.1, 0.1, rising[::4], c),
     )] + [row(0.2, "bend", 0, 4000), control(0.25, 64, 127)]  # fmt: skip
     retuned = [row(0.0, "tuning", 0, 40, 0, 40.31), *chord, *sweep("tuning", 0.1, 0.1, [46.5, 47.7, 48.25, 47.0], 0, 47)]
     just = {"note_hz": [440.0 * 2.0 ** ((key - 69) / 12.0) * (1.0 + 0.002 * (7 * key % 5 - 2)) for key in range(128)]}
@@ -285,7 +285,7 @@ def _engines() -> list[Scene]:
 # --- the command line
 
 SCALE = "! just.scl\njust\n12\n16/15\n9/8\n6/5\n5/4\n4/3\n45/32\n3/2\n8/5\n5/3\n9/5\n15/8\n2/1\n"
-KEYBOARD = "12\n0\n127\n60\n69\n432.0\n12\n0\n1\n2\n3\n4\n5\n6\n7\n8\nx\n10\n11\n"
+KEYBOARD = "12\n0\n127\n60\n69\n432.0\n12\n0\n1\nx\n3\n4\n5\n6\n7\n8\n9\n10\n11\n"
 
 
 def played(rows: list[Row]) -> list[tuple[float, list[int]]]:
@@ -388,13 +388,13 @@ def _drones() -> list[Scene]:
 
 #: how long each case is run [s]: long enough to touch, short enough to wait for
 CASES = {
-    "bass": 0.02, "cabannes": 0.035, "flat-wall": 0.1375, "flat-wall-points": 0.03, "fretless": 0.03, "ideal-bridge": 0.03,
+    "bass": 0.02, "cabannes": 0.035, "flat-wall": 0.02, "flat-wall-points": 0.03, "fretless": 0.015, "ideal-bridge": 0.03,
     "sitar": 0.04, "tanpura": 0.015,
     "hard/bass-x10": 0.03, "hard/bend": 0.19, "hard/critically-damped": 0.02, "hard/five-minutes": 10.0,
     "hard/four-megahertz": 0.002, "hard/fretless": 0.003, "hard/highest-sitar": 0.05, "hard/lowest-bass": 0.1,
     "hard/many-modes": 0.05, "hard/moving-ramp": 0.12, "hard/moving-sine": 0.05, "hard/near-end": 0.1,
     "hard/node-half": 0.05, "hard/node-third": 0.05, "hard/omega-dt": 0.1, "hard/one-mode": 0.3, "hard/overdamped": 0.05,
-    "hard/pressed-in": 0.05, "hard/repluck": 0.07, "hard/restitution": 0.003, "hard/tanpura-x10": 0.05,
+    "hard/pressed-in": 0.05, "hard/repluck": 0.07, "hard/restitution": 0.006, "hard/tanpura-x10": 0.05,
     "hard/twenty-frets-at-once": 0.02,
     "hard/two-close": 0.05, "hard/undamped-minute": 5.0,
 }  # fmt: skip
@@ -444,9 +444,9 @@ def _schemes() -> list[Scene]:
             if scheme != "scalar-auxiliary-variable":
                 runs.append({**at, "scheme": scheme, "loss": 0.3, "ledger": True})
             found.append(simulation(f"scheme-{scheme}-{case}", case, *runs))
-    full = {"scheme": "compliant", "grid": "full", "internal_rate_hz": 44100, "modes": 60, "duration_s": 0.01}
+    full = {"scheme": "compliant", "grid": "full", "internal_rate_hz": 44100, "modes": 200, "duration_s": 0.01}
     corrected = {**brief, "scheme": "scalar-auxiliary-variable", "drift_correction": 0.5, "ledger": True}
-    board = {"scheme": "wall", "internal_rate_hz": 176400, "output_rate_hz": 44100, "modes": 127, "duration_s": 0.05}
+    board = {"scheme": "wall", "internal_rate_hz": 176400, "output_rate_hz": 44100, "modes": 127, "duration_s": 0.02}
     event = {"scheme": "event-driven", "internal_rate_hz": 44100, "modes": 20, "duration_s": 0.05}
     long = {**brief, "duration_s": 0.02, "ledger": True}
     return [
@@ -454,11 +454,13 @@ def _schemes() -> list[Scene]:
         simulation("compliant-full-grid", "tanpura", full),
         simulation("auxiliary-variable-corrected", "tanpura", corrected),
         simulation("scheme-wall", "fretless", *({**board, "restitution": e, "ledger": e < 1.0} for e in (0.0, 0.7, 1.0))),
-        simulation("scheme-wall-rigid", "flat-wall", {"scheme": "wall", "restitution": 0.5, "ledger": True}),
+        simulation(
+            "scheme-wall-rigid", "flat-wall", {"scheme": "wall", "restitution": 0.5, "ledger": True, "duration_s": 0.02}
+        ),
         simulation("scheme-waveguide", "cabannes", {"scheme": "waveguide"}),
         simulation("scheme-waveguide-bridge", "ideal-bridge", {"scheme": "waveguide"}),
         simulation("scheme-cabannes", "cabannes", {"scheme": "cabannes"}),
-        simulation("scheme-flat-wall", "flat-wall", {"scheme": "flat-wall"}),
+        simulation("scheme-flat-wall", "flat-wall", {"scheme": "flat-wall", "duration_s": 0.02}),
         simulation("scheme-event-driven", "tanpura", event, {**event, "tail": "none"}),
         simulation("resumed", "tanpura", long, long, resume=True),
         simulation("resumed-frets", "bass", {**frets, "duration_s": 0.02}, {**frets, "duration_s": 0.02}, resume=True),
