@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from synth import kernel_helpers
 from synth.check import check
 from synth.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.dsp.decimator import LATENCY_FRAMES
@@ -203,6 +204,7 @@ class Engine:
         self._bank = None  # until all is there: `process` works on addresses
         self.rate_hz = rate_hz
         self.max_block = max_block
+        kernel_helpers.compile_all("synth.engine.kernels:kernels")
         cache: dict[tuple, CompiledPart] = {}
         compiled = []
         only = [None] * len(self.parts) if self._only_notes is None else self._only_notes

@@ -414,7 +414,7 @@ def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin
 @njit(inline="always")
 def gather(looked, near) -> int:
     """Numbers of the contacts that are looked at; returns how many."""
-    m = 0
+    m = int(np.int64(0))  # a literal would have kernels that are called with m compiled once more
     for c in range(looked.size):
         if looked[c]:
             near[m] = c
@@ -471,7 +471,7 @@ def _hold_sequence(m: int, eta, lags, work: BlockWork) -> int:
     enabled, active = work.enabled[:m], work.active[:m]
     enabled[:] = 1
     active[:] = 0
-    status, held = SOLVED, 0
+    status, held = SOLVED, int(np.int64(0))
     for k in range(BLOCK):
         touching = False
         for i in range(m):
@@ -510,7 +510,7 @@ def _impact_sequence(
     """Moreau–Jean over K steps at all m contacts: impulses from the free velocities u, which become displacements."""
     near, u, forces, b = work.near, work.u, work.forces, work.b
     ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
-    status, held = SOLVED, 0
+    status, held = SOLVED, int(np.int64(0))
     if m == 1:
         here, speed, response = u_contact[0], v_contact[0], lags[0, 0]
         stiffness = 1.0 / response[BLOCK]

@@ -39,7 +39,7 @@ from synth.solver.substeps import (
     clear_step,
     make_substeps,
 )
-from synth.solver.vectors import dot
+from synth.solver.vectors import dot, put
 
 # places in Run.sums
 STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5
@@ -454,7 +454,7 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
         )  # fmt: skip
     if status != SOLVED:
         run.counts[BAD_STEPS] += 1
-    run.force[:] = force[steps - 1]
+    put(run.force, force[steps - 1])
     for t in range(steps // parts):
         last = (t + 1) * parts - 1
         touched = False
@@ -520,7 +520,13 @@ def _divided_step(model: Model, run: Run, finger: Finger, path, ledger: bool, no
     for c in range(contacts):
         touched = touched or run.records[phase, c] > 0.0
     run.counts[DIVIDE] = 1 if touched or arriving(run.eta, run.u_contact, after) else 0
-    run.u_contact[:] = after
+    put(run.u_contact, after)
+
+
+@njit(inline="always")
+def _raise(model: Model, run: Run, displacement: float) -> None:
+    for c in range(run.eta.size):
+        run.eta[c] = model.eta[c] + displacement
 
 
 @njit(cache=True, nogil=True)
@@ -536,7 +542,7 @@ def _rise(model: Model, run: Run, before: float, after: float) -> float:
     `_risen` belongs behind the step.
     """
     if model.law == EXACT_HOLD:
-        run.eta[:] = model.eta + after
+        _raise(model, run, after)
         return model.restitution
     old, new = run.risen[0] / model.dt, (after - before) / model.dt
     for c in range(model.eta.size):
@@ -551,7 +557,7 @@ def _rise(model: Model, run: Run, before: float, after: float) -> float:
 @njit(cache=True, nogil=True)
 def _risen(model: Model, run: Run, before: float, after: float) -> None:
     """The obstacle as it is after the step that `_rise` prepared."""
-    run.eta[:] = model.eta + after
+    _raise(model, run, after)
     run.risen[0] = after - before
 
 
@@ -561,8 +567,8 @@ def _weighed_step(model: Model, run: Run, finger: Finger, path, record, none, no
     n, contacts = model.omega.size, model.eta.size
     hold = model.law == EXACT_HOLD
     before_q, before_v, w_free = run.scratch[0], run.scratch[1], run.scratch[2]
-    before_q[:] = run.q
-    before_v[:] = run.v
+    put(before_q, run.q)
+    put(before_v, run.v)
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
     moves = path.size > 0
     restitution = _rise(model, run, path[0], path[1]) if moves else model.restitution

@@ -66,10 +66,11 @@ def fill_grip(law: int, rows, omega, shapes, weights, out_weights, on_q: int, at
     for j in range(rows.shape[1]):
         q[j] = rows[KQ, j] * finger[j]
         v[j] = rows[KV, j] * finger[j]
-    fill_response(velocity, rows, q, v, weights, 0, spare, grip.own)
-    fill_response(velocity, rows, q, v, shapes, 0, spare, grip.contacts)
-    fill_response(0, rows, q, v, out_weights[:on_q], 0, spare, grip.outputs[:on_q])
-    fill_response(1, rows, q, v, out_weights[on_q:], 0, spare, grip.outputs[on_q:])
+    zero, one = int(np.int64(0)), int(np.int64(1))  # literals would have it compiled once more for each
+    fill_response(velocity, rows, q, v, weights, zero, spare, grip.own)
+    fill_response(velocity, rows, q, v, shapes, zero, spare, grip.contacts)
+    fill_response(zero, rows, q, v, out_weights[:on_q], zero, spare, grip.outputs[:on_q])
+    fill_response(one, rows, q, v, out_weights[on_q:], zero, spare, grip.outputs[on_q:])
     grip.own[0, BLOCK] = own
     extents(omega, q, v, q)
     for c in range(shapes.shape[0]):
@@ -125,7 +126,7 @@ def _sequence(
         active[i] = 0
         for d in range(m):
             matrix[i, d] -= grip.contacts[near[i], BLOCK] * grip.contacts[near[d], BLOCK] * per_total
-    status, held = SOLVED, 0
+    status, held = SOLVED, int(np.int64(0))
     here = finger.state[0]
     for k in range(BLOCK):
         before, after = finger.path[at + k], finger.path[at + k + 1]

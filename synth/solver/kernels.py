@@ -266,7 +266,7 @@ def advance(
             for d in range(contacts):
                 matrix[c, d] = g[c, d] - finger.coupling[c] * finger.coupling[d] / total_own
 
-    held = 0  # rows of work.factor that the steps so far made for `matrix`
+    held = int(np.int64(0))  # rows of work.factor that the steps so far made for `matrix`
     for t in range(n_steps):
         for j in range(n):  # `fly` in place: the call costs a tenth
             a = p11[j] * q[j] + p12[j] * v[j]

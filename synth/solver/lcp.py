@@ -219,7 +219,7 @@ def _solve_one_by_one(a, b, enabled, tolerance: float, active, z, factor, index)
 @njit(cache=True, nogil=True)
 def _hold_without_pull(a, b, active, z, factor, index) -> int:
     """Drop contacts from the active set until the rest are independent and push, z with w = 0 on them; rows of factor."""
-    held = 0
+    held = int(np.int64(0))
     while True:
         m, held = factorise(a, active, _JOINS_ABOVE, factor, index, held)
         if m < 0:

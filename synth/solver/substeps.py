@@ -21,7 +21,7 @@ from numba import njit
 from synth.solver.kernels import Finger, Work, advance
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.lcp import SOLVED
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, dot, put
 
 
 class Substeps(NamedTuple):
@@ -109,7 +109,7 @@ def advance_substepped(
                     rec_force[t, c] += parts[k, c] / count
                     touched = touched or parts[k, c] > 0.0
         divide[0] = 1 if touched or arriving(eta, u, after) else 0
-        u[:] = after
+        put(u, after)
         for p in range(wq.shape[0]):
             out_q[t, p] = dot(wq[p], q)
         for p in range(wv.shape[0]):

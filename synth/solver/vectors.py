@@ -17,6 +17,13 @@ def dot(a, b) -> float:
     return total
 
 
+@njit(cache=True, nogil=True)
+def put(into, x) -> None:
+    """into = x over x's length. (To assign to a slice is to compile what words the refusal of another length, too: 4 s.)"""
+    for i in range(x.size):
+        into[i] = x[i]
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def add(factor: float, x, y) -> None:
     """y += factor·x over x's length."""
