@@ -199,6 +199,13 @@ def fails(function: Any) -> None:
     _tell()
 
 
+def spares(function: Any) -> None:
+    """It will not be compiled after all."""
+    with _lock:
+        _wanted.pop(function, None)
+    _tell()
+
+
 def _want(function: Any) -> None:
     if function in _wanted:
         return
@@ -221,8 +228,9 @@ def _expected(function: Any) -> list[Any]:
             module, _, wanted = name.partition(":")
             entry = getattr(sys.modules.get(f"{package}.{module}"), wanted, None)
             entries.append(getattr(entry, "py_func", entry))
-        if sign == ENGINE or function in entries:
-            return [entry for entry in entries if entry is not None and not is_kept(entry)]
+        entries = [entry for entry in entries if entry is not None]
+        if sign == ENGINE or any(function in _closure(entry) for entry in entries):
+            return [entry for entry in entries if not is_kept(entry)]
     return []
 
 

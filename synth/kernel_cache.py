@@ -231,7 +231,7 @@ def _cache_class(caching: Any) -> type:
             part = kernel_linking.Part(*part)
             for called in part.calls:
                 if not kernel_linking.is_there(target_context, called):
-                    KernelCache.of[called.function].load_overload(called.signature, target_context)
+                    KernelCache.of[called.function]._look(called.signature, target_context)
                 if not kernel_linking.is_there(target_context, called):
                     raise LookupError(called.symbol)
             found = super().rebuild(target_context, reduced)

@@ -55,7 +55,7 @@ from synth.solver.lanes import (
 )
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, INNER, dot
 
 #: contacts from which on it pays to certify that some are out of reach for a while
 CERTIFY_FROM = 3
@@ -150,7 +150,7 @@ def fill_rows(rows) -> None:
         rows[ADV11 + 3, j] = d
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def fill_response(velocity: int, rows, q, v, weights, first: int, spare, out) -> None:
     """out (P, 2K) from row `first` on: the sums `weights` (P, n) over a free motion from (q, v) (n,), l steps on, at K + l.
 
@@ -234,7 +234,7 @@ def make_blocks(law: int, dt: float, coef: np.ndarray, shapes: np.ndarray, g: np
     return Blocks(dt, rows, shapes, lags, weights, make_lags(False, rows, shapes, weights))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def observe(n: int, rows, q, v, weights, on_q: int, out) -> None:
     """out (P, K) = weights (P, n) times the free displacements (the first `on_q` rows) or velocities of the next K steps."""
     p = 0

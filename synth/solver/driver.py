@@ -39,7 +39,7 @@ from synth.solver.substeps import (
     clear_step,
     make_substeps,
 )
-from synth.solver.vectors import dot, put
+from synth.solver.vectors import INNER, dot, put
 
 # places in Run.sums
 STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5
@@ -482,7 +482,7 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
     return steps // parts
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _divided_step(model: Model, run: Run, finger: Finger, path, ledger: bool, none, no_out) -> None:
     """One step, in parts where `solver.substeps` says so or a finger is on; weighed if asked for. path (0,): no motion."""
     phase, count, contacts = run.counts[PHASE], model.sub.parts, model.eta.size
@@ -529,7 +529,7 @@ def _raise(model: Model, run: Run, displacement: float) -> None:
         run.eta[c] = model.eta[c] + displacement
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _rise(model: Model, run: Run, before: float, after: float) -> float:
     """Heights for a step in which the obstacle goes from `before` to `after` [m]; returns the restitution to step with.
 
@@ -554,14 +554,14 @@ def _rise(model: Model, run: Run, before: float, after: float) -> float:
     return 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _risen(model: Model, run: Run, before: float, after: float) -> None:
     """The obstacle as it is after the step that `_rise` prepared."""
     _raise(model, run, after)
     run.risen[0] = after - before
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _weighed_step(model: Model, run: Run, finger: Finger, path, record, none, no_out) -> None:
     """One step with its place in the energy ledger; path (2,) as in `run_moving`, or (0,); forces go to record (1, C)."""
     n, contacts = model.omega.size, model.eta.size

@@ -41,7 +41,7 @@ from synth.solver.lanes import (
 )
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot, single
-from synth.solver.vectors import FAST
+from synth.solver.vectors import FAST, INNER
 
 
 class Grip(NamedTuple):
@@ -103,7 +103,7 @@ def _look_under(
         project_q(n, rows, q, v, touch, u_finger)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _sequence(
     law: int, m: int, at: int, dt: float, restitution: float, eta, lags, finger: Finger, grip: Grip, u_finger, pushes,
     u_contact, v_contact, work: BlockWork,
@@ -220,7 +220,7 @@ def _only_pressed(m: int, near, forces) -> int:
     return h
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def advance_under_finger(
     blocks: int, law: int, n: int, dt: float, restitution: float, rows, omega, shapes, eta, lags, certified: int, q, v,
     u_contact, v_contact, finger: Finger, grip: Grip, weights, on_q: int, out_lags, out, rec_force, work: BlockWork,
