@@ -3,6 +3,7 @@
     tools/bench --short             # less than two minutes with kernels compiled before
     tools/bench                     # everything, less than ten
     tools/bench --only peak         # what has the word in its name
+    tools/bench --only cold --against v0.5.0        # starts with nothing compiled, in turn with those of a commit
 
 One core, pinned where the system can; everything that is compared is measured in one run, round by round in turn. Kernels
 against the machine's own peak of multiply-adds, the targets, notes of every preset, blocks, start-up, memory, modes in
@@ -42,6 +43,7 @@ def main() -> int:
     )
     parser.add_argument("--short", action="store_true", help="fewer rounds, settings and notes")
     parser.add_argument("--only", metavar="WORD", help="benchmarks with the word in their name (as pytest's -k)")
+    parser.add_argument("--against", metavar="COMMIT", help="take starts with nothing compiled in turn with those of it")
     parser.add_argument("--publish", action="store_true", help="also write the picture to docs/growth.png")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default out/bench")
     options = parser.parse_args()
@@ -56,6 +58,7 @@ def main() -> int:
     arguments = [str(REPOSITORY / "bench"), "-q", "--no-header", "--benchmark-quiet", "--benchmark-disable-gc"]
     arguments += ["--benchmark-timer=time.process_time", f"--benchmark-json={recorded}"]
     arguments += ["--short"] * options.short + (["-k", options.only] if options.only else [])
+    arguments += [f"--against={options.against}"] if options.against else []
     failed = int(pytest.main(arguments))
     if not recorded.exists() or not recorded.stat().st_size:
         print("tools/bench: nothing was measured", file=sys.stderr)

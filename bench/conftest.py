@@ -20,6 +20,7 @@ _PEAK_S = 1e-3
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--short", action="store_true", help="fewer rounds, settings and notes")
+    parser.addoption("--against", metavar="COMMIT", help="a commit whose cold starts are measured in turn")
 
 
 def pytest_configure(config: pytest.Config) -> None:

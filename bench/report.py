@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from statistics import median
 from typing import Any
 
 from speed_error.tables import number, rate, table
@@ -10,7 +11,7 @@ from speed_error.tables import number, rate, table
 from bench.count import verdict
 
 #: in the order of the report
-SECTIONS = ("targets", "peak", "kernels", "strings", "notes", "blocks", "start", "memory", "float32")
+SECTIONS = ("targets", "peak", "kernels", "strings", "notes", "blocks", "start", "cold", "memory", "float32")
 #: of the machine's multiply-adds, in free flight
 _PART_TARGET, _PART_MODES = 0.5, (137, 1001)
 SEVERAL_STEPS, MANY_STRINGS = "several-steps", "many-strings"
@@ -128,6 +129,16 @@ def _start(found: list[dict[str, Any]]) -> str:
     return table(["what", "median", "best"], lines)
 
 
+def _cold(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for info in of(found, "cold"):
+        for tree, starts in info["trees"].items():
+            cpu, wall, kernels = (median(values) for values in zip(*starts, strict=True))
+            lines.append([info["what"], tree, f"{number(cpu)} s", f"{number(wall)} s", f"{kernels:.0f}"])
+            lines[-1].append(f"{len(starts)} of {info['processors']} processors")
+    return table(["with nothing compiled", "of", "CPU", "wall clock", "kernels", "runs"], lines)
+
+
 def _memory(found: list[dict[str, Any]]) -> str:
     lines = []
     for info in of(found, "memory"):
@@ -190,6 +201,7 @@ def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool 
             _blocks,
         ),
         "start": ("Start-up", "Whole processes, wall-clock time.", _start),
+        "cold": ("First start", "Whole processes with an empty cache, their children's time counted in.", _cold),
         "memory": ("Memory", "", _memory),
         "float32": (
             "Modes in float32",

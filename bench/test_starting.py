@@ -7,13 +7,14 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bench import REPOSITORY
+from bench import REPOSITORY, cold
 
 
 def _run(*arguments: str, **variables: str) -> tuple[float, str]:
@@ -62,6 +63,24 @@ def test_first_render(benchmark: Any, tmp_path: Path, short: bool) -> None:
     _note(benchmark, "synth render, a tenth of a second of the drone, kernels compiled before", "s", warm)
     if cold is not None:
         benchmark.extra_info.update(cold=cold, compiling=cold - float(np.median(warm)))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("command", cold.COMMANDS)
+def test_cold(benchmark: Any, request: pytest.FixtureRequest, all_cores: Any, command: str) -> None:
+    """With nothing compiled, in turn with the same at `--against`."""
+    all_cores()
+    against = request.config.getoption("--against")
+    with cold.tree_of(against) if against else nullcontext() as other:
+        trees = {"this tree": REPOSITORY} | ({against: other} if other is not None else {})
+        found: dict[str, list[cold.Cold]] = {name: [] for name in trees}
+
+        def in_turn() -> None:
+            for name, tree in trees.items():
+                found[name].append(cold.start(tree, command))
+
+        benchmark.pedantic(in_turn, rounds=2 if against else 1, iterations=1)
+    benchmark.extra_info.update(section="cold", what=command, processors=os.cpu_count(), trees=found)
 
 
 def test_memory(benchmark: Any, short: bool) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -90,6 +90,7 @@ def progress() -> Progress | None:
     with _lock:
         if _began is None:
             return None
+        _hear_of_others()
         whole = sum(_wanted.values())
         made = sum(weight for function, weight in _wanted.items() if function in _done)
         seconds = (time.monotonic() if _active else _ended) - _began
@@ -104,7 +105,13 @@ def busy() -> bool:
 def finished() -> bool:
     """Whether nothing is being compiled, and nothing that is known of is still to come, for a little while."""
     with _lock:
+        _hear_of_others()
         return not _active and len(_done) >= len(_wanted) and time.monotonic() - _ended >= REST_S
+
+
+def _hear_of_others() -> None:
+    """Count what other processes have compiled."""
+    _done.update(function for function in _wanted if function not in _done and is_kept(function))
 
 
 @contextmanager
@@ -132,18 +139,41 @@ def found(function: Any, cache: Any) -> None:
 
 def begins(function: Any) -> None:
     """A kernel is being compiled."""
-    global _began
     with _lock:
-        if _began is None or finished():  # a new beginning
-            _wanted.clear()
-            _done.clear()
-            _began = time.monotonic()
-        if not _active:
-            for entry in _expected(function):
-                _want(entry)
+        _begin(function)
         _want(function)
         _active.append(function)
     _tell()
+
+
+def _begin(function: Any) -> None:
+    global _began
+    if _began is None or finished():  # a new beginning
+        _wanted.clear()
+        _done.clear()
+        _began = time.monotonic()
+    if not _active:
+        for entry in _expected(function):
+            _want(entry)
+
+
+@contextmanager
+def expecting(functions: Sequence[Any]) -> Iterator[None]:
+    """Kernels are compiled meanwhile, by other processes too."""
+    global _ended
+    with _lock:
+        _begin(functions[0])
+        for function in functions:
+            _want(function)
+        _active.append(expecting)
+    _tell()
+    try:
+        yield
+    finally:
+        with _lock:
+            _ended = time.monotonic()
+            _active.remove(expecting)
+        _tell()
 
 
 def ends(function: Any) -> None:
@@ -169,6 +199,13 @@ def fails(function: Any) -> None:
     _tell()
 
 
+def spares(function: Any) -> None:
+    """It will not be compiled after all."""
+    with _lock:
+        _wanted.pop(function, None)
+    _tell()
+
+
 def _want(function: Any) -> None:
     if function in _wanted:
         return
@@ -177,7 +214,7 @@ def _want(function: Any) -> None:
         one = waiting.pop()
         if one not in _wanted:
             _wanted[one] = float(sum(len(code.co_code) for code in map(_code, _closure(one))))
-            waiting += [each for each in called(one) if not _kept(each)]
+            waiting += [each for each in called(one) if not is_kept(each)]
 
 
 def _expected(function: Any) -> list[Any]:
@@ -191,12 +228,13 @@ def _expected(function: Any) -> list[Any]:
             module, _, wanted = name.partition(":")
             entry = getattr(sys.modules.get(f"{package}.{module}"), wanted, None)
             entries.append(getattr(entry, "py_func", entry))
-        if sign == ENGINE or function in entries:
-            return [entry for entry in entries if entry is not None and not _kept(entry)]
+        entries = [entry for entry in entries if entry is not None]
+        if sign == ENGINE or any(function in _closure(entry) for entry in entries):
+            return [entry for entry in entries if not is_kept(entry)]
     return []
 
 
-def _kept(function: Any) -> bool:
+def is_kept(function: Any) -> bool:
     """Whether it need not be compiled any more."""
     cache = _caches.get(function)
     if function in _made:

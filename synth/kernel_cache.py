@@ -17,6 +17,7 @@ import atexit
 import contextlib
 import fcntl
 import functools
+import gc
 import hashlib
 import os
 import shutil
@@ -26,9 +27,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
-from synth import compiling
+from synth import compiling, kernel_claims, kernel_linking
 from synth.signals import hearing_signals
 
 KEEP = 8
@@ -36,6 +37,8 @@ KEEP = 8
 PATIENCE_S = 5.0
 #: what a write that was cut short leaves goes after this time [s]
 STALE_S = 3600.0
+#: objects after which garbage is collected while something is compiled; Python's own is some hundreds
+COLLECT_AFTER = 100_000
 #: let signals be heard while the main thread compiles: for programs that end when they are interrupted
 interruptible = False
 
@@ -153,7 +156,7 @@ class _Once:
 
 def _mend_numba() -> None:
     """Let the caches of this package's kernels be those of `_cache_class`, and compilations be interrupted if wanted."""
-    from numba.core import caching, ccallback, dispatcher
+    from numba.core import caching, ccallback, codegen, dispatcher
     from numba.core import config as numba_config
 
     config: Any = numba_config
@@ -167,6 +170,7 @@ def _mend_numba() -> None:
     def cache_of(function: Any) -> Any:
         return (ours if compiling.is_ours(function) else caching.FunctionCache)(function)
 
+    kernel_linking.mend(codegen.CPUCodeLibrary, dispatcher.Dispatcher, compiling.is_ours)
     for user in users:
         user.FunctionCache = cache_of
     for kind in kinds:
@@ -178,8 +182,10 @@ def _heard(compile_now: Callable[..., Any]) -> Callable[..., Any]:
 
     def compiled(kernel: Any, *arguments: Any) -> Any:
         try:
-            return compile_now(kernel, *arguments)
+            with _collecting_less():
+                return compile_now(kernel, *arguments)
         except BaseException:
+            kernel_claims.leave(claim_of(kernel.__wrapped__))
             compiling.fails(kernel.__wrapped__)
             raise
 
@@ -189,6 +195,18 @@ def _heard(compile_now: Callable[..., Any]) -> Callable[..., Any]:
         return hearing_signals(lambda: compiled(self, *arguments))
 
     return compile
+
+
+@contextlib.contextmanager
+def _collecting_less() -> Iterator[None]:
+    """Numba makes millions of small objects that stay, which the collector looks through again and again."""
+    before = gc.get_threshold()
+    if before[0]:
+        gc.set_threshold(max(before[0], COLLECT_AFTER), *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def _importing() -> bool:
@@ -205,13 +223,33 @@ def _cache_class(caching: Any) -> type:
     class Impl(caching.CompileResultCacheImpl):  # type: ignore[misc]
         _locator_classes = (caching.UserProvidedCacheLocator,)
 
+        def reduce(self, cres: Any) -> Any:
+            return tuple(kernel_linking.part_of(cres.library)), super().reduce(cres)
+
+        def rebuild(self, target_context: Any, payload: Any) -> Any:
+            part, reduced = payload
+            part = kernel_linking.Part(*part)
+            for called in part.calls:
+                if not kernel_linking.is_there(target_context, called):
+                    KernelCache.of[called.function]._look(called.signature, target_context)
+                if not kernel_linking.is_there(target_context, called):
+                    raise LookupError(called.symbol)
+            found = super().rebuild(target_context, reduced)
+            kernel_linking.set_part(found.library, part)
+            return found
+
     class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         """Numba's cache of one kernel; see the module's docstring."""
 
         _impl_class = Impl
+        #: of every kernel that was imported, by `kernel_linking.name_of`
+        of: ClassVar[dict[Any, KernelCache]] = {}
 
         def __init__(self, function: Any) -> None:
             self._kept = True
+            self._loaded: dict[Any, Any] = {}
+            self.of[kernel_linking.name_of(function)] = self
+            self._claim = claim_of(function)
             try:
                 super().__init__(function)
             except (OSError, RuntimeError) as error:  # RuntimeError: Numba has found no place
@@ -225,20 +263,31 @@ def _cache_class(caching: Any) -> type:
             return self._kept and os.path.exists(self._cache_file._index_path)
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
-            found = None
-            if self._kept:
-                try:
-                    found = super().load_overload(sig, target_context)
-                except Exception:  # a file that was cut short: whatever unpickling makes of it
-                    with suppress(OSError):
-                        os.unlink(self._cache_file._index_path)
+            found = self._look(sig, target_context)
+            if found is None and self._kept and kernel_claims.wait_for(self._claim):
+                found = self._look(sig, target_context)  # another process has compiled it meanwhile
+                if found is not None:
+                    kernel_claims.leave(self._claim)
             if found is None:
                 _tidy()
                 compiling.begins(self._py_func)
             return found
 
+        def _look(self, sig: Any, target_context: Any) -> Any:
+            found = self._loaded.get(sig)
+            if found is None and self._kept:
+                try:
+                    found = super().load_overload(sig, target_context)
+                except Exception:  # a file that was cut short: whatever unpickling makes of it
+                    with suppress(OSError):
+                        os.unlink(self._cache_file._index_path)
+                if found is not None:
+                    self._loaded[sig] = found  # loaded twice its symbols would be there twice
+            return found
+
         def save_overload(self, sig: Any, data: Any) -> None:
             try:
+                kernel_linking.keep_apart(data, self._py_func, sig)
                 if self._kept:
                     with _writing(Path(self._cache_path).parent) as alone:
                         if alone:
@@ -246,9 +295,14 @@ def _cache_class(caching: Any) -> type:
             except OSError as error:
                 _complain(f"{self._cache_path}: {error.strerror or error}")
             finally:
+                kernel_claims.leave(self._claim)
                 compiling.ends(self._py_func)
 
     return KernelCache
+
+
+def claim_of(function: Any) -> str:
+    return "kernel {}:{}:{}".format(*kernel_linking.name_of(function))
 
 
 @contextlib.contextmanager

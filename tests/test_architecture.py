@@ -15,8 +15,9 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"compiling", "signals"},
+    {"compiling", "kernel_claims", "kernel_linking", "signals"},
     {"units", "kernel_cache", "schemes", "calibration", "targets", "sources", "simd", "npz", "spelling", "native"},
+    {"kernel_helpers"},
     {"physics", "solver", "dsp"},
     {"measures", "exact", "result"},
     {"plan", "preset"},

@@ -70,7 +70,7 @@ class _Line:
             self._draw(f"kernels, once on this machine: {now.done} of {now.total}, {now.seconds:.0f} s")
         elif compiling.busy() and not self._announced and (now.long or now.seconds >= BRIEF_S):
             self._announced = True
-            self._write(f"synth: compiling kernels, once on this machine{'; takes 1 to 4 minutes' if now.long else ''}\n")
+            self._write(f"synth: compiling kernels, once on this machine{'; takes ½ to 2 minutes' if now.long else ''}\n")
         elif self._announced and compiling.finished():
             self._done(now)
 

@@ -160,7 +160,8 @@ def decimate_line(branches, factor, line, work, out):
             group[i] *= middle
         add_branches(branches, factor, work, stride, first, group)
         if count < GROUP:
-            out[first:] = rest[:count]
+            for i in range(count):
+                out[first + i] = rest[i]
 
 
 @njit(cache=True, nogil=True)

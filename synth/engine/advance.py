@@ -52,7 +52,7 @@ from synth.solver.fingers import advance_under_finger
 from synth.solver.kernels import Finger, Work, advance, amplitudes, reach
 from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, dot, put
 from synth.units import LN_1000
 
 #: a mode is put to rest when its largest possible output is below this (−160 dBFS)
@@ -328,7 +328,7 @@ def _in_blocks(core: int, desk: int, s: int, blocks: int, steps: int) -> None:
             blocks, settings.law, cap, dt, settings.restitution, rows, omega, shapes, eta, lags, certified, q, v, u, vc,
             weights, part.use_q, out_lags, out, record, record[:0], work,
         )  # fmt: skip
-    state.force[coff : coff + c] = record[blocks * BLOCK - 1]
+    put(state.force[coff : coff + c], record[blocks * BLOCK - 1])
     me.n = min(model.n, state.moving[s])
     if bad != 0:
         me.unsolved += 1

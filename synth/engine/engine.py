@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from synth import compiling, kernel_helpers
 from synth.check import check
 from synth.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.dsp.decimator import LATENCY_FRAMES
@@ -30,7 +31,7 @@ from synth.engine.notes import set_zone
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
 from synth.engine.state_check import check_state
-from synth.engine.team import Team, cores
+from synth.engine.team import ATTEND, Team, cores
 from synth.engine.zones import LOWER, MOST_MEMBERS
 from synth.native.views import table
 from synth.preset import Preset, PresetError, why_unplayed
@@ -203,6 +204,7 @@ class Engine:
         self._bank = None  # until all is there: `process` works on addresses
         self.rate_hz = rate_hz
         self.max_block = max_block
+        kernel_helpers.compile_all("synth.engine.kernels:kernels")
         cache: dict[tuple, CompiledPart] = {}
         compiled = []
         only = [None] * len(self.parts) if self._only_notes is None else self._only_notes
@@ -311,6 +313,8 @@ class Engine:
             desks = [table(scratch) for scratch in self._worker_scratch]
             keep = (bank, self._state, self._shared, self._worker_scratch)
             self._team = Team(self, self._core, self._shared.team, desks, keep)
+        else:
+            compiling.spares(ATTEND)
 
     def close(self) -> None:
         """End the threads beside the caller's; the engine can go on with one. Collected or at exit it does so by itself.

@@ -48,10 +48,10 @@ def mix_span(core: int, start: int, quanta: int) -> None:
             settings.limiter_release,
             mix,
         )
-    at = start % RING
-    first = min(frames, RING - at)
-    state.ring[at : at + first] = mix[:first]
-    state.ring[: frames - first] = mix[first:]
+    for i in range(frames):
+        at = (start + i) % RING
+        state.ring[at, 0] = mix[i, 0]
+        state.ring[at, 1] = mix[i, 1]
 
 
 @njit(**CORE)

@@ -31,8 +31,8 @@ from synth.engine.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
 from synth.solver.kernels import FOR_EVER
 from synth.solver.laws import EXACT_HOLD
 
-#: counts and frames stay below this: 2⁵³, 6000 years at 48 kHz
-MOST_COUNT = 1 << 53
+#: counts and frames of a state: 2⁵², 3000 years at 48 kHz, and as much again to go on before a double cannot count them
+MOST_COUNT = 1 << 52
 #: what is sound, force or coefficient stays below this
 MOST = 1e3 * BLOWN_UP
 #: loudest channel: volume 127 over 100, squared

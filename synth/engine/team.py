@@ -122,6 +122,10 @@ def _attend(core: int, desk: int, asleep: int) -> None:
             pass
 
 
+#: the function that is compiled for a team
+ATTEND = getattr(_attend, "py_func", _attend)
+
+
 def cores() -> int:
     """Processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 
+from synth import kernel_helpers
 from synth.case import CaseError, FingerTable
 from synth.dsp.denormals import enable_ftz, restore
 from synth.scene import Scene, finger_end
@@ -20,6 +21,7 @@ _MOST_PATH = 1 << 16  # steps of an obstacle's path that are prepared at once
 
 def run_law(scene: Scene) -> Outcome:
     """Exact-hold and both Moreau–Jean forms, from the static contact solution if the start is pressed in."""
+    kernel_helpers.compile_all("synth.methods.kernels:kernels")
     case, kept = scene.case, scene.kept
     every, ledger = case.run.steps_per_output, case.run.ledger
     tuning = _Tuning(scene)

@@ -56,7 +56,7 @@ from synth.solver.lanes import (
 )
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, INNER, dot
 
 #: contacts from which on it pays to certify that some are out of reach for a while
 CERTIFY_FROM = 3
@@ -143,7 +143,7 @@ def fill_rows(rows) -> None:
         rows[ADV11 + 3, j] = d
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def fill_response(velocity: int, rows, q, v, weights, first: int, spare, out) -> None:
     """out (P, 2K) from row `first` on: the sums `weights` (P, n) over a free motion from (q, v) (n,), l steps on, at K + l.
 
@@ -227,7 +227,7 @@ def make_blocks(law: int, dt: float, coef: np.ndarray, shapes: np.ndarray, g: np
     return Blocks(dt, rows, shapes, lags, weights, make_lags(False, rows, shapes, weights))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def observe(n: int, rows, q, v, weights, on_q: int, out) -> None:
     """out (P, K) = weights (P, n) times the free displacements (the first `on_q` rows) or velocities of the next K steps."""
     p = 0
@@ -407,7 +407,7 @@ def certify(dt: float, omega, shapes, eta, q, v, now: int, looked, until, margin
 @njit(inline="always")
 def gather(looked, near) -> int:
     """Numbers of the contacts that are looked at; returns how many."""
-    m = 0
+    m = int(np.int64(0))  # a literal would have kernels that are called with m compiled once more
     for c in range(looked.size):
         if looked[c]:
             near[m] = c
@@ -464,7 +464,7 @@ def _hold_sequence(m: int, eta, lags, work: BlockWork) -> int:
     enabled, active = work.enabled[:m], work.active[:m]
     enabled[:] = 1
     active[:] = 0
-    status, held = SOLVED, 0
+    status, held = SOLVED, int(np.int64(0))
     for k in range(BLOCK):
         touching = False
         for i in range(m):
@@ -503,7 +503,7 @@ def _impact_sequence(
     """Moreau–Jean over K steps at all m contacts: impulses from the free velocities u, which become displacements."""
     near, u, forces, b = work.near, work.u, work.forces, work.b
     ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
-    status, held = SOLVED, 0
+    status, held = SOLVED, int(np.int64(0))
     if m == 1:
         here, speed, response = u_contact[0], v_contact[0], lags[0, 0]
         stiffness = 1.0 / response[BLOCK]

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.kernels import FOR_EVER, MARGIN, amplitudes, extents
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, INNER, dot
 
 # places in Clearance.counts
 _KNOWN, _NODEWISE, _QUIET, _LEVEL, FREE = 0, 1, 2, 3, 4
@@ -69,7 +69,7 @@ def make_clearance(omega, sigma, half, eta, strides, dt: float, scale: float, fi
     )
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def _moved(omega, extent, time: float, factor: float, early: float, out) -> float:
     """Fill out (N,) with how far each mode moves in `time`, and `early` before contact; returns their sum."""
     total = 0.0
@@ -85,7 +85,7 @@ def forget(of: Clearance) -> None:
     of.counts[:] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _renew(of: Clearance, q, v) -> None:
     """The bounds node by node, and the certificate."""
     levels, modes = of.steps.size, q.size

@@ -39,7 +39,7 @@ from synth.solver.substeps import (
     clear_step,
     make_substeps,
 )
-from synth.solver.vectors import dot
+from synth.solver.vectors import INNER, dot, put
 
 # places in Run.sums
 STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5
@@ -454,7 +454,7 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
         )  # fmt: skip
     if status != SOLVED:
         run.counts[BAD_STEPS] += 1
-    run.force[:] = force[steps - 1]
+    put(run.force, force[steps - 1])
     for t in range(steps // parts):
         last = (t + 1) * parts - 1
         touched = False
@@ -482,7 +482,7 @@ def _run_blocks(model: Model, run: Run, n_steps: int, parts: int) -> int:
     return steps // parts
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _divided_step(model: Model, run: Run, finger: Finger, path, ledger: bool, none, no_out) -> None:
     """One step, in parts where `solver.substeps` says so or a finger is on; weighed if asked for. path (0,): no motion."""
     phase, count, contacts = run.counts[PHASE], model.sub.parts, model.eta.size
@@ -520,10 +520,16 @@ def _divided_step(model: Model, run: Run, finger: Finger, path, ledger: bool, no
     for c in range(contacts):
         touched = touched or run.records[phase, c] > 0.0
     run.counts[DIVIDE] = 1 if touched or arriving(run.eta, run.u_contact, after) else 0
-    run.u_contact[:] = after
+    put(run.u_contact, after)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
+def _raise(model: Model, run: Run, displacement: float) -> None:
+    for c in range(run.eta.size):
+        run.eta[c] = model.eta[c] + displacement
+
+
+@njit(**INNER)
 def _rise(model: Model, run: Run, before: float, after: float) -> float:
     """Heights for a step in which the obstacle goes from `before` to `after` [m]; returns the restitution to step with.
 
@@ -536,7 +542,7 @@ def _rise(model: Model, run: Run, before: float, after: float) -> float:
     `_risen` belongs behind the step.
     """
     if model.law == EXACT_HOLD:
-        run.eta[:] = model.eta + after
+        _raise(model, run, after)
         return model.restitution
     old, new = run.risen[0] / model.dt, (after - before) / model.dt
     for c in range(model.eta.size):
@@ -548,21 +554,21 @@ def _rise(model: Model, run: Run, before: float, after: float) -> float:
     return 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _risen(model: Model, run: Run, before: float, after: float) -> None:
     """The obstacle as it is after the step that `_rise` prepared."""
-    run.eta[:] = model.eta + after
+    _raise(model, run, after)
     run.risen[0] = after - before
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _weighed_step(model: Model, run: Run, finger: Finger, path, record, none, no_out) -> None:
     """One step with its place in the energy ledger; path (2,) as in `run_moving`, or (0,); forces go to record (1, C)."""
     n, contacts = model.omega.size, model.eta.size
     hold = model.law == EXACT_HOLD
     before_q, before_v, w_free = run.scratch[0], run.scratch[1], run.scratch[2]
-    before_q[:] = run.q
-    before_v[:] = run.v
+    put(before_q, run.q)
+    put(before_v, run.v)
     finger_u = dot(finger.weights, run.q) if finger.on else 0.0
     moves = path.size > 0
     restitution = _rise(model, run, path[0], path[1]) if moves else model.restitution

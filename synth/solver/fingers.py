@@ -41,7 +41,7 @@ from synth.solver.lanes import (
 )
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot, single
-from synth.solver.vectors import FAST
+from synth.solver.vectors import FAST, INNER
 
 
 class Grip(NamedTuple):
@@ -66,10 +66,11 @@ def fill_grip(law: int, rows, omega, shapes, weights, out_weights, on_q: int, at
     for j in range(rows.shape[1]):
         q[j] = rows[KQ, j] * finger[j]
         v[j] = rows[KV, j] * finger[j]
-    fill_response(velocity, rows, q, v, weights, 0, spare, grip.own)
-    fill_response(velocity, rows, q, v, shapes, 0, spare, grip.contacts)
-    fill_response(0, rows, q, v, out_weights[:on_q], 0, spare, grip.outputs[:on_q])
-    fill_response(1, rows, q, v, out_weights[on_q:], 0, spare, grip.outputs[on_q:])
+    zero, one = int(np.int64(0)), int(np.int64(1))  # literals would have it compiled once more for each
+    fill_response(velocity, rows, q, v, weights, zero, spare, grip.own)
+    fill_response(velocity, rows, q, v, shapes, zero, spare, grip.contacts)
+    fill_response(zero, rows, q, v, out_weights[:on_q], zero, spare, grip.outputs[:on_q])
+    fill_response(one, rows, q, v, out_weights[on_q:], zero, spare, grip.outputs[on_q:])
     grip.own[0, BLOCK] = own
     extents(omega, q, v, q)
     for c in range(shapes.shape[0]):
@@ -102,7 +103,7 @@ def _look_under(
         project_q(n, rows, q, v, touch, u_finger)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _sequence(
     law: int, m: int, at: int, dt: float, restitution: float, eta, lags, finger: Finger, grip: Grip, u_finger, pushes,
     u_contact, v_contact, work: BlockWork,
@@ -125,7 +126,7 @@ def _sequence(
         active[i] = 0
         for d in range(m):
             matrix[i, d] -= grip.contacts[near[i], BLOCK] * grip.contacts[near[d], BLOCK] * per_total
-    status, held = SOLVED, 0
+    status, held = SOLVED, int(np.int64(0))
     here = finger.state[0]
     for k in range(BLOCK):
         before, after = finger.path[at + k], finger.path[at + k + 1]
@@ -219,7 +220,7 @@ def _only_pressed(m: int, near, forces) -> int:
     return h
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def advance_under_finger(
     blocks: int, law: int, n: int, dt: float, restitution: float, rows, omega, shapes, eta, lags, certified: int, q, v,
     u_contact, v_contact, finger: Finger, grip: Grip, weights, on_q: int, out_lags, out, rec_force, work: BlockWork,

@@ -26,7 +26,7 @@ from numba import njit
 
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot, single
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, INNER, dot
 
 #: what bounds on a string's reach are multiplied by, against rounding
 MARGIN = 1.001
@@ -114,7 +114,7 @@ def fly(coef, q, v) -> None:
         v[j] = b
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def push_modes(q, v, kq, kv, shape, force: float) -> None:
     """A held force, or an impulse, of one row enters the coordinates."""
     for j in range(q.size):
@@ -266,7 +266,7 @@ def advance(
             for d in range(contacts):
                 matrix[c, d] = g[c, d] - finger.coupling[c] * finger.coupling[d] / total_own
 
-    held = 0  # rows of work.factor that the steps so far made for `matrix`
+    held = int(np.int64(0))  # rows of work.factor that the steps so far made for `matrix`
     for t in range(n_steps):
         for j in range(n):  # `fly` in place: the call costs a tenth
             a = p11[j] * q[j] + p12[j] * v[j]
@@ -369,7 +369,7 @@ def finger_row(law: int, coef, shapes, weights, coupling) -> float:
     return own
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def extents(omega, q, v, out) -> None:
     """out (N,) = E_j = √(q_j² + v_j²/ω_j²), which free motion does not enlarge: |q_j| ≤ E_j, |q̇_j| ≤ ω_j E_j. May be q."""
     for j in range(omega.size):

@@ -24,7 +24,7 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.solver.vectors import FAST
+from synth.solver.vectors import FAST, INNER
 
 EXACT_HOLD = 0
 MOREAU_JEAN = 1
@@ -51,7 +51,7 @@ def law_of(scheme: str) -> int:
         raise ValueError(f"unknown contact scheme {scheme!r}; use one of {', '.join(SCHEMES)}") from None
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _hold_responses(omega: float, sigma: float, dt: float):
     """(1 − p11)/ω², p12 and p11, p22 of q̈ + 2σq̇ + ω²q = 1 over one step, free of cancellation."""
     if (omega + 2.0 * sigma) * dt < _SERIES_BELOW:
@@ -94,7 +94,7 @@ def _hold_responses(omega: float, sigma: float, dt: float):
     return y, sine, p11, cosine - sigma * sine
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _characteristic_at_one(omega: float, sigma: float, dt: float) -> float:
     """1 − a + e of the two-step form q⁺ = a q − e q⁻, as a sum or product of terms that do not cancel."""
     d2 = (omega - sigma) * (omega + sigma)

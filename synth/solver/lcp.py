@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.vectors import add, dot
+from synth.solver.vectors import INNER, add, dot
 
 #: w may fall this much below zero, relative to the largest |b|: rounding of one Cholesky solve.
 FEASIBILITY = 1e-13
@@ -111,7 +111,7 @@ def pivot(a, b, enabled, active, z, factor, index, held: int) -> tuple[int, int,
     return status, tried + loads, 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _mark_infeasible(a, b, enabled, tolerance: float, m: int, index, active, z, factor) -> int:
     """Mark in `active` the enabled contacts that pull or that lie in the obstacle; how many."""
     n = b.size
@@ -142,7 +142,7 @@ def gaps(a, b, z, w) -> None:
             add(z[k], a[k, :n], w)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _shortfall(a, b, z, i: int, tolerance: float) -> float:
     """w_i where it is below zero by more than rounding explains, else 0."""
     w, terms = b[i], 0.0
@@ -153,7 +153,7 @@ def _shortfall(a, b, z, i: int, tolerance: float) -> float:
     return w if w < -(tolerance + _ROUNDING * terms) else 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _solve_one_by_one(a, b, enabled, tolerance: float, active, z, factor, index) -> tuple[int, int]:
     """Principal pivoting: the most violated contact is loaded until it holds, or until another one lets go.
 
@@ -216,10 +216,10 @@ def _solve_one_by_one(a, b, enabled, tolerance: float, active, z, factor, index)
     return NOT_SOLVED, loads
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _hold_without_pull(a, b, active, z, factor, index) -> int:
     """Drop contacts from the active set until the rest are independent and push, z with w = 0 on them; rows of factor."""
-    held = 0
+    held = int(np.int64(0))
     while True:
         m, held = factorise(a, active, _JOINS_ABOVE, factor, index, held)
         if m < 0:

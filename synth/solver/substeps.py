@@ -21,7 +21,7 @@ from numba import njit
 from synth.solver.kernels import Finger, Work, advance
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.lcp import SOLVED
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, INNER, dot, put
 
 
 class Substeps(NamedTuple):
@@ -42,7 +42,7 @@ def make_substeps(count: int, omega, sigma, mu: float, dt: float, shapes, residu
     return Substeps(count, coef, g)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def clear_step(coef, shapes, eta, q, v, watch, before, free, after) -> bool:
     """Whether a whole free step ends clear of every watched contact; leaves q, v alone.
 
@@ -64,7 +64,7 @@ def clear_step(coef, shapes, eta, q, v, watch, before, free, after) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def arriving(eta, before, after) -> bool:
     """Whether a contact (C,) that moves on as it did from `before` to `after` would be inside by the next step."""
     for c in range(eta.size):
@@ -109,7 +109,7 @@ def advance_substepped(
                     rec_force[t, c] += parts[k, c] / count
                     touched = touched or parts[k, c] > 0.0
         divide[0] = 1 if touched or arriving(eta, u, after) else 0
-        u[:] = after
+        put(u, after)
         for p in range(wq.shape[0]):
             out_q[t, p] = dot(wq[p], q)
         for p in range(wv.shape[0]):

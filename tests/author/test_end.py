@@ -77,7 +77,7 @@ def test_the_first_start_says_what_it_does(serve: Serve, tmp_path: Path) -> None
     code, said = server.end()
     assert code == 0
     begun, ended = said.splitlines()
-    assert begun == "synth: compiling kernels, once on this machine; takes 1 to 4 minutes"
+    assert begun == "synth: compiling kernels, once on this machine; takes ½ to 2 minutes"
     assert re.fullmatch(r"synth: \d+ of \d+ kernels compiled in \d+ s", ended)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.lcp import DEPENDENT, FEASIBILITY, NOT_SOLVED, SOLVED, factorise, substitute
-from synth.solver.vectors import add
+from synth.solver.vectors import add, put
 
 #: entries of a column below this times its largest are rounding, and no pivots
 _LEAST_PIVOT = 1e-11
@@ -155,10 +155,10 @@ def _polish(a, b, active, z, table, index) -> int:
     """z again from the set that was found, by one Cholesky solve, where the set is well enough conditioned for that."""
     n = b.size
     spare = table[:n, n + 1]
-    spare[:] = z
-    m, _ = factorise(a, active, DEPENDENT, table, index, 0)
+    put(spare, z)
+    m, _ = factorise(a, active, DEPENDENT, table, index, int(np.int64(0)))
     if m < 0:
-        z[:] = spare
+        put(z, spare)
         return SOLVED
     substitute(b, m, table, index, z)
     scale = 0.0
@@ -167,7 +167,7 @@ def _polish(a, b, active, z, table, index) -> int:
     for r in range(m):
         i = index[r]
         if z[i] * a[i, i] < -FEASIBILITY * scale:
-            z[:] = spare
+            put(z, spare)
             return SOLVED
         z[i] = max(0.0, z[i])
     return SOLVED

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
 
 from synth.native.arrays import aligned
 from synth.physics.excitation import pluck_weights
@@ -82,7 +83,7 @@ def in_blocks(scene, touch, steps, restitution, certified, pieces=None):
     at = 0
     for some in pieces or [steps]:
         finger = finger._replace(path=touch.path[at:])
-        status = advance_under_finger(
+        status = under_finger(
             some // BLOCK, scene.law, n, scene.dt, restitution, block.rows, scene.omega, block.shapes, scene.eta, block.lags,
             int(certified), q, v, u, w, finger, grip, block.weights, 1, out_lags, out[:, at:], forces[at:], work,
         )  # fmt: skip
@@ -90,6 +91,12 @@ def in_blocks(scene, touch, steps, restitution, certified, pieces=None):
         at += some
     assert not q[scene.omega.size :].any() and not v[scene.omega.size :].any()
     return (q[: scene.omega.size], v[: scene.omega.size], forces, finger.state, out), work
+
+
+@njit
+def under_finger(*arguments):
+    """It has no wrapper for Python."""
+    return advance_under_finger(*arguments)
 
 
 NAMES = ("q", "v", "forces", "finger", "outputs")
