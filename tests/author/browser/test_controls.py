@@ -303,7 +303,8 @@ def test_a_field_takes_its_unit(page, path, typed, found):
     page.script("arguments[0].select()", field)
     field.send_keys(typed, Keys.ENTER)
     page.until(lambda: value(page, path) == found)
-    page.until(lambda: float(field.get_property("value")) == found)
+    page.until(lambda: field.get_property("value") != typed)  # until the page has heard of it
+    assert float(field.get_property("value")) == found
     assert field.get_attribute("aria-invalid") is None
 
 

@@ -43,7 +43,7 @@ def test_what_is_typed_is_taken_undone_and_saved(page, folder):
     page.script("document.activeElement.blur()")
     page.keys("z", held=CONTROL)
     page.until(lambda: not state(page)["dirty"])
-    assert value_of(page, "pluck.position") == 0.42
+    page.until(lambda: value_of(page, "pluck.position") == 0.42)
     set_value(page, "pluck.width_mm", 9)
     page.keys("s", held=CONTROL)
     page.until(lambda: not state(page)["dirty"])
