@@ -26,7 +26,8 @@ from same_sound import render
 from same_sound.compare import DIFFERS, EQUAL, MISSING, NEW, compare, compared
 from same_sound.run import judged, verdict_of
 from same_sound.scenes import scenes
-from same_sound.session import DONE, FAILED, UNKNOWN, Answer
+from same_sound.session import COMPILED, DONE, FAILED, UNKNOWN, Answer, Worker
+from same_sound.trees import Side
 
 ROOT = Path(__file__).parents[1]
 OUT = np.linspace(-0.9, 0.9, 20).reshape(10, 2)
@@ -131,6 +132,22 @@ def test_what_fails_is_different_and_what_base_does_not_know_is_new(tmp_path: Pa
     for then, now in ((DONE, FAILED), (FAILED, DONE), (DONE, UNKNOWN), (UNKNOWN, UNKNOWN), (FAILED, FAILED)):
         verdict, words, _ = judged(answer(then, "why"), answer(now, "why"))
         assert verdict == DIFFERS and "why" in words
+
+
+def test_what_a_process_that_compiles_gives_is_asked_again_of_another(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    worker, asked = Worker(Side("here", tmp_path)), []
+
+    def fake(scene: dict[str, str], path: Path, last: bool) -> Answer:
+        asked.append(last)
+        return Answer(scene, DONE if last else COMPILED, "", 0.0, path)
+
+    monkeypatch.setattr(worker, "_ask", fake)
+    monkeypatch.setattr(worker, "_stop", lambda: asked.append("another"))
+    assert worker.ask({"name": "scene"}, tmp_path / "answer.npz").came == DONE
+    assert asked == [False, "another", True]
+    worker.end()
 
 
 def test_scenes_have_names_of_their_own_and_are_plain_data() -> None:

@@ -220,12 +220,19 @@ resonance = [{ frequency_hz = 110.0, q = 20.0, gain_db = 3.0 }, { frequency_hz =
 """
 
 
+#: and one that wraps a curved bridge of eight points
+CURVED = POINTS.replace("[100.0, 200.0, 310.0]", "[1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 13.0]").replace(
+    "[-0.8, -1.0, -1.3]", "[-0.0006, -0.0022, -0.005, -0.0113, -0.02, -0.0356, -0.0556, -0.0939]"
+)
+
+
 def _engines() -> list[Scene]:
     """One piece of music in blocks, threads and rates of all kinds, saved and gone on with, and the engine's options."""
     harp = tuple(range(36, 60, 3))
     piece = sorted([*phrase(21, harp, 14, 0.25), *sweep("bend", 0.03, 0.1, [900, 3000, -5000, 0]), control(0.05, 64, 127),
                     control(0.2, 64, 0)], key=lambda each: each[0])  # fmt: skip
     hot = phrase(22, harp, 20, 0.2)
+    slapped = {"preset": "fretted-bass", "set": {"pluck.displacement_mm": "15"}}
     plucks = [*note(0.0, 45, 110, 0.1), *note(0.04, 46, 80, 0.15), *note(0.12, 45, 60, 0.1), *note(0.1, 48, 127, 0.1)]
     found = [engine(f"blocks-{size}", "jawari-harp", 0.25, piece, blocks=[size]) for size in (1, 37, 64, 256, 4096)]
     found += [
@@ -260,6 +267,12 @@ def _engines() -> list[Scene]:
         engine("limiter-off", "jawari-harp", 0.2, hot, options={"gain_db": 24.0, "limiter": False}),
         *(engine(f"economy-{on}", "jawari-harp", 0.25, piece, options={"economy": on == "on"}) for on in ("on", "off")),
         engine("points-body-velocity", {"toml": POINTS}, 0.25, plucks),
+        engine("curved-bridge", {"toml": CURVED}, 0.2, plucks),
+        engine("curved-bridge-moreau-jean", {"toml": CURVED}, 0.1, plucks, options={"scheme": "moreau-jean"}),
+        *(
+            engine(f"slapped-bass-{law}", slapped, 0.2, phrase(28, (28, 33, 38, 43), 6, 0.2), options={"scheme": law})
+            for law in LAWS
+        ),
         engine("points-reference", {"toml": POINTS}, 0.1, plucks, options={"quality": "reference", "only_notes": [[45]]}),
         engine("nothing-to-touch", {"toml": POINTS, "set": {"obstacle": '{ kind = "none" }'}}, 0.25, plucks),
         *(

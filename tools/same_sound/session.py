@@ -21,6 +21,8 @@ from same_sound.trees import TOOLS, Side
 #: longest silence of a worker, which may have to compile all kernels [s]
 MOST_SILENCE_S = 1800.0
 DONE, UNKNOWN, FAILED = "done", "unknown", "failed"
+#: a worker's word for an answer that its package has compiled a kernel for
+COMPILED = "compiled"
 
 
 @dataclass(frozen=True)
@@ -76,14 +78,22 @@ class Worker:
         self._errors = tempfile.TemporaryFile("w+", errors="replace")
 
     def ask(self, scene: dict[str, Any], path: Path) -> Answer:
-        """The answer to a scene."""
+        """The answer to a scene, of a process that has compiled nothing unless that cannot be had."""
+        for last in (False, True):
+            answer = self._ask(scene, path, last)
+            if answer.came != COMPILED:
+                break
+            self._stop()
+        return answer
+
+    def _ask(self, scene: dict[str, Any], path: Path, last: bool) -> Answer:
         process = self._process = self._process or self._start()
         assert process.stdin is not None and process.stdout is not None
         watch = threading.Timer(MOST_SILENCE_S, process.kill)
         watch.daemon = True
         watch.start()
         try:
-            process.stdin.write(json.dumps({"scene": scene, "path": str(path)}) + "\n")
+            process.stdin.write(json.dumps({"scene": scene, "path": str(path), "last": last}) + "\n")
             process.stdin.flush()
             line = process.stdout.readline()
         except BrokenPipeError:
@@ -96,7 +106,11 @@ class Worker:
         return Answer(scene, FAILED, self._epitaph(), 0.0, path)
 
     def end(self) -> None:
-        """End the process."""
+        """End the process, for good."""
+        self._stop()
+        self._errors.close()
+
+    def _stop(self) -> None:
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -104,7 +118,6 @@ class Worker:
             for stream in (process.stdin, process.stdout):
                 with suppress(OSError):
                     stream.close()  # type: ignore[union-attr]
-        self._errors.close()
 
     def _start(self) -> subprocess.Popen[str]:
         one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")

@@ -27,7 +27,7 @@ ROOT = TOOLS.parent
 #: what of a commit is needed to sound
 NEEDED = ("synth", "presets")
 #: bases that are kept
-KEEP = 6
+KEEP = 4
 #: what answers are made with, besides the package
 MADE_WITH = ("numba", "llvmlite", "numpy", "scipy", "soundfile", "mido")
 
@@ -109,6 +109,8 @@ def base_at(name: str, cache: Path) -> Base:
     for old in kept[:-KEEP]:
         shutil.rmtree(old, ignore_errors=True)
     answers = folder / f"answers-{_surroundings()}"
+    for stale in set(folder.glob("answers-*")) - {answers}:
+        shutil.rmtree(stale, ignore_errors=True)
     answers.mkdir(exist_ok=True)
     return Base(commit, Side("BASE", tree, folder / "cache"), answers)
 
