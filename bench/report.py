@@ -123,9 +123,6 @@ def _start(found: list[dict[str, Any]]) -> str:
     lines = []
     for info in of(found, "start"):
         lines.append([info["what"], f"{number(info['median'])} s", f"{number(info['best'])} s"])
-        if "cold" in info:
-            lines.append(["the same with no kernel compiled before", f"{number(info['cold'])} s", ""])
-            lines.append(["of which compiling", f"{number(info['compiling'])} s", ""])
     return table(["what", "median", "best"], lines)
 
 

@@ -52,17 +52,14 @@ def _render(folder: Path, cache: Path) -> float:
 
 
 def test_first_render(benchmark: Any, tmp_path: Path, short: bool) -> None:
-    """A tenth of a second of the drone with kernels compiled before; unless short, with none first."""
+    """A tenth of a second of the drone with kernels compiled before."""
     cache = tmp_path / "cache"
     if short:
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        _render(tmp_path, cache)
-    cold = None if short else _render(tmp_path, cache)
+    _render(tmp_path, cache)
     warm: list[float] = []
     benchmark.pedantic(lambda: warm.append(_render(tmp_path, cache)), rounds=2 if short else 3, iterations=1)
     _note(benchmark, "synth render, a tenth of a second of the drone, kernels compiled before", "s", warm)
-    if cold is not None:
-        benchmark.extra_info.update(cold=cold, compiling=cold - float(np.median(warm)))
 
 
 @pytest.mark.full

@@ -6,9 +6,10 @@ all sources that kernels are made of; a changed source is another folder, and th
 cannot be written, kernels are kept in one that goes with the process, and `trouble` says so. NUMBA_CACHE_DIR, if set, is
 left alone.
 
-What keeps a kernel is Numba's own cache, with three things mended once Numba is loaded: `synth.compiling` is told what is
-compiled; a file that cannot be read or written costs a compilation and not the program; and one process at a time writes,
-since two that kept different signatures of a kernel under one number could each run the code of the other.
+What keeps a kernel is Numba's own cache, with some things mended once Numba is loaded: `synth.compiling` is told what is
+compiled; a file that cannot be read or written costs a compilation and not the program; one process at a time writes,
+since two that kept different signatures of a kernel under one number could each run the code of the other; what another
+has claimed is waited for (`kernel_claims`); and large kernels are called, not copied (`kernel_linking`).
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ MOST = 3
 #: what a helper takes while it compiles [bytes]
 NEEDS = 700e6
 _BEGIN = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from synth import kernel_helpers as k; k.help(sys.argv)"
+_at_it = threading.Lock()
 
 
 class Task(NamedTuple):
@@ -43,6 +44,15 @@ class Task(NamedTuple):
 def compile_all(listed: str) -> None:
     """Have the kernels compiled that the function `module:function` lists (as `Task`s, those that take longest first), if
     several are missing and several processes may run; else whoever calls them compiles them."""
+    if not _at_it.acquire(blocking=False):  # another thread has helpers
+        return
+    try:
+        _compile_all(listed)
+    finally:
+        _at_it.release()
+
+
+def _compile_all(listed: str) -> None:
     tasks = _tasks(listed)
     missing = [task for task in tasks if not compiling.is_kept(task.kernel.py_func)]
     count = min(len(missing) - 1, _may_run())
@@ -99,7 +109,7 @@ def _helpers(count: int, listed: str) -> Iterator[None]:
             for _ in range(count):
                 running.append(
                     subprocess.Popen(
-                        [sys.executable, "-c", _BEGIN, json.dumps(sys.path), listed, str(file)],
+                        [sys.executable, "-c", _BEGIN, json.dumps([str(each) for each in sys.path]), listed, str(file)],
                         stdin=subprocess.PIPE,
                         stdout=subprocess.DEVNULL,
                         stderr=subprocess.DEVNULL,

@@ -1,5 +1,5 @@
-"""Imports go one way only: signals, compiling → units → physics, solver, dsp → measures, exact → plan, preset → compile,
-case → scene, check → methods → simulation → engine → host, tune, fit → live → author → cli.
+"""Imports go one way only: signals, compiling → units, kernel_cache → kernel_helpers → physics, solver, dsp → measures,
+exact → plan, preset → compile, case → scene, check → methods → simulation → engine → host, tune, fit → live → author → cli.
 """
 
 import ast

@@ -120,6 +120,18 @@ def test_functions_for_c_are_counted_too(tried: Tried) -> None:
     assert value == "4" and json.loads(told)[1] == [3, 3, 1.0]
 
 
+def test_what_is_not_needed_after_all_is_not_waited_for(tried: Tried) -> None:
+    text = """
+with compiling.expecting([kernels.outer.py_func, kernels.apart.py_func]):
+    kernels.outer(1)
+    before = compiling.progress()
+    compiling.spares(kernels.apart.py_func)
+now = compiling.progress()
+print(before[:2], now[:2], compiling.busy())
+"""
+    assert tried.says(text)[0].splitlines() == ["(2, 3) (2, 2) False"]
+
+
 def test_what_cannot_be_compiled_is_not_waited_for(tried: Tried) -> None:
     text = """
 try:
