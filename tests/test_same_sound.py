@@ -190,6 +190,12 @@ def test_every_kind_of_event_and_every_live_parameter_is_sent() -> None:
     assert numbers == render.KINDS
 
 
+def git(root: Path, *words: str) -> str:
+    who = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost", "-c", "commit.gpgsign=false")
+    command = ["git", "-C", str(root), *who, *words]
+    return subprocess.run(command, check=True, stdin=subprocess.DEVNULL, capture_output=True, text=True).stdout.strip()
+
+
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
     """This package and the tool with one commit, in a place of their own."""
@@ -198,9 +204,8 @@ def repository(tmp_path: Path) -> Path:
     for folder in ("synth", "presets", "tools/same_sound"):
         shutil.copytree(ROOT / folder, root / folder, ignore=leave)
     shutil.copy2(ROOT / "tools/same-sound", root / "tools")
-    who = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost", "-c", "commit.gpgsign=false")
-    for words in (("init", "-q"), ("add", "."), (*who, "commit", "-q", "-m", "all")):
-        subprocess.run(["git", "-C", str(root), *words], check=True)
+    for words in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "all")):
+        git(root, *words)
     return root
 
 
@@ -217,7 +222,8 @@ def test_an_altered_rounding_and_a_failure_are_found(repository: Path) -> None:
     wanted = ("HEAD", "--only", "scheme-cabannes", "--only", "scheme-flat-wall")
     done = same_sound(repository, *wanted)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "2 equal, 0 different" in done.stdout
+    assert "2 equal, 0 different" in done.stdout and "BASE: 0 of 2" in done.stderr
+    git(repository, "commit", "-q", "--allow-empty", "-m", "another with the same package: what is kept serves it too")
 
     forms = repository / "synth/exact/triangle.py"
     before = forms.read_text()
@@ -230,6 +236,7 @@ def test_an_altered_rounding_and_a_failure_are_found(repository: Path) -> None:
     line = next(line for line in done.stdout.splitlines() if "scheme-cabannes" in line)
     assert line.startswith(DIFFERS) and "0.u: largest difference" in line and " ulp" in line and "first at row" in line
     assert "1 equal, 1 different" in done.stdout and "1 changed file" in done.stdout
+    assert "BASE: " not in done.stderr
     with np.load(repository.parent / "kept/scheme-cabannes.base.npz") as base:
         with np.load(repository.parent / "kept/scheme-cabannes.here.npz") as here:
             assert np.abs(here["0.u"] - base["0.u"]).max() < 1e-15 and not np.array_equal(here["0.u"], base["0.u"])
@@ -244,7 +251,9 @@ def test_an_altered_rounding_and_a_failure_are_found(repository: Path) -> None:
 
 @pytest.mark.slow
 def test_wrong_use_is_told_in_a_line(repository: Path) -> None:
+    nothing = git(repository, "commit-tree", "-m", "nothing", git(repository, "mktree"))
     for words, reason in (
+        ((nothing,), "has no package to compare with"),
         (("HEAD~7",), "BASE must be a commit"),
         (("--", "--upload-pack=x"), "BASE must be a commit"),
         ((), "BASE is missing"),

@@ -1,7 +1,8 @@
 """The two packages that are compared: BASE as it was at a commit, and the working tree; and what is kept of BASE.
 
-BASE's files lie in the user's cache, always at the same place with the times of the commit, for kernels are kept by these;
-beside them its kernels, and its answers by scene and by all that they depend on. The working tree uses the ordinary kernels.
+BASE's files lie in the user's cache, by their content (commits that differ elsewhere share them), and stay as they are, for
+kernels are kept by place and time of their sources; beside them its kernels, and its answers by scene and by all that they
+depend on. The working tree uses the ordinary kernels.
 """
 
 from __future__ import annotations
@@ -87,15 +88,16 @@ def changes() -> int:
 def base_at(name: str, cache: Path) -> Base:
     """BASE, its files laid out. Raises WrongUse."""
     commit = commit_of(name)
-    folder = cache / commit
+    try:
+        content = git("rev-parse", *(f"{commit}:{part}" for part in NEEDED))
+    except WrongUse:
+        raise WrongUse(f"{name} ({commit[:7]}) has no package to compare with: no {' or '.join(NEEDED)}") from None
+    folder = cache / hashlib.blake2b(content, digest_size=8).hexdigest()
     tree = folder / "tree"
     if not tree.is_dir():
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as made:
-            try:
-                packed = git("archive", commit, "--", *NEEDED)
-            except WrongUse:
-                raise WrongUse(f"{name} ({commit[:7]}) has no package to compare with: no {' or '.join(NEEDED)}") from None
+            packed = git("archive", commit, "--", *NEEDED)
             with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
                 archive.extractall(made, filter="data")
             try:
