@@ -58,8 +58,9 @@ def cache_folder() -> Path:
     digest = hashlib.blake2b(os.environ.get("JAWARI_LANES", "").encode(), digest_size=8)
     for path in sorted(package.rglob("*.py")):
         content = path.read_bytes()
-        # the engine's constants are compiled in, and so are what intrinsics emit and how arrays are declared
-        if b"njit" in content or b"intrinsic" in content or path.parent.name in ("engine", "native"):
+        # constants of the engine and of units are compiled in, and so are what intrinsics emit and how arrays are declared
+        own = path.parent.name in ("engine", "native") or path.name == "units.py"
+        if own or b"njit" in content or b"intrinsic" in content:
             digest.update(str(path.relative_to(package)).encode())
             digest.update(content)
     if sys.platform == "darwin":

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import synth
 
 PACKAGE = Path(synth.__file__).parent
@@ -27,14 +29,15 @@ def folder(root: Path, cache: Path) -> Path:
     return Path(told.stdout.strip())
 
 
-def test_a_changed_kernel_has_another_folder(tmp_path: Path) -> None:
+@pytest.mark.parametrize("changed", ["solver/lcp.py", "engine/layout.py", "native/arrays.py", "units.py"])
+def test_a_changed_kernel_or_constant_has_another_folder(tmp_path: Path, changed: str) -> None:
     shutil.copytree(PACKAGE, tmp_path / "synth", ignore=shutil.ignore_patterns("__pycache__"))
     first = folder(tmp_path, tmp_path / "cache")
     assert folder(tmp_path, tmp_path / "cache") == first
     with open(tmp_path / "synth" / "cli" / "render.py", "a") as file:
         file.write("\n# no kernel\n")
     assert folder(tmp_path, tmp_path / "cache") == first
-    with open(tmp_path / "synth" / "solver" / "lcp.py", "a") as file:
+    with open(tmp_path / "synth" / changed, "a") as file:
         file.write("\n# another kernel\n")
     assert folder(tmp_path, tmp_path / "cache") != first
 
