@@ -317,7 +317,7 @@ from synth.cli import main
 with contextlib.redirect_stdout(io.StringIO()):
     assert main({arguments!r}) == 0
 begun = next(each for each in names if each.__name__ == "step_coefficients")
-kept, compiling._kept = compiling._kept, lambda function: False
+kept, compiling.is_kept = compiling.is_kept, lambda function: False
 entries = compiling._expected(begun)
 for entry in entries:
     compiling._want(entry)
