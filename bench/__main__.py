@@ -24,10 +24,10 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest
 from speed_error.measure import machine
-from speed_error.store import write_beside
 
 from bench import REPOSITORY, plots, report
 from synth.solver.lanes import LANES
+from synth.targets import write_text
 
 
 def pin() -> None:
@@ -67,9 +67,9 @@ def main() -> int:
     recorded.unlink()
     here, lanes = machine(), LANES
     results = {"machine": here, "lanes": lanes, "short": options.short, "only": options.only, "figures": found}
-    write_beside(out / "results.json", lambda file: json.dump(results, file, indent=1), "w")
+    write_text(out / "results.json", json.dumps(results, indent=1))
     text = report.markdown(found, here, lanes, whole=options.only is None)
-    write_beside(out / "tables.md", lambda file: file.write(text), "w")
+    write_text(out / "tables.md", text)
     print(text)
     drawn = plots.growth(found, out / "growth.png")
     if options.publish and drawn and not failed:
