@@ -161,6 +161,10 @@ def _mend_numba() -> None:
     from numba.core import caching, ccallback, codegen, dispatcher
     from numba.core import config as numba_config
 
+    mended: Any = dispatcher.Dispatcher
+    if getattr(mended, "_jawari_mended", False):  # done twice, a library would forget what it calls
+        return
+    mended._jawari_mended = True
     config: Any = numba_config
     users: Any = (dispatcher, ccallback)
     kinds: Any = (dispatcher.Dispatcher, ccallback.CFunc)

@@ -115,3 +115,13 @@ def test_one_that_another_process_has_compiled_anew_goes_by_another_name(tried: 
     tried.program = whole
     assert set(tried.compiled()) <= {"between", "caller"}
     assert tried.compiled() == []
+
+
+def test_asked_for_twice_in_a_process_a_kernel_still_knows_what_it_calls(tried: Tried) -> None:
+    tried.program, once = (
+        tried.program.replace("import synth\n", "import synth\nsynth.kernel_cache.use()\n", 1),
+        tried.program,
+    )
+    assert tried.compiled() == ALL
+    tried.program = once
+    assert tried.compiled() == []

@@ -3,14 +3,10 @@
 import sys
 import time
 
-from synth import kernel_cache
-
-kernel_cache.use()
-
-from synth.live.deck import Deck  # noqa: E402
-from synth.live.errors import DeviceError  # noqa: E402
-from synth.live.jackclient import open_output  # noqa: E402
-from tests.engine import kit  # noqa: E402
+from synth.live.deck import Deck
+from synth.live.errors import DeviceError
+from synth.live.jackclient import open_output
+from tests.engine import kit
 
 server, how = sys.argv[1:]
 deck = Deck(kit.engine(kit.FREE))

@@ -12,7 +12,6 @@ import traceback
 import warnings
 
 from break_inputs.trial import Broke, attempt, broken, whole
-from synth.kernel_cache import use
 
 #: longest that one may take, of this process's own time [s]
 MOST_S = 10.0
@@ -20,7 +19,6 @@ MOST_S = 10.0
 
 def work(kind: str, first: int, beyond: int, seed: int) -> None:
     """Inputs `first` to `beyond` − 1 of a kind."""
-    use()
     warnings.simplefilter("error")
     out = os.fdopen(os.dup(1), "w", buffering=1)
     _warm(kind)
