@@ -162,18 +162,22 @@ class Whole:
 
     path    its place; a link there is replaced, and not what it leads to
     beside  where it lies until then, on the same file system (its own folder)
+    mode    of a file that is not there yet, less what the umask takes; otherwise it stays as it is
     kept    what has been written is worth having after a crash: it is called `.NAME.PID.part`, and nobody takes it away
     partial  where it lies
     handle   to read and write; −1 while it is not open
     Every method raises OSError that names `path`.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, beside: Path | None = None, kept: bool = False) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], *, beside: Path | None = None, kept: bool = False, mode: int = 0o666
+    ) -> None:
         self.path = os.fspath(path)
         self.handle = -1
         self.partial: Path | None = None
         self._beside = Path(path).parent if beside is None else beside
         self._kept = kept
+        self._mode = mode
 
     def open(self) -> int:
         """Makes the file; returns `handle`. What killed processes left in the folder goes."""
@@ -187,7 +191,7 @@ class Whole:
                     self.partial = partial
                     _unfinished.add(self)
                 try:
-                    self.handle = os.open(partial, flags, 0o666 if mode is None else mode)
+                    self.handle = os.open(partial, flags, self._mode if mode is None else mode)
                 except FileExistsError:  # of a process before, which had the same number
                     continue
                 self.partial = partial
@@ -267,14 +271,14 @@ def discard_unfinished() -> None:
         whole.discard()
 
 
-def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object]) -> None:
+def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object], mode: int = 0o666) -> None:
     """`write` a file beside its place, then rename it: it is whole whatever happens, and what was there before stays until
-    then. A device or a pipe is written to as it is. Raises OSError that names `path`."""
+    then. mode: see `Whole`. A device or a pipe is written to as it is. Raises OSError that names `path`."""
     if is_special(path):
         with naming(path), open(path, "wb") as file:
             write(file)
         return
-    whole = Whole(path)
+    whole = Whole(path, mode=mode)
     try:
         handle = whole.open()
         with naming(path), os.fdopen(os.dup(handle), "w+b") as file:
@@ -285,10 +289,10 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object
         whole.discard()
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> None:
+def write_text(path: str | os.PathLike[str], text: str, mode: int = 0o666) -> None:
     """`write_whole` of text in UTF-8."""
     data = text.encode("utf-8")
-    write_whole(path, lambda file: file.write(data))
+    write_whole(path, lambda file: file.write(data), mode)
 
 
 def tidy(folder: str | os.PathLike[str]) -> None:

@@ -336,8 +336,7 @@ class Document:
             if self.dirty:
                 if not self.autosave.is_symlink() or is_special(self.autosave):
                     check_regular(self.autosave)  # a link to a file is replaced
-                _make_private(self.autosave)
-                write_text(self.autosave, self.text)
+                write_text(self.autosave, self.text, mode=0o600)  # the preset may be one that nobody else reads
             else:
                 self.autosave.unlink(missing_ok=True)
 
@@ -396,13 +395,6 @@ class Document:
             self._offers = self._offers[:-1]
             path.unlink(missing_ok=True)
             self.revision += 1
-
-
-def _make_private(path: Path) -> None:
-    """Have a file there that nobody else reads, as the preset may be one that nobody else does: its mode stays when it is
-    written. Raises OSError."""
-    with contextlib.suppress(FileExistsError):
-        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
 
 def _merging_ended(history: History) -> History:

@@ -301,3 +301,20 @@ def test_many_changes_are_those_one_by_one(name: str) -> None:
     for each in wanted:
         text, _ = changes.apply(text, [each], "x")
     assert at_once == text
+
+
+def test_an_autosave_is_whole_or_not_there(tmp_path: Path, monkeypatch) -> None:
+    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    made = document.Document("mine", text, tmp_path / ".mine.toml.autosave")
+    made.set_text(text.replace("jiva_um = 3.0", "jiva_um = 8.0"), "edit")
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("synth.targets.os.replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            made.write_autosave()
+    assert list(tmp_path.iterdir()) == []
+    made.write_autosave()
+    assert "jiva_um = 8.0" in made.autosave.read_text(encoding="utf-8") and made.autosave.stat().st_mode & 0o777 == 0o600
