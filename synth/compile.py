@@ -238,8 +238,8 @@ def speaking_string(
 def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
     """What kind of scene (`plan.scene_kind`) an open string over its obstacle is, plucked softly and hard."""
     pluck = preset.pluck
-    hard = pluck.position if pluck.position_hard is None else pluck.position_hard
-    return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in (pluck.position, hard)])
+    shares = (pluck.position, pluck.hardest_position)
+    return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in shares])
 
 
 def output_distance(preset: Preset, string: String, open_length_m: float) -> float:

@@ -21,6 +21,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, NamedTuple
 
 from synth import compiling, kernel_cache, kernel_claims
+from synth.native.processors import cores
 
 #: helpers at most; more would wait for each other
 MOST = 3
@@ -132,8 +133,7 @@ def _may_run() -> int:
     """How many helpers there is room for."""
     if getattr(sys, "frozen", False) or not os.path.basename(sys.executable or "").startswith(("python", "pypy")):
         return 0  # what is started by that name is another program
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(0, min(MOST, cores - 1, int(_free_memory() / NEEDS) - 1))
+    return max(0, min(MOST, cores() - 1, int(_free_memory() / NEEDS) - 1))
 
 
 def _free_memory() -> float:

@@ -300,6 +300,16 @@ class Pluck(Table):
     #: loss of the finger, in units of the string's impedance
     finger_loss: float = Field(0.5, ge=0.0, le=100.0)
 
+    @property
+    def hardest_position(self) -> float:
+        """Share of the open length at velocity 127."""
+        return self.position if self.position_hard is None else self.position_hard
+
+    @property
+    def hardest_width_mm(self) -> float:
+        """Width at velocity 127."""
+        return self.width_mm if self.width_hard_mm is None else self.width_hard_mm
+
 
 class Damping(Table):
     """The hand on the string after a note ends."""

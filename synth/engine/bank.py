@@ -145,8 +145,6 @@ def build_bank(
                 for name, array in _model_arrays(position, law, rate_hz, string.factor).items():
                     flat[name].append(array.ravel())
         pluck, output = preset.pluck, preset.output
-        hard = pluck.position if pluck.position_hard is None else pluck.position_hard
-        width_hard = pluck.width_mm if pluck.width_hard_mm is None else pluck.width_hard_mm
         n_body = len(preset.body.resonance)
         if n_body:
             bodies.append(
@@ -170,8 +168,8 @@ def build_bank(
                 use_v=int(output.kind in ("velocity", "pickup")),
                 pickup_distance=1e-3 * output.distance_mm,
                 velocity_exponent=pluck.velocity_exponent,
-                position_shift=hard - pluck.position,
-                width_ratio=width_hard / pluck.width_mm,
+                position_shift=pluck.hardest_position - pluck.position,
+                width_ratio=pluck.hardest_width_mm / pluck.width_mm,
                 finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
                 finger_loss=pluck.finger_loss,
                 direct=db_to_gain(preset.body.direct_db),

@@ -31,8 +31,9 @@ from synth.engine.notes import set_zone
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
 from synth.engine.state_check import check_state
-from synth.engine.team import ATTEND, Team, cores
+from synth.engine.team import ATTEND, Team
 from synth.engine.zones import LOWER, MOST_MEMBERS
+from synth.native.processors import cores
 from synth.native.views import table
 from synth.preset import Preset, PresetError, why_unplayed
 from synth.schemes import energy_warning

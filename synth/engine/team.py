@@ -126,13 +126,6 @@ def _attend(core: int, desk: int, asleep: int) -> None:
 ATTEND = getattr(_attend, "py_func", _attend)
 
 
-def cores() -> int:
-    """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 #: every team of this process, for a child that is forked from it
 _TEAMS: weakref.WeakSet[Team] = weakref.WeakSet()
 

@@ -254,11 +254,10 @@ def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) 
 def _pluck(place: Place, opened: String, string: String, velocity: int, fret_height: float, drags: _Drags) -> dict[str, Any]:
     table, length, speaking = place.preset.pluck, opened.length_m, string.length_m
     strength = velocity / 127.0
-    hard = table.position if table.position_hard is None else table.position_hard
-    width_hard = table.width_mm if table.width_hard_mm is None else table.width_hard_mm
+    hard = table.hardest_position
     share = table.position + strength * (hard - table.position)
     distance = finger_distance(share, length, speaking)
-    width = finger_width(1e-3 * table.width_mm, width_hard / table.width_mm, strength, distance)
+    width = finger_width(1e-3 * table.width_mm, table.hardest_width_mm / table.width_mm, strength, distance)
     full = at_note(table.displacement_mm, place.opened)
     full_force = full_pluck_force(place.preset, opened, place.opened)
     moved = drawn_by(pluck_force(full_force, strength, table.velocity_exponent), distance, speaking, string.tension_n)
