@@ -1,7 +1,8 @@
-"""From the strings' internal rate to what is heard.
+"""From the strings' internal rate to what is heard, and what can be measured in it.
 
 decimator, polyphase   down to the output rate
+effect                 what an effect is; body_effect, limiter_effect, delay_effect: those there are
 body                   measured resonances of an instrument's body
 limiter                no sample above the ceiling
-denormals              subnormal numbers are zero while a block is computed
+measures               pitch, decay, spectra of a sound
 """

@@ -17,7 +17,7 @@ from llvmlite import ir
 from numba import njit, types
 from numpy.typing import NDArray
 
-from synth.simd import INT, LANES, VECTOR, Code, intrinsic
+from synth.native.simd import INT, LANES, VECTOR, Code, intrinsic
 
 
 def body_coefficients(frequencies_hz, q, gains_db, rate_hz: float) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from llvmlite import ir
 from numba import types
 
-from synth.simd import INT, LANES, VECTOR, Code, intrinsic
+from synth.native.simd import INT, LANES, VECTOR, Code, intrinsic
 
 #: taps of a branch
 BRANCH = 74

@@ -14,9 +14,9 @@ behind an address, and what is not as it says is refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -125,3 +125,34 @@ def _extents(kind: Any, name: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
 def _extent(symbols: str, sizes: Mapping[str, int]) -> int:
     products = ([factor.strip() for factor in product.split("*")] for product in symbols.split("+"))
     return sum(math.prod(int(factor) if factor.isdigit() else sizes[factor] for factor in factors) for factors in products)
+
+
+class Pool(Generic[Kind]):
+    """Many of a kind, each of sizes of its own: of every field one array, on which those of the items lie side by side.
+
+    items   the many, in their order
+    flat    the arrays of the fields, by name; between items there may be room, so that each begins on a cache line
+    """
+
+    def __init__(self, kind: type[Kind], sizes: Sequence[Mapping[str, int]]) -> None:
+        self._kind = kind
+        self.flat: dict[str, np.ndarray] = {}
+        #: of each field where the part of each item begins, and its extents
+        self._places: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
+        for name, (dtype, _) in fields(kind).items():
+            step = LINE // math.gcd(LINE, dtype.itemsize)
+            places, at = [], 0
+            for each in sizes:
+                extents = _extents(kind, name, each)
+                places.append((at, extents))
+                at += -(-math.prod(extents) // step) * step
+            self.flat[name], self._places[name] = aligned(at, dtype), places
+        self.items: list[Kind] = [self.item(i, self.flat) for i in range(len(sizes))]
+
+    def item(self, i: int, flat: Mapping[str, np.ndarray]) -> Kind:
+        """Item i on arrays like those of `flat`."""
+        pieces = {}
+        for name, places in self._places.items():
+            at, extents = places[i]
+            pieces[name] = flat[name][at : at + math.prod(extents)].reshape(extents)
+        return self._kind(**pieces)

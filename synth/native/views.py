@@ -12,11 +12,13 @@ Only what is used is ever loaded. The tables own nothing: who makes one keeps it
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import from_dtype, types
+from numba import cfunc, from_dtype, types
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, models, register_model
@@ -56,7 +58,8 @@ class Opened(types.Type):
     def __init__(self, kind: Any, skip: int) -> None:
         self.kind = kind
         self.skip = skip
-        super().__init__(name=f"Opened({kind.__name__})")
+        # types of one name are one type to Numba
+        super().__init__(name=f"Opened({kind.__module__}.{kind.__qualname__}, {skip})")
 
     def member(self, name: str) -> Any:
         """Numba type of a field, None where there is none."""
@@ -120,15 +123,87 @@ def opener(kind: Any, skip: int = 0) -> Any:
     return intrinsic(open_table)
 
 
-def _call_back(typingctx, function, core, desk, s, more):
-    """Call the compiled function at an address with four int64. Who calls it is spared compiling it once more."""
+@cache
+def entry(function: Callable[..., Any], words: int, answers: bool = False) -> Any:
+    """A plain function of so many int64, compiled to be called by its `.address`; answers: it gives an int64.
+
+    Kept for as long as the process lives: whoever has the address may call it.
+    """
+    kinds = ", ".join(["int64"] * words)
+    return cfunc(f"{'int64' if answers else 'void'}({kinds})", cache=True)(function)
+
+
+def _calling(count: int) -> tuple[Any, Any]:
+    """A call of what is compiled at an address with so many int64. Who calls it is spared compiling it once more."""
 
     def generate(context, builder, signature, arguments):
-        kind = ir.FunctionType(ir.VoidType(), [_I64] * 4)
+        kind = ir.FunctionType(ir.VoidType(), [_I64] * count)
         builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
         return context.get_dummy_value()
 
-    return types.void(*[types.int64] * 5), generate
+    return types.void(*[types.int64] * (count + 1)), generate
 
 
+def _tell(typingctx, function, address):
+    return _calling(1)
+
+
+def _call_back(typingctx, function, core, thread, s, more):
+    return _calling(4)
+
+
+def _ask(typingctx, function, core, thread, action, place, velocity):
+    return _calling(5)
+
+
+def _asking(count: int) -> tuple[Any, Any]:
+    """A call of what is compiled at an address with so many int64; the int64 that it gives."""
+
+    def generate(context, builder, signature, arguments):
+        kind = ir.FunctionType(_I64, [_I64] * count)
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
+
+    return types.int64(*[types.int64] * (count + 1)), generate
+
+
+def _query(typingctx, function, address):
+    return _asking(1)
+
+
+def _consult(typingctx, function, model, state, scratch):
+    return _asking(3)
+
+
+def _frames_at(typingctx, address, frames, channels):
+    """The (frames, channels) float64 at an address."""
+    kind = types.Array(types.float64, 2, "C")
+
+    def generate(context, builder, signature, arguments):
+        place, *shape = arguments
+        array = make_array(kind)(context, builder)
+        strides = [builder.mul(shape[1], _I64(8)), _I64(8)]
+        data = builder.inttoptr(place, array.data.type)
+        populate_array(array, data=data, shape=shape, strides=strides, itemsize=_I64(8), meminfo=None)
+        return array._getvalue()
+
+    return kind(types.int64, types.int64, types.int64), generate
+
+
+def _address_of(typingctx, array):
+    """Where an array's first element is."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.ptrtoint(make_array(array)(context, builder, arguments[0]).data, _I64)
+
+    return types.int64(array), generate
+
+
+#: the answer of the function at an address, compiled for one int64, or for three
+query: Any = intrinsic(_query)
+consult: Any = intrinsic(_consult)
+frames_at: Any = intrinsic(_frames_at)
+address_of: Any = intrinsic(_address_of)
+#: call the function at an address, compiled for one int64, for four, or for five
+tell: Any = intrinsic(_tell)
 call_back: Any = intrinsic(_call_back)
+ask: Any = intrinsic(_ask)

@@ -32,7 +32,7 @@ def nut_mobility(string: String, omega: np.ndarray | float) -> np.ndarray:
     mobility = np.zeros(omega.shape, dtype=np.complex128)
     for mode in string.nut:
         omega_n = 2.0 * math.pi * mode.frequency_hz
-        stiffness = mode.modal_mass_kg * (omega_n**2 - omega**2 + 1j * omega * omega_n / mode.q)
+        stiffness = mode.mass_kg * (omega_n**2 - omega**2 + 1j * omega * omega_n / mode.q)
         mobility += 1j * omega / stiffness
     return mobility
 
@@ -53,7 +53,7 @@ def model_frequencies(string: String, n: int) -> np.ndarray:
         mode = int(np.argmin(bracket)) + 1
         raise ValueError(
             f"nut mobility must leave mode {mode} a positive frequency, got a factor {bracket[mode - 1]:.3g}; "
-            "raise modal_mass_kg of the nut resonances"
+            "raise mass_kg of the nut resonances"
         )
     return omega_0 * bracket
 

@@ -32,7 +32,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "air_density": (0.0, 1e6, " kg/m³"),
     "frequency_hz": (1e-6, 1e9, " Hz"),
     "q": (1e-6, 1e12, ""),
-    "modal_mass_kg": (1e-9, 1e9, " kg"),
+    "mass_kg": (1e-9, 1e9, " kg"),
     "measured_frequencies_hz": (1e-6, 1e12, " Hz"),
     "measured_decay_rates": (1e-12, 1e12, " 1/s"),
 }
@@ -44,17 +44,17 @@ class NutResonance:
 
     frequency_hz   resonance frequency ω_n/2π [Hz]
     q              quality factor Q
-    modal_mass_kg  modal mass m seen by the string at that end [kg]
+    mass_kg  modal mass m seen by the string at that end [kg]
 
     Raises ValueError unless all three are within LIMITS.
     """
 
     frequency_hz: float
     q: float
-    modal_mass_kg: float
+    mass_kg: float
 
     def __post_init__(self) -> None:
-        for name in ("frequency_hz", "q", "modal_mass_kg"):
+        for name in ("frequency_hz", "q", "mass_kg"):
             require_within(name, getattr(self, name), f"nut resonance {name}")
 
 

@@ -60,7 +60,7 @@ def _mobile_nut_tension(string: String, frequency_hz: float, start_n: float) -> 
             raise ValueError(
                 f"frequency_hz must be within reach of this nut, got {frequency_hz:g} Hz, "
                 f"which no tension near {start_n:g} N gives; "
-                "raise the modal_mass_kg of the nut resonance nearest to it"
+                "raise the mass_kg of the nut resonance nearest to it"
             )
     while abs(far - near) > 1e-15:
         middle = 0.5 * (near + far)

@@ -1,11 +1,11 @@
 """For how long no node of a wall can be reached by the freely moving string.
 
-A mode's energy does not grow, so that |q_j| ≤ E_j and |q̇_j| ≤ ω_j E_j with E_j = √(q_j² + v_j²/ω_j²), and node c moves in
-the time τ by no more than Σ |φ_j(x_c)| E_j min(2, ω_j τ) (`blocks.certify`), forwards as well as backwards: a node whose gap
+A mode's energy does not grow, so that |q_j| ≤ E_j and |q̇_j| ≤ ω_j E_j with E_j = √(q_j² + v_j²/ω_j²), and node c moves
+in the time τ by no more than Σ |φ_j(x_c)| E_j min(2, ω_j τ) (`certify`), forwards as well as backwards: a node whose gap
 is larger is clear for τ before and after, though not before the instant at which E_j, larger then, was taken. Until some
-looks have passed since the last impulse, √(2/L) stands for every |φ_j(x_c)|; then the sums are taken node by node, once for
-all strides. With them goes the certificate that the string flies free for ever: the decaying amplitudes A_j of
-`kernels.amplitudes` leave Σ |φ_j(x_c)| A_j below every gap at rest.
+looks have passed since the last impulse, √(2/L) stands for every |φ_j(x_c)|; then the sums are taken node by node, once
+for all strides. With them goes the certificate that the string flies free for ever: the decaying amplitudes A_j of
+`certificates.amplitudes` leave Σ |φ_j(x_c)| A_j below every gap at rest.
 
 A rigid wall may strike while the gap is still ½Δt|w|, w the node's velocity: there ½Δt Σ |φ_j| ω_j E_j is added.
 """
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.solver.kernels import FOR_EVER, MARGIN, amplitudes, extents
+from synth.solver.certificates import FOR_EVER, MARGIN, amplitudes, extents
 from synth.solver.vectors import FAST, INNER, dot
 
 # places in Clearance.counts

@@ -13,7 +13,7 @@ velocity. What forces f_k during the steps 0 … K − 1 add to the state at the
 
 κ the response of (q, v) to a unit force: two multiplications for a step, and no table.
 
-Rows of a block's coefficient array, as `blocks.fill_rows` makes them:
+Rows of a block's coefficient array, as `responses.fill_rows` makes them:
 0 … 5 p11, p12, p21, p22, kq, kv of one step (`laws`), 6 a, 7 −e, 8 … 11 Φ^K, 12, 13 (Φ − a)κ.
 """
 
@@ -23,7 +23,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 
-from synth.simd import DOUBLE, INT, LANES, LOOSE, VECTOR, Code, intrinsic
+from synth.native.simd import DOUBLE, INT, LANES, LOOSE, VECTOR, Code, intrinsic
 
 #: steps that a block kernel takes at a time
 BLOCK = 8

@@ -24,13 +24,16 @@ import math
 import numpy as np
 from numba import njit
 
+from synth.solver.contact_laws import check_scheme
+from synth.solver.schemes import LAWS
 from synth.solver.vectors import FAST, INNER
 
 EXACT_HOLD = 0
 MOREAU_JEAN = 1
 MOREAU_JEAN_FILTERED = 2
 
-SCHEMES: dict[str, int] = {
+#: numbers of the laws that the kernels know
+NUMBERS: dict[str, int] = {
     "exact-hold": EXACT_HOLD,
     "moreau-jean": MOREAU_JEAN,
     "moreau-jean-filtered": MOREAU_JEAN_FILTERED,
@@ -44,11 +47,9 @@ _RIGID_BELOW = 1e-150
 
 
 def law_of(scheme: str) -> int:
-    """The law's number for a scheme name; ValueError names the known ones."""
-    try:
-        return SCHEMES[scheme]
-    except KeyError:
-        raise ValueError(f"unknown contact scheme {scheme!r}; use one of {', '.join(SCHEMES)}") from None
+    """The law's number for a scheme name, exact-hold's for a registered law (`contact_laws`). Raises ValueError, which names
+    the known ones, for another."""
+    return NUMBERS.get(check_scheme(scheme, LAWS), EXACT_HOLD)
 
 
 @njit(**INNER)

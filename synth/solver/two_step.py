@@ -27,11 +27,11 @@ from numba import njit
 from synth.solver import quadratisation, sav
 from synth.solver.compliant import newton, newton_one
 from synth.solver.energy import filter_factor, stored
-from synth.solver.kernels import fly, push_modes
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients
 from synth.solver.penalty import force as law_force
 from synth.solver.penalty import potential
 from synth.solver.problem import Outcome, Problem, kept_array
+from synth.solver.stepwise import fly, push_modes
 from synth.solver.vectors import FAST, dot
 
 NEWTON = 0

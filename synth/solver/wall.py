@@ -32,11 +32,11 @@ from numba import njit
 
 from synth.solver.clearance import FREE, Clearance, attend, clear_for, forget, make_clearance
 from synth.solver.energy import stored
-from synth.solver.flights import Flights, flown, hop, largest, make_flights
-from synth.solver.kernels import fly
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.problem import Problem, kept_array
+from synth.solver.propagators import Flights, flown, hop, largest, make_flights
 from synth.solver.sine import Sine, make_sine, transform
+from synth.solver.stepwise import fly
 from synth.solver.vectors import FAST, dot
 
 #: ΩΔt beyond which the springs are softened: two steps of contact are the least that is still a spring

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.solver.kernels import fly
 from synth.solver.laws import EXACT_HOLD, coefficients
+from synth.solver.stepwise import fly
 from synth.solver.vectors import FAST
 
 #: numbers of steps, each at most half as many again as the one before
@@ -47,7 +47,7 @@ def hop(flights: Flights, steps: int, q, v) -> None:
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def flown(coef, q, v, out_q, out_v) -> None:
-    """`kernels.fly` into other arrays."""
+    """`stepwise.fly` into other arrays."""
     n = q.size
     p11, p12, p21, p22 = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n]
     out_q, out_v = out_q[:n], out_v[:n]

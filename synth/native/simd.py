@@ -1,0 +1,150 @@
+"""LLVM's vectors of doubles, as wide as the machine's registers, for intrinsics that compiled code calls like functions.
+
+Numba's own vectoriser prefers half that width and keeps sums in registers only where it likes to.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import llvmlite.binding
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic as _intrinsic
+
+
+def _lanes() -> int:
+    """Doubles in a vector register of this machine, or JAWARI_LANES (2, 4 or 8) of the environment.
+
+    Compiled kernels are kept apart by it (`kernel_cache`); a NUMBA_CACHE_DIR of your own needs a folder for each.
+    """
+    wanted = os.environ.get("JAWARI_LANES", "")
+    if wanted:
+        if wanted not in ("2", "4", "8"):
+            raise ValueError(f"JAWARI_LANES must be 2, 4 or 8, got {wanted!r}; unset it to have the processor's own")
+        return int(wanted)
+    features = llvmlite.binding.get_host_cpu_features()
+    if features.get("avx512f"):
+        return 8
+    return 4 if features.get("avx2") else 2
+
+
+#: as the typing of numba's own decorator does not see through it
+intrinsic: Any = _intrinsic
+LANES = _lanes()
+
+DOUBLE = ir.DoubleType()
+INT = ir.IntType(64)
+VECTOR = ir.VectorType(DOUBLE, LANES)
+LOOSE = ("reassoc", "contract", "nsz")
+
+
+class Code:
+    """What emitters share: addresses and vectors."""
+
+    def __init__(self, context, builder, signature, args) -> None:
+        self.b = builder
+        self.context = context
+        self.signature = signature
+        self.args = args
+        fma = ir.FunctionType(VECTOR, [VECTOR] * 3)
+        self._fma = cgutils.get_or_insert_function(builder.module, fma, f"llvm.fma.v{LANES}f64")
+
+    def data(self, i: int):
+        """Address of argument i's first element."""
+        return self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i]).data
+
+    def row_length(self, i: int):
+        """Length of a row of argument i, an array of two axes."""
+        array = self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i])
+        return self.b.extract_value(array.shape, 1)
+
+    def load(self, base, at):
+        """LANES elements from base[at] on."""
+        return self.b.load(self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer()), align=8)
+
+    def store(self, value, base, at) -> None:
+        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer()), align=8)
+
+    def scalar(self, base, at: int):
+        return self.b.load(self.b.gep(base, [ir.Constant(INT, at)]))
+
+    def splat(self, value):
+        one = self.b.insert_element(ir.Constant(VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+        return self.b.shuffle_vector(
+            one, ir.Constant(VECTOR, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        )
+
+    def fma(self, x, y, z):
+        return self.b.call(self._fma, [x, y, z])
+
+    def times(self, x, y):
+        return self.b.fmul(x, y)
+
+    def rows(self, base, length, numbers):
+        """Addresses of rows `numbers` of an array."""
+        return [self.b.gep(base, [self.b.mul(length, ir.Constant(INT, r))]) for r in numbers]
+
+    def strided_rows(self, i: int, count: int):
+        """Addresses of the first rows of argument i, an array of two axes whose rows may lie apart."""
+        array = self.context.make_array(self.signature.args[i])(self.context, self.b, self.args[i])
+        stride = self.b.extract_value(array.strides, 0)
+        start = self.b.ptrtoint(array.data, INT)
+        places = [self.b.add(start, self.b.mul(stride, ir.Constant(INT, r))) for r in range(count)]
+        return [self.b.inttoptr(place, array.data.type) for place in places]
+
+    def lanes_below(self, count):
+        """Mask of the lanes whose number is less than `count`."""
+        wide = ir.VectorType(INT, LANES)
+        one = self.b.insert_element(ir.Constant(wide, ir.Undefined), count, ir.Constant(ir.IntType(32), 0))
+        zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        limit = self.b.shuffle_vector(one, ir.Constant(wide, ir.Undefined), zeros)
+        return self.b.icmp_signed("<", ir.Constant(wide, list(range(LANES))), limit)
+
+    def load_masked(self, base, at, mask):
+        """The elements of the mask's lanes from base[at] on, zero in the others."""
+        place = self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer())
+        kind = ir.FunctionType(VECTOR, [place.type, ir.IntType(32), mask.type, VECTOR])
+        load = cgutils.get_or_insert_function(self.b.module, kind, f"llvm.masked.load.v{LANES}f64.p0")
+        return self.b.call(load, [place, ir.Constant(ir.IntType(32), 8), mask, ir.Constant(VECTOR, [0.0] * LANES)])
+
+    def store_masked(self, value, base, at, mask) -> None:
+        place = self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer())
+        kind = ir.FunctionType(ir.VoidType(), [VECTOR, place.type, ir.IntType(32), mask.type])
+        store = cgutils.get_or_insert_function(self.b.module, kind, f"llvm.masked.store.v{LANES}f64.p0")
+        self.b.call(store, [value, place, ir.Constant(ir.IntType(32), 8), mask])
+
+    def fold(self, sums):
+        """LANES vectors → one vector of their sums, by shuffles of pairs: always in the same order."""
+        index = ir.VectorType(ir.IntType(32), LANES)
+        span = 1
+        while span < LANES:
+            halves = []
+            for x, y in zip(sums[::2], sums[1::2], strict=True):
+                low, high = [], []
+                for lane in range(LANES):
+                    source = lane // (2 * span) * 2 * span + lane % span
+                    if lane // span % 2:
+                        source += LANES
+                    low.append(source)
+                    high.append(source + span)
+                a = self.b.shuffle_vector(x, y, ir.Constant(index, low))
+                c = self.b.shuffle_vector(x, y, ir.Constant(index, high))
+                halves.append(self.b.fadd(a, c))
+            sums = halves
+            span *= 2
+        return sums[0]
+
+
+@intrinsic
+def move_within(typingctx, x, to, start, count):
+    """x[to : to + count] = x[start : start + count], also where the two overlap."""
+
+    def emit(context, builder, signature, args):
+        base = Code(context, builder, signature, args).data(0)
+        cgutils.raw_memmove(builder, builder.gep(base, [args[1]]), builder.gep(base, [args[2]]), args[3], 8, align=8)
+        return context.get_dummy_value()
+
+    return types.void(x, types.int64, types.int64, types.int64), emit

@@ -1,0 +1,86 @@
+"""Steps of a string, by the kernel that does them fastest: the same for the engine and for `simulate`."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
+from synth.solver.by_law import by_law
+from synth.solver.certificates import forget
+from synth.solver.fingers import advance_under_finger
+from synth.solver.lanes import BLOCK, padded
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.lcp import SOLVED
+from synth.solver.stepwise import one_by_one
+from synth.solver.stringmodel import CERTAIN, FREE, MOVING, place_contacts, scratch_of, string_model, string_state
+from synth.solver.vectors import INNER
+
+
+@njit(cache=True, nogil=True)
+def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> int:
+    """`steps` steps of a string. A status of `lcp`.
+
+    Scratch.out gets the outputs in use, a row of `steps` for each; Scratch.record the contact unknowns, (steps, C). A finger
+    that is on goes along Scratch.path. placed: whether laws of velocities read the contacts' places off the modes before
+    they step (where strings are changed from outside); else these are carried along, as the laws are printed.
+    """
+    m, s = string_model(model), string_state(state)
+    blocks = steps // BLOCK
+    if not _flies(model, state) and (m.step != 0 or m.lags.shape[0] != m.shapes.shape[0]):
+        blocks = 0
+    status = SOLVED
+    if blocks > 0:
+        status = _whole_blocks(model, state, scratch, blocks, steps, placed)
+    if blocks * BLOCK < steps:
+        w = scratch_of(scratch)
+        if not s.counts[FREE]:
+            s.counts[MOVING] = m.modes
+        for c in range(m.shapes.shape[0]):
+            w.watch[c] = 0 if s.counts[FREE] else 1
+            w.active[c] = 1 if s.force[c] > 0.0 else 0
+        if placed:
+            place_contacts(model, state, s.counts[MOVING])
+        bad = step_by_step(model, state, scratch, blocks * BLOCK, blocks * BLOCK, steps - blocks * BLOCK)
+        if bad != SOLVED:
+            status = bad
+        s.counts[CERTAIN] = 0
+    return status
+
+
+@njit(cache=True, nogil=True)
+def step_by_step(model: int, state: int, scratch: int, begin: int, at: int, steps: int) -> int:
+    """`stepwise.one_by_one`, or `by_law` where the model has a law of its own."""
+    if string_model(model).step != 0:
+        return by_law(model, state, scratch, begin, at, steps)
+    return one_by_one(model, state, scratch, begin, at, steps)
+
+
+@njit(**INNER)
+def _flies(model: int, state: int) -> bool:
+    """Whether nothing can be touched, and `fly_blocks` knows the outputs."""
+    m, s = string_model(model), string_state(state)
+    one_of_each = m.on_q <= 1 and m.points - m.on_q <= 1
+    return one_of_each and s.finger[0].on == 0 and (m.shapes.shape[0] == 0 or s.counts[FREE] != 0)
+
+
+@njit(cache=True, nogil=True)
+def _whole_blocks(model: int, state: int, scratch: int, blocks: int, stride: int, placed: int) -> int:
+    """The first blocks of rows of `stride` steps."""
+    m, s = string_model(model), string_state(state)
+    contacts, hold, fingered = m.shapes.shape[0], m.law == EXACT_HOLD, s.finger[0].on != 0
+    if _flies(model, state):
+        weights = m.weights[m.first : m.first + m.points]
+        out = scratch_of(scratch).out[: m.points * stride].reshape(m.points, stride)
+        fly_blocks(blocks, padded(s.counts[MOVING]), m.rows, s.q, s.v, weights, m.on_q, out)
+        return SOLVED
+    if contacts == 1 and hold and not fingered and m.on_q <= 1 and m.points - m.on_q <= 1:
+        press_blocks(model, state, scratch, blocks, stride)
+        return SOLVED
+    if placed and not hold:
+        place_contacts(model, state, m.rows.shape[1])
+    if not s.counts[CERTAIN]:
+        forget(state)
+        s.counts[CERTAIN] = 1
+    if fingered:
+        return advance_under_finger(model, state, scratch, blocks, stride)
+    return advance_blocks(model, state, scratch, blocks, stride)
