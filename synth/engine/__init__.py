@@ -2,10 +2,12 @@
 
 engine                                      the Python face
 arguments, snapshot, state_check            what it is given, and its state as bytes
-events, notes, expression, zones            what a player does, and which string it is for
-strings, coefficients, parameters           what hands do to a string
-advance, flight, output                     a string through time
-process, mix                                spans between events, buses, limiter
+voices, expression                          who plays a note and who yields; bends, pressure
+hands, strings, stroke, excite              what hands do to a string
+coefficients, parameters                    what it is made of while they do, and what can be set
+tasks, instruments                          what threads take: strings that share something are one instrument
+advance, free_flight, output                a string through time
+process, mix, chain, effect_chains          spans between events, buses, chains of effects
 layout, bank, core                          the arrays that the native core works on, behind two addresses
-team, atomics                               threads
+team, uncopied, warmup                      threads; what cannot be copied; what is compiled at the start
 """

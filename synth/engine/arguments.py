@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Sequence
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from synth.dsp.decimator import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
-from synth.engine.events import (
+from synth.instrument.effects import EffectTable
+from synth.instrument.plan import QUALITIES
+from synth.instrument.preset import Preset
+from synth.midi.events import (
     BEND,
     CONTROL,
     EVENT,
@@ -23,9 +27,7 @@ from synth.engine.events import (
     PROGRAM,
     TUNING,
 )
-from synth.engine.zones import CHANNELS
-from synth.plan import QUALITIES
-from synth.preset import Preset
+from synth.midi.zones import CHANNELS
 
 #: no converter runs faster
 MAXIMUM_RATE_HZ = 768_000.0
@@ -133,6 +135,20 @@ def program_map(given: Any, parts: int) -> np.ndarray:
         wrong = array.min() if array.min() < -1 else array.max()
         raise ValueError(f"program_map names part {wrong}, there are {parts}, counted from 0; −1 stands for none")
     return array.astype(np.int64)
+
+
+def a_function(name: str, given: Any) -> Any:
+    """A plain function that is to be compiled. Raises TypeError."""
+    if not isinstance(given, FunctionType):
+        raise TypeError(f"{name} must be a plain function, which the engine compiles, got {_shown(given)}")
+    return given
+
+
+def effects(given: Any) -> tuple[EffectTable, ...]:
+    """Effects of the mix. Raises TypeError."""
+    if not isinstance(given, Sequence) or not all(isinstance(each, EffectTable) for each in given):
+        raise TypeError(f"mix_effects must be a list of settings of effects, got {_shown(given)}")
+    return tuple(given)
 
 
 def note_frequencies(note_hz: Any) -> np.ndarray | None:

@@ -1,29 +1,197 @@
-"""Lay compiled parts out as the flat arrays of `layout`."""
+"""Compiled parts laid out for the native core: a Bank, the models of its strings, and what changes while they sound."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.compile import CompiledPart, Position
-from synth.dsp.body import body_coefficients
 from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
-from synth.dsp.limiter import LOOKAHEAD, WINDOW, limiter_state
 from synth.engine import layout
-from synth.engine.layout import FADE, QUANTUM, RESPONSE, SPAN, SPAN_STEPS, STEP, WORK_ON, Bank, Scratch, Shared, State
+from synth.engine.layout import FADE, QUANTUM, SPAN, SPAN_STEPS, STEP, WORK_ON, Bank, Shared, State
 from synth.engine.team import N_WORDS
-from synth.native.arrays import allocate, record, whole_lines
-from synth.preset import at_note
-from synth.solver.blocks import make_lags, make_rows, padded_rows
-from synth.solver.lanes import BLOCK, ROWS, padded
-from synth.solver.laws import EXACT_HOLD, coefficients
-from synth.units import db_to_gain
+from synth.engine.voices.channels import power_up
+from synth.instrument.compile import CompiledPart, CompiledString, Position
+from synth.instrument.preset import Preset, at_note
+from synth.native.arrays import Pool, allocate, record, whole_lines
+from synth.native.views import table, words
+from synth.solver.certificates import CERTIFY_FROM
+from synth.solver.contact_laws import step_of
+from synth.solver.laws import EXACT_HOLD, coefficients, law_of
+from synth.solver.responses import make_rows
+from synth.solver.stringmodel import Coefficients, Scratch, StringModel, StringState, make_scratch, make_string, state_sizes
 
 PENDING_EVENTS = 1 << 14
+#: outputs of a string: one of displacement, one of velocity
+OUTPUTS = 2
+
+
+class Built(NamedTuple):
+    """A Bank and, for each of its models, the string as compiled and over whole frames behind the decimator."""
+
+    bank: Bank
+    models: list[StringModel]
+    flights: list[StringModel]
+
+
+class _Lists:
+    """What is listed while parts are laid out: one record after the other."""
+
+    def __init__(self, rate_hz: float, law: int, step: int, restitution: float, span: int) -> None:
+        self.rate_hz, self.law, self.step, self.restitution, self.span = rate_hz, law, step, restitution, span
+        self.models: list[tuple] = []
+        self.strings: list[tuple] = []
+        self.positions: list[tuple] = []
+        self.instruments: list[tuple] = []
+        self.parts: list[tuple] = []
+        self.buses: list[tuple] = []
+        self.taps: list[np.ndarray] = []
+        self.compiled: list[StringModel] = []
+        self.flights: list[StringModel] = []
+        self._tap_places: dict[int, tuple[int, int]] = {}
+        self._line = self._row = self._fade = 0
+
+    def part(self, part: CompiledPart, channel: int, together: bool) -> None:
+        """A part with its strings and buses; `together`: they are one instrument."""
+        preset, p = part.preset, len(self.parts)
+        first_position, first_bus = len(self.positions), len(self.buses)
+        bus_of: dict[int, int] = {}
+        for number, string in enumerate(part.strings):
+            if not (together and number):
+                last = len(self.strings) + (len(part.strings) if together else 1)
+                own = {"first_string": len(self.strings), "end_string": last, "together": int(together)}
+                self.instruments.append(record(layout.INSTRUMENT, **own))
+            for factor in (string.factor, 1):
+                if factor not in bus_of:
+                    bus_of[factor] = self._bus(p, factor)
+            self._string(p, preset, string, bus_of)
+        pluck, output = preset.pluck, preset.output
+        self.parts.append(
+            record(
+                layout.PART,
+                channel=channel,
+                first_position=first_position,
+                end_position=len(self.positions),
+                first_bus=first_bus,
+                end_bus=len(self.buses),
+                ring_on=int(preset.damping.ring_on),
+                use_q=int(_uses(preset)[0]),
+                use_v=int(_uses(preset)[1]),
+                pickup_distance=1e-3 * output.distance_mm,
+                excited=int(preset.excitation is not None and preset.excitation.kind != "pluck"),
+                velocity_exponent=pluck.velocity_exponent,
+                position_shift=pluck.hardest_position - pluck.position,
+                width_ratio=pluck.hardest_width_mm / pluck.width_mm,
+                finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
+                finger_loss=pluck.finger_loss,
+                pressure_bend=1e-2 * preset.mapping.pressure_cents,
+            )
+        )
+
+    def _bus(self, p: int, factor: int) -> int:
+        """A bus of part p at `factor` times the output rate; its number."""
+        if factor not in self._tap_places:
+            linear = design(self.rate_hz, factor)
+            self._tap_places[factor] = (sum(t.size for t in self.taps), linear.size)
+            self.taps.append(np.empty_like(linear))
+            split_taps(linear, factor, self.taps[-1])
+        place, size = self._tap_places[factor]
+        self.buses.append(record(layout.BUS, part=p, factor=factor, taps=place, n_taps=size, off=self._line))
+        self._line += whole_lines(size + self.span * QUANTUM * factor)
+        return len(self.buses) - 1
+
+    def _string(self, p: int, preset: Preset, string: CompiledString, bus_of: dict[int, int]) -> None:
+        factor, index = string.factor, len(self.strings)
+        self.strings.append(
+            record(
+                layout.STRING,
+                part=p,
+                instrument=len(self.instruments) - 1,
+                bus=bus_of[factor],
+                factor=factor,
+                positions=string.places,
+                open_length=string.open_length_m,
+                pluck_force=string.pluck_force_n,
+                impedance=string.impedance_kg_s,
+                draw_s=string.draw_s,
+                release_s=string.release_s,
+                row=self._row,
+                direct_bus=bus_of[1] if factor > 1 else -1,
+                direct=index * self.span * QUANTUM,
+                fade=self._fade,
+                pressure_height=1e-6 * at_note(preset.mapping.pressure_um, string.open_note),
+            )
+        )
+        self._row += whole_lines(self.span * QUANTUM * factor)
+        self._fade += FADE * factor
+        for position in string.positions:
+            place = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(self.models)}
+            self.positions.append(record(layout.POSITION, **place))
+            self._model(preset, position, factor)
+
+    def _model(self, preset: Preset, position: Position, factor: int) -> None:
+        n, c = position.omega.size, position.eta.size
+        uses_q, uses_v = _uses(preset)
+        bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
+        if uses_v:
+            bound = math.sqrt(float(np.sum(position.wv**2)))
+        static = lift = 0.0
+        if c:
+            bent = position.shapes[0] / (position.mu * position.omega**2)
+            static = float(position.shapes[0] @ bent + position.residual[0, 0])
+            lift = float(position.wq @ bent)
+        stopband = 2.0 * math.pi * STOPBAND_EDGE * self.rate_hz
+        self.models.append(
+            record(
+                layout.MODEL,
+                n=n,
+                own=position.own,
+                contacts=c,
+                audible=max(1, int(np.sum(position.omega[: position.own] < stopband))),
+                length=position.length_m,
+                tension=position.tension_n,
+                mu=position.mu,
+                rest_height=position.rest_height_m,
+                line_output=position.output_rest,
+                rest_output=float(position.wq @ position.q_rest),
+                output_bound=bound,
+                static_response=static,
+                lift_output=lift,
+            )
+        )
+        model = make_string(
+            self.law,
+            1.0 / (self.rate_hz * factor),
+            position.mu,
+            position.omega,
+            position.sigma,
+            position.coef,
+            position.shapes,
+            position.eta,
+            position.residual,
+            np.array([position.wq, position.wv]),
+            on_q=1,
+            restitution=self.restitution,
+            certified=self.law == EXACT_HOLD and c >= CERTIFY_FROM,
+            matrix=position.matrix,
+            q_rest=position.q_rest,
+            used=(1 - int(uses_q), int(uses_q) + int(uses_v), int(uses_q)),
+            step=self.step,
+        )
+        frame = 1.0 / self.rate_hz
+        rows = make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, frame))
+        weights = model.weights * response(self.rate_hz, factor, model.omega / (2.0 * math.pi))
+        self.compiled.append(model)
+        self.flights.append(model._replace(dt=frame, rows=rows, weights=weights))
+
+
+def _uses(preset: Preset) -> tuple[bool, bool]:
+    """Whether the output is of the displacement, and of the velocity."""
+    kind = preset.output.kind
+    return kind != "velocity", kind in ("velocity", "pickup")
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -32,193 +200,53 @@ def build_bank(
     channels: Sequence[int],
     program_map: np.ndarray,
     rate_hz: float,
-    law: int,
+    scheme: str,
+    restitution: float,
     pitch: np.ndarray,
     bindings: Sequence[tuple],
-) -> Bank:
+    together: Collection[int] = (),
+) -> Built:
     """The Bank of these parts, part p played by MIDI channel channels[p].
 
     pitch     (128,) of every key as compiled, in semitones
     bindings  rows (controller, part, index, low, high)
+    together  parts whose strings are one instrument; the others' strings are one each
     """
-    models: list[tuple] = []
-    strings: list[tuple] = []
-    positions: list[tuple] = []
-    part_rows: list[tuple] = []
-    buses: list[tuple] = []
-    flat: defaultdict[str, list[np.ndarray]] = defaultdict(list)
-    bodies: list[np.ndarray] = []
-    taps: list[np.ndarray] = []
-    tap_places: dict[int, tuple[int, int]] = {}
-    off = soff = coff = goff = 0
-    s_off = s_coff = s_goff = 0
-    line = row = fade = 0
-    body_off = 0
-    span = span_quanta(parts)
-    for p, part in enumerate(parts):
-        preset = part.preset
-        first_position, first_bus = len(positions), len(buses)
-        bus_of: dict[int, int] = {}
-        for string in part.strings:
-            for factor in (string.factor, 1):
-                if factor not in bus_of:
-                    if factor not in tap_places:
-                        linear = design(rate_hz, factor)
-                        tap_places[factor] = (sum(t.size for t in taps), linear.size)
-                        taps.append(np.empty_like(linear))
-                        split_taps(linear, factor, taps[-1])
-                    place, size = tap_places[factor]
-                    bus_of[factor] = len(buses)
-                    buses.append(record(layout.BUS, part=p, factor=factor, taps=place, n_taps=size, off=line))
-                    line += whole_lines(size + span * QUANTUM * factor)
-            factor = string.factor
-            index = len(strings)
-            cap = padded(max(position.omega.size for position in string.positions))
-            cmax = max(position.eta.size for position in string.positions)
-            strings.append(
-                record(
-                    layout.STRING,
-                    part=p,
-                    bus=bus_of[factor],
-                    factor=factor,
-                    cap=cap,
-                    off=s_off,
-                    coff=s_coff,
-                    cmax=cmax,
-                    goff=s_goff,
-                    positions=string.places,
-                    open_length=string.open_length_m,
-                    pluck_force=string.pluck_force_n,
-                    impedance=string.impedance_kg_s,
-                    draw_s=string.draw_s,
-                    release_s=string.release_s,
-                    row=row,
-                    direct_bus=bus_of[1] if factor > 1 else -1,
-                    direct=len(strings) * span * QUANTUM,
-                    fade=fade,
-                    pressure_height=1e-6 * at_note(preset.mapping.pressure_um, string.open_note),
-                )
-            )
-            row += whole_lines(span * QUANTUM * factor)
-            fade += FADE * factor
-            s_off += cap
-            s_coff += whole_lines(cmax)
-            s_goff += cmax * cmax
-            for position in string.positions:
-                n, c = position.omega.size, position.eta.size
-                n_cap = padded(n)
-                place_of = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(models)}
-                positions.append(record(layout.POSITION, **place_of))
-                bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
-                if preset.output.kind in ("velocity", "pickup"):
-                    bound = math.sqrt(float(np.sum(position.wv**2)))
-                static = lift = 0.0
-                if c:
-                    bent = position.shapes[0] / (position.mu * position.omega**2)
-                    static = float(position.shapes[0] @ bent + position.residual[0, 0])
-                    lift = float(position.wq @ bent)
-                stopband = 2.0 * math.pi * STOPBAND_EDGE * rate_hz
-                models.append(
-                    record(
-                        layout.MODEL,
-                        n=n,
-                        own=position.own,
-                        contacts=c,
-                        audible=max(1, int(np.sum(position.omega[: position.own] < stopband))),
-                        cap=n_cap,
-                        off=off,
-                        soff=soff,
-                        coff=coff,
-                        goff=goff,
-                        length=position.length_m,
-                        tension=position.tension_n,
-                        mu=position.mu,
-                        rest_height=position.rest_height_m,
-                        line_output=position.output_rest,
-                        rest_output=float(position.wq @ position.q_rest),
-                        output_bound=bound,
-                        static_response=static,
-                        lift_output=lift,
-                    )
-                )
-                off, soff, coff, goff = off + n_cap, soff + n_cap * c, coff + c, goff + c * c
-                for name, array in _model_arrays(position, law, rate_hz, string.factor).items():
-                    flat[name].append(array.ravel())
-        pluck, output = preset.pluck, preset.output
-        n_body = len(preset.body.resonance)
-        if n_body:
-            bodies.append(
-                body_coefficients(
-                    [r.frequency_hz for r in preset.body.resonance],
-                    [r.q for r in preset.body.resonance],
-                    [r.gain_db for r in preset.body.resonance],
-                    rate_hz,
-                )
-            )
-        part_rows.append(
-            record(
-                layout.PART,
-                channel=channels[p],
-                first_position=first_position,
-                end_position=len(positions),
-                first_bus=first_bus,
-                end_bus=len(buses),
-                ring_on=int(preset.damping.ring_on),
-                use_q=int(output.kind != "velocity"),
-                use_v=int(output.kind in ("velocity", "pickup")),
-                pickup_distance=1e-3 * output.distance_mm,
-                velocity_exponent=pluck.velocity_exponent,
-                position_shift=pluck.hardest_position - pluck.position,
-                width_ratio=pluck.hardest_width_mm / pluck.width_mm,
-                finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
-                finger_loss=pluck.finger_loss,
-                direct=db_to_gain(preset.body.direct_db),
-                body_off=body_off,
-                body_n=n_body,
-                pressure_bend=1e-2 * preset.mapping.pressure_cents,
-            )
-        )
-        body_off += n_body
-
+    lists = _Lists(rate_hz, law_of(scheme), step_of(scheme), restitution, span_quanta(parts))
+    for p, (part, channel) in enumerate(zip(parts, channels, strict=True)):
+        lists.part(part, channel, p in together)
     by_controller = sorted(bindings, key=lambda row: row[0])
     bound_rows = [
         record(layout.BINDING, part=part, index=index, curve=layout.PARAMETER_CURVES[index], low=low, high=high)
         for _, part, index, low, high in by_controller
     ]
     sizes = {
-        "models": len(models),
-        "strings": len(strings),
-        "positions": len(positions),
+        "models": len(lists.models),
+        "strings": len(lists.strings),
+        "instruments": len(lists.instruments),
+        "positions": len(lists.positions),
         "parts": len(parts),
-        "buses": len(buses),
+        "buses": len(lists.buses),
         "bindings": len(bindings),
-        "model_modes": off,
-        "model_shapes": soff,
-        "model_contacts": coff,
-        "model_squares": goff,
-        "taps": sum(t.size for t in taps),
-        "resonances": body_off,
-        "ROWS": ROWS,
-        "RESPONSE": RESPONSE,
+        "taps": sum(t.size for t in lists.taps),
     }
     bank = allocate(
         Bank,
         sizes,
-        models=np.array(models, layout.MODEL),
-        strings=np.array(strings, layout.STRING),
-        positions=np.array(positions, layout.POSITION),
-        parts=np.array(part_rows, layout.PART),
-        buses=np.array(buses, layout.BUS),
+        models=np.array(lists.models, layout.MODEL),
+        strings=np.array(lists.strings, layout.STRING),
+        instruments=np.array(lists.instruments, layout.INSTRUMENT),
+        positions=np.array(lists.positions, layout.POSITION),
+        parts=np.array(lists.parts, layout.PART),
+        buses=np.array(lists.buses, layout.BUS),
         program_map=np.ascontiguousarray(program_map, dtype=np.int64),
         plays=np.array([[(of_channel == p).any() for p in range(len(parts))] for of_channel in program_map], np.int64),
         pitch=np.array(pitch, dtype=np.float64),
         bindings=np.array(bound_rows, layout.BINDING),
         bound=np.searchsorted([row[0] for row in by_controller], np.arange(129)).astype(np.int64),
-        body=np.concatenate(bodies, axis=1) if bodies else np.zeros((3, 0)),
     )
-    for name, pieces in (*flat.items(), ("taps", taps)):
-        np.concatenate([np.zeros(0), *pieces], out=getattr(bank, name))
-    return bank
+    np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
+    return Built(bank, lists.compiled, lists.flights)
 
 
 def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
@@ -228,33 +256,6 @@ def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
         pluck = part.preset.pluck
         out[p] = (1.0, pluck.position, 1.0, pluck.width_mm, 1.0, 0.0)
     return out
-
-
-def _model_arrays(position: Position, law: int, rate_hz: float, factor: int) -> dict[str, np.ndarray]:
-    """A model's arrays of the Bank."""
-    n = padded(position.omega.size)
-    rows = make_rows(position.coef)
-    shapes = padded_rows(position.shapes, n)
-    weights = padded_rows(np.array([position.wq, position.wv]), n)
-    omega = padded_rows(position.omega, n)
-    omega[position.omega.size :] = 1.0  # divided by
-    lags = make_lags(law != EXACT_HOLD, rows, shapes, shapes, position.matrix)
-    out_lags = np.concatenate([make_lags(k == 1, rows, shapes, weights[k : k + 1]) for k in range(2)])
-    return {
-        "omega": omega,
-        "sigma": padded_rows(position.sigma, n),
-        "rows": rows,
-        "flight": make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, 1.0 / rate_hz)),
-        "shapes": shapes,
-        "eta": position.eta,
-        "residual": position.residual,
-        "matrix": position.matrix,
-        "lags": lags,
-        "out_lags": out_lags,
-        "weights": weights,
-        "direct_weights": weights * response(rate_hz, factor, omega / (2.0 * math.pi)),
-        "q_rest": padded_rows(position.q_rest, n),
-    }
 
 
 def span_quanta(parts: Sequence[CompiledPart]) -> int:
@@ -275,22 +276,15 @@ def _state_sizes(bank: Bank, span: int) -> dict[str, int]:
         "strings": strings.size,
         "parts": bank.parts.size,
         "buses": buses.size,
-        "modes": int(strings["cap"].sum()),
-        "contacts": _end(strings["coff"], strings["cmax"]),
-        "squares": int((strings["cmax"] ** 2).sum()),
         "fades": _end(strings["fade"], FADE * strings["factor"]),
         "string_rows": _end(strings["row"], span * QUANTUM * strings["factor"]),
         "lines": _end(buses["off"], buses["n_taps"] + span * QUANTUM * buses["factor"]),
         "phases": max((phase_space(int(factor), span * QUANTUM) for factor in buses["factor"]), default=0),
-        "resonances": max(1, bank.body.shape[1]),
         "span": span,
         "frames": span * QUANTUM,
-        "ROWS": ROWS,
-        "RESPONSE": RESPONSE,
+        "models": bank.models.size,
         "FADE": FADE,
         "RING": layout.RING,
-        "LOOKAHEAD": LOOKAHEAD,
-        "WINDOW": WINDOW,
         "N_PARAMETERS": layout.N_PARAMETERS,
         "PENDING_EVENTS": PENDING_EVENTS,
         "N_COUNTERS": layout.N_COUNTERS,
@@ -300,44 +294,84 @@ def _state_sizes(bank: Bank, span: int) -> dict[str, int]:
     }
 
 
-def new_state(bank: Bank, span: int, parameters: np.ndarray) -> State:
-    """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta."""
-    limiter = limiter_state(2)
-    state = allocate(
-        State,
-        _state_sizes(bank, span),
-        parameters=parameters.copy(),
-        delay=limiter.delay,
-        required=limiter.required,
-        released=limiter.released,
-        limiter_counters=limiter.counters,
-        limiter_levels=limiter.levels,
-    )
-    channels, part_state = state.channels, state.part_state
-    channels["volume"] = channels["expression"] = 1.0
-    channels["bend_range"] = 2.0
-    channels["rpn"] = 0x3FFF
-    channels["timbre"] = 64
-    channels["master"] = np.arange(16)
+def new_state(bank: Bank, span: int, parameters: np.ndarray, effects: Mapping[str, np.ndarray]) -> State:
+    """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta.
+
+    effects: its fields effect_numbers and effect_counts at rest.
+    """
+    sizes = {**_state_sizes(bank, span), **{name: array.size for name, array in effects.items()}}
+    state = allocate(State, sizes, parameters=parameters.copy())
+    for name, array in effects.items():
+        getattr(state, name)[:] = array
+    power_up(state.channels)
+    part_state = state.part_state
     part_state["left"] = part_state["right"] = 1.0
     part_state["channel"] = bank.parts["channel"]
     state.quiet[:] = bank.buses["n_taps"]
     return state
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int]) -> Shared:
-    """Work arrays for spans of so many quanta; `advance.entries`."""
+class Strings:
+    """What changes of every string, and where the core finds it: as long as it plays, this must stay where it is.
+
+    models         StringModel as compiled, by model
+    states         Pool of StringState, by string
+    coefficients   Pool of those of its own, by string
+    """
+
+    def __init__(self, built: Built) -> None:
+        positions, models = built.bank.positions, built.models
+        sizes = []
+        for s in range(built.bank.strings.size):
+            own = [models[m] for m in positions["model"][positions["string"] == s]]
+            most = (max(model.modes for model in own), max(model.eta.size for model in own))
+            sizes.append(state_sizes(*most, OUTPUTS))
+        self.states = Pool(StringState, sizes)
+        self.coefficients = Pool(Coefficients, sizes)
+        self.models = models
+        self._kept = built  # what the tables point to
+        self._models = np.zeros((len(models), 3, words(StringModel)), np.int64)
+        for m, s in zip(positions["model"], positions["string"], strict=True):
+            altered = _with_its_own(models[m], self.coefficients.items[s])
+            for variant, model in ((layout.PLAIN, models[m]), (layout.ALTERED, altered), (layout.FLIGHT, built.flights[m])):
+                self._models[m, variant] = table(model)
+        self._states = [table(state) for state in self.states.items]
+
+    def point(self, shared: Shared) -> None:
+        """Put the addresses where the core looks for them."""
+        first, per_model = self._models.ctypes.data, self._models.strides
+        for m in range(self._models.shape[0]):
+            shared.model_at[m] = [first + m * per_model[0] + variant * per_model[1] for variant in range(3)]
+        shared.string_at[:] = [each.ctypes.data for each in self._states]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that changes, by name."""
+        kinds = (("string", self.states), ("own", self.coefficients))
+        return {f"{kind}.{name}": array for kind, pool in kinds for name, array in pool.flat.items()}
+
+    def reset(self) -> None:
+        """Nothing sounds."""
+        for array in self.arrays().values():
+            array[:] = np.zeros((), array.dtype)
+
+
+def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
+    """A model with coefficients of the string's own in the place of its own."""
+    shapes = {name: getattr(model, name).shape for name in own._fields}
+    taken = {name: getattr(own, name)[: math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
+    return model._replace(**taken)
+
+
+def new_shared(bank: Bank, span: int, entries: tuple[int, int], strings: Strings) -> Shared:
+    """Work arrays for spans of so many quanta; `tasks.entries`."""
     shared = allocate(Shared, _state_sizes(bank, span))
     shared.task[WORK_ON], shared.task[STEP] = entries
+    strings.point(shared)
     return shared
 
 
 def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
-    sizes = {
-        "widest": max(1, int(bank.models["contacts"].max(initial=0))),
-        "widest_modes": max(1, int(bank.strings["cap"].max(initial=1))),
-        "steps": QUANTUM * int(bank.strings["factor"].max(initial=1)),
-        "BLOCK": BLOCK,
-    }
-    return allocate(Scratch, sizes)
+    models = bank.models
+    steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
+    return make_scratch(int(models["contacts"].max(initial=0)), int(models["n"].max(initial=1)), OUTPUTS, steps)

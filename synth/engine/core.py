@@ -1,23 +1,59 @@
 """Everything that the native core works on, behind two addresses.
 
-    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    bank, state, scratch = bank_of(core), state_of(core), scratch_of(thread)
+    model, string = model_of(core, s), string_of(core, s)
 
-`core` is the table of what the threads of an engine share, `desk` that of one thread's own work arrays.
+`core` is the table of what the threads of an engine share, `thread` that of one thread's own work arrays
+(`solver.stringmodel.Scratch`).
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from synth.engine.layout import Bank, Scratch, Settings, Shared, State
+from numba import njit
+
+from synth.engine.layout import CONSTANTS, FLIGHT, Bank, Effects, Settings, Shared, State
 from synth.native.views import opener, words
+from synth.solver.stringmodel import scratch_of as scratch_of
+from synth.solver.stringmodel import string_model, string_state
 
 #: what stands in the table of a core, in this order
-CORE_PARTS: tuple[Any, ...] = (Bank, State, Shared, Settings)
+CORE_PARTS: tuple[Any, ...] = (Bank, State, Shared, Settings, Effects)
 #: …and how many words it takes
 CORE_WORDS = sum(map(words, CORE_PARTS))
 
-bank_of, state_of, shared_of, settings_of = (
+bank_of, state_of, shared_of, settings_of, effects_of = (
     opener(kind, sum(map(words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
 )
-scratch_of = opener(Scratch)
+
+
+@njit(inline="always")
+def model_address(core: int, s: int) -> int:
+    """Address of a string's model as it is now: as compiled, or with coefficients of its own."""
+    me = state_of(core).sounding[s]
+    return shared_of(core).model_at[me.model, me.altered]
+
+
+@njit(inline="always")
+def model_of(core: int, s: int):
+    """The StringModel of a string as it is now."""
+    return string_model(model_address(core, s))
+
+
+@njit(inline="always")
+def flight_of(core: int, s: int):
+    """The StringModel of its free flight, a frame at a time."""
+    return string_model(shared_of(core).model_at[state_of(core).sounding[s].model, FLIGHT])
+
+
+@njit(inline="always")
+def excitation_of(core: int, s: int) -> int:
+    """Address of the constants of what the right hand does to a string, for what `opener` makes of their kind."""
+    return shared_of(core).excitation[bank_of(core).strings[s].part, CONSTANTS]
+
+
+@njit(inline="always")
+def string_of(core: int, s: int):
+    """The StringState of a string."""
+    return string_state(shared_of(core).string_at[s])

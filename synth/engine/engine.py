@@ -17,27 +17,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth import compiling, kernel_helpers
-from synth.check import check
-from synth.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.dsp.decimator import LATENCY_FRAMES
-from synth.dsp.limiter import LOOKAHEAD, LimiterState, largest_reduction_db, release_coefficient
+from synth.dsp.limiter import LimiterState, largest_reduction_db
 from synth.engine import arguments, layout, snapshot
-from synth.engine.advance import entries
-from synth.engine.bank import build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
-from synth.engine.events import EVENT
-from synth.engine.layout import Bank, Scratch, Settings, Shared, State
-from synth.engine.notes import set_zone
+from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
+from synth.engine.effect_chains import Chains
+from synth.engine.excite import Excitations
+from synth.engine.hands import voices_for
+from synth.engine.layout import Bank, Effects, Settings, Shared, State
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
 from synth.engine.state_check import check_state
+from synth.engine.tasks import entries
 from synth.engine.team import ATTEND, Team
-from synth.engine.zones import LOWER, MOST_MEMBERS
+from synth.engine.voices import policy
+from synth.engine.voices.mpe import set_zone
+from synth.instrument.check import check
+from synth.instrument.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
+from synth.instrument.effects import EffectTable
+from synth.instrument.preset import Preset, PresetError, why_unplayed
+from synth.jit import compiling, kernel_helpers
+from synth.midi.events import EVENT
+from synth.midi.zones import LOWER, MOST_MEMBERS
 from synth.native.processors import cores
 from synth.native.views import table
-from synth.preset import Preset, PresetError, why_unplayed
-from synth.schemes import energy_warning
 from synth.solver.laws import law_of
+from synth.solver.schemes import energy_warning
 from synth.units import LN_1000, db_to_gain, hz_to_midi
 
 DC_BLOCK_HZ = 8.0
@@ -86,6 +91,8 @@ class Engine:
                  all, id, value at 0, value at 127), None for the parameter's own range
     only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
                  every_fret what else can be played on the others. No effect on the sound of those notes
+    mix_effects  effects of the mix, in this order before the limiter: tables as in presets
+    policy       who plays a note and who yields, as the native core calls it (`voices.policy`)
     mpe          begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
     threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     warn         told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`);
@@ -105,6 +112,7 @@ class Engine:
         restitution: float = 0.0,
         internal_rate_hz: float | None = None,
         limiter: bool = True,
+        mix_effects: Sequence[EffectTable] = (),
         gain_db: float = 0.0,
         max_polyphony: int | None = None,
         note_hz: np.ndarray | None = None,
@@ -114,6 +122,7 @@ class Engine:
         threads: int | str = 1,
         bindings: Bindings | None = None,
         mpe: bool = False,
+        policy: Callable[[int], None] = policy.decide,
         warn: Callable[[str], None] | None = None,
     ) -> None:
         self._bank: Bank | None = None
@@ -136,6 +145,7 @@ class Engine:
         if internal_rate_hz is not None:
             arguments.a_number("internal_rate_hz", internal_rate_hz, 0.0, arguments.MAXIMUM_INTERNAL_HZ, " Hz")
         self.limiter = limiter
+        self.mix_effects = arguments.effects(mix_effects)
         self.gain_db = arguments.a_number("gain_db", gain_db, -arguments.MOST_GAIN_DB, arguments.MOST_GAIN_DB, " dB")
         self.max_polyphony = (
             None if max_polyphony is None else arguments.a_count("polyphony", max_polyphony, 1, MOST_STRINGS)
@@ -148,6 +158,7 @@ class Engine:
         self.max_block = 0
         self.threads = threads
         self.mpe = mpe
+        self._policy = arguments.a_function("policy", policy)
         self._given_bindings = dict(bindings or {})
         self._bindings = bound_rows(self._given_bindings, self.parts)
         self._warn = warn
@@ -171,6 +182,7 @@ class Engine:
             "restitution": self.restitution,
             "internal_rate_hz": self.internal_rate_hz,
             "limiter": self.limiter,
+            "mix_effects": self.mix_effects,
             "gain_db": self.gain_db,
             "max_polyphony": self.max_polyphony,
             "note_hz": self.note_hz,
@@ -180,6 +192,7 @@ class Engine:
             "threads": self.threads,
             "bindings": self._given_bindings,
             "mpe": self.mpe,
+            "policy": self._policy,
         }
         if self._bank is None:
             return {"made": made, "prepared": None}
@@ -205,7 +218,7 @@ class Engine:
         self._bank = None  # until all is there: `process` works on addresses
         self.rate_hz = rate_hz
         self.max_block = max_block
-        kernel_helpers.compile_all("synth.engine.kernels:kernels")
+        kernel_helpers.compile_all("synth.engine.warmup:kernels")
         cache: dict[tuple, CompiledPart] = {}
         compiled = []
         only = [None] * len(self.parts) if self._only_notes is None else self._only_notes
@@ -240,18 +253,24 @@ class Engine:
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
             else:
                 self._warn(text)
-        law = law_of(self.scheme)
-        bank = build_bank(
-            compiled, self._channels, self.program_map, self.rate_hz, law, self._compiled_pitch(), self._bindings
+        built = build_bank(
+            compiled,
+            self._channels,
+            self.program_map,
+            self.rate_hz,
+            self.scheme,
+            self.restitution,
+            self._compiled_pitch(),
+            self._bindings,
         )
+        bank = built.bank
+        ceiling = db_to_gain(CEILING_DB) if self.limiter else None
+        self._chains = Chains(self.parts, self.mix_effects, ceiling, self.rate_hz)
         polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
         self._settings = Settings(
-            law,
-            self.restitution,
             self.rate_hz,
-            int(self.limiter),
-            db_to_gain(CEILING_DB),
-            release_coefficient(self.rate_hz),
+            math.inf if ceiling is None else ceiling,
+            self._chains.mix_latency,
             db_to_gain(self.gain_db),
             polyphony,
             -math.expm1(-1.0 / (GAIN_SMOOTHING_S * self.rate_hz)),
@@ -259,12 +278,21 @@ class Engine:
             int(self.economy),
             span_quanta(compiled),
         )
-        self._origin = snapshot.origin_of(bank, self._settings)
-        self._shared: Shared = new_shared(bank, self._settings.span, entries())
-        self._scratch: Scratch = new_scratch(bank)
-        self._desk = table(self._scratch)
-        self._state: State = new_state(bank, self._settings.span, default_parameters(compiled))
-        self._core = table(bank, self._state, self._shared, self._settings)
+        self._excitations = Excitations(self.parts)
+        self._origin = snapshot.origin_of(built, self._settings, self._own_kinds())
+        self._strings = Strings(built)
+        self._shared: Shared = new_shared(bank, self._settings.span, entries(), self._strings)
+        self._excitations.point(self._shared)
+        self._scratch = new_scratch(bank)
+        self._thread_table = table(self._scratch)
+        self._state: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
+        self._effects: Effects
+        self._effects, self._effect_tables = self._chains.bound(self._state)
+        self._core = table(bank, self._state, self._shared, self._settings, self._effects)
+        addresses = self._core.ctypes.data, self._thread_table.ctypes.data
+        self._voices = table(voices_for(bank, self._state, self._shared, self._settings, *addresses))
+        self._shared.task[layout.HANDLE] = policy.entry(self._policy).address
+        self._shared.task[layout.VOICES] = self._voices.ctypes.data
         self._bank = bank
         self._make_team()
         self.reset()
@@ -285,16 +313,23 @@ class Engine:
     def reset(self) -> None:
         """Silence, controllers at their power-up values, counters at zero."""
         bank = self._prepared()
+        defaults = default_parameters(self.compiled)
         for mine, fresh in zip(
-            self._state, new_state(bank, self._settings.span, default_parameters(self.compiled)), strict=True
+            self._state, new_state(bank, self._settings.span, defaults, self._chains.at_rest()), strict=True
         ):
             mine[: len(fresh)] = fresh
+        self._strings.reset()
+        self._shared.task[layout.UNTIL] = 0
         self._state.part_state["left"] = self._state.part_state["right"] = self._settings.gain
         # a channel begins with the lowest program that it has a part for
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
         if self.mpe:
-            set_zone(self._core.ctypes.data, self._desk.ctypes.data, LOWER, MOST_MEMBERS)
+            set_zone(self._voices.ctypes.data, LOWER, MOST_MEMBERS)
+
+    def _own_kinds(self) -> bytes:
+        """What tells this engine's law, effects and excitations from another's."""
+        return b" ".join((self.scheme.encode(), self._chains.origin(), self._excitations.origin()))
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""
@@ -308,12 +343,12 @@ class Engine:
         """Start the workers, as many as there are threads beside the caller's and strings for them."""
         bank = self._prepared()
         wanted = cores() if self.threads == "auto" else int(self.threads)
-        workers = min(wanted, bank.strings.size) - 1
+        workers = min(wanted, bank.instruments.size) - 1
         if workers > 0:
             self._worker_scratch = [new_scratch(bank) for _ in range(workers)]
-            desks = [table(scratch) for scratch in self._worker_scratch]
-            keep = (bank, self._state, self._shared, self._worker_scratch)
-            self._team = Team(self, self._core, self._shared.team, desks, keep)
+            scratches = [table(scratch) for scratch in self._worker_scratch]
+            keep = (bank, self._state, self._shared, self._strings, self._excitations, self._worker_scratch)
+            self._team = Team(self, self._core, self._shared.team, scratches, keep)
         else:
             compiling.spares(ATTEND)
 
@@ -336,7 +371,7 @@ class Engine:
         overwritten. stems: (parts, frames, 2) or None, overwritten with every part before the limiter.
 
         Raises TypeError or ValueError, and does nothing, where one of them is not so, or an event is none that
-        `synth.engine.events` knows (values of live parameters beyond their ranges are brought back inside).
+        `synth.midi.events` knows (values of live parameters beyond their ranges are brought back inside).
         """
         self._prepared()
         out = arguments.output("out", out, (None, 2), "(frames, 2)")
@@ -349,13 +384,13 @@ class Engine:
         room = self._state.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
             self._grow_queue(2 * (self._state.pending.size + events.size))
-        process(self._core.ctypes.data, self._desk.ctypes.data, events, out, stems)
+        process(self._core.ctypes.data, self._thread_table.ctypes.data, events, out, stems)
 
     @property
     def addresses(self) -> tuple[int, int]:
-        """What the native `process` takes as `core` and `desk`, valid until the next `prepare`."""
+        """What the native `process` takes as `core` and `thread`, valid until the next `prepare`."""
         self._prepared()
-        return self._core.ctypes.data, self._desk.ctypes.data
+        return self._core.ctypes.data, self._thread_table.ctypes.data
 
     @property
     def strings_sounding(self) -> int:
@@ -389,7 +424,8 @@ class Engine:
     @property
     def latency_samples(self) -> int:
         """Frames from an event to the moment the string feels it."""
-        return layout.QUANTUM + LATENCY_FRAMES + (LOOKAHEAD if self.limiter else 0)
+        self._prepared()
+        return layout.QUANTUM + LATENCY_FRAMES + self._chains.part_latency + self._chains.mix_latency
 
     @property
     def tail_seconds(self) -> float:
@@ -434,20 +470,24 @@ class Engine:
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
         self._prepared()
-        return snapshot.pack(self._state, self._origin)
+        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin)
 
     def set_state(self, data: bytes) -> None:
         """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
         another version, or from other presets, rate or quality: the engine then goes on from where it was."""
         bank = self._prepared()
-        state = snapshot.unpack(data, self._state, self._origin)
-        check_state(bank, self._settings, self._state, state, default_parameters(self.compiled))
-        waiting = state.pending.size
+        arrays = snapshot.unpack(data, self._changing(), self._origin)
+        defaults = default_parameters(self.compiled)
+        check_state(bank, self._settings, self._chains.problem, self._strings, arrays, defaults)
+        waiting = arrays["pending"].size
         if waiting > self._state.pending.size:
             self._grow_queue(waiting)
-        for name, mine in self._state._asdict().items():
-            fresh = getattr(state, name)
-            mine[: len(fresh)] = fresh
+        for name, mine in self._changing().items():
+            mine[: len(arrays[name])] = arrays[name]
+
+    def _changing(self) -> dict[str, np.ndarray]:
+        """All that changes while sounding, by name."""
+        return {**self._state._asdict(), **self._strings.arrays()}
 
     def _grow_queue(self, size: int) -> None:
         bigger = np.zeros(size, EVENT)
@@ -457,7 +497,7 @@ class Engine:
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
-        self._core[:] = table(self._prepared(), state, self._shared, self._settings)
+        self._core[:] = table(self._prepared(), state, self._shared, self._settings, self._effects)
         self._state = state
 
     @property
@@ -478,10 +518,10 @@ class Engine:
                 unplayed.append(Unplayed(-1, int(note), count, "its channel has no preset"))
                 continue
             unplayed.append(Unplayed(int(p), int(note), count, why_unplayed(self.parts[p], int(note))))
-        limiter = LimiterState(state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels)
+        limiter = self._chains.limiter(state)
         return EngineReport(
             float(state.meters[layout.PEAK]),
-            largest_reduction_db(limiter) if self.limiter else 0.0,
+            0.0 if limiter is None else largest_reduction_db(LimiterState(*limiter)),
             int(state.sounding["awake"].sum()),
             int(counters[layout.MOST_AWAKE]),
             int(counters[layout.N_NOTES]),
@@ -491,7 +531,7 @@ class Engine:
             int(counters[layout.N_DROPPED]),
             self.mode_steps,
             int(state.sounding["unsolved"].sum()),
-            int(state.sounding["silenced"].sum() + state.part_state["silenced"].sum()),
+            int(state.sounding["silenced"].sum() + state.part_state["silenced"].sum() + counters[layout.N_SILENCED]),
         )
 
 

@@ -1,4 +1,4 @@
-"""What a player does to a sounding string beside plucking it: bend, tuning, pressure, and MPE's zones.
+"""What a player does to a sounding string beside plucking it: bend, tuning, pressure.
 
 Bends of channels and heights of parts are smoothed once for all strings (`process`); what is a string's own, its tuning
 and the pressure on it, is smoothed here. All of it reaches the string at the borders of quanta.
@@ -12,18 +12,13 @@ from numba import njit
 
 from synth.engine.core import bank_of, settings_of, state_of
 from synth.engine.layout import CORE, HEIGHT, PARAMETER_RANGES, QUANTUM
-from synth.engine.zones import manager_of
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
 CONTROL_S = 0.01
 #: no string is ever bent further than this [semitones]
 MOST_BEND = 96.0
-#: no key is tuned further away from its compiled pitch [semitones]
-MOST_RETUNING = 24.0
 #: pluck position, as a share of the open length, of the brightest and of the darkest timbre
 BRIGHT, DARK = 0.05, 0.5
-
-_manager_of = njit(**CORE)(manager_of)
 
 
 @njit(**CORE)
@@ -39,19 +34,6 @@ def approach(now: float, target: float, share: float, close: float) -> float:
         return now
     now += share * (target - now)
     return target if abs(now - target) < close else now
-
-
-@njit(**CORE)
-def belongs(core: int, c: int, to: int) -> bool:
-    """Whether what is said on channel `to` is said to channel c: itself, or the master of its zone."""
-    return c == to or state_of(core).channels[c].master == to
-
-
-@njit(**CORE)
-def pedal(core: int, c: int) -> int:
-    """Whether the sustain pedal of channel c or of its zone is down."""
-    channels = state_of(core).channels
-    return channels[c].sustain | channels[channels[c].master].sustain
 
 
 @njit(**CORE)
@@ -107,23 +89,6 @@ def height_of(core: int, s: int, of_part: float) -> float:
     low, high = PARAMETER_RANGES[HEIGHT]
     height = of_part + me.pressure * bank_of(core).strings[s].pressure_height
     return max(1e-6 * low, min(1e-6 * high, height))
-
-
-@njit(**CORE)
-def timbre_of(core: int, c: int) -> float:
-    """Controller 74 of a channel in a zone, added to its master's: −1 … 1; 0 outside of zones."""
-    state = state_of(core)
-    master = state.channels[c].master
-    if master == c:
-        zoned = False
-        for zone in range(2):
-            zoned = zoned or (c == _manager_of(zone) and state.zones[zone] > 0)
-        if not zoned:
-            return 0.0
-    value = state.channels[c].timbre - 64
-    if master != c:
-        value += state.channels[master].timbre - 64
-    return max(-1.0, value / 64.0) if value < 0 else min(1.0, value / 63.0)
 
 
 @njit(**CORE)

@@ -1,10 +1,6 @@
-"""Flat arrays that the native core works on: a Bank that never changes, a State that does.
+"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, a State that changes.
 
-Modes are padded with zeros to whole vectors (`lanes`): a model of n modes takes `cap`. Offsets: modes of a model or string
-begin at `off`, the two rows of output weights at 2·off, coefficient rows (`lanes.ROWS`) at ROWS·off; contact rows at `coff`,
-contact matrices at `goff`, responses over a block's steps at RESPONSE·goff (contacts) and 2·RESPONSE·coff (outputs); mode
-shapes (C × cap) at `soff`. Extents are named by what is counted; `bank` says how many there are. `model_modes` are those
-of all models, `modes` those of every string's longest, `widest_modes` of the longest of all; so with contacts and squares.
+Extents are named by what is counted; `bank` says how many there are.
 """
 
 from __future__ import annotations
@@ -13,10 +9,9 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from synth.engine.events import EVENT
-from synth.engine.events import N_PARAMETERS as N_PARAMETERS
-from synth.native.arrays import f8, i8, struct, u1
-from synth.solver.lanes import BLOCK
+from synth.midi.events import EVENT
+from synth.midi.events import N_PARAMETERS as N_PARAMETERS
+from synth.native.arrays import f8, i8, struct
 
 #: an inner function of the core: without the wrappers for callers outside compiled code, which take half a second each
 CORE: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -32,8 +27,6 @@ SPAN = 8
 SPAN_STEPS = 2048
 #: frames of output kept: a span, what is left of the quantum before it, the limiter's look-ahead
 RING = 512
-#: length of a response to a force during a block
-RESPONSE = 2 * BLOCK
 #: frames over which a string changes between its internal rate and free flight at the output rate; a multiple of QUANTUM
 FADE = 64
 
@@ -41,17 +34,15 @@ FADE = 64
 #: above full scale; presets may ask for 200 dB)
 BLOWN_UP = 1e12
 
+#: a string sleeps when its output is certain to stay below this (−100 dBFS; typically −120)
+SLEEP_BELOW = 1e-5
+
 MODEL = np.dtype(
     [
         ("n", "i8"),
         ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
         ("audible", "i8"),  # its own modes that the decimator does not stop
-        ("cap", "i8"),
-        ("off", "i8"),
-        ("soff", "i8"),
-        ("coff", "i8"),
-        ("goff", "i8"),
         ("length", "f8"),
         ("tension", "f8"),
         ("mu", "f8"),
@@ -68,13 +59,9 @@ MODEL = np.dtype(
 STRING = np.dtype(
     [
         ("part", "i8"),
+        ("instrument", "i8"),
         ("bus", "i8"),
         ("factor", "i8"),
-        ("cap", "i8"),
-        ("off", "i8"),
-        ("coff", "i8"),
-        ("cmax", "i8"),
-        ("goff", "i8"),
         ("positions", "i8"),  # how many; more than one: a neck
         ("open_length", "f8"),
         ("pluck_force", "f8"),
@@ -89,6 +76,9 @@ STRING = np.dtype(
     ],
     align=True,
 )
+
+#: what is one task for threads: strings from `first_string` on, which share something where they are `together`
+INSTRUMENT = np.dtype([("first_string", "i8"), ("end_string", "i8"), ("together", "i8")], align=True)
 
 POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True)
 
@@ -111,14 +101,12 @@ PART = np.dtype(
         ("use_q", "i8"),
         ("use_v", "i8"),
         ("pickup_distance", "f8"),
+        ("excited", "i8"),  # by another excitation than the pluck
         ("velocity_exponent", "f8"),
         ("position_shift", "f8"),  # of the pluck from velocity 0 to 127, parts of the open length
         ("width_ratio", "f8"),  # of the finger at velocity 127 to velocity 0
         ("finger_stiffness", "f8"),
         ("finger_loss", "f8"),
-        ("direct", "f8"),
-        ("body_off", "i8"),
-        ("body_n", "i8"),
         ("pressure_bend", "f8"),  # tension at full pressure [semitones]
     ],
     align=True,
@@ -140,6 +128,7 @@ class Bank(NamedTuple):
 
     models: Annotated[np.ndarray, struct(MODEL, "models")]
     strings: Annotated[np.ndarray, struct(STRING, "strings")]
+    instruments: Annotated[np.ndarray, struct(INSTRUMENT, "instruments")]
     positions: Annotated[np.ndarray, struct(POSITION, "positions")]
     parts: Annotated[np.ndarray, struct(PART, "parts")]
     buses: Annotated[np.ndarray, struct(BUS, "buses")]
@@ -148,32 +137,15 @@ class Bank(NamedTuple):
     pitch: Annotated[np.ndarray, f8("128")]  # of every key as compiled, in semitones
     bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]  # by controller
     bound: Annotated[np.ndarray, i8("129")]  # where each controller's bindings begin
-    omega: Annotated[np.ndarray, f8("model_modes")]
-    sigma: Annotated[np.ndarray, f8("model_modes")]
-    rows: Annotated[np.ndarray, f8("ROWS*model_modes")]
-    flight: Annotated[np.ndarray, f8("ROWS*model_modes")]  # like rows, over a whole frame
-    shapes: Annotated[np.ndarray, f8("model_shapes")]
-    eta: Annotated[np.ndarray, f8("model_contacts")]
-    residual: Annotated[np.ndarray, f8("model_squares")]
-    matrix: Annotated[np.ndarray, f8("model_squares")]
-    lags: Annotated[np.ndarray, f8("RESPONSE*model_squares")]
-    out_lags: Annotated[np.ndarray, f8("2*RESPONSE*model_contacts")]
-    weights: Annotated[np.ndarray, f8("2*model_modes")]  # of the outputs on q and on v
-    direct_weights: Annotated[np.ndarray, f8("2*model_modes")]  # the same behind the decimator
-    q_rest: Annotated[np.ndarray, f8("model_modes")]
     taps: Annotated[np.ndarray, f8("taps")]  # ordered by phase
-    body: Annotated[np.ndarray, f8("3, resonances")]  # of all parts
 
 
 class Settings(NamedTuple):
     """Constant for one stream."""
 
-    law: int
-    restitution: float
     rate_hz: float
-    limiter: int
-    ceiling: float
-    limiter_release: float
+    ceiling: float  # the limiter's; infinite without one
+    mix_latency: int  # frames by which the mix is later than the stems
     gain: float
     polyphony: int
     smoothing: float  # share of the way per frame, gain and pan
@@ -189,9 +161,6 @@ SOUNDING = np.dtype(
     [
         ("awake", "i8"),
         ("model", "i8"),
-        ("n", "i8"),
-        ("free", "i8"),  # nothing can be touched before new input
-        ("certain", "i8"),  # the certificates hold
         ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
         ("channel", "i8"),
@@ -229,9 +198,6 @@ SOUNDING = np.dtype(
         ("level", "f8"),
         ("finger_from", "f8"),
         ("finger_to", "f8"),
-        ("finger_own", "f8"),
-        ("finger_k", "f8"),
-        ("finger_r", "f8"),
         ("pending_velocity", "f8"),
     ],
     align=True,
@@ -282,8 +248,9 @@ PART_STATE = np.dtype(
     MOST_AWAKE,
     AWAKE,
     N_TAKEN,
-) = range(9)
-N_COUNTERS = 9
+    N_SILENCED,
+) = range(10)
+N_COUNTERS = 10
 
 #: places in `meters`: largest output since reset; output level below which a string that no key holds is damped, 0: none is
 PEAK, SPARE = range(2)
@@ -299,61 +266,66 @@ class State(NamedTuple):
     parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
     tuning: Annotated[np.ndarray, f8("128")]  # semitones of every key above Bank.pitch
     zones: Annotated[np.ndarray, i8("2")]  # members of each MPE zone (`zones`), 0: there is none
-    q: Annotated[np.ndarray, f8("modes")]
-    v: Annotated[np.ndarray, f8("modes")]
-    omega: Annotated[np.ndarray, f8("modes")]  # of bent strings
-    rows: Annotated[np.ndarray, f8("ROWS*modes")]
-    matrix: Annotated[np.ndarray, f8("squares")]
-    lags: Annotated[np.ndarray, f8("RESPONSE*squares")]
-    out_lags: Annotated[np.ndarray, f8("2*RESPONSE*contacts")]
-    eta: Annotated[np.ndarray, f8("contacts")]
-    u: Annotated[np.ndarray, f8("contacts")]
-    vc: Annotated[np.ndarray, f8("contacts")]
-    force: Annotated[np.ndarray, f8("contacts")]
-    looked: Annotated[np.ndarray, u1("contacts")]  # certificates of the block kernels, see `blocks.BlockWork`
-    until: Annotated[np.ndarray, i8("contacts")]
-    margin: Annotated[np.ndarray, f8("contacts")]
-    bounds: Annotated[np.ndarray, f8("contacts, 3")]
-    renewed: Annotated[np.ndarray, i8("contacts")]
-    clock: Annotated[np.ndarray, i8("strings")]
-    moving: Annotated[np.ndarray, i8("strings")]
     fade: Annotated[np.ndarray, f8("fades")]  # what still fades, at the internal rate
     direct_fade: Annotated[np.ndarray, f8("strings, FADE")]
-    finger_weights: Annotated[np.ndarray, f8("modes")]
-    finger_coupling: Annotated[np.ndarray, f8("contacts")]
-    grip_contacts: Annotated[np.ndarray, f8("RESPONSE*contacts")]  # responses to the finger, see `fingers.Grip`
-    grip_points: Annotated[np.ndarray, f8("strings, 3, RESPONSE")]  # its own row, outputs on q and v
-    grip_far: Annotated[np.ndarray, f8("contacts")]
-    finger_state: Annotated[np.ndarray, f8("strings, 2")]
     pending: Annotated[np.ndarray, struct(EVENT, "PENDING_EVENTS")]
     unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]  # last row: channels without a part
     counters: Annotated[np.ndarray, i8("N_COUNTERS")]
     meters: Annotated[np.ndarray, f8("N_METERS")]
     lines: Annotated[np.ndarray, f8("lines")]  # of every bus: the steps its decimator still needs, then those of a span
     quiet: Annotated[np.ndarray, i8("buses")]  # steps of nothing that the bus has seen last
-    body: Annotated[np.ndarray, f8("3, resonances")]
+    effect_numbers: Annotated[np.ndarray, f8("effect_numbers")]  # what the effects of all chains remember, see `Effects`
+    effect_counts: Annotated[np.ndarray, i8("effect_counts")]
     ring: Annotated[np.ndarray, f8("RING, 2")]
     stems: Annotated[np.ndarray, f8("parts, RING, 2")]
-    delay: Annotated[np.ndarray, f8("LOOKAHEAD, 2")]
-    required: Annotated[np.ndarray, f8("2*WINDOW")]
-    released: Annotated[np.ndarray, f8("2*WINDOW")]
-    limiter_counters: Annotated[np.ndarray, i8("3")]
-    limiter_levels: Annotated[np.ndarray, f8("2")]
 
 
-#: what strings can be asked: to go through whole quanta; what is decided at the start of the first; a stretch within it
+#: an effect in its place: addresses of its table and of what is called with that; which numbers and counts are its own
+PLACED = np.dtype(
+    [
+        ("table", "i8"),
+        ("process", "i8"),
+        ("silent", "i8"),
+        ("number", "i8"),
+        ("end_number", "i8"),
+        ("count", "i8"),
+        ("end_count", "i8"),
+    ],
+    align=True,
+)
+
+
+class Effects(NamedTuple):
+    """Constant: the chains of effects, of every part and at last of the mix."""
+
+    chains: Annotated[np.ndarray, i8("parts + 1, 2")]  # first of each chain among `placed`, and behind the last
+    placed: Annotated[np.ndarray, struct(PLACED, "placed")]
+    numbers: Annotated[np.ndarray, f8("effect_numbers")]  # of the State, at rest
+    counts: Annotated[np.ndarray, i8("effect_counts")]
+
+
+#: what an instrument can be asked: to go through whole quanta, what is decided at the start of one, a stretch within it
 WHOLE, BEGIN, STRETCH = range(3)
 #: places in Shared.task: one of these; number of the span's first quantum; quanta; frame of the quantum up to which a
-#: stretch goes; addresses of what does it, `advance.entries`
-TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP = range(6)
-N_TASK = 6
+#: stretch goes; addresses of what does it, `tasks.entries`; of what decides about an event, and of the table it sees
+TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, HANDLE, VOICES = range(8)
+N_TASK = 8
+
+
+#: addresses of what begins an excitation, of what its hand follows, of its constants (`instrument.excitations`)
+BEGIN_HOLD, FOLLOW, CONSTANTS = range(3)
+#: a model comes as compiled, with coefficients of the string's own (SOUNDING.altered), and over whole frames
+PLAIN, ALTERED, FLIGHT = range(3)
 
 
 class Shared(NamedTuple):
     """Work arrays of one span that all threads see; they carry no sound from span to span."""
 
     task: Annotated[np.ndarray, i8("N_TASK")]  # what is asked of the strings, see above
-    queue: Annotated[np.ndarray, i8("strings")]  # those at work
+    queue: Annotated[np.ndarray, i8("strings")]  # instruments at work
+    model_at: Annotated[np.ndarray, i8("models, 3")]  # addresses of every StringModel, see below
+    string_at: Annotated[np.ndarray, i8("strings")]  # addresses of every StringState
+    excitation: Annotated[np.ndarray, i8("parts, 3")]  # of every part whose hand does not pluck, see below; else 0
     team: Annotated[np.ndarray, i8("N_WORDS")]  # control words of the workers, see `team`
     rows: Annotated[np.ndarray, f8("string_rows")]  # outputs of every string, from STRING.row
     direct: Annotated[np.ndarray, f8("strings*frames")]  # its outputs in flight, from STRING.direct
@@ -363,30 +335,4 @@ class Shared(NamedTuple):
     frame: Annotated[np.ndarray, f8("frames")]
     phases: Annotated[np.ndarray, f8("phases")]  # a line split by the decimator
     mix: Annotated[np.ndarray, f8("frames, 2")]
-
-
-class Scratch(NamedTuple):
-    """Work arrays of one thread; they carry nothing from call to call."""
-
-    path: Annotated[np.ndarray, f8("steps + 1")]
-    out: Annotated[np.ndarray, f8("2*steps")]
-    sigma: Annotated[np.ndarray, f8("widest_modes")]
-    amplitude: Annotated[np.ndarray, f8("widest_modes")]
-    q: Annotated[np.ndarray, f8("widest_modes")]
-    v: Annotated[np.ndarray, f8("widest_modes")]
-    record: Annotated[np.ndarray, f8("steps, widest")]
-    y: Annotated[np.ndarray, f8("widest")]
-    b: Annotated[np.ndarray, f8("widest")]
-    z: Annotated[np.ndarray, f8("widest")]
-    a: Annotated[np.ndarray, f8("widest, widest")]
-    factor: Annotated[np.ndarray, f8("widest, widest")]
-    order: Annotated[np.ndarray, i8("widest")]
-    enabled: Annotated[np.ndarray, u1("widest")]
-    active: Annotated[np.ndarray, u1("widest")]
-    watch: Annotated[np.ndarray, u1("widest")]
-    block: Annotated[np.ndarray, f8("3, BLOCK")]
-    forces: Annotated[np.ndarray, f8("widest*BLOCK + BLOCK")]
-    block_u: Annotated[np.ndarray, f8("widest*BLOCK + BLOCK")]
-    block_matrix: Annotated[np.ndarray, f8("widest*widest")]
-    moved: Annotated[np.ndarray, f8("3*widest_modes")]
-    near: Annotated[np.ndarray, i8("widest")]
+    event: Annotated[np.ndarray, struct(EVENT, "1")]  # at hand

@@ -1,4 +1,4 @@
-"""From the strings' rows to the output: buses, decimators, bodies, levels, limiter.
+"""From the strings' rows to the output: buses, decimators, effects of the parts, levels, effects of the mix.
 
 A span is mixed in one go. What is skipped because it is silent is judged per bus by exact zeros, and per part and quantum
 by what its filters still hold, so that the cut into spans changes nothing.
@@ -10,22 +10,19 @@ import math
 
 from numba import njit
 
-from synth.dsp.body import body_filter
 from synth.dsp.decimator import decimate_line
-from synth.dsp.limiter import limit
+from synth.dsp.effect import STILL_BELOW
+from synth.engine.chain import chain_is_silent, reset_chain, run_chain
 from synth.engine.core import bank_of, settings_of, shared_of, state_of
-from synth.engine.layout import BLOWN_UP, CORE, GAIN, QUANTUM, RING
-from synth.simd import move_within
+from synth.engine.layout import BLOWN_UP, CORE, GAIN, N_SILENCED, QUANTUM, RING
+from synth.native.simd import move_within
 from synth.solver.vectors import dot
-
-#: what a part's filters still hold counts as nothing below this (−240 dBFS)
-STILL_BELOW = 1e-12
 
 
 @njit(**CORE)
 def mix_span(core: int, start: int, quanta: int) -> None:
     """The rows of `quanta` quanta from frame `start` of the stream become output in the rings."""
-    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
     frames = quanta * QUANTUM
     _gather_rows(core)
     mix = shared.mix[:frames]
@@ -37,21 +34,23 @@ def mix_span(core: int, start: int, quanta: int) -> None:
         for b in range(part.first_bus, part.end_bus):
             _add_bus(core, b, frames, mono)
         _add_part(core, p, start, mono, mix)
-    if settings.limiter:
-        limit(
-            state.delay,
-            state.required,
-            state.released,
-            state.limiter_counters,
-            state.limiter_levels,
-            settings.ceiling,
-            settings.limiter_release,
-            mix,
-        )
+    for begin in range(0, frames, QUANTUM):
+        _finish(core, mix[begin : begin + QUANTUM].reshape(-1))
     for i in range(frames):
         at = (start + i) % RING
         state.ring[at, 0] = mix[i, 0]
         state.ring[at, 1] = mix[i, 1]
+
+
+@njit(**CORE)
+def _finish(core: int, mix) -> None:
+    """A quantum of the mix through its effects; where what they give is no sound any more, they forget all."""
+    parts = bank_of(core).parts.size
+    run_chain(core, parts, mix, 2)
+    if not dot(mix, mix) <= BLOWN_UP * BLOWN_UP:
+        mix[:] = 0.0
+        reset_chain(core, parts)
+        state_of(core).counters[N_SILENCED] += 1
 
 
 @njit(**CORE)
@@ -103,9 +102,8 @@ def _add_bus(core: int, b: int, frames: int, mono) -> None:
 
 @njit(**CORE)
 def _add_part(core: int, p: int, start: int, mono, mix) -> None:
-    """Body, high-pass, level and panning of one part."""
-    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
-    part = bank.parts[p]
+    """Effects, high-pass, level and panning of one part."""
+    state, settings = state_of(core), settings_of(core)
     me = state.part_state[p]
     channel = state.channels[me.channel]
     level = channel.volume * channel.expression * state.parameters[p, GAIN] * settings.gain
@@ -113,8 +111,6 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
     to_left = level * math.sqrt(2.0) * math.cos(angle)
     to_right = level * math.sqrt(2.0) * math.sin(angle)
     share, pole = settings.smoothing, settings.dc
-    resonances = bank.body[:, part.body_off : part.body_off + part.body_n]
-    ringing = state.body[:, part.body_off : part.body_off + part.body_n]
     for begin in range(0, mono.size, QUANTUM):
         x = mono[begin : begin + QUANTUM]
         y = mix[begin : begin + QUANTUM]
@@ -126,12 +122,7 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
         if me.still and silent and settled:
             stem[:] = 0.0
             continue
-        if part.body_n > 0:
-            frame = shared.frame[:QUANTUM]
-            for i in range(QUANTUM):
-                frame[i] = part.direct * x[i]
-            body_filter(resonances, ringing, x, frame)
-            x[:] = frame
+        run_chain(core, p, x, 1)
         before, high = _high_pass(x, pole, before, high)
         if settled:
             for i in range(QUANTUM):
@@ -152,8 +143,8 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
             y[i, 1] += stem[i, 1]
         me.left, me.right, me.dc_in, me.dc_out = left, right, before, high
         me.still = 0
-        if silent and abs(high) < STILL_BELOW and abs(before) < STILL_BELOW and _has_faded(ringing):
-            ringing[:] = 0.0
+        if silent and abs(high) < STILL_BELOW and abs(before) < STILL_BELOW and chain_is_silent(core, p):
+            reset_chain(core, p)
             me.dc_in = me.dc_out = 0.0
             me.still = 1
 
@@ -170,7 +161,7 @@ def _silence_part(core: int, p: int, mono, stem) -> None:
         bus = bank.buses[b]
         state.lines[bus.off : bus.off + bus.n_taps] = 0.0
         state.quiet[b] = bus.n_taps
-    state.body[:, part.body_off : part.body_off + part.body_n] = 0.0
+    reset_chain(core, p)
     me.left = me.right = settings.gain
     me.dc_in = me.dc_out = 0.0
     me.still = 1
@@ -196,13 +187,3 @@ def _is_silent(x) -> bool:
     for i in range(x.size):
         loud |= 1 if x[i] != 0.0 else 0
     return loud == 0
-
-
-@njit(**CORE)
-def _has_faded(ringing) -> bool:
-    """Whether no resonance's last two outputs (nor the last input) are worth going on with."""
-    for i in range(ringing.shape[0]):
-        for j in range(ringing.shape[1]):
-            if abs(ringing[i, j]) >= STILL_BELOW:
-                return False
-    return True

@@ -12,13 +12,13 @@ BASE_S = 0.05
 
 
 @njit(**CORE)
-def collect(core: int, desk: int, s: int, steps: int, factor: int, base: float, row) -> float:
+def collect(core: int, thread: int, s: int, steps: int, factor: int, base: float, row) -> float:
     """row (≥ steps,) from Scratch.out after `steps` steps at `factor` times the output rate.
 
     A force or displacement is counted from `base`, which slowly follows the string's rest; returns where it then is.
     """
     bank, settings = bank_of(core), settings_of(core)
-    out = scratch_of(desk).out
+    out = scratch_of(thread).out
     me = state_of(core).sounding[s]
     part = bank.parts[bank.strings[s].part]
     if part.use_q and part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³

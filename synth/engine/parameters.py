@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from synth.engine import layout
 from synth.engine.expression import CONTROL_S
-from synth.preset import BridgeObstacle, Preset
+from synth.instrument.preset import BridgeObstacle, Preset
 
 GAIN_SMOOTHING_S = 0.015
 #: controllers that keep their meaning: bank select, data entry, pedal, parameter numbers, channel modes

@@ -11,19 +11,17 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.dsp.denormals import enable_ftz, restore
-from synth.dsp.limiter import LOOKAHEAD
 from synth.engine.core import bank_of, settings_of, shared_of, state_of
-from synth.engine.events import copy_event
 from synth.engine.expression import approach, control_share
+from synth.engine.instruments import cost, is_awake
 from synth.engine.layout import (
     AWAKE,
     BEGIN,
     CORE,
     FIRST_QUANTUM,
+    HANDLE,
     HEIGHT,
     N_DROPPED,
-    NO_FINGER,
     NOW,
     PEAK,
     PENDING,
@@ -34,22 +32,22 @@ from synth.engine.layout import (
     STRETCH,
     TASK,
     UNTIL,
+    VOICES,
     WHOLE,
 )
 from synth.engine.mix import mix_span
-from synth.engine.notes import handle
 from synth.engine.team import rouse, share_out
-
-#: a step under a finger takes about so many times as long as one in flight
-FINGER_COST = 2
+from synth.midi.events import copy_event
+from synth.native.denormals import enable_ftz, restore
+from synth.native.views import tell
 
 _copy_event = njit(**CORE)(copy_event)
 
 
 @njit(cache=True, nogil=True)
-def process(core: int, desk: int, events, out, stems) -> None:
+def process(core: int, thread: int, events, out, stems) -> None:
     """One block: `events` (EVENT, frames from the block's start, in order), `out` (frames, 2), `stems` (parts or 0,
-    frames, 2). Output is late by QUANTUM + the decimator's latency + the limiter's look-ahead."""
+    frames, 2). Output is late by QUANTUM + the latencies of the decimator and the effects."""
     saved = enable_ftz()
     state, settings = state_of(core), settings_of(core)
     now = state.counters[NOW]
@@ -61,11 +59,11 @@ def process(core: int, desk: int, events, out, stems) -> None:
     while done < frames:
         until = min(frames, state.counters[PRODUCED] + QUANTUM - now)
         if until <= done:
-            _produce(core, desk, now + frames - QUANTUM)
+            _produce(core, thread, now + frames - QUANTUM)
             continue
         first = now + done - QUANTUM
         state.meters[PEAK] = max(state.meters[PEAK], _copy_out(state.ring, first, out[done:until]))
-        late = first - LOOKAHEAD if settings.limiter else first
+        late = first - settings.mix_latency
         for p in range(stems.shape[0]):
             _copy_out(state.stems[p], late, stems[p, done:until])
         done = until
@@ -104,7 +102,7 @@ def _copy_out(ring, first: int, out) -> float:
 
 
 @njit(**CORE)
-def _produce(core: int, desk: int, end: int) -> None:
+def _produce(core: int, thread: int, end: int) -> None:
     """The next span; frame `end` of the stream need not be reached by more than the rest of a quantum."""
     state, settings, shared = state_of(core), settings_of(core), shared_of(core)
     start = state.counters[PRODUCED]
@@ -118,45 +116,43 @@ def _produce(core: int, desk: int, end: int) -> None:
         for k in range(quanta):
             _smooth_controls(core, k)
         shared.task[TASK], shared.task[QUANTA] = WHOLE, quanta
-        _run_strings(core, desk, quanta * QUANTUM)
+        _run_instruments(core, thread, quanta * QUANTUM)
     else:
         quanta = 1
         _smooth_controls(core, 0)
-        _quantum_with_events(core, desk, start)
+        _quantum_with_events(core, thread, start)
     mix_span(core, start, quanta)
     state.counters[PRODUCED] = start + quanta * QUANTUM
 
 
 @njit(**CORE)
 def _list_awake(core: int, frames: int) -> tuple[int, int]:
-    """Put the awake strings into Shared.queue; how many, and about how many mode-steps over so many frames."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    """Put the awake instruments into Shared.queue; how many, and about how many mode-steps over so many frames."""
+    bank, shared = bank_of(core), shared_of(core)
     count = 0
     mode_steps = 0
-    for s in range(state.sounding.size):
-        if state.sounding[s].awake:
-            shared.queue[count] = s
+    for i in range(bank.instruments.size):
+        if is_awake(core, i):
+            shared.queue[count] = i
             count += 1
-            cost = 1 if state.sounding[s].phase == NO_FINGER else FINGER_COST
-            factor = 1 if state.sounding[s].flying else bank.strings[s].factor
-            mode_steps += cost * state.sounding[s].n * factor * frames
+            mode_steps += cost(core, i, frames)
     return count, mode_steps
 
 
 @njit(**CORE)
-def _run_strings(core: int, desk: int, frames: int) -> None:
-    """Let all awake strings do what Shared.task asks, over so many frames."""
+def _run_instruments(core: int, thread: int, frames: int) -> None:
+    """Let all awake instruments do what Shared.task asks, over so many frames."""
     count, mode_steps = _list_awake(core, frames)
-    share_out(core, desk, count, mode_steps)
+    share_out(core, thread, count, mode_steps)
 
 
 @njit(**CORE)
-def _quantum_with_events(core: int, desk: int, start: int) -> None:
-    """One quantum with its events. A string goes on to an event's frame if the event touches it (`notes.catch_up`), and
+def _quantum_with_events(core: int, thread: int, start: int) -> None:
+    """One quantum with its events. A string goes on to an event's frame if the event touches it (`hands`), and
     at last all go to the quantum's end."""
     state, shared = state_of(core), shared_of(core)
     shared.task[TASK] = BEGIN
-    _run_strings(core, desk, 1)
+    _run_instruments(core, thread, 1)
     awake = 0
     for s in range(state.sounding.size):
         awake += state.sounding[s].awake
@@ -166,10 +162,11 @@ def _quantum_with_events(core: int, desk: int, start: int) -> None:
     taken = 0
     while taken < state.counters[PENDING] and state.pending[taken].frame < start + QUANTUM:
         shared.task[UNTIL] = max(shared.task[UNTIL], state.pending[taken].frame - start)
-        handle(core, desk, state.pending[taken])
+        _copy_event(state.pending[taken], shared.event[0])
+        tell(shared.task[HANDLE], shared.task[VOICES])
         taken += 1
     shared.task[UNTIL] = QUANTUM
-    _run_strings(core, desk, QUANTUM)
+    _run_instruments(core, thread, QUANTUM)
     left = state.counters[PENDING] - taken
     for i in range(left):
         _copy_event(state.pending[i + taken], state.pending[i])

@@ -5,7 +5,7 @@
     4      VERSION, little-endian, as all numbers
     16     what the state belongs to: presets, rate, settings and the layout of the arrays (`origin_of`)
     8      events that wait
-    …      every array of State in its order, of `pending` only the events that wait
+    …      every array that changes, in its order (State, then the strings'), of `pending` only the events that wait
     16     BLAKE2b of all this
 
 Nothing in it is parsed but two numbers: all sizes are those of the engine that the state is for. A state is thus refused
@@ -17,16 +17,19 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from synth.engine import layout
-from synth.engine.layout import Bank, Settings, State
+from synth.engine.bank import Built
+from synth.engine.layout import Settings, State
 from synth.native.arrays import fields
+from synth.solver.stringmodel import Coefficients, StringState
 
 MAGIC = b"jawarist"
 #: of the bytes, and of what the numbers mean
-VERSION = 2
+VERSION = 3
 _ORIGIN = 16
 _DIGEST = 16
 _HEAD = len(MAGIC) + 4 + _ORIGIN + 8
@@ -36,26 +39,33 @@ _EARLIER = b"PK\x03\x04"
 MOST_EVENTS = 1 << 21
 
 
-def origin_of(bank: Bank, settings: Settings) -> bytes:
-    """(16 bytes) what tells banks, settings and layouts apart."""
-    kept = [(name, str(dtype), len(shape)) for name, (dtype, shape) in fields(State).items()]
-    digest = hashlib.blake2b(repr((settings, kept, sys.byteorder)).encode(), digest_size=_ORIGIN)
-    for array in bank:
-        digest.update(array.tobytes())
+def origin_of(built: Built, settings: Settings, kinds: bytes) -> bytes:
+    """(16 bytes) what tells banks, models, settings, `kinds` of law, effects and excitations, and layouts apart."""
+    arrays = [
+        (name, str(dtype), len(shape))
+        for kind in (State, StringState, Coefficients)
+        for name, (dtype, shape) in fields(kind).items()
+    ]
+    digest = hashlib.blake2b(repr((settings, kinds, arrays, sys.byteorder)).encode(), digest_size=_ORIGIN)
+    everything: list[Any] = [built.bank, *built.models]  # flights follow from the models and the rate
+    for each in everything:
+        for name, value in each._asdict().items():
+            if name == "step":  # an address
+                value = int(value != 0)
+            digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
     return digest.digest()
 
 
-def pack(state: State, origin: bytes) -> bytes:
-    """The bytes of a state; `origin` from `origin_of`."""
-    waiting = int(state.counters[layout.PENDING])
+def pack(arrays: Mapping[str, np.ndarray], waiting: int, origin: bytes) -> bytes:
+    """The bytes of all that changes, by name; so many events wait in `pending`; `origin` from `origin_of`."""
     pieces = [MAGIC, VERSION.to_bytes(4, "little"), origin, waiting.to_bytes(8, "little")]
-    for name, array in state._asdict().items():
+    for name, array in arrays.items():
         pieces.append((array[:waiting] if name == "pending" else array).tobytes())
     data = b"".join(pieces)
     return data + _digest(data)
 
 
-def unpack(data: bytes, like: State, origin: bytes) -> State:
+def unpack(data: bytes, like: Mapping[str, np.ndarray], origin: bytes) -> dict[str, np.ndarray]:
     """Arrays of their own with what `data` holds, of the sizes of `like`; of `pending` the events that wait.
 
     Raises ValueError for bytes that are no state, were changed, or come from another version, bank or setting; TypeError
@@ -78,18 +88,17 @@ def unpack(data: bytes, like: State, origin: bytes) -> State:
     waiting = int.from_bytes(data[_HEAD - 8 : _HEAD], "little")
     if waiting > MOST_EVENTS:
         raise ValueError(f"not a state of this engine: {waiting} events wait in it, at most {MOST_EVENTS} can")
-    shapes = {name: (waiting,) if name == "pending" else array.shape for name, array in like._asdict().items()}
-    kinds = fields(State)
-    sizes = {name: int(np.prod(shape)) * kinds[name].dtype.itemsize for name, shape in shapes.items()}
+    shapes = {name: (waiting,) if name == "pending" else array.shape for name, array in like.items()}
+    sizes = {name: int(np.prod(shape)) * like[name].dtype.itemsize for name, shape in shapes.items()}
     wanted = _HEAD + sum(sizes.values()) + _DIGEST
     if len(data) != wanted:
         raise ValueError(f"not a state of this engine: it has {len(data)} bytes, {wanted} are needed")
     arrays, at = {}, _HEAD
     for name, shape in shapes.items():
         piece = np.frombuffer(data, np.uint8, sizes[name], at)
-        arrays[name] = piece.copy().view(kinds[name].dtype).reshape(shape)
+        arrays[name] = piece.copy().view(like[name].dtype).reshape(shape)
         at += sizes[name]
-    return State(**arrays)
+    return arrays
 
 
 def _digest(data: bytes) -> bytes:

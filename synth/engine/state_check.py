@@ -7,13 +7,14 @@ these limits may still do is blow up, and for that there is a guard (`advance`, 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from synth.dsp.limiter import LimiterState, limiter_problem
 from synth.engine import layout
-from synth.engine.expression import MOST_BEND, MOST_RETUNING
+from synth.engine.bank import Strings
+from synth.engine.expression import MOST_BEND
 from synth.engine.layout import (
     BLOWN_UP,
     FADE,
@@ -25,11 +26,15 @@ from synth.engine.layout import (
     Settings,
     State,
 )
-from synth.engine.notes import RPN_NONE
-from synth.engine.strings import PRESS_S
-from synth.engine.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
-from synth.solver.kernels import FOR_EVER
+from synth.engine.strings import LEAST_STIFFNESS, PRESS_S
+from synth.engine.voices.channels import RPN_NONE
+from synth.engine.voices.retuning import MOST_RETUNING
+from synth.instrument.excitations import MOST_HOLD_S
+from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
+from synth.solver.certificates import FOR_EVER
+from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.stringmodel import CERTAIN, CLOCK, FREE, MOVING, N_COUNTS, RESPONSE
 
 #: counts and frames of a state: 2⁵², 3000 years at 48 kHz, and as much again to go on before a double cannot count them
 MOST_COUNT = 1 << 52
@@ -38,6 +43,7 @@ MOST = 1e3 * BLOWN_UP
 #: loudest channel: volume 127 over 100, squared
 _LOUDEST = 1.27**2
 _ROUNDING = 1e-9
+HIGH = "must be positive"
 
 
 class _Check:
@@ -68,30 +74,37 @@ def require(holds: Any, what: str) -> None:
         raise ValueError(f"the state cannot be gone on from: {what}")
 
 
-def check_state(bank: Bank, settings: Settings, like: State, state: State, defaults: np.ndarray) -> None:
-    """Raises ValueError, naming the number, unless the core can go on from `state`.
+def check_state(
+    bank: Bank,
+    settings: Settings,
+    effects_problem: Callable[[State], str | None],
+    strings: Strings,
+    arrays: Mapping[str, np.ndarray],
+    defaults: np.ndarray,
+) -> None:
+    """Raises ValueError, naming the number, unless the core can go on from `arrays`, of the engine's own shapes.
 
-    like: a State of the engine's own, for the shapes; state.pending holds the events that wait and no more.
+    effects_problem: what keeps the effects from going on, in words (`effect_chains.Chains.problem`).
+    strings: the engine's own, for their sizes; `pending` holds the events that wait and no more.
     defaults: (parts, N_PARAMETERS) live parameters as the presets have them, which may lie outside their ranges.
     """
-    for name, array in state._asdict().items():
+    state = State(**{name: arrays[name] for name in State._fields})
+    for name, array in arrays.items():
         if array.dtype.kind == "f":
             _Check(name, array).within("", -MOST, MOST)
         elif array.dtype.names:
             for field in array.dtype.names:
                 if name != "pending" and array.dtype[field].kind == "f":
                     _Check(name, array).within(field, -MOST, MOST)
-        require(name == "pending" or array.shape == like._asdict()[name].shape, f"{name} has the shape {array.shape}")
     _check_time(state)
     _check_channels(state)
-    _check_strings(bank, settings, state)
+    _check_sounding(bank, settings, state)
+    _check_strings(bank, settings, strings, state, arrays)
     _check_parts(settings, state, defaults)
     _check_events(state)
-    if settings.limiter:
-        _Check("ring", state.ring).within("", -settings.ceiling, settings.ceiling)
-    limiter = LimiterState(state.delay, state.required, state.released, state.limiter_counters, state.limiter_levels)
-    problem = limiter_problem(limiter, settings.ceiling)
-    require(problem is None, f"limiter: {problem}")
+    _Check("ring", state.ring).within("", -settings.ceiling, settings.ceiling)
+    problem = effects_problem(state)
+    require(problem is None, str(problem))
 
 
 def _check_time(state: State) -> None:
@@ -136,10 +149,10 @@ def _check_channels(state: State) -> None:
     _Check("tuning", state.tuning).within("", -MOST_RETUNING, MOST_RETUNING)
 
 
-def _check_strings(bank: Bank, settings: Settings, state: State) -> None:
+def _check_sounding(bank: Bank, settings: Settings, state: State) -> None:
     me, strings, models = state.sounding, bank.strings, bank.models
     check = _Check("sounding", me)
-    for field in ("awake", "free", "certain", "altered", "held", "sustained", "stolen", "flying"):
+    for field in ("awake", "altered", "held", "sustained", "stolen", "flying"):
         check.within(field, 0, 1)
     awake = me["awake"] == 1
     for field, low, high in (
@@ -161,7 +174,6 @@ def _check_strings(bank: Bank, settings: Settings, state: State) -> None:
         ("stale", 0, 2),
         ("plucked_at", 0, state.counters[layout.N_NOTES]),
         ("phase", 0, np.where(awake, layout.DRAW, NO_FINGER)),
-        ("n", np.where(awake, 1, 0), strings["cap"]),
         ("hand", 0.0, MOST),
         ("bend", -MOST_BEND, MOST_BEND),
         (
@@ -176,12 +188,9 @@ def _check_strings(bank: Bank, settings: Settings, state: State) -> None:
         ("timbre", -1.0, 1.0),
         ("lift", 0.0, MOST),
         ("level", 0.0, MOST),
-        ("finger_k", 0.0, MOST),
-        ("finger_r", 0.0, MOST),
         ("pending_velocity", 0.0, 127.0),
     ):
         check.within(field, low, high)
-    check.within("n", 0, models["n"][me["model"]], awake)
     own = [set(bank.positions["model"][bank.positions["string"] == s].tolist()) for s in range(strings.size)]
     pressing = awake & (me["phase"] == PRESS)
     for s in np.flatnonzero(awake):
@@ -190,23 +199,51 @@ def _check_strings(bank: Bank, settings: Settings, state: State) -> None:
         target = int(me["pending_model"][s])
         require(target in own[s], f"sounding.pending_model[{s}] is {target}, which is of another string")
     fingered = awake & (me["phase"] != NO_FINGER)
-    draws = np.maximum(strings["draw_s"], PRESS_S) * settings.rate_hz
+    longest = np.where(bank.parts["excited"][strings["part"]] != 0, MOST_HOLD_S, np.maximum(strings["draw_s"], PRESS_S))
+    draws = longest * settings.rate_hz
     check.within("finger_steps", 1, np.maximum(2, np.rint(draws)) * strings["factor"], fingered)
     check.within("finger_step", 0, me["finger_steps"] - 1, fingered)
+    require(~(fingered & (me["flying"] == 1)), "sounding.flying of a string under a finger")
+
+
+def _check_strings(bank: Bank, settings: Settings, strings: Strings, state: State, arrays: Mapping[str, np.ndarray]) -> None:
+    me, models = state.sounding, bank.models
+    awake, fresh = me["awake"] == 1, me["stale"] == 0
+    states = {name.removeprefix("string."): array for name, array in arrays.items()}
+    mine = [strings.states.item(s, states) for s in range(bank.strings.size)]
+    counts = np.array([item.counts for item in mine]).reshape(-1, N_COUNTS)
+    check = _Check("string.counts", counts)
+    most = np.array([item.q.size for item in mine], np.int64)
+    limits = np.zeros((2, *counts.shape))
+    limits[:, :, MOVING] = np.where(awake, 1, 0), np.where(awake, models["n"][me["model"]], most)
+    limits[1, :, [CLOCK, CERTAIN, FREE]] = np.array([MOST_COUNT, 1, 1])[:, None]
+    check.within("", *limits)
     # an output at the output rate needs a bus there, and an engine whose strings fly
-    can_fly = (strings["direct_bus"] >= 0) & bool(settings.economy) & (settings.law == EXACT_HOLD)
+    exact = np.array([strings.models[model].law == EXACT_HOLD for model in me["model"]], bool)
+    can_fly = (bank.strings["direct_bus"] >= 0) & bool(settings.economy) & exact
     flies = awake & ((me["flying"] == 1) | (me["fade_to"] > me["fade_at"]))
     require(can_fly | ~flies, "sounding.flying or .fade_to of a string that cannot fly")
-    require((me["free"] == 1) | ~(awake & (me["flying"] == 1) & (me["stale"] == 0)), "sounding.flying of a string not free")
-    require(~(fingered & (me["flying"] == 1)), "sounding.flying of a string under a finger")
-    for s in np.flatnonzero(awake & (me["bend"] != 0.0) & (me["stale"] == 0)):
-        bent = state.omega[strings["off"][s] : strings["off"][s] + models["cap"][me["model"][s]]]
-        require(bent > 0.0, f"omega of string {s}, which is bent, must be positive")
-    _Check("looked", state.looked).within("", 0, 1)
-    _Check("until", state.until).within("", 0, FOR_EVER)
-    _Check("renewed", state.renewed).within("", -1, MOST_COUNT)
-    _Check("clock", state.clock).within("", 0, MOST_COUNT)
-    _Check("moving", state.moving).within("", 0, strings["cap"])
+    free = counts[:, FREE] == 1
+    require(free | ~(awake & (me["flying"] == 1) & fresh), "sounding.flying of a string not free")
+    for s in np.flatnonzero(awake & (me["altered"] == 1) & fresh).tolist():
+        own = {name.removeprefix("own."): array for name, array in arrays.items()}
+        mine_own, contacts = strings.coefficients.item(s, own), int(models["contacts"][me["model"][s]])
+        require(
+            mine_own.omega[: models["n"][me["model"][s]]] > 0.0, f"own.omega of string {s}, which is damped or bent, {HIGH}"
+        )
+        matrix = mine_own.matrix[: contacts**2].reshape(contacts, contacts)
+        lags = mine_own.lags[: contacts**2 * RESPONSE].reshape(contacts, contacts, RESPONSE)
+        for name, diagonal in (("matrix", matrix.diagonal()), ("lags", lags[:, :, BLOCK].diagonal())):
+            require(diagonal > 0.0, f"own.{name} of string {s}, which is damped or bent, {HIGH} on its diagonal")
+    for s in np.flatnonzero(awake & (me["phase"] != NO_FINGER)).tolist():
+        require(mine[s].finger[0]["stiffness"] >= LEAST_STIFFNESS, f"string.finger.stiffness of string {s} {HIGH}")
+        require(mine[s].grip_own[0, BLOCK] >= 0.0, f"string.grip_own of string {s} must not be negative")
+    _Check("string.looked", states["looked"]).within("", 0, 1)
+    _Check("string.until", states["until"]).within("", 0, FOR_EVER)
+    _Check("string.renewed", states["renewed"]).within("", -1, MOST_COUNT)
+    finger = _Check("string.finger", states["finger"])
+    for field, high in (("on", 1), ("stiffness", MOST), ("resistance", MOST)):
+        finger.within(field, 0, high)
 
 
 def _check_parts(settings: Settings, state: State, defaults: np.ndarray) -> None:

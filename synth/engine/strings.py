@@ -7,13 +7,15 @@ import math
 from numba import njit
 
 from synth.engine.coefficients import rest_state, set_rest
-from synth.engine.core import bank_of, scratch_of, settings_of, state_of
+from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state_of, string_of
 from synth.engine.expression import bend_of, height_of, pluck_place, settle
-from synth.engine.flight import touch_down
+from synth.engine.free_flight import touch_down
 from synth.engine.layout import (
+    BEGIN_HOLD,
     CORE,
     DRAW,
     NO_FINGER,
+    PLAIN,
     PLUCK_AMOUNT,
     PLUCK_POSITION,
     PLUCK_WIDTH,
@@ -21,6 +23,9 @@ from synth.engine.layout import (
     RELEASE,
 )
 from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
+from synth.instrument.excitations import MOST_HOLD_S
+from synth.native.views import call_back
+from synth.solver.stringmodel import CERTAIN, FREE, MOVING, string_model
 from synth.solver.vectors import dot
 from synth.units import LN_1000
 
@@ -30,22 +35,24 @@ PRESS_S = 0.004
 FINGER_S = 0.04
 #: level of a string under a finger, until it is measured: about to sound, it is the last to be stolen
 LOUD = 1e9
+#: of what is between the string and a finger's path [N/m]: by less a finger holds nothing
+LEAST_STIFFNESS = 1e-3
 
 _finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
 _pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
 
 
 @njit(**CORE)
-def wake(core: int, desk: int, s: int, model_index: int) -> None:
+def wake(core: int, thread: int, s: int, model_index: int) -> None:
     """A silent string begins at rest on the given model, over the obstacle as high as it now is."""
-    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    bank, state, scratch, string = bank_of(core), state_of(core), scratch_of(thread), string_of(core, s)
     me = state.sounding[s]
     fixed = bank.strings[s]
-    model = bank.models[model_index]
-    n = model.n
+    n = bank.models[model_index].n
     me.awake = 1
     me.model = model_index
-    me.n = n
+    _forget_forces(core, s)
+    string.counts[MOVING] = n
     me.hand = 0.0
     me.stolen = 0
     me.flying = 0
@@ -55,68 +62,92 @@ def wake(core: int, desk: int, s: int, model_index: int) -> None:
     master = state.channels[me.channel].master
     me.bend = bend_of(core, s, state.channels[me.channel].bend, state.channels[master].bend)
     me.height = height_of(core, s, state.part_state[fixed.part].height)
-    set_rest(core, me, model)
+    set_rest(core, me)
     me.base = me.rest
-    rest_state(core, me, model, scratch.q)
-    for j in range(fixed.cap):
-        state.q[fixed.off + j] = scratch.q[j] if j < n else 0.0
-        state.v[fixed.off + j] = 0.0
+    rest_state(core, me, scratch.q)
+    for j in range(string.q.size):
+        string.q[j] = scratch.q[j] if j < n else 0.0
+        string.v[j] = 0.0
     me.stale = 1
+
+
+@njit(**CORE)
+def _forget_forces(core: int, s: int) -> None:
+    """A law of its own is not told the forces of another model's contacts; the kernels' laws only begin to look there."""
+    if string_model(shared_of(core).model_at[state_of(core).sounding[s].model, PLAIN]).step != 0:
+        string_of(core, s).force[:] = 0.0
 
 
 @njit(**CORE)
 def sleep(core: int, s: int) -> None:
     """The string is silent: it costs nothing until it is touched."""
-    bank, state = bank_of(core), state_of(core)
-    me = state.sounding[s]
-    fixed = bank.strings[s]
+    me, string = state_of(core).sounding[s], string_of(core, s)
     me.awake = 0
     me.level = 0.0
     me.stolen = 0
     me.phase = NO_FINGER
-    for j in range(fixed.cap):
-        state.q[fixed.off + j] = 0.0
-        state.v[fixed.off + j] = 0.0
+    string.q[:] = 0.0
+    string.v[:] = 0.0
 
 
 @njit(**CORE)
-def _set_finger(core: int, s: int, distance: float, width: float, seconds: float) -> None:
-    """A finger of some width takes hold of the string at a distance from the saddle, where the string now is."""
-    bank, state, settings = bank_of(core), state_of(core), settings_of(core)
-    me = state.sounding[s]
+def take_hold(
+    core: int, s: int, distance: float, width: float, stiffness: float, resistance: float, seconds: float
+) -> float:
+    """A finger takes hold of the string where it now is, for so many seconds; returns its displacement there [m].
+
+    distance from the saddle and width [m]; stiffness [N/m] and resistance [N s/m] of what is between the string and the
+    finger's path.
+    """
+    bank, settings, string = bank_of(core), settings_of(core), string_of(core, s)
+    me = state_of(core).sounding[s]
     fixed = bank.strings[s]
-    part = bank.parts[fixed.part]
     model = bank.models[me.model]
     n = model.n
-    me.n = n
-    me.free = 0
-    me.certain = 0
+    string.counts[MOVING] = n
+    string.counts[FREE] = 0
+    string.counts[CERTAIN] = 0
     x = model.length - distance
     scale = math.sqrt(2.0 / model.length)
+    weights, finger = string.finger_weights, string.finger[0]
     for j in range(n):
         k = (j + 1) * math.pi / model.length
         kappa = 0.25 * k * width
         taper = math.sin(kappa) / kappa if kappa > 1e-9 else 1.0
-        state.finger_weights[fixed.off + j] = scale * math.sin(k * x) * taper * taper if j < model.own else 0.0
-    for j in range(n, fixed.cap):
-        state.finger_weights[fixed.off + j] = 0.0
-    me.finger_k = part.finger_stiffness
-    me.finger_r = part.finger_loss * fixed.impedance
+        weights[j] = scale * math.sin(k * x) * taper * taper if j < model.own else 0.0
+    for j in range(n, weights.size):
+        weights[j] = 0.0
+    finger.stiffness = max(LEAST_STIFFNESS, stiffness)
+    finger.resistance = resistance
     me.finger_step = 0
     # whole output frames, so that it lets go at the same instant at every internal rate
-    me.finger_steps = max(2, round(seconds * settings.rate_hz)) * fixed.factor
-    here = dot(state.finger_weights[fixed.off : fixed.off + n], state.q[fixed.off : fixed.off + n])
+    me.finger_steps = max(2, round(min(seconds, MOST_HOLD_S) * settings.rate_hz)) * fixed.factor
+    here = dot(weights[:n], string.q[:n])
     me.finger_from = here
-    state.finger_state[s, 0] = here
-    state.finger_state[s, 1] = 0.0
+    finger.here = here
+    finger.push = 0.0
     me.level = LOUD
     if me.stale == 0:
         me.stale = 2
+    return here
 
 
 @njit(**CORE)
-def draw(core: int, s: int, velocity: float, sounding: bool) -> None:
-    """The plucking finger takes hold of the string, draws it aside and lets it go. One that sounds it damps."""
+def excite(core: int, thread: int, s: int, velocity: float, sounding: bool) -> None:
+    """The right hand takes hold of the string, moves it and lets it go. One that sounds it damps."""
+    shared, part = shared_of(core), bank_of(core).strings[s].part
+    if shared.excitation[part, BEGIN_HOLD] != 0:
+        call_back(shared.excitation[part, BEGIN_HOLD], core, thread, s, int(velocity))
+    else:
+        _draw(core, s, velocity)
+    state_of(core).sounding[s].phase = DRAW
+    if sounding:
+        damp(core, s, FINGER_S)
+
+
+@njit(**CORE)
+def _draw(core: int, s: int, velocity: float) -> None:
+    """A pluck: the finger draws the string aside as far as its force does."""
     bank, state = bank_of(core), state_of(core)
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -127,12 +158,9 @@ def draw(core: int, s: int, velocity: float, sounding: bool) -> None:
     position = pluck_place(parameters[PLUCK_POSITION], me.timbre) + strength * part.position_shift
     distance = _finger_distance(position, fixed.open_length, model.length)
     width = _finger_width(1e-3 * parameters[PLUCK_WIDTH], part.width_ratio, strength, distance)
-    _set_finger(core, s, distance, width, fixed.draw_s)
+    take_hold(core, s, distance, width, part.finger_stiffness, part.finger_loss * fixed.impedance, fixed.draw_s)
     force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT], strength, part.velocity_exponent)
     me.finger_to = _drawn_by(force, distance, model.length, model.tension)
-    me.phase = DRAW
-    if sounding:
-        damp(core, s, FINGER_S)
 
 
 @njit(**CORE)
@@ -143,14 +171,16 @@ def press(core: int, s: int, target: int, velocity: float) -> None:
     old, new = bank.models[me.model], bank.models[target]
     me.pending_model = target
     me.pending_velocity = velocity
-    _set_finger(core, s, new.length, 0.004, PRESS_S)
+    fixed = bank.strings[s]
+    part = bank.parts[fixed.part]
+    stiffness = part.finger_stiffness * 20.0  # the fret is behind this finger
+    take_hold(core, s, new.length, 0.004, stiffness, part.finger_loss * fixed.impedance, PRESS_S)
     me.finger_to = new.rest_height - old.rest_height * new.length / old.length
-    me.finger_k *= 20.0  # the fret is behind this finger
     me.phase = PRESS
 
 
 @njit(**CORE)
-def change_model(core: int, desk: int, s: int, target: int) -> None:
+def change_model(core: int, thread: int, s: int, target: int) -> None:
     """Carry the motion of a sounding string over to another speaking length.
 
     Both models end at the saddle. With ξ counted from there, φ_j = √(2/L)(−1)^(j+1) sin(jπξ/L), and the new coordinates
@@ -158,13 +188,12 @@ def change_model(core: int, desk: int, s: int, target: int) -> None:
     Projection is on sines that vanish at the new fret: by Bessel's inequality neither kinetic nor elastic energy grows,
     but for the work of a hand that lets a stopped string go, which is the string's own. Lumped modes begin at rest.
     """
-    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
-    me = state.sounding[s]
-    fixed = bank.strings[s]
+    bank, scratch, string = bank_of(core), scratch_of(thread), string_of(core, s)
+    me = state_of(core).sounding[s]
     old, new = bank.models[me.model], bank.models[target]
     n_old, n_new = old.own, new.own
     l_old, l_new = old.length, new.length
-    q, v = state.q[fixed.off : fixed.off + n_old], state.v[fixed.off : fixed.off + n_old]
+    q, v = string.q[:n_old], string.v[:n_old]
     scale = 2.0 / math.sqrt(l_old * l_new)
     if l_new < l_old:
         at_fret = 0.0
@@ -211,26 +240,26 @@ def change_model(core: int, desk: int, s: int, target: int) -> None:
                 corner = lift * end * l_new / (a * a * l_old * (l_new - l_old))
             scratch.q[i] = scale * q_sum + math.sqrt(2.0 / l_new) * corner
             scratch.v[i] = scale * v_sum
-    for j in range(fixed.cap):
-        state.q[fixed.off + j] = scratch.q[j] if j < n_new else 0.0
-        state.v[fixed.off + j] = scratch.v[j] if j < n_new else 0.0
+    for j in range(string.q.size):
+        string.q[j] = scratch.q[j] if j < n_new else 0.0
+        string.v[j] = scratch.v[j] if j < n_new else 0.0
     me.model = target
-    me.n = new.n
+    _forget_forces(core, s)
+    string.counts[MOVING] = new.n
     me.phase = NO_FINGER
     me.stale = 1
 
 
 @njit(**CORE)
-def pluck(core: int, desk: int, s: int, target: int, velocity: float, legato: bool) -> None:
+def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: bool) -> None:
     """A note begins on string s at a model (position): wake or re-pluck, change fret where needed."""
     bank, state = bank_of(core), state_of(core)
     me = state.sounding[s]
-    me.stolen = 0
     sounding = me.awake != 0
     if sounding and me.flying:
-        touch_down(core, desk, s)
+        touch_down(core, thread, s)
     if not sounding:
-        wake(core, desk, s, target)
+        wake(core, thread, s, target)
     elif me.hand != 0.0:
         me.hand = 0.0
         me.stale = 1
@@ -238,10 +267,10 @@ def pluck(core: int, desk: int, s: int, target: int, velocity: float, legato: bo
         if bank.models[target].length < bank.models[me.model].length:
             press(core, s, target, 0.0 if legato else velocity)
             return
-        change_model(core, desk, s, target)
+        change_model(core, thread, s, target)
         if legato:
             return
-    draw(core, s, velocity, sounding)
+    excite(core, thread, s, velocity, sounding)
 
 
 @njit(**CORE)
@@ -268,15 +297,16 @@ def let_go(core: int, s: int) -> None:
 
 
 @njit(**CORE)
-def finger_done(core: int, desk: int, s: int) -> None:
+def finger_done(core: int, thread: int, s: int) -> None:
+    """The finger has gone its way: the string is let go, or stopped at its new fret and plucked."""
     state = state_of(core)
     me = state.sounding[s]
     phase = me.phase
     me.phase = NO_FINGER
     if phase == PRESS:
-        change_model(core, desk, s, me.pending_model)
+        change_model(core, thread, s, me.pending_model)
         if me.pending_velocity > 0.0:
-            draw(core, s, me.pending_velocity, True)
+            excite(core, thread, s, me.pending_velocity, True)
             return
     elif me.hand != 0.0:
         me.hand = 0.0

@@ -1,11 +1,11 @@
-"""Threads that advance strings beside the one that calls `process`.
+"""Threads that advance instruments beside the one that calls `process`.
 
-Work is a list of strings of which every thread takes the next (a counter that runs down). The caller takes part; once
-nothing is left to take it waits only for strings that another thread has in hand. A worker that finds nothing to do looks
+Work is a list of instruments of which every thread takes the next (a counter that runs down). The caller takes part; once
+nothing is left to take it waits only for those that another thread has in hand. A worker that finds nothing to do looks
 again for some tens of µs and then sleeps until it gets a token. The caller sends one and does not wait for it either: who
 comes too late finds nothing left.
 
-Which thread computes a string changes no bit: each has a row of its own, and rows are added up in order.
+Which thread computes an instrument changes no bit: each string has a row of its own, and rows are added up in order.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from synth.dsp.denormals import enable_ftz
-from synth.engine.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
 from synth.engine.core import shared_of
 from synth.engine.layout import CORE, WORK_ON
 from synth.engine.uncopied import Uncopied
 from synth.native.arrays import LINE_F8
+from synth.native.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
+from synth.native.denormals import enable_ftz
 from synth.native.views import call_back
 
-#: places in Shared.team, a cache line apart: strings still to be taken; strings not done; workers that sleep; whether all
+#: places in Shared.team, a cache line apart: instruments still to be taken; those not done; workers that sleep; whether all
 #: are to end; and what does not change: workers, where to send tokens to
 LEFT, UNFINISHED, SLEEPING, ENDING, WORKERS, WAKE = range(0, 6 * LINE_F8, LINE_F8)
 N_WORDS = 6 * LINE_F8
@@ -41,12 +41,12 @@ TOKEN = (1).to_bytes(8, sys.byteorder)
 
 
 @njit(**CORE)
-def rouse(core: int, strings: int, mode_steps: int) -> None:
-    """Wake workers for about so many mode-steps of so many strings, where that pays; wait for none."""
+def rouse(core: int, instruments: int, mode_steps: int) -> None:
+    """Wake workers for about so many mode-steps of so many instruments, where that pays; wait for none."""
     words = shared_of(core).team
-    if strings < 2 or mode_steps < WORTH_WAKING or words[WORKERS] == 0:
+    if instruments < 2 or mode_steps < WORTH_WAKING or words[WORKERS] == 0:
         return
-    wanted = min(words[WORKERS], strings - 1)
+    wanted = min(words[WORKERS], instruments - 1)
     sleeping = load(words, SLEEPING)
     while sleeping > 0 and wanted > 0:
         if exchange_if(words, SLEEPING, sleeping, sleeping - 1):
@@ -56,18 +56,18 @@ def rouse(core: int, strings: int, mode_steps: int) -> None:
 
 
 @njit(**CORE)
-def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
-    """Work off the first `count` strings of Shared.queue, about so many mode-steps, with whoever is there."""
+def share_out(core: int, thread: int, count: int, mode_steps: int) -> None:
+    """Work off the first `count` instruments of Shared.queue, about so many mode-steps, with whoever is there."""
     shared = shared_of(core)
     words = shared.team
     if count < 2 or mode_steps < WORTH_SHARING or words[WORKERS] == 0:
         for i in range(count):
-            call_back(shared.task[WORK_ON], core, desk, shared.queue[i], 0)
+            call_back(shared.task[WORK_ON], core, thread, shared.queue[i], 0)
         return
     store(words, UNFINISHED, count)
     store(words, LEFT, count)
     rouse(core, count, mode_steps)
-    while _take(core, desk):
+    while _take(core, thread):
         pass
     looks = 0
     while load(words, UNFINISHED) > 0:
@@ -79,14 +79,14 @@ def share_out(core: int, desk: int, count: int, mode_steps: int) -> None:
 
 
 @njit(**CORE)
-def _take(core: int, desk: int) -> bool:
-    """Take a string and advance it; whether there was one."""
+def _take(core: int, thread: int) -> bool:
+    """Take an instrument and advance it; whether there was one."""
     shared = shared_of(core)
     words = shared.team
     left = load(words, LEFT)
     while left > 0:
         if exchange_if(words, LEFT, left, left - 1):
-            call_back(shared.task[WORK_ON], core, desk, shared.queue[left - 1], 0)
+            call_back(shared.task[WORK_ON], core, thread, shared.queue[left - 1], 0)
             add(words, UNFINISHED, -1)
             return True
         left = load(words, LEFT)
@@ -94,13 +94,13 @@ def _take(core: int, desk: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _attend(core: int, desk: int, asleep: int) -> None:
+def _attend(core: int, thread: int, asleep: int) -> None:
     """The life of a worker; `asleep`: where it reads to sleep."""
     enable_ftz()
     words = shared_of(core).team
     looks = 0
     while load(words, ENDING) == 0:
-        if _take(core, desk):
+        if _take(core, thread):
             looks = 0
             continue
         looks += 1
@@ -133,22 +133,22 @@ _TEAMS: weakref.WeakSet[Team] = weakref.WeakSet()
 class Team(Uncopied):
     """The workers of one engine, from now until `end`, the owner's collection or the interpreter's exit.
 
-    core, desks: tables of `views`, one desk per worker; words: Shared.team of that core. What they point to must stay
+    core, scratches: tables of `views`, one thread per worker; words: Shared.team of that core. What they point to must stay
     where it is; `keep` is held on to as long as workers may look at it.
     """
 
     REMEDY = "an engine that is copied starts workers of its own"
 
-    def __init__(self, owner: Any, core: np.ndarray, words: np.ndarray, desks: Sequence[np.ndarray], keep: Any) -> None:
+    def __init__(self, owner: Any, core: np.ndarray, words: np.ndarray, scratches: Sequence[np.ndarray], keep: Any) -> None:
         _attend.compile("void(int64, int64, int64)")
         asleep, wake = tokens()
         words[:] = 0
         words[WAKE] = wake
         threads: list[threading.Thread] = []
         # made first: whatever happens to the owner from here on, the workers end
-        self._end = weakref.finalize(owner, _end, os.getpid(), threads, words, (asleep, wake), (core, desks, keep))
-        for desk in desks:
-            arguments = (core.ctypes.data, desk.ctypes.data, asleep)
+        self._end = weakref.finalize(owner, _end, os.getpid(), threads, words, (asleep, wake), (core, scratches, keep))
+        for scratch in scratches:
+            arguments = (core.ctypes.data, scratch.ctypes.data, asleep)
             thread = threading.Thread(target=_attend, args=arguments, name="synth-string", daemon=True)
             try:
                 thread.start()

@@ -17,90 +17,67 @@ import math
 
 from numba import njit
 
-from synth.engine.coefficients import rows_of, weights_of
-from synth.engine.core import bank_of, scratch_of, shared_of, state_of
+from synth.engine.core import bank_of, flight_of, model_of, scratch_of, shared_of, state_of, string_of
 from synth.engine.layout import CORE, FADE, QUANTUM
 from synth.engine.output import collect
 from synth.solver.blocks import fly_blocks
-from synth.solver.kernels import advance_free
-from synth.solver.lanes import BLOCK, ROWS, padded
-
-
-@njit(inline="always")
-def _flight_rows(core: int, s: int):
-    """(ROWS, cap) coefficients over one frame."""
-    bank = bank_of(core)
-    model = bank.models[state_of(core).sounding[s].model]
-    return bank.flight[ROWS * model.off : ROWS * (model.off + model.cap)].reshape(ROWS, model.cap)
-
-
-@njit(inline="always")
-def _direct_weights(core: int, s: int, first: int, count: int):
-    """(count, cap) weights of the outputs from number `first` on, on q, on v, behind the decimator."""
-    bank = bank_of(core)
-    model = bank.models[state_of(core).sounding[s].model]
-    own = 2 * model.off + first * model.cap
-    return bank.direct_weights[own : own + count * model.cap].reshape(count, model.cap)
+from synth.solver.lanes import BLOCK, padded
+from synth.solver.stepwise import advance_free
+from synth.solver.stringmodel import MOVING
 
 
 @njit(**CORE)
-def take_off(core: int, desk: int, s: int) -> None:
+def take_off(core: int, thread: int, s: int) -> None:
     """From here on at the output rate. Modes that the decimator stops end."""
-    bank, state = bank_of(core), state_of(core)
-    me = state.sounding[s]
-    off = bank.strings[s].off
-    audible = bank.models[me.model].audible
-    _keep_fade(core, desk, s, 1.0)
-    for j in range(audible, me.n):
-        state.q[off + j] = 0.0
-        state.v[off + j] = 0.0
-    me.n = min(me.n, audible)
+    me, string = state_of(core).sounding[s], string_of(core, s)
+    audible = bank_of(core).models[me.model].audible
+    _keep_fade(core, thread, s, 1.0)
+    for j in range(audible, string.counts[MOVING]):
+        string.q[j] = 0.0
+        string.v[j] = 0.0
+    string.counts[MOVING] = min(string.counts[MOVING], audible)
     me.flying = 1
 
 
 @njit(**CORE)
-def touch_down(core: int, desk: int, s: int) -> None:
+def touch_down(core: int, thread: int, s: int) -> None:
     """Back to the internal rate: before anything changes the string."""
     me = state_of(core).sounding[s]
-    _keep_fade(core, desk, s, -1.0)
+    _keep_fade(core, thread, s, -1.0)
     me.flying = 0
 
 
 @njit(**CORE)
-def _keep_fade(core: int, desk: int, s: int, sign: float) -> None:
+def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
     """Add what the string would go on to do, weighed with w, to what is still to fade of earlier changes."""
-    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
+    bank, state, scratch, string = bank_of(core), state_of(core), scratch_of(thread), string_of(core, s)
     me = state.sounding[s]
     fixed = bank.strings[s]
-    part = bank.parts[fixed.part]
-    off, cap = fixed.off, bank.models[me.model].cap
-    points = part.use_q + part.use_v
-    q, v, row = scratch.q[:cap], scratch.v[:cap], scratch.path
+    moving, row = string.counts[MOVING], scratch.path
     for direct in range(2):
         factor = 1 if direct else fixed.factor
-        rows = _flight_rows(core, s) if direct else rows_of(core, s)
-        first_weight = 1 - part.use_q
-        weights = weights_of(core, s, first_weight, points)
-        if direct:
-            weights = _direct_weights(core, s, first_weight, points)
-        n = min(me.n, bank.models[me.model].audible) if direct else me.n
+        model = flight_of(core, s) if direct else model_of(core, s)
+        points = model.points
+        n = min(moving, bank.models[me.model].audible) if direct else moving
         kept = state.direct_fade[s] if direct else state.fade[fixed.fade : fixed.fade + FADE * factor]
         left = max(0, me.fade_to - me.fade_at) * factor
         first = me.fade_at * factor
         for k in range(left):
             kept[k] = kept[first + k]
         kept[left:] = 0.0
+        q, v = scratch.q[: model.omega.size], scratch.v[: model.omega.size]
         q[:] = 0.0
         v[:] = 0.0
         for j in range(n):
-            q[j] = state.q[off + j]
-            v[j] = state.v[off + j]
+            q[j] = string.q[j]
+            v[j] = string.v[j]
         base = me.base
         steps = QUANTUM * factor
         out = scratch.out[: points * steps].reshape(points, steps)
+        weights = model.weights[model.first : model.first + points]
         for at in range(0, FADE * factor, steps):
-            fly_blocks(steps // BLOCK, padded(n), rows, q, v, weights, part.use_q, out)
-            base = collect(core, desk, s, steps, factor, base, row)
+            fly_blocks(steps // BLOCK, padded(n), model.rows, q, v, weights, model.on_q, out)
+            base = collect(core, thread, s, steps, factor, base, row)
             for k in range(steps):
                 w = 0.5 + 0.5 * math.cos(math.pi * (at + k + 1) / (FADE * factor))
                 kept[at + k] += (-sign if direct else sign) * w * row[k]
@@ -109,30 +86,24 @@ def _keep_fade(core: int, desk: int, s: int, sign: float) -> None:
 
 
 @njit(**CORE)
-def fly(core: int, desk: int, s: int, start: int, frames: int) -> None:
+def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
     """`frames` frames of a string in flight from frame `start` of the span, into its direct row."""
-    bank, state, scratch = bank_of(core), state_of(core), scratch_of(desk)
-    me = state.sounding[s]
-    fixed = bank.strings[s]
-    part = bank.parts[fixed.part]
-    off, cap = fixed.off, bank.models[me.model].cap
-    q, v = state.q[off : off + cap], state.v[off : off + cap]
-    points = part.use_q + part.use_v
-    rows = _flight_rows(core, s)
+    scratch, string, model = scratch_of(thread), string_of(core, s), flight_of(core, s)
+    me = state_of(core).sounding[s]
+    n, points = string.counts[MOVING], model.points
     out = scratch.out[: points * frames].reshape(points, frames)
     blocks = frames // BLOCK
-    weights = _direct_weights(core, s, 1 - part.use_q, points)
-    fly_blocks(blocks, padded(me.n), rows, q, v, weights, part.use_q, out)
+    weights = model.weights[model.first : model.first + points]
+    fly_blocks(blocks, padded(n), model.rows, string.q, string.v, weights, model.on_q, out)
     rest = frames - blocks * BLOCK
     if rest > 0:
-        both = _direct_weights(core, s, 0, 2)
         begin = blocks * BLOCK
         advance_free(
-            rest, rows, q[: me.n], v[: me.n], both[0], both[1], part.use_q, part.use_v, out[0, begin:],
-            out[points - 1, begin:],
+            rest, model.rows, string.q[:n], string.v[:n], model.weights[0], model.weights[1], model.on_q,
+            points - model.on_q, out[0, begin:], out[points - 1, begin:],
         )  # fmt: skip
-    me.mode_steps += me.n * frames
-    me.base = collect(core, desk, s, frames, 1, me.base, direct_row(core, s, start, frames))
+    me.mode_steps += n * frames
+    me.base = collect(core, thread, s, frames, 1, me.base, direct_row(core, s, start, frames))
 
 
 @njit(**CORE)

@@ -1,0 +1,61 @@
+"""The responder of the voice policy: what it asks for, done to the strings (`voices.voice_table`)."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from synth.engine.coefficients import CUT_S
+from synth.engine.core import bank_of, shared_of, state_of
+from synth.engine.instruments import awake_strings
+from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, UNTIL, WORK_ON, Bank, Settings, Shared, State
+from synth.engine.strings import damp, let_go, pluck
+from synth.engine.voices.voice_table import CUT, GO_ON, LET_GO, PLUCK, SLUR, Voices
+from synth.native.arrays import fields
+from synth.native.views import call_back, entry
+
+
+@njit(**CORE)
+def perform(core: int, thread: int, action: int, place: int, velocity: int) -> None:
+    """One action of `voices.voice_table`."""
+    if action == GO_ON:
+        _go_on(core, thread, place)
+    elif action == PLUCK or action == SLUR:
+        _pluck(core, thread, place, float(velocity), action == SLUR)
+    elif action == CUT:
+        state_of(core).sounding[place].phase = NO_FINGER
+        damp(core, place, CUT_S)
+    elif action == LET_GO:
+        let_go(core, place)
+
+
+@njit(**CORE)
+def _go_on(core: int, thread: int, s: int) -> None:
+    """Let a string that is about to be touched go on to the frame of the event."""
+    shared = shared_of(core)
+    me = state_of(core).sounding[s]
+    if me.awake and me.reached < shared.task[UNTIL]:
+        i = bank_of(core).strings[s].instrument
+        before = awake_strings(core, i)
+        call_back(shared.task[WORK_ON], core, thread, i, 0)
+        state_of(core).counters[AWAKE] -= before - awake_strings(core, i)  # had blown up
+    me.reached = shared.task[UNTIL]
+
+
+@njit(**CORE)
+def _pluck(core: int, thread: int, k: int, velocity: float, legato: bool) -> None:
+    position, state = bank_of(core).positions[k], state_of(core)
+    if not state.sounding[position.string].awake:
+        state.counters[AWAKE] += 1
+        state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
+    pluck(core, thread, position.string, position.model, velocity, legato)
+
+
+def _respond(core: int, thread: int, action: int, place: int, velocity: int) -> None:
+    perform(core, thread, action, place, velocity)
+
+
+def voices_for(bank: Bank, state: State, shared: Shared, settings: Settings, core: int, thread: int) -> Voices:
+    """The policy's view of an engine whose strings it moves."""
+    arrays = {**bank._asdict(), **state._asdict(), **shared._asdict()}
+    seen = {name: arrays[name] for name, field in fields(Voices).items() if field.shape}
+    return Voices(**seen, polyphony=settings.polyphony, respond=entry(_respond, 5).address, core=core, thread=thread)

@@ -1,0 +1,74 @@
+"""An instrument owns its strings: it is what threads take, what sleeps and what is spared work.
+
+A string that shares nothing with others is an instrument of its own, and decides for itself. Strings that are `together`
+advance quantum by quantum side by side, in one thread; none sleeps or flies unless all that are awake may.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from synth.engine.core import bank_of, state_of, string_of
+from synth.engine.layout import CORE, NO_FINGER, SLEEP_BELOW
+from synth.solver.stringmodel import FREE, MOVING
+
+#: a step under a finger takes about so many times as long as one in flight
+FINGER_COST = 2
+
+
+@njit(**CORE)
+def is_awake(core: int, i: int) -> bool:
+    """Whether any of its strings is."""
+    instrument, sounding = bank_of(core).instruments[i], state_of(core).sounding
+    for s in range(instrument.first_string, instrument.end_string):
+        if sounding[s].awake:
+            return True
+    return False
+
+
+@njit(**CORE)
+def awake_strings(core: int, i: int) -> int:
+    """How many of its strings are."""
+    instrument, sounding = bank_of(core).instruments[i], state_of(core).sounding
+    count = 0
+    for s in range(instrument.first_string, instrument.end_string):
+        count += sounding[s].awake
+    return count
+
+
+@njit(**CORE)
+def cost(core: int, i: int, frames: int) -> int:
+    """About how many mode-steps so many frames of it take."""
+    bank, sounding = bank_of(core), state_of(core).sounding
+    total = 0
+    for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
+        me = sounding[s]
+        if me.awake:
+            each = 1 if me.phase == NO_FINGER else FINGER_COST
+            factor = 1 if me.flying else bank.strings[s].factor
+            total += each * string_of(core, s).counts[MOVING] * factor * frames
+    return total
+
+
+@njit(**CORE)
+def may_sleep(core: int, s: int) -> bool:
+    """Whether a string whose level is below SLEEP_BELOW may sleep: what it is together with is as quiet."""
+    bank, sounding = bank_of(core), state_of(core).sounding
+    instrument = bank.instruments[bank.strings[s].instrument]
+    if instrument.together:
+        for other in range(instrument.first_string, instrument.end_string):
+            if sounding[other].awake and sounding[other].level >= SLEEP_BELOW:
+                return False
+    return True
+
+
+@njit(**CORE)
+def may_fly(core: int, s: int) -> bool:
+    """Whether a string that can touch nothing may go on at the output rate: so can nothing that it is together with."""
+    bank, sounding = bank_of(core), state_of(core).sounding
+    instrument = bank.instruments[bank.strings[s].instrument]
+    if instrument.together:
+        for other in range(instrument.first_string, instrument.end_string):
+            if sounding[other].awake and string_of(core, other).counts[FREE] == 0:
+                return False
+    return True

@@ -1,0 +1,44 @@
+"""What threads and events ask of an instrument: whole quanta, the start of one, a stretch within it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from synth.engine.advance import advance_string, begin_quantum, make_steps
+from synth.engine.core import bank_of, shared_of, state_of
+from synth.engine.layout import BEGIN, QUANTA, QUANTUM, STRETCH, TASK, UNTIL
+from synth.native.views import entry
+
+
+def _work_on(core: int, thread: int, i: int, _: int) -> None:
+    """Let instrument i do what Shared.task asks."""
+    task, sounding = shared_of(core).task, state_of(core).sounding
+    instrument = bank_of(core).instruments[i]
+    first, end, kind = instrument.first_string, instrument.end_string, task[TASK]
+    if kind == BEGIN:
+        for s in range(first, end):
+            if sounding[s].awake:
+                begin_quantum(core, thread, s, int(np.int64(0)))  # a literal would compile it once more
+    elif kind == STRETCH:
+        for s in range(first, end):
+            me = sounding[s]
+            if me.awake and me.reached < task[UNTIL]:
+                advance_string(core, thread, s, me.reached, task[UNTIL] - me.reached)
+            me.reached = task[UNTIL]
+    else:
+        for k in range(task[QUANTA]):
+            for s in range(first, end):
+                if sounding[s].awake:
+                    begin_quantum(core, thread, s, k)
+            for s in range(first, end):
+                if sounding[s].awake:
+                    advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
+
+
+def entries() -> tuple[int, int]:
+    """Addresses of `_work_on` (core, thread, i, –) and `make_steps` (core, thread, s, steps), compiled on first use.
+
+    Called by address: every function that contains the kernels takes seconds to compile, so none but `make_steps` does, and
+    neither `process` nor the loop of a worker contains `_work_on`.
+    """
+    return entry(_work_on, 4).address, entry(make_steps, 4).address

@@ -1,0 +1,85 @@
+"""What the policy sees, behind one address, and what it may ask of its responder.
+
+    me = voices_of(voices)          # in compiled code: me.sounding, me.positions, me.polyphony
+    pluck(voices, k, velocity, legato)
+
+The responder is a C function void(core, thread, action, place, velocity) of five int64, of which the table holds the
+address. An action takes place at the frame of the event at hand; it may change the voice's record as the string itself does.
+
+    action  place       what is asked
+    GO_ON   string s    its motion up to the event's frame, before anything changes that it reads
+    PLUCK   position k  the string of that position is plucked there with a velocity of 1 … 127
+    SLUR    position k  …is stopped there while it sounds, without a pluck: hammered on, pulled off
+    CUT     string s    it is silent as soon as it can be without a click, and no finger touches it any more
+    LET_GO  string s    its key and pedal may have let go: damp it if nothing holds it
+
+Who asks has brought the record up to date before: whose note it is, whether it is held. `hands` is the engine's responder.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from synth.engine.layout import BINDING, CHANNEL, CORE, PART, PART_STATE, POSITION, SOUNDING, STRING
+from synth.midi.events import EVENT
+from synth.native.arrays import f8, i8, struct
+from synth.native.views import ask, opener
+
+#: actions
+GO_ON, PLUCK, SLUR, CUT, LET_GO = range(5)
+
+
+class Voices(NamedTuple):
+    """Of the strings and their positions, of channels and parts what decides who plays. Arrays of `Bank` and `State`."""
+
+    sounding: Annotated[np.ndarray, struct(SOUNDING, "strings")]  # the voices, one for each string
+    strings: Annotated[np.ndarray, struct(STRING, "strings")]  # read: part, positions
+    positions: Annotated[np.ndarray, struct(POSITION, "positions")]
+    parts: Annotated[np.ndarray, struct(PART, "parts")]  # read: first_position, end_position
+    program_map: Annotated[np.ndarray, i8("16, 128")]
+    plays: Annotated[np.ndarray, i8("16, parts")]
+    pitch: Annotated[np.ndarray, f8("128")]
+    bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]
+    bound: Annotated[np.ndarray, i8("129")]
+    channels: Annotated[np.ndarray, struct(CHANNEL, "16")]
+    part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]  # hand, channel
+    parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
+    tuning: Annotated[np.ndarray, f8("128")]
+    zones: Annotated[np.ndarray, i8("2")]
+    unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]
+    counters: Annotated[np.ndarray, i8("N_COUNTERS")]  # N_NOTES, N_STOLEN, N_TAKEN
+    event: Annotated[np.ndarray, struct(EVENT, "1")]  # at hand
+    polyphony: int
+    respond: int  # address of the responder, and what it is called with
+    core: int
+    thread: int
+
+
+voices_of = opener(Voices)
+
+
+@njit(**CORE)
+def go_on(voices: int, s: int) -> None:
+    me = voices_of(voices)
+    ask(me.respond, me.core, me.thread, GO_ON, s, 0)
+
+
+@njit(**CORE)
+def pluck(voices: int, k: int, velocity: int, legato: bool) -> None:
+    me = voices_of(voices)
+    ask(me.respond, me.core, me.thread, SLUR if legato else PLUCK, k, velocity)
+
+
+@njit(**CORE)
+def cut(voices: int, s: int) -> None:
+    me = voices_of(voices)
+    ask(me.respond, me.core, me.thread, CUT, s, 0)
+
+
+@njit(**CORE)
+def let_go(voices: int, s: int) -> None:
+    me = voices_of(voices)
+    ask(me.respond, me.core, me.thread, LET_GO, s, 0)
