@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.measures import blackman_harris
+from synth.dsp.measures import blackman_harris
 
 #: length of the smoothing window in periods of the fundamental; its main lobe is 4 bins to each side
 WINDOW_PERIODS = 4.0

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from synth.dsp.measures import spectrum
 from synth.fit.recording import HIGHEST_HZ, LOWEST_HZ, FitRefused, Note, refuse_slow
-from synth.measures import spectrum
 
 #: the part of the note whose spectrum is looked at, from a little after its onset
 BEGIN_S, SPAN_S = 0.02, 1.2

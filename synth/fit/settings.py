@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from synth.compile import make_string, string_frequency
 from synth.fit.estimate import JUDGED, LAW_CENTS, LAW_T60, Fit
 from synth.fit.pluck import CLEAR_DB
+from synth.instrument.compile import make_string, string_frequency
+from synth.instrument.preset import Preset, StringTable, at_note, validate_preset
 from synth.physics.modes import decay_rates, modal_frequencies, model_decay_rates
 from synth.physics.string import String
-from synth.preset import Preset, StringTable, at_note, validate_preset
 from synth.units import LN_1000, cents, hz_to_midi, midi_to_note
 
 #: how many partials are written as measured, where they are

@@ -7,21 +7,22 @@ import time
 
 import numpy as np
 
-from synth import kernel_helpers
-from synth.case import CaseError, FingerTable
-from synth.dsp.denormals import enable_ftz, restore
-from synth.scene import Scene, finger_end
+from synth.jit import kernel_helpers
+from synth.native.denormals import enable_ftz, restore
+from synth.research.case import CaseError, FingerTable
+from synth.research.scene import Scene, finger_end
 from synth.solver import driver
-from synth.solver.kernels import Finger, finger_row, no_finger
+from synth.solver.driver import Finger
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Outcome, kept_array
+from synth.solver.stepwise import finger_row
 
 _MOST_PATH = 1 << 16  # steps of an obstacle's path that are prepared at once
 
 
 def run_law(scene: Scene) -> Outcome:
     """Exact-hold and both Moreau–Jean forms, from the static contact solution if the start is pressed in."""
-    kernel_helpers.compile_all("synth.methods.kernels:kernels")
+    kernel_helpers.compile_all("synth.research.methods.warmup:kernels")
     case, kept = scene.case, scene.kept
     every, ledger = case.run.steps_per_output, case.run.ledger
     tuning = _Tuning(scene)
@@ -101,10 +102,7 @@ def _started(scene: Scene) -> tuple[driver.Run, float]:
 
 def _compile(scene: Scene, state: driver.Run, model: driver.Model) -> None:
     """Kernels made, or loaded, by no step of the run, so that its time is that of the steps."""
-    row = no_finger(model.omega.size, model.eta.size)
-    driver.run(model, state, 0, row)
-    if scene.case.obstacle.moves:
-        driver.run_moving(model, state, 0, row, np.zeros(1))
+    driver.run(model, state, 0)
     for finger in scene.fingers[:1]:
         weights, coupling = scene.pluck_weights(finger), np.zeros(model.eta.size)
         finger_row(model.law, model.coef, model.shapes, weights, coupling)
@@ -142,12 +140,12 @@ class _Hold:
         self._dt = scene.dt
 
     def row(self, model: driver.Model, start: int, stop: int) -> Finger:
-        coupling, parts, finger = np.zeros(model.eta.size), model.sub.parts, self.finger
-        own = finger_row(model.law, model.sub.coef if parts > 1 else model.coef, model.shapes, self.weights, coupling)
+        coupling, parts, finger = np.zeros(model.eta.size), model.parts, self.finger
+        own = finger_row(model.law, model.part_coef, model.shapes, self.weights, coupling)
         since = np.arange((start - self.begin) * parts, (stop - self.begin) * parts + 1)
         ramp = np.clip(since * self._dt / parts / finger.draw_s, 0.0, 1.0)
         path = self.here + (finger.displacement_m - self.here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
-        return Finger(1, self.weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, self.state)
+        return Finger(self.weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, self.state)
 
 
 def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, hold: _Hold | None) -> None:
@@ -155,11 +153,7 @@ def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, hold:
     moves = scene.case.obstacle.moves
     while step < until:
         stop = int(min(until, tuning.until(step, state), step + _MOST_PATH if moves else until))
-        model = tuning.model
-        row = no_finger(model.omega.size, model.eta.size) if hold is None else hold.row(model, step, stop)
-        if moves:
-            heights = scene.obstacle_displacement(np.arange(step, stop + 1) * scene.dt)
-            driver.run_moving(model, state, stop - step, row, heights)
-        else:
-            driver.run(model, state, stop - step, row)
+        finger = None if hold is None else hold.row(tuning.model, step, stop)
+        heights = scene.obstacle_displacement(np.arange(step, stop + 1) * scene.dt) if moves else None
+        driver.run(tuning.model, state, stop - step, finger, heights)
         step = stop

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from synth.case import CaseError
-from synth.dsp.denormals import enable_ftz, restore
+from synth.native.denormals import enable_ftz, restore
 from synth.physics.modes import mode_shapes
-from synth.scene import Scene
-from synth.schemes import LAWS
+from synth.research.case import CaseError
+from synth.research.scene import Scene
 from synth.solver import two_step
 from synth.solver.problem import Outcome
+from synth.solver.schemes import LAWS
 
 #: K [N/m^α] and α where the case gives none: Issanchou et al.'s 10¹³ per metre on their grid of 1 mm, α = 3/2
 STIFFNESS, EXPONENT = 1e10, 1.5

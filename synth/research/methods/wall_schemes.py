@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
-from synth.case import CaseError
-from synth.dsp.denormals import enable_ftz, restore
-from synth.scene import Scene
+from synth.native.denormals import enable_ftz, restore
+from synth.research.case import CaseError
+from synth.research.scene import Scene
 from synth.solver import wall
 from synth.solver.problem import Outcome, Problem
 

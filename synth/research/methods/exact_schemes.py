@@ -20,11 +20,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from synth.case import CaseError
-from synth.exact import event_driven, triangle, waveguide
-from synth.exact.shapes import triangle as plucked
 from synth.physics.modes import mode_shapes
-from synth.scene import Scene
+from synth.research.case import CaseError
+from synth.research.exact import event_driven, triangle, waveguide
+from synth.research.exact.shapes import triangle as plucked
+from synth.research.scene import Scene
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
@@ -101,7 +101,7 @@ def _outcome(scene: Scene, u: np.ndarray, contact_u: np.ndarray, force: np.ndarr
 
 
 def run_waveguide(scene: Scene) -> Outcome:
-    """`synth.exact.waveguide` on the grid that the internal rate makes."""
+    """`synth.research.exact.waveguide` on the grid that the internal rate makes."""
     _ideal(scene)
     string, run = scene.string, scene.case.run
     length, speed = string.length_m, string.wave_speed_m_s
@@ -165,7 +165,7 @@ def _start(scene: Scene, x: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def run_cabannes(scene: Scene) -> Outcome:
-    """`synth.exact.triangle.cabannes`."""
+    """`synth.research.exact.triangle.cabannes`."""
     _ideal(scene)
     position, displacement = _sharp_triangle(scene)
     string = scene.string
@@ -199,7 +199,7 @@ def _triangle_energy(scene: Scene, position: float, displacement: float) -> np.n
 
 
 def run_flat_wall(scene: Scene) -> Outcome:
-    """`synth.exact.triangle.wall`, each point taking the impulses of its half-way to the next ones."""
+    """`synth.research.exact.triangle.wall`, each point taking the impulses of its half-way to the next ones."""
     _ideal(scene)
     position, displacement = _sharp_triangle(scene)
     string, x = scene.string, scene.positions
@@ -234,7 +234,7 @@ def run_flat_wall(scene: Scene) -> Outcome:
 
 
 def run_event_driven(scene: Scene) -> Outcome:
-    """`synth.exact.event_driven`, from the static contact solution if the start is pressed in."""
+    """`synth.research.exact.event_driven`, from the static contact solution if the start is pressed in."""
     _no_finger(scene)
     if scene.positions.size != 1:
         raise CaseError(f"event-driven: needs one contact point, got {scene.positions.size}; leave one in [obstacle]")

@@ -1,0 +1,57 @@
+"""Where input is read: no more of it than such a file has, and where asked for, from files only.
+
+A pipe that nobody writes to, or a device, would be waited for forever; a program that serves others must not.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+_KINDS = (
+    (stat.S_ISDIR, "a directory"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISLNK, "a link"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def kind_of(mode: int) -> str | None:
+    """What a file of this mode is, if it is no regular file."""
+    if stat.S_ISREG(mode):
+        return None
+    return next((words for test, words in _KINDS if test(mode)), "no regular file")
+
+
+def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:
+    """What a file holds, or what comes through a pipe to its end. Raises OSError, and ValueError where it is more than
+    `most` bytes, which no `what` is."""
+    with open(path, "rb") as file:
+        data = file.read(most + 1)
+    return _checked(data, str(path), most, what)
+
+
+def read_file(path: str | os.PathLike[str], most: int, what: str, *, follow: bool = True) -> bytes:
+    """As `read_bytes`, but of a regular file only, and without `follow` of no link to one; it never waits. Raises ValueError
+    for anything else."""
+    _refuse(os.stat(path, follow_symlinks=follow).st_mode, path)
+    # what it is may have changed meanwhile: opened without waiting, and looked at again
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW)
+    with open(os.open(path, flags), "rb") as file:
+        _refuse(os.fstat(file.fileno()).st_mode, path)
+        return _checked(file.read(most + 1), Path(path).name, most, what)
+
+
+def _refuse(mode: int, path: str | os.PathLike[str]) -> None:
+    kind = kind_of(mode)
+    if kind is not None:
+        raise ValueError(f"{Path(path).name}: is {kind}, no regular file; copy what it holds into one")
+
+
+def _checked(data: bytes, name: str, most: int, what: str) -> bytes:
+    if len(data) > most:
+        raise ValueError(f"{name}: larger than {most >> 20} MB, which no {what} is")
+    return data

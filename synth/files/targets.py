@@ -1,0 +1,357 @@
+"""Where results are written: files, which are made beside their place and renamed, and devices and pipes, which are not.
+
+A file that is being made is called `.NAME.jawari-PID-MACHINE-RANDOM.part` and locked by the process that makes it. What a
+killed process leaves has the name but not the lock: the next that writes into the folder takes it away, and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+import re
+import secrets
+import stat
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator
+from itertools import count
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+try:
+    import fcntl
+except ImportError:  # a system without such locks: nothing is taken away there
+    fcntl = None  # type: ignore[assignment]
+
+_LEFT = re.compile(r"\..*\.jawari-\d+-([0-9a-f]{8})-[0-9a-f]{8}\.part", re.DOTALL)
+_MARK_BYTES = 48  # of what stands behind the name
+_SHORTEST_LIMIT = 143  # bytes of a file's name, of the file systems that allow the least
+_REMEDIES = {
+    errno.ENOSPC: "make room there or write elsewhere",
+    errno.EDQUOT: "your quota is used up: make room or write elsewhere",
+    errno.EFBIG: "a limit of the file system or of the shell (ulimit -f) lets it not grow further",
+    errno.ENAMETOOLONG: "give it a shorter name",
+}
+
+
+class Named(NamedTuple):
+    """A file by what it is on the command line ('--tuning', '-o') and its path; '-' is standard output."""
+
+    what: str
+    path: str | os.PathLike[str]
+
+
+def is_special(path: str | os.PathLike[str]) -> bool:
+    """Whether the path is there and is a device or a pipe, which cannot be replaced by a file."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """OSError, which says why, where nothing can be written at `path`."""
+    if is_special(path):
+        return
+    target = Path(path)
+    with naming(target):
+        try:
+            mode = os.stat(target).st_mode
+        except FileNotFoundError:
+            mode = None
+    if mode is not None and stat.S_ISDIR(mode):
+        raise IsADirectoryError(f"{target}: is a directory; give a file name")
+    check_folder(target, target.parent)
+    if mode is not None and not os.access(target, os.W_OK):
+        raise PermissionError(f"{target}: is write-protected; choose another name, or chmod u+w it")
+
+
+def check_folder(target: Path, folder: Path) -> None:
+    """OSError where `folder`, in which `target` is to be made, is not there or cannot be written to."""
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{target}: there is no directory {folder}; make it first")
+    if os.stat(folder).st_nlink == 0:
+        raise FileNotFoundError(f"{target}: the directory {folder} has been deleted; go to another")
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(f"{target}: the directory {folder} cannot be written to; choose another")
+
+
+def check_apart(inputs: Iterable[Named], outputs: Iterable[Named]) -> None:
+    """ValueError where an output is a file that is read, or two outputs are one file: after links are followed, through hard
+    links, and where a folder does not tell capitals from small letters. Devices and pipes are not looked at."""
+    read = [(each, _identities(each.path)) for each in inputs if str(each.path) != "-"]
+    written: list[tuple[Named, set[object]]] = []
+    for each in outputs:
+        mine = _identities(each.path)
+        for other, theirs in read:
+            if mine & theirs:
+                raise ValueError(
+                    f"{_titled(each)} would overwrite {_titled(other)}, which is read: give the output another name"
+                )
+        for other, theirs in written:
+            if mine & theirs:
+                raise ValueError(f"{_titled(other)} and {_titled(each)} are one file: give one of them another name")
+        written.append((each, mine))
+
+
+def _titled(each: Named) -> str:
+    return "standard output" if str(each.path) == "-" else f"{each.what} {os.fspath(each.path)}"
+
+
+def _identities(path: str | os.PathLike[str]) -> set[object]:
+    """What a file can be known by; nothing for what is no file to be replaced."""
+    try:
+        found = os.fstat(1) if str(path) == "-" else os.stat(path)
+    except OSError:
+        found = None
+    if found is not None:
+        return {(found.st_dev, found.st_ino)} if stat.S_ISREG(found.st_mode) else set()
+    if str(path) == "-":
+        return set()
+    try:
+        real = os.path.realpath(path)
+    except OSError:  # the current directory has been deleted
+        return {os.fspath(path)}
+    folder, name = os.path.split(real)
+    try:
+        place: object = (os.stat(folder).st_dev, os.stat(folder).st_ino)
+    except OSError:
+        place = folder
+    return {(place, unicodedata.normalize("NFC", name).casefold() if _knows_no_case(folder) else name)}
+
+
+def _knows_no_case(folder: str) -> bool:
+    """Whether names in a folder that differ in capitals are one file there, as far as what lies in it shows."""
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                other = os.path.join(folder, entry.name.swapcase())
+                if entry.name.swapcase() != entry.name:
+                    return os.path.lexists(other) and os.path.samestat(os.lstat(other), os.lstat(entry.path))
+    except OSError:
+        pass
+    return False
+
+
+@contextlib.contextmanager
+def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """An OSError from within tells of `path`, which the user knows, and of what can be done."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise told(error, path) from None
+
+
+def told(error: OSError, path: str | os.PathLike[str]) -> OSError:
+    """`error`, which has an errno, as one that names `path`."""
+    assert error.errno is not None
+    why = os.strerror(error.errno)
+    if error.errno == errno.ENOENT and not os.path.isdir(os.path.dirname(path) or os.curdir):
+        why = "its directory is gone; make it again and repeat"
+    elif error.errno in _REMEDIES:
+        why = f"{why}; {_REMEDIES[error.errno]}"
+    return OSError(error.errno, why, "standard output" if str(path) == "-" else os.fspath(path))
+
+
+class Whole:
+    """A file that is made beside its place: `open`, write to `handle`, then `settle` and `commit`, or `discard`.
+
+    path    its place; a link there is replaced, and not what it leads to
+    beside  where it lies until then, on the same file system (its own folder)
+    mode    of a file that is not there yet, less what the umask takes; otherwise it stays as it is
+    kept    what has been written is worth having after a crash: it is called `.NAME.PID.part`, and nobody takes it away
+    partial  where it lies
+    handle   to read and write; −1 while it is not open
+    Every method raises OSError that names `path`.
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], *, beside: Path | None = None, kept: bool = False, mode: int = 0o666
+    ) -> None:
+        self.path = os.fspath(path)
+        self.handle = -1
+        self.partial: Path | None = None
+        self._beside = Path(path).parent if beside is None else beside
+        self._kept = kept
+        self._mode = mode
+
+    def open(self) -> int:
+        """Makes the file; returns `handle`. What killed processes left in the folder goes."""
+        with naming(self.path):
+            tidy(self._beside)
+            mode = _mode_of(self.path)
+            flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+            for number in count(1):
+                partial = self._beside / self._name(number)
+                if not self._kept:
+                    self.partial = partial
+                    _unfinished.add(self)
+                try:
+                    self.handle = os.open(partial, flags, self._mode if mode is None else mode)
+                except FileExistsError:  # of a process before, which had the same number
+                    continue
+                self.partial = partial
+                if self._is_mine():
+                    break
+                os.close(self.handle)
+            if mode is not None and hasattr(os, "fchmod"):
+                with contextlib.suppress(OSError):  # of a file system that has no such modes
+                    os.fchmod(self.handle, mode)
+        return self.handle
+
+    def _name(self, number: int) -> str:
+        kept = f"{os.getpid()}" if number == 1 else f"{os.getpid()}-{number}"
+        mark = kept if self._kept else f"jawari-{os.getpid()}-{_machine()}-{secrets.token_hex(4)}"
+        name = os.fsencode(os.path.basename(self.path))
+        most = _longest_name(self._beside) - _MARK_BYTES - 2
+        return f".{os.fsdecode(name[:most])}.{mark}.part"
+
+    def _is_mine(self) -> bool:
+        """Locks it. Between its making and the lock another may have taken it for left behind."""
+        if fcntl is None or self._kept:
+            return True
+        try:
+            fcntl.flock(self.handle, fcntl.LOCK_EX)
+        except OSError:  # a file system without locks, where nobody can lock it and take it away
+            return True
+        assert self.partial is not None
+        return _is_at(self.handle, self.partial)
+
+    def settle(self) -> None:
+        """What has been written is on the disk: an error that the system keeps back comes now."""
+        with naming(self.path):
+            try:
+                os.fsync(self.handle)
+            except OSError as error:
+                if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
+                    raise
+
+    def commit(self) -> None:
+        """Gives the file its name and closes it; where that fails, it is removed, or stays where it lies if it is `kept`."""
+        if self.partial is None:
+            return
+        try:
+            with naming(self.path):
+                os.replace(self.partial, self.path)
+            self.partial = None
+        except OSError as error:
+            if self._kept:
+                left, self.partial = self.partial, None
+                if left is not None and left.exists():
+                    raise OSError(error.errno, f"{error.strerror}; it is left as {left}", self.path) from None
+            raise
+        finally:
+            self.discard()
+        _settle_folder(os.path.dirname(self.path) or os.curdir)
+
+    def discard(self) -> None:
+        """Closes and removes what has not got its name; raises nothing."""
+        partial, self.partial = self.partial, None
+        if partial is not None:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
+        handle, self.handle = self.handle, -1
+        if handle >= 0:
+            with contextlib.suppress(OSError):
+                os.close(handle)
+        _unfinished.discard(self)
+
+
+#: files that have been begun: a signal may come where nobody holds them yet, or holds them no more
+_unfinished: set[Whole] = set()
+
+
+def discard_unfinished() -> None:
+    """Removes all files that have been begun and not ended, for a program that a signal ends."""
+    for whole in list(_unfinished):
+        whole.discard()
+
+
+def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object], mode: int = 0o666) -> None:
+    """`write` a file beside its place, then rename it: it is whole whatever happens, and what was there before stays until
+    then. mode: see `Whole`. A device or a pipe is written to as it is. Raises OSError that names `path`."""
+    if is_special(path):
+        with naming(path), open(path, "wb") as file:
+            write(file)
+        return
+    whole = Whole(path, mode=mode)
+    try:
+        handle = whole.open()
+        with naming(path), os.fdopen(os.dup(handle), "w+b") as file:
+            write(file)
+        whole.settle()
+        whole.commit()
+    finally:
+        whole.discard()
+
+
+def write_text(path: str | os.PathLike[str], text: str, mode: int = 0o666) -> None:
+    """`write_whole` of text in UTF-8."""
+    data = text.encode("utf-8")
+    write_whole(path, lambda file: file.write(data), mode)
+
+
+def tidy(folder: str | os.PathLike[str]) -> None:
+    """Takes away what processes of this machine that were killed have left: files that are called so and that nobody has
+    locked. Raises nothing."""
+    if fcntl is None:
+        return
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            found = _LEFT.fullmatch(entry.name)
+            if found is not None and found[1] == _machine():
+                _take_away(Path(folder) / entry.name)
+
+
+def _take_away(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            if stat.S_ISREG(os.fstat(handle).st_mode):
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if _is_at(handle, path):
+                    path.unlink()
+        finally:
+            os.close(handle)
+
+
+def _is_at(handle: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), os.lstat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _machine() -> str:
+    """Locks hold on one machine: files of others, in a folder that several share, are left alone."""
+    node = os.uname().nodename if hasattr(os, "uname") else ""
+    return hashlib.blake2b(os.fsencode(node), digest_size=4).hexdigest()
+
+
+def _longest_name(folder: Path) -> int:
+    try:
+        return os.pathconf(folder, "PC_NAME_MAX")
+    except (OSError, ValueError, AttributeError):
+        return _SHORTEST_LIMIT
+
+
+def _mode_of(path: str) -> int | None:
+    """Permissions of the file that is there; None if none is."""
+    try:
+        return os.stat(path).st_mode & 0o777
+    except FileNotFoundError:
+        return None
+
+
+def _settle_folder(folder: str) -> None:
+    """The file has its name; that the name is on the disk is what a power cut would ask for, and no reason to fail."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

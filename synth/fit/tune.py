@@ -1,0 +1,177 @@
+"""Calibration of a preset's pitch: what the contact does to the sounding fundamental, measured and taken back.
+
+Where a string touches a bridge for a part of every period it speaks shorter, and sounds some cents sharp, the more the
+harder it is plucked. `measure` renders every playable position of a preset alone at a medium velocity and compares the
+sounding fundamental with the pitch of the note; `calibrate` turns that into the `tuning.contact_cents` table that brings
+it back, iterated because the shift depends on the string's tension.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from synth.dsp.measures import sounding_fundamental
+from synth.engine.engine import Engine
+from synth.instrument.compile import note_frequency
+from synth.instrument.preset import FretsObstacle, Preset, StringTable, at_note, contact_cents, fret_count
+from synth.midi.events import NOTE_ON, make_events
+from synth.units import cents, midi_to_note
+
+#: the reference pluck, and the part of the sound that has a pitch, counted from the moment the string is let go
+VELOCITY = 64
+WINDOW_S = (0.2, 2.0)
+#: how far an instrument of few strings is tuned up and down [semitones]
+TUNING_RANGE = 5
+
+
+@dataclass(frozen=True)
+class Pitch:
+    """What one position of one string sounds like, `cents` above the pitch of its note."""
+
+    table: int
+    string: str
+    note: int
+    fret: int
+    target_hz: float
+    cents: float
+
+
+def tunings(preset: Preset) -> tuple[int, ...]:
+    """Semitones by which the strings of a preset are tuned away from its notes, to be measured as well.
+
+    Only where every string has one note of its own and no frets (a tanpura): a fourth down, none, a fourth up.
+    """
+    alone = all(table.notes[0] == table.notes[1] for table in preset.string)
+    if not alone or isinstance(preset.obstacle, FretsObstacle):
+        return (0,)
+    return (-TUNING_RANGE, 0, TUNING_RANGE)
+
+
+def retuned(preset: Preset, semitones: int) -> Preset:
+    """The preset with every string's notes moved by `semitones`; the strings stay the same."""
+    if semitones == 0:
+        return preset
+    strings = []
+    for table in preset.string:
+        # numbers at anchor notes are the string's, whose notes were those of the preset
+        fixed = {
+            field: at_note(value, table.notes[0])
+            for field, value in table
+            if isinstance(value, dict) and table.notes[0] == table.notes[1]
+        }
+        moved = (table.notes[0] + semitones, table.notes[1] + semitones)
+        strings.append(table.model_copy(update={**fixed, "notes": moved}))
+    return preset.model_copy(update={"string": tuple(strings)})
+
+
+def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tuple[int, int, Preset]]:
+    """Every string of a preset alone: (index of its table, its open note, a preset with only that string).
+
+    notes: only strings that can play one of these; None: all.
+    """
+    frets = fret_count(preset)
+    for index, table in enumerate(preset.string):
+        for opened in range(table.notes[0], table.notes[1] + 1):
+            if notes is None or any(opened <= note <= opened + frets for note in notes):
+                alone = table.model_copy(update={"notes": (opened, opened)})
+                yield index, opened, preset.model_copy(update={"string": (alone,)})
+
+
+def _sound(engine: Engine, note: int, velocity: int, seconds: float) -> np.ndarray:
+    """(frames,) left channel from the moment the note's string is let go."""
+    engine.reset()
+    string = engine.compiled[0].strings[0]
+    begin = engine.latency_samples + math.ceil(string.draw_s * engine.rate_hz)
+    out = np.zeros((begin + math.ceil(seconds * engine.rate_hz), 2))
+    engine.process(make_events([(0, NOTE_ON, 0, note, velocity)]), out)
+    return out[begin:, 0]
+
+
+def measure(
+    preset: Preset,
+    notes: set[int] | None = None,
+    *,
+    rate_hz: float = 44100.0,
+    quality: str = "standard",
+    velocity: int = VELOCITY,
+    window_s: tuple[float, float] = WINDOW_S,
+) -> list[Pitch]:
+    """The pitch of every playable position [cents above its note], each string alone, the note held.
+
+    notes: only these notes; None: all. window_s: the part of the sound measured, from the release of the string on.
+    Where a note is gone before the window ends, the part in which it sounds (40 dB below its maximum) counts. Raises
+    ValueError where no fundamental is found within ±60 cents, PresetError for a preset that does not compile.
+    """
+    found = []
+    for index, opened, alone in single_strings(preset, notes):
+        engine = Engine([alone], quality=quality, limiter=False)
+        engine.prepare(rate_hz)
+        table = alone.string[0]
+        for position in engine.compiled[0].strings[0].positions:
+            if notes is not None and position.note not in notes:
+                continue
+            x = _sound(engine, position.note, velocity, window_s[1])[round(window_s[0] * rate_hz) :]
+            target = note_frequency(alone, table, position.note, None)
+            try:
+                heard = sounding_fundamental(x, rate_hz, target)
+            except ValueError as error:
+                raise ValueError(
+                    f"{preset.name}: string {_label(table, opened)}, note {midi_to_note(position.note)}: {error}"
+                ) from None
+            found.append(
+                Pitch(index, _label(table, opened), position.note, position.fret, target, float(cents(heard, target)))
+            )
+    return found
+
+
+def measure_all(preset: Preset, *, rate_hz: float = 44100.0, quality: str = "standard") -> list[Pitch]:
+    """`measure` of every position in every one of the preset's `tunings`."""
+    return [
+        pitch
+        for semitones in tunings(preset)
+        for pitch in measure(retuned(preset, semitones), rate_hz=rate_hz, quality=quality)
+    ]
+
+
+def worst(pitches: list[Pitch]) -> Pitch:
+    """The position that is farthest from its pitch."""
+    return max(pitches, key=lambda pitch: abs(pitch.cents))
+
+
+def calibrate(
+    preset: Preset,
+    *,
+    rate_hz: float = 44100.0,
+    quality: str = "standard",
+    residual_cents: float = 0.5,
+    rounds: int = 8,
+) -> tuple[Preset, list[Pitch]]:
+    """The preset with the `tuning.contact_cents` that bring every position to its pitch, and what was measured last.
+
+    Positions of several strings with one note share an entry: it corrects the middle between the sharpest and the
+    flattest. Stops when no entry would move by more than `residual_cents`. Raises ValueError when that is not reached
+    in `rounds` rounds, or as `measure` does.
+    """
+    for _ in range(rounds):
+        pitches = measure_all(preset, rate_hz=rate_hz, quality=quality)
+        errors: dict[int, list[float]] = {}
+        for pitch in pitches:
+            errors.setdefault(pitch.note, []).append(pitch.cents)
+        middle = {note: 0.5 * (min(values) + max(values)) for note, values in errors.items()}
+        if max(abs(value) for value in middle.values()) <= residual_cents:
+            return preset, pitches
+        table = {note: round(contact_cents(preset, note) + value, 2) for note, value in sorted(middle.items())}
+        preset = preset.model_copy(update={"tuning": preset.tuning.model_copy(update={"contact_cents": table})})
+    note = max(middle, key=lambda n: abs(middle[n]))
+    raise ValueError(
+        f"{preset.name}: pitch must settle within {residual_cents:g} cents, got {middle[note]:+.2f} cents at "
+        f"{midi_to_note(note)} after {rounds} rounds; the pitch is not steady there, lower the pluck or the buzz"
+    )
+
+
+def _label(table: StringTable, opened: int) -> str:
+    return table.name or midi_to_note(opened)

@@ -1,0 +1,9 @@
+"""Instruments as files describe them, and what follows before anything sounds.
+
+preset, presetfile   a preset: read, checked, written
+table, faults        what its tables have in common; what is wrong, in words
+effects, excitations what a preset may name beside what it has
+plan, calibration    rates and modes that a promised quality needs
+compile              strings, contacts and outputs as arrays
+check                whether it can be played, with the reason where it cannot
+"""

@@ -1,0 +1,563 @@
+"""From a preset and a plan to the arrays that sound: where an instrument's physics meets the solver.
+
+Every string of the preset gets one modal model per position it can be played at (open, and each fret), tuned so that
+the sounding fundamental has the note's pitch: the tension is that of the model's first mode at the note's frequency
+less the preset's measured contact shift. Positions count from the nut or the fret that stops it
+(x = 0; the saddle is at x = L), heights from the string's line at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from synth.instrument.plan import KEPT, StringPlan, plan_string, scene_kind
+from synth.instrument.preset import (
+    BridgeObstacle,
+    FretsObstacle,
+    PointsObstacle,
+    Preset,
+    PresetError,
+    StringTable,
+    at_note,
+    contact_cents,
+    fret_count,
+    in_file_words,
+    playable_range,
+)
+from synth.physics.modes import (
+    decay_rates,
+    force_weights,
+    modal_frequencies,
+    mode_shapes,
+)
+from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
+from synth.physics.string import NutResonance, String
+from synth.physics.tail import lumped_tail
+from synth.physics.tuning import tuned
+from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
+from synth.solver.lcp import SOLVED, solve
+from synth.units import db_to_gain, midi_to_hz, midi_to_note
+
+#: a string is heard at most this far from the saddle, as a part of its speaking length
+FARTHEST_OUTPUT = 0.98
+
+
+@dataclass(frozen=True)
+class Position:
+    """A note at a place of a string, with its model. Shapes: N modes, of which the last may be lumped, C contacts."""
+
+    note: int
+    fret: int
+    length_m: float
+    tension_n: float
+    mu: float
+    plan: StringPlan
+    omega: np.ndarray  # (N,)
+    sigma: np.ndarray  # (N,)
+    coef: np.ndarray  # (6, N)
+    shapes: np.ndarray  # (C, N)
+    eta: np.ndarray  # (C,)
+    residual: np.ndarray  # (C, C)
+    matrix: np.ndarray  # (C, C)
+    wq: np.ndarray  # (N,)
+    wv: np.ndarray  # (N,)
+    q_rest: np.ndarray  # (N,) static state under contacts that press
+    rest_height_m: float  # of the fret it is stopped at, below the open string's line
+    output_rest: float  # output of that line
+    own: int  # the string's own modes; those behind them are lumped (`physics.tail`)
+
+
+@dataclass(frozen=True)
+class CompiledString:
+    """One physical string and its positions, lowest note first: all of its `places`, or those that were asked for."""
+
+    name: str
+    open_note: int
+    places: int
+    open_length_m: float
+    factor: int
+    positions: tuple[Position, ...]
+    pluck_force_n: float  # at velocity 127
+    impedance_kg_s: float
+    draw_s: float
+    release_s: float
+
+
+@dataclass(frozen=True)
+class CompiledPart:
+    """A preset ready to sound at one output rate."""
+
+    preset: Preset
+    strings: tuple[CompiledString, ...]
+
+
+def string_notes(table: StringTable) -> range:
+    """The open notes of a string table: one physical string each."""
+    return range(table.notes[0], table.notes[1] + 1)
+
+
+def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None) -> float:
+    """Pitch that a note must sound at [Hz]."""
+    if note_hz is not None:
+        base = float(note_hz[note])
+    else:
+        base = midi_to_hz(note, preset.tuning.a4_hz)
+    return base * 2.0 ** ((preset.tuning.offset_cents + table.cents) / 1200.0)
+
+
+def string_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None = None) -> float:
+    """First mode that a string is tuned to for a note [Hz]: the note's pitch less the contact's calibrated shift."""
+    return note_frequency(preset, table, note, note_hz) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
+
+
+def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, at the tension that a string without stiffness has at `frequency_hz`.
+
+    Its `inharmonicity` is what the table calls so.
+    """
+
+    def mm(value):
+        return None if value is None else 1e-3 * at_note(value, note)
+
+    length = at_note(table.length_m, note)
+    diameter = 1e-3 * at_note(table.diameter_mm, note)
+    core = mm(table.core_diameter_mm)
+    if table.linear_density_g_m is not None:
+        mu = 1e-3 * at_note(table.linear_density_g_m, note)
+    else:
+        assert table.density_kg_m3 is not None
+        mu = at_note(table.density_kg_m3, note) * math.pi * diameter**2 / 4.0
+    ideal_tension = mu * (2.0 * length * frequency_hz) ** 2
+    if table.youngs_modulus_gpa is not None:
+        stiffness = 1e9 * at_note(table.youngs_modulus_gpa, note) * math.pi * (core or diameter) ** 4 / 64.0
+    else:
+        assert table.inharmonicity is not None
+        stiffness = at_note(table.inharmonicity, note) * ideal_tension * length**2 / math.pi**2
+    return String(
+        length_m=length,
+        tension_n=ideal_tension,
+        linear_density_kg_m=mu,
+        bending_stiffness_n_m2=stiffness,
+        diameter_m=diameter,
+        core_diameter_m=core,
+        winding_diameter_m=mm(table.winding_diameter_mm),
+        viscoelastic_loss=at_note(table.viscoelastic_loss, note),
+        thermoelastic_q_inverse=at_note(table.thermoelastic_q_inverse, note),
+        stiffness_law=table.stiffness_law,
+        nut=tuple(NutResonance(mode.frequency_hz, mode.q, mode.mass_kg) for mode in preset.nut),
+    )
+
+
+def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
+    """The open string of a table at one of its notes, tuned to `frequency_hz`."""
+    string = tuned(ideal_string(preset, table, note, frequency_hz), frequency_hz)
+    if table.measured_frequencies_hz:
+        ratio = frequency_hz / table.measured_frequencies_hz[0]
+        string = replace(string, measured_frequencies_hz=tuple(f * ratio for f in table.measured_frequencies_hz))
+    return replace(string, measured_decay_rates=table.measured_decay_rates)
+
+
+def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
+    """The obstacle under an open string of `length_m` in metres from the nut."""
+    shape = preset.obstacle
+    if isinstance(shape, BridgeObstacle):
+        if shape.distance_mm is not None:
+            distance = 1e-3 * at_note(shape.distance_mm, note)
+        else:
+            assert shape.distance_ratio is not None
+            distance = shape.distance_ratio * length_m
+        return Obstacle((length_m - distance,), (-1e-6 * at_note(shape.jiva_um, note),))
+    if isinstance(shape, PointsObstacle):
+        return Obstacle(tuple(1e-3 * x for x in shape.positions_mm), tuple(1e-3 * h for h in shape.heights_mm))
+    if isinstance(shape, FretsObstacle):
+        if shape.heights_mm:
+            return Obstacle(tuple(fret_positions(length_m, shape.count)), tuple(1e-3 * h for h in shape.heights_mm))
+        assert shape.action_12th_mm is not None
+        return frets(
+            length_m,
+            shape.count,
+            1e-3 * shape.action_12th_mm,
+            relief_m=1e-3 * shape.relief_mm,
+            nut_height_m=1e-3 * shape.nut_height_mm,
+        )
+    return Obstacle((), ())
+
+
+def _refuse_wider_than_string(preset: Preset, length_m: float) -> None:
+    """A finger or a pickup as wide as the string averages all of it away; near an end the engine takes less of a finger."""
+    widths = {"pluck.width_mm": preset.pluck.width_mm, "pluck.width_hard_mm": preset.pluck.width_hard_mm}
+    if preset.output.kind == "pickup":
+        widths["output.aperture_mm"] = preset.output.aperture_mm
+    for field, width_mm in widths.items():
+        if width_mm is not None and width_mm > 1e3 * length_m:
+            raise ValueError(f"{field} must be at most the string's {1e3 * length_m:g} mm, got {width_mm:g}; take less")
+
+
+def open_string(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None = None) -> tuple[String, Obstacle]:
+    """The open string of a table at one of its notes and what lies below it. Raises ValueError where it cannot be tuned."""
+    opened = make_string(preset, table, note, string_frequency(preset, table, note, note_hz))
+    _refuse_wider_than_string(preset, opened.length_m)
+    below = obstacle_of(preset, note, opened.length_m)
+    below.check(opened.length_m)
+    return opened, below
+
+
+def string_places(preset: Preset, note: int) -> int:
+    """At how many places a string of this open note is played: open, and at every fret."""
+    return min(fret_count(preset), 127 - note) + 1
+
+
+def speaking_string(
+    preset: Preset,
+    table: StringTable,
+    note: int,
+    fret: int,
+    opened: String,
+    below: Obstacle,
+    note_hz: np.ndarray | None = None,
+) -> tuple[String, Obstacle, float]:
+    """Of `open_string` stopped at a fret (0: open): the string, what lies below it, and the height of its fret [m].
+
+    Raises ValueError where it cannot sound: a fret in its way, a pitch that no tension gives.
+    """
+    if not isinstance(preset.obstacle, FretsObstacle):
+        return opened, below, 0.0
+    length, left = fretted(below, fret, opened.length_m)
+    if not fret:
+        return opened, left, 0.0
+    string = tuned(opened.with_length(length), string_frequency(preset, table, note + fret, note_hz))
+    return string, left, below.heights_m[fret - 1]
+
+
+def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
+    """What kind of scene (`plan.scene_kind`) an open string over its obstacle is, plucked softly and hard."""
+    pluck = preset.pluck
+    shares = (pluck.position, pluck.hardest_position)
+    return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in shares])
+
+
+def output_distance(preset: Preset, string: String, open_length_m: float) -> float:
+    """Where a speaking string is heard, from the saddle [m]: not behind a high fret, however near the neck the pickup is."""
+    return min(preset.output.position * open_length_m, FARTHEST_OUTPUT * string.length_m)
+
+
+def full_pluck_force(preset: Preset, opened: String, note: int) -> float:
+    """Force [N] that draws an open string at the pluck's place by its displacement: that of velocity 127."""
+    length = opened.length_m
+    x = preset.pluck.position * length
+    return 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
+
+
+def output_weights(preset: Preset, string: String, open_length_m: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (N,), (N,) on q and on v of the preset's output for one speaking string."""
+    output = preset.output
+    x = string.length_m - output_distance(preset, string, open_length_m)
+    zero = np.zeros(n)
+    if output.kind == "force":
+        return force_weights(string, x, n), zero
+    shape = mode_shapes(string.length_m, np.array([x]), n)[0]
+    if output.kind == "displacement":
+        return shape, zero
+    if output.kind == "velocity":
+        return zero, shape
+    k = np.arange(1, n + 1) / string.length_m  # k_j/π
+    seen = shape * np.sinc(k * 0.5e-3 * output.aperture_mm)
+    return seen, seen
+
+
+def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, height_m: float) -> float:
+    """Output that the straight line from a fret at `height_m` to the saddle has, against the open string's."""
+    slope = height_m / string.length_m
+    if preset.output.kind == "force":
+        return -string.tension_n * slope
+    if preset.output.kind in ("velocity", "pickup"):
+        return 0.0
+    return slope * output_distance(preset, string, open_length_m)
+
+
+def static_state(omega: np.ndarray, mu: float, shapes: np.ndarray, eta: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """q (N,) at rest over contacts that press: 0 ≤ S q + R λ − η ⊥ λ ≥ 0 with q = Sᵀλ/(μω²)."""
+    contacts = eta.size
+    q = np.zeros(omega.size)
+    if contacts == 0 or eta.max() <= 0.0:
+        return q
+    matrix = (shapes / (mu * omega**2)) @ shapes.T + residual
+    force = np.zeros(contacts)
+    status = solve(
+        matrix,
+        -eta,
+        np.ones(contacts, np.uint8),
+        np.zeros(contacts, np.uint8),
+        force,
+        np.zeros((contacts, contacts)),
+        np.zeros(contacts, np.int64),
+    )
+    if status != SOLVED:
+        raise ValueError("the static contact problem of the string at rest has no solution")
+    return (force @ shapes) / (mu * omega**2)
+
+
+def compile_position(
+    preset: Preset,
+    string: String,
+    obstacle: Obstacle,
+    *,
+    note: int,
+    fret: int,
+    open_length_m: float,
+    open_frequency_hz: float,
+    kind: str,
+    rest_height_m: float,
+    quality: str,
+    rate_hz: float,
+    scheme: str,
+    internal_rate_hz: float | None,
+    gain: float = 1.0,
+) -> Position:
+    """The model of one speaking string over its obstacle; `kind` is the open string's scene."""
+    law = law_of(scheme)
+    plan = plan_string(
+        string,
+        open_frequency_hz,
+        len(obstacle),
+        kind,
+        quality=quality,
+        rate_hz=rate_hz,
+        scheme=scheme,
+        internal_rate_hz=internal_rate_hz,
+    )
+    n = plan.modes
+    omega = modal_frequencies(string, n)
+    sigma = decay_rates(string, n)
+    positions = np.asarray(obstacle.positions_m, dtype=float)
+    eta = np.asarray(obstacle.heights_m, dtype=float)
+    shapes = mode_shapes(string.length_m, positions, n) if positions.size else np.zeros((0, n))
+    residual = np.zeros((eta.size, eta.size))
+    wq, wv = output_weights(preset, string, open_length_m, n)
+    if positions.size and law == EXACT_HOLD:
+        tail = lumped_tail(string, positions, n, plan.rate_hz)
+        omega, sigma = np.append(omega, tail.omega), np.append(sigma, tail.sigma)
+        shapes, residual = np.hstack([shapes, tail.shapes]), tail.residual
+        outputs = np.array(output_weights(preset, string, open_length_m, tail.modes))
+        wq, wv = np.hstack([[wq, wv], tail.weights(outputs)])
+    mu = string.linear_density_kg_m
+    coef = coefficients(law, omega, sigma, mu, 1.0 / plan.rate_hz)
+    matrix = np.zeros((eta.size, eta.size))
+    contact_matrix(law, coef, shapes, residual, matrix)
+    return Position(
+        note,
+        fret,
+        string.length_m,
+        string.tension_n,
+        mu,
+        plan,
+        omega,
+        sigma,
+        coef,
+        shapes,
+        eta,
+        residual,
+        matrix,
+        wq if preset.output.kind == "pickup" else gain * wq,  # a pickup's gain is on its velocity
+        gain * wv,
+        static_state(omega, mu, shapes, eta, residual),
+        rest_height_m,
+        gain * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
+        n,
+    )
+
+
+def compile_string(
+    preset: Preset,
+    table: StringTable,
+    note: int,
+    *,
+    quality: str,
+    rate_hz: float,
+    scheme: str = "exact-hold",
+    internal_rate_hz: float | None = None,
+    note_hz: np.ndarray | None = None,
+    only_notes: Set[int] | None = None,
+) -> CompiledString:
+    """One physical string of a preset with all its positions, or those of `only_notes`. Raises PresetError naming the
+    string."""
+    label = table.name or midi_to_note(note)
+    try:
+        gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
+        frequency = note_frequency(preset, table, note, note_hz)
+        opened, whole = open_string(preset, table, note, note_hz)
+        length = opened.length_m
+        positions = []
+        places = string_places(preset, note)
+        for fret in range(places):
+            if only_notes is not None and note + fret not in only_notes:
+                continue
+            string, obstacle, height = speaking_string(preset, table, note, fret, opened, whole, note_hz)
+            positions.append(
+                compile_position(
+                    preset,
+                    string,
+                    obstacle,
+                    note=note + fret,
+                    fret=fret,
+                    open_length_m=length,
+                    open_frequency_hz=frequency,
+                    kind=string_kind(preset, opened, whole),
+                    rest_height_m=height,
+                    quality=quality,
+                    rate_hz=rate_hz,
+                    scheme=scheme,
+                    internal_rate_hz=internal_rate_hz,
+                    gain=gain,
+                )
+            )
+    except PresetError:
+        raise
+    except ValueError as error:
+        raise PresetError(f"{preset.name}: string {label}: {in_file_words(str(error), table)}") from None
+    return CompiledString(
+        label,
+        note,
+        places,
+        length,
+        positions[0].plan.factor,
+        tuple(positions),
+        full_pluck_force(preset, opened, note),
+        opened.impedance_kg_s,
+        1e-3 * at_note(preset.pluck.draw_ms, note),
+        at_note(preset.damping.release_s, note),
+    )
+
+
+# its matrices are small: BLAS's threads would only wait for each other, for seconds where the machine is busy
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def compile_preset(
+    preset: Preset,
+    *,
+    quality: str = "standard",
+    rate_hz: float = 44100.0,
+    scheme: str = "exact-hold",
+    internal_rate_hz: float | None = None,
+    note_hz: np.ndarray | None = None,
+    only_notes: Set[int] | None = None,
+    every_fret: bool = True,
+    made: dict[tuple, CompiledString] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> CompiledPart:
+    """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted, and, unless `every_fret`,
+    positions too.
+
+    made: strings of earlier calls that differ in `only_notes` at most, which are not made again; new ones are added.
+    progress: called with the number of strings after each of them.
+    """
+    made = {} if made is None else made
+    strings = []
+    for number, note in wanted_notes(preset, only_notes):
+        wanted = None if every_fret or only_notes is None else frozenset(only_notes)
+        key = id(preset), number, note, wanted
+        if key not in made:
+            made[key] = compile_string(
+                preset,
+                preset.string[number],
+                note,
+                quality=quality,
+                rate_hz=rate_hz,
+                scheme=scheme,
+                internal_rate_hz=internal_rate_hz,
+                note_hz=note_hz,
+                only_notes=wanted,
+            )
+        strings.append(made[key])
+        if progress is not None:
+            progress(len(strings))
+    return CompiledPart(preset, tuple(strings))
+
+
+def wanted_notes(preset: Preset, only_notes: Set[int] | None) -> list[tuple[int, int]]:
+    """(number of its table, open note) of every string that one of the notes is played on; None: of all."""
+    neck = fret_count(preset)
+    return [
+        (number, note)
+        for number, table in enumerate(preset.string)
+        for note in string_notes(table)
+        if only_notes is None or any(n in only_notes for n in range(note, note + neck + 1))
+    ]
+
+
+def describe_plan(
+    preset: Preset,
+    note: int | None = None,
+    *,
+    quality: str = "standard",
+    rate_hz: float = 44100.0,
+    scheme: str = "exact-hold",
+    internal_rate_hz: float | None = None,
+) -> dict[str, Any]:
+    """What `quality` means for a preset, as plain values and as `text`.
+
+    note: a MIDI note, or None for the lowest, middle and highest open string of every string table. Raises PresetError.
+    """
+    rows: list[dict[str, Any]] = []
+    for table in preset.string:
+        opens = string_notes(table)
+        neck = fret_count(preset)
+        if note is None:
+            wanted = sorted({opens[0], opens[len(opens) // 2], opens[-1]})
+        else:
+            wanted = [opened for opened in opens if opened <= note <= opened + neck]
+        for opened in wanted:
+            string = compile_string(
+                preset,
+                table,
+                opened,
+                quality=quality,
+                rate_hz=rate_hz,
+                scheme=scheme,
+                internal_rate_hz=internal_rate_hz,
+            )
+            for position in string.positions:
+                if position.note != (opened if note is None else note):
+                    continue
+                plan = position.plan
+                rows.append(
+                    {
+                        "string": string.name,
+                        "note": midi_to_note(position.note),
+                        "fret": position.fret,
+                        "frequency_hz": float(position.omega[0]) / (2.0 * math.pi),
+                        "tension_n": position.tension_n,
+                        "length_m": position.length_m,
+                        "internal_rate_hz": plan.rate_hz,
+                        "factor": plan.factor,
+                        "modes": plan.modes,
+                        "contacts": position.eta.size,
+                        "error": plan.error,
+                        "kept_in": KEPT,
+                        "reason": plan.reason,
+                    }
+                )
+    if not rows:
+        assert note is not None
+        low, high = playable_range(preset)
+        raise PresetError(
+            f"{preset.name}: no string plays {midi_to_note(note)}; its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
+        )
+    head = f"{preset.name} at {quality}, {scheme}, {rate_hz:g} Hz out"
+    lines = [
+        f"  {row['string']} {row['note']}" + (f" fret {row['fret']}" if row["fret"] else "") + f": {row['reason']}"
+        for row in rows
+    ]
+    return {
+        "preset": preset.name,
+        "quality": quality,
+        "scheme": scheme,
+        "rate_hz": rate_hz,
+        "strings": rows,
+        "text": "\n".join([head, *lines]),
+    }

@@ -1,0 +1,632 @@
+"""Presets: one TOML file per instrument, in luthiers' and musicians' units, validated with all errors at once.
+
+Numbers that change over the compass (a harp's lengths, a tanpura's gauges) may be given as anchors instead of one
+value, ``length_m = { E1 = 1.1, C4 = 0.6, C7 = 0.12 }``: between anchors they are interpolated over the note, as ratios
+where all are positive, else linearly; beyond the outer anchors the nearest holds.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    model_validator,
+)
+
+from synth.files.sources import read_bytes
+from synth.instrument import effects, excitations
+from synth.instrument.effects import EffectTable, as_effect
+from synth.instrument.excitations import ExcitationTable, as_excitation
+from synth.instrument.faults import value_got, wanted
+from synth.instrument.table import Table
+from synth.spelling import perhaps
+from synth.units import midi_to_note, note_to_midi
+
+FORMAT = 2
+#: largest preset that is read [bytes]
+MOST_BYTES = 1 << 20
+
+
+#: names that the physics has, and the keys of the file that stand for them
+_FILE_KEYS = {
+    "core_diameter_m": "core_diameter_mm",
+    "winding_diameter_m": "winding_diameter_mm",
+    "diameter_m": "diameter_mm",
+}
+
+
+class PresetError(ValueError):
+    """A preset that cannot be used; the message names the file and every wrong field.
+
+    problems: (path such as "pluck.position", what is wrong with it) of each; empty where no field is to blame.
+    """
+
+    def __init__(self, message: str, problems: Sequence[tuple[str, str]] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
+
+
+def _note(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | str):
+        raise ValueError("a note is a name such as C3 or F#2, or a MIDI number")
+    number = note_to_midi(value) if isinstance(value, str) and not value.strip().isdigit() else int(value)
+    if not 0 <= number <= 127:
+        raise ValueError(f"a note lies between 0 and 127, got {number}")
+    return number
+
+
+Note = Annotated[int, BeforeValidator(_note)]
+
+
+def _note_range(value: Any) -> tuple[int, int]:
+    if isinstance(value, list | tuple) and len(value) == 2:
+        return _note(value[0]), _note(value[1])
+    text = "" if isinstance(value, bool) or not isinstance(value, str | int) else str(value).strip()
+    ends = re.fullmatch(r"([A-Ga-g][#b♯♭]*-?\d+|\d+)(?:\s*-\s*([A-Ga-g][#b♯♭]*-?\d+|\d+))?", text)
+    if ends is None:
+        raise ValueError(f"must be one note (G2) or a range (E1-C7), got {value!r}")
+    low = _note(ends[1])
+    return low, _note(ends[2]) if ends[2] else low
+
+
+#: lowest and highest note
+NoteRange = Annotated[tuple[int, int], BeforeValidator(_note_range)]
+
+
+def _number(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"must be {what}, got {value!r}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"must be finite, got {number}")
+    return number
+
+
+def _anchors(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        if not value:
+            raise ValueError("anchors need at least one note")
+        return {_note(key): _number(number, "a number at every note") for key, number in value.items()}
+    return _number(value, "a number, or numbers at notes such as { C2 = 1.0, C4 = 0.5 }")
+
+
+#: a number, or numbers at anchor notes
+Scaled = Annotated[float | dict[int, float], BeforeValidator(_anchors)]
+
+
+def at_note(value: float | dict[int, float], note: float) -> float:
+    """The value of an anchored number at a MIDI note."""
+    if not isinstance(value, dict):
+        return value
+    points = sorted(value.items())
+    if note <= points[0][0]:
+        return points[0][1]
+    for (n0, v0), (n1, v1) in pairwise(points):
+        if note <= n1:
+            s = (note - n0) / (n1 - n0)
+            if v0 > 0.0 and v1 > 0.0:
+                return v0 * (v1 / v0) ** s
+            return v0 + s * (v1 - v0)
+    return points[-1][1]
+
+
+@dataclass(frozen=True)
+class Between:
+    """A plain or anchored number lies in [low, high]."""
+
+    low: float
+    high: float
+
+    def __call__(self, value: float | dict[int, float]) -> float | dict[int, float]:
+        for number in value.values() if isinstance(value, dict) else (value,):
+            if not self.low <= number <= self.high:
+                raise ValueError(f"must lie between {self.low:g} and {self.high:g}, got {number:g}")
+        return value
+
+
+def _range(low: float, high: float) -> AfterValidator:
+    return AfterValidator(Between(low, high))
+
+
+@dataclass(frozen=True)
+class EachBetween:
+    """All numbers of a list lie in [low, high]."""
+
+    low: float
+    high: float
+
+    def __call__(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        for number, value in enumerate(values, start=1):
+            if not self.low <= value <= self.high:
+                raise ValueError(f"number {number} must lie between {self.low:g} and {self.high:g}, got {value:g}")
+        return values
+
+
+def _each(low: float, high: float) -> AfterValidator:
+    return AfterValidator(EachBetween(low, high))
+
+
+class Tuning(Table):
+    """What pitch a note has."""
+
+    a4_hz: float = Field(440.0, ge=300.0, le=600.0)
+    offset_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
+    #: how far the contact raises the sounding fundamental [cents], by note; subtracted from the string's own pitch
+    contact_cents: Annotated[dict[int, float], BeforeValidator(_anchors), _range(-1200.0, 1200.0)] | None = None
+
+
+class NutMode(Table):
+    """One resonance of the nut end's mobility."""
+
+    frequency_hz: float = Field(gt=0.0, le=20000.0)
+    q: float = Field(gt=0.0, le=10000.0)
+    mass_kg: float = Field(gt=0.0, le=1000.0)
+
+
+class StringTable(Table):
+    """One string, or one string for every note of a range."""
+
+    name: str = ""
+    notes: NoteRange
+    length_m: Annotated[Scaled, _range(0.02, 5.0)]
+    diameter_mm: Annotated[Scaled, _range(0.05, 6.0)]
+    linear_density_g_m: Annotated[Scaled, _range(0.01, 200.0)] | None = None
+    density_kg_m3: Annotated[Scaled, _range(500.0, 20000.0)] | None = None
+    core_diameter_mm: Annotated[Scaled, _range(0.02, 5.0)] | None = None
+    winding_diameter_mm: Annotated[Scaled, _range(0.01, 3.0)] | None = None
+    youngs_modulus_gpa: Annotated[Scaled, _range(0.0, 1000.0)] | None = None
+    inharmonicity: Annotated[Scaled, _range(0.0, 0.1)] | None = None
+    viscoelastic_loss: Annotated[Scaled, _range(0.0, 0.5)] = 0.0
+    thermoelastic_q_inverse: Annotated[Scaled, _range(0.0, 0.1)] = 0.0
+    stiffness_law: Literal["sqrt", "linear"] = "sqrt"
+    cents: float = Field(0.0, ge=-200.0, le=200.0)
+    gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
+    measured_frequencies_hz: Annotated[tuple[float, ...], _each(0.1, 1e6)] = ()
+    measured_decay_rates: Annotated[tuple[float, ...], _each(1e-9, 1e7)] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> StringTable:
+        if self.notes[1] < self.notes[0]:
+            raise ValueError(f"notes must rise, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}")
+        if (self.linear_density_g_m is None) == (self.density_kg_m3 is None):
+            raise ValueError("give either linear_density_g_m or density_kg_m3 (of a plain string)")
+        if (self.youngs_modulus_gpa is None) == (self.inharmonicity is None):
+            raise ValueError("give either youngs_modulus_gpa or inharmonicity")
+        if (self.core_diameter_mm is None) != (self.winding_diameter_mm is None):
+            raise ValueError("a wound string has both core_diameter_mm and winding_diameter_mm")
+        return self
+
+
+class NoObstacle(Table):
+    kind: Literal["none"] = "none"
+
+
+class BridgeObstacle(Table):
+    """A two-point bridge: the string ends on the thread (jiva) and may touch the bridge at a point before it."""
+
+    kind: Literal["bridge"]
+    #: from the saddle end to the point of contact, as mm or as a share of the open length
+    distance_mm: Annotated[Scaled, _range(0.2, 100.0)] | None = None
+    distance_ratio: float | None = Field(None, gt=0.0, le=0.2)
+    #: height of the thread: gap between the string at rest and the contact; negative presses the string
+    jiva_um: Annotated[Scaled, _range(-100.0, 1000.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _one_distance(self) -> BridgeObstacle:
+        if (self.distance_mm is None) == (self.distance_ratio is None):
+            raise ValueError("give either distance_mm or distance_ratio")
+        return self
+
+
+class PointsObstacle(Table):
+    """Any set of points below the string; positions counted from the nut of the open string."""
+
+    kind: Literal["points"]
+    positions_mm: Annotated[tuple[float, ...], _each(1e-6, 5000.0)] = Field(min_length=1, max_length=64)
+    heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)]
+
+    @model_validator(mode="after")
+    def _same_length(self) -> PointsObstacle:
+        if len(self.positions_mm) != len(self.heights_mm):
+            raise ValueError(
+                f"positions_mm and heights_mm must be of one length, got {len(self.positions_mm)} and {len(self.heights_mm)}"
+            )
+        for point, (before, after) in enumerate(pairwise(self.positions_mm), start=2):
+            if after <= before:
+                raise ValueError(f"positions_mm must rise, got {before:g} and {after:g} at point {point}; sort the points")
+        return self
+
+
+class FretsObstacle(Table):
+    """A neck: frets by luthiers' numbers, or the heights of every fret below the open string at rest."""
+
+    kind: Literal["frets"]
+    count: int = Field(ge=1, le=36)
+    action_12th_mm: float | None = Field(None, gt=0.0, le=20.0)
+    relief_mm: float = Field(0.0, ge=0.0, le=5.0)
+    nut_height_mm: float = Field(0.4, gt=0.0, le=5.0)
+    heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)] = ()
+
+    @model_validator(mode="after")
+    def _one_way(self) -> FretsObstacle:
+        if (self.action_12th_mm is None) == (not self.heights_mm):
+            raise ValueError("give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm")
+        if self.heights_mm and len(self.heights_mm) != self.count:
+            raise ValueError(f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}")
+        if not self.heights_mm and self.count < 12:
+            raise ValueError(
+                f"count must be at least 12 for an action at fret 12, got {self.count}; give heights_mm instead"
+            )
+        return self
+
+
+Obstacle = Annotated[NoObstacle | BridgeObstacle | PointsObstacle | FretsObstacle, Field(discriminator="kind")]
+
+
+class Pluck(Table):
+    """Finger or plectrum. `soft` is velocity 1, `hard` velocity 127."""
+
+    #: distance from the saddle as a share of the open length
+    position: float = Field(0.25, gt=0.0, lt=1.0)
+    position_hard: float | None = Field(None, gt=0.0, lt=1.0)
+    #: displacement of the open string at velocity 127; stopped notes are plucked with the same force
+    displacement_mm: Annotated[Scaled, _range(0.0, 20.0)]
+    #: displacement ∝ (velocity/127)^exponent
+    velocity_exponent: float = Field(1.2, ge=0.0, le=4.0)
+    width_mm: float = Field(10.0, gt=0.0, le=100.0)
+    width_hard_mm: float | None = Field(None, gt=0.0, le=100.0)
+    #: time from touching the string to letting it go
+    draw_ms: Annotated[Scaled, _range(0.5, 100.0)] = 6.0
+    finger_stiffness_n_mm: float = Field(50.0, gt=0.0, le=10000.0)
+    #: loss of the finger, in units of the string's impedance
+    finger_loss: float = Field(0.5, ge=0.0, le=100.0)
+
+    @property
+    def hardest_position(self) -> float:
+        """Share of the open length at velocity 127."""
+        return self.position if self.position_hard is None else self.position_hard
+
+    @property
+    def hardest_width_mm(self) -> float:
+        """Width at velocity 127."""
+        return self.width_mm if self.width_hard_mm is None else self.width_hard_mm
+
+
+class Damping(Table):
+    """The hand on the string after a note ends."""
+
+    ring_on: bool = False
+    #: time to −60 dB after note-off
+    release_s: Annotated[Scaled, _range(0.01, 60.0)] = 0.15
+
+
+class Output(Table):
+    """What is heard."""
+
+    kind: Literal["force", "displacement", "velocity", "pickup"] = "force"
+    #: from the saddle, as a share of the open length; 0 is the saddle itself
+    position: float = Field(0.0, ge=0.0, lt=1.0)
+    #: pickup: distance of the magnet from the string at rest, and length of string it sees
+    distance_mm: float = Field(3.0, gt=0.1, le=50.0)
+    aperture_mm: float = Field(10.0, gt=0.0, le=100.0)
+    #: level; presets are set so that velocity 127 peaks near −6 dBFS
+    gain_db: float = Field(0.0, ge=-200.0, le=200.0)
+
+
+class BodyMode(Table):
+    frequency_hz: float = Field(gt=10.0, le=20000.0)
+    q: float = Field(ge=1.0, le=1000.0)
+    gain_db: float = Field(ge=-120.0, le=60.0)
+
+
+class Body(Table):
+    """Measured resonances of the body, added to the direct sound."""
+
+    direct_db: float = Field(0.0, ge=-120.0, le=24.0)
+    resonance: tuple[BodyMode, ...] = ()
+
+
+class Mapping_(Table):
+    """How many strings may sound at once, and what pressure on the keys does."""
+
+    polyphony: int = Field(24, ge=1, le=256)
+    #: how far the bridge is raised (negative: lowered) under a string at full channel or key pressure
+    pressure_um: Annotated[Scaled, _range(-200.0, 50.0)] = 0.0
+    #: how far the tension of a string rises at full pressure
+    pressure_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
+
+
+class Preset(Table):
+    """A whole instrument."""
+
+    format: Literal[2]
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
+    title: str = ""
+    description: str = ""
+    #: the author's notes, of any number of lines
+    remarks: str = ""
+    sources: tuple[str, ...] = ()
+    tuning: Tuning = Tuning()
+    string: tuple[StringTable, ...] = Field(min_length=1, max_length=128)
+    nut: tuple[NutMode, ...] = ()
+    obstacle: Obstacle = NoObstacle()
+    pluck: Pluck
+    #: what the hand does at the start of a note, where it does not pluck
+    excitation: Annotated[SerializeAsAny[ExcitationTable], BeforeValidator(as_excitation)] | None = None
+    damping: Damping = Damping()
+    output: Output = Output()
+    body: Body = Body()
+    #: what the sound goes through behind the body, in this order
+    effect: tuple[Annotated[SerializeAsAny[EffectTable], BeforeValidator(as_effect)], ...] = Field((), max_length=16)
+    mapping: Mapping_ = Mapping_()
+
+    def __repr__(self) -> str:
+        """One line: the tables may be pages."""
+        notes = f"{midi_to_note(playable_range(self)[0])}–{midi_to_note(playable_range(self)[1])}"
+        count = sum(high - low + 1 for low, high in (table.notes for table in self.string))
+        return f"<Preset {self.name}: {count} string{'' if count == 1 else 's'}, {notes}, obstacle {self.obstacle.kind}>"
+
+    __str__ = __repr__
+
+    @model_validator(mode="after")
+    def _pressure_moves_a_bridge(self) -> Preset:
+        if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
+            raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
+        return self
+
+    def with_setting(self, key: str, value: str) -> Preset:
+        """The preset with one value replaced: `key` is a path such as ``pluck.position`` or ``string.0.notes``.
+
+        `value` is read as TOML where it is TOML, else as text. Raises PresetError.
+        """
+        data = self.model_dump(exclude_unset=True)
+        try:
+            new = tomllib.loads(f"v = {value}")["v"]
+        except (ValueError, RecursionError):
+            new = value
+        place: Any = data
+        parts = key.split(".")
+        for depth, part in enumerate(parts):
+            try:
+                if isinstance(place, tuple):
+                    place = list(place)
+                index: Any = int(part) if isinstance(place, list) else part
+                if isinstance(index, int) and index < 0:
+                    raise IndexError
+                if depth == len(parts) - 1:
+                    place[index] = new
+                else:
+                    child = place.setdefault(index, {}) if isinstance(place, dict) else place[index]
+                    if isinstance(child, tuple):
+                        child = list(child)
+                    place[index] = child
+                    place = child
+            except (ValueError, IndexError, TypeError, AttributeError):
+                raise PresetError(f"{self.name}: no setting {key!r} ({part!r} does not exist)") from None
+        return validate_preset(data, f"{self.name} with {key}={value}")
+
+
+def parse_preset(text: str, origin: str) -> Preset:
+    """A preset from TOML text; `origin` names it in messages. Raises PresetError."""
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise PresetError(f"{origin}: not valid TOML: {error}") from None
+    migrate(data, origin)
+    return validate_preset(data, origin)
+
+
+def _to_2(data: dict[str, Any]) -> None:
+    data["format"] = 2
+
+
+#: from each older format to the next: what changes, in words, and what does it in place (to data or a tomlkit document)
+MIGRATIONS: dict[int, tuple[str, Callable[[dict[str, Any]], None]]] = {
+    1: ("format 2 has remarks, the author's notes", _to_2),
+}
+
+
+def format_of(data: Mapping[str, Any], origin: str) -> int:
+    """The format of a preset's data. Raises PresetError for one that is missing or that this program does not read."""
+    version = data.get("format")
+    if version is None:
+        problem = f"missing; a preset begins with format = {FORMAT}"
+    elif isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        problem = f"must be a whole number from 1 to {FORMAT}, got {version!r}"
+    elif version > FORMAT:
+        problem = (
+            f"{int(version)} is newer than what this program reads, which is 1 to {FORMAT}: install a newer version of it"
+        )
+    else:
+        return int(version)
+    raise PresetError(f"{origin}: format: {problem}", [("format", problem)])
+
+
+def migrate(data: dict[str, Any], origin: str) -> list[str]:
+    """Bring the data of an older format to today's, in place; what has changed, in words. Raises PresetError."""
+    version = format_of(data, origin)
+    words = []
+    while version < FORMAT:
+        word, step = MIGRATIONS[version]
+        step(data)
+        words.append(word)
+        version += 1
+    return words
+
+
+#: of obstacle
+KINDS = ("none", "bridge", "points", "frets")
+
+
+def validate_preset(data: dict[str, Any], origin: str) -> Preset:
+    """A preset from data of today's format. Raises PresetError with all that is wrong."""
+    problems: list[tuple[str, str]] = []
+    if isinstance(tables := data.get("effect"), list | tuple):
+        checked = [_of_its_kind(f"effect.{i}", table, effects.settings_of, problems) for i, table in enumerate(tables)]
+        data = {**data, "effect": [table for table in checked if table is not None]}
+    if "excitation" in data:
+        data = {**data, "excitation": _of_its_kind("excitation", data["excitation"], excitations.settings_of, problems)}
+    try:
+        preset = Preset.model_validate(data)
+    except ValidationError as error:
+        problems = _in_words(error, lambda loc: _keys_beside(loc, data)) + problems
+    if problems:
+        raise PresetError("\n".join(f"{origin}: {place}: {what}" for place, what in problems), problems)
+    return preset
+
+
+def _of_its_kind(place: str, table: Any, settings_of: Callable[[Any], type[Table]], problems: list[tuple[str, str]]) -> Any:
+    """A table as its kind's class; None where it cannot be, with what is wrong put to `problems`; no table: as it is."""
+    if not isinstance(table, dict):
+        return table
+    try:
+        kind = settings_of(table)
+    except ValueError as error:
+        problems.append((f"{place}.kind", str(error)))
+        return None
+    try:
+        return kind.model_validate(table)
+    except ValidationError as error:
+        problems += [(f"{place}.{inner}", what) for inner, what in _in_words(error, _keys_of(kind))]
+        return None
+
+
+def _keys_of(kind: type[Table]) -> Callable[[Sequence[Any]], list[str]]:
+    return lambda _: list(kind.model_fields)
+
+
+def _in_words(error: ValidationError, keys_beside: Callable[[Sequence[Any]], list[str]]) -> list[tuple[str, str]]:
+    """(path, what is wrong) of what pydantic has found; `keys_beside`: what there may be where a path leads to."""
+    problems = []
+    wrong = error.errors()
+    for item in wrong:
+        # pydantic puts the kind of a table that has several into the path; the file does not
+        loc = [part for i, part in enumerate(item["loc"]) if not (i == 1 and item["loc"][0] == "obstacle" and part in KINDS)]
+        place = ".".join(str(part) for part in loc) or "file"
+        if item["type"] == "too_short" and any(len(i["loc"]) > 1 and i["loc"][0] == item["loc"][0] for i in wrong):
+            continue  # the items are missing because each of them is wrong, which is said already
+        message = wanted(item)
+        if item["type"] == "extra_forbidden":
+            message = message.replace(";", f"{perhaps(str(loc[-1]), keys_beside(loc))};", 1)
+        problems.append((place, message + value_got(item, message)))
+    return problems
+
+
+def _keys_beside(loc: Sequence[Any], data: Mapping[str, Any]) -> list[str]:
+    """The keys that the table at a path may have."""
+    table: Any = Preset
+    for part in loc[:-1]:
+        if part == "obstacle":
+            shape = data.get("obstacle")
+            kind = shape.get("kind", "none") if isinstance(shape, Mapping) else "none"
+            table = dict(zip(KINDS, (NoObstacle, BridgeObstacle, PointsObstacle, FretsObstacle), strict=True)).get(kind)
+        elif isinstance(part, str) and table is not None and part in table.model_fields:
+            inner = table.model_fields[part].annotation
+            inner = next(iter(get_args(inner)), inner)  # of a list of tables the table
+            table = inner if isinstance(inner, type) and issubclass(inner, Table) else None
+    return list(table.model_fields) if table is not None else []
+
+
+def preset_folder() -> Path:
+    """Where the presets that come with the program are: in the installed package, or beside it in a checkout."""
+    installed = Path(str(resources.files("synth"))) / "_presets"
+    return installed if installed.is_dir() else Path(__file__).resolve().parents[2] / "presets"
+
+
+def list_presets() -> list[Preset]:
+    """The presets that come with the program, by name."""
+    return [load_preset(str(path)) for path in sorted(preset_folder().glob("*.toml"))]
+
+
+def preset_path(name_or_path: str) -> Path:
+    """The file of a preset by name (of those that come with the program), or that file; it may be a pipe. Raises PresetError
+    where there is none."""
+    path = Path(name_or_path)
+    if path.suffix != ".toml" and (path.is_dir() or not path.exists()):
+        path = preset_folder() / f"{name_or_path}.toml"
+        if not path.is_file():
+            names = [p.stem for p in sorted(preset_folder().glob("*.toml"))]
+            raise PresetError(
+                f"preset {name_or_path!r} is not one of {', '.join(names)}{perhaps(name_or_path, names)}; "
+                "for a file of your own give a path ending in .toml"
+            )
+    elif not path.exists():
+        beside = [p.name for p in path.parent.glob("*.toml")]
+        raise PresetError(f"preset file {name_or_path} does not exist{perhaps(path.name, beside)}")
+    return path
+
+
+def read_preset_bytes(name_or_path: str) -> bytes:
+    """A preset as it stands in the file that `preset_path` finds; of a pipe once. Raises PresetError or OSError."""
+    return read_bytes(preset_path(name_or_path), MOST_BYTES, "preset")
+
+
+def preset_text(data: bytes, origin: str) -> str:
+    """The text of a preset's file. Raises PresetError."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise PresetError(f"{origin}: not a text file in UTF-8") from None
+
+
+def read_preset(name_or_path: str) -> str:
+    """The text of a preset as `preset_path` finds it; of a pipe once. Raises PresetError or OSError."""
+    return preset_text(read_preset_bytes(name_or_path), name_or_path)
+
+
+def load_preset(name_or_path: str) -> Preset:
+    """A preset by name (of those that come with the program) or by file. Raises PresetError or OSError."""
+    return parse_preset(read_preset(name_or_path), str(name_or_path))
+
+
+def in_file_words(text: str, table: StringTable) -> str:
+    """What the physics says of a string, with the keys that the preset's file has for the same things."""
+    stiffness = "youngs_modulus_gpa" if table.inharmonicity is None else "inharmonicity"
+    density = "density_kg_m3" if table.linear_density_g_m is None else "linear_density_g_m"
+    keys = {**_FILE_KEYS, "bending_stiffness_n_m2": stiffness, "linear_density_kg_m": density, "frequency_hz": "its pitch"}
+    return re.sub(r"\b(" + "|".join(keys) + r")\b", lambda found: keys[found[0]], text)
+
+
+def fret_count(preset: Preset) -> int:
+    """How many frets the neck has; 0 without one."""
+    return preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+
+
+def playable_range(preset: Preset) -> tuple[int, int]:
+    """Lowest and highest MIDI note that the preset's strings can be asked for."""
+    return min(s.notes[0] for s in preset.string), max(s.notes[1] for s in preset.string) + fret_count(preset)
+
+
+def playable_notes(preset: Preset) -> list[int]:
+    """The MIDI notes that the preset's strings and frets give, in order."""
+    frets = fret_count(preset)
+    notes = {note for s in preset.string for note in range(s.notes[0], s.notes[1] + frets + 1)}
+    return sorted(note for note in notes if note <= 127)
+
+
+def why_unplayed(preset: Preset, note: int) -> str:
+    """Why no string of the preset plays a note."""
+    low, high = playable_range(preset)
+    return "no string is tuned to it" if low <= note <= high else f"outside {midi_to_note(low)}-{midi_to_note(high)}"
+
+
+def contact_cents(preset: Preset, note: float) -> float:
+    """The preset's calibrated contact shift at a note [cents]; 0 where none is given."""
+    table = preset.tuning.contact_cents
+    return at_note(table, note) if table else 0.0
