@@ -8,17 +8,17 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from synth import kernel_cache
+from synth.jit import kernel_cache
 
 if TYPE_CHECKING:
-    from synth.case import Case, CaseError, load_case
     from synth.engine.engine import Engine
-    from synth.engine.events import EVENT
     from synth.host.memory import render
-    from synth.host.messages import events_from_mido
-    from synth.preset import Preset, PresetError, list_presets, load_preset
-    from synth.result import Result, ResultError, load_result
-    from synth.simulation import simulate
+    from synth.instrument.preset import Preset, PresetError, list_presets, load_preset
+    from synth.midi.events import EVENT
+    from synth.midi.messages import events_from_mido
+    from synth.research.case import Case, CaseError, load_case
+    from synth.research.result import Result, ResultError, load_result
+    from synth.research.simulation import simulate
 
     __version__: str
 
@@ -42,21 +42,21 @@ __all__ = [
 ]
 
 _MODULES = {
-    "EVENT": "synth.engine.events",
-    "Case": "synth.case",
-    "CaseError": "synth.case",
+    "EVENT": "synth.midi.events",
+    "Case": "synth.research.case",
+    "CaseError": "synth.research.case",
     "Engine": "synth.engine.engine",
-    "Preset": "synth.preset",
-    "PresetError": "synth.preset",
-    "Result": "synth.result",
-    "ResultError": "synth.result",
-    "events_from_mido": "synth.host.messages",
-    "list_presets": "synth.preset",
-    "load_case": "synth.case",
-    "load_preset": "synth.preset",
-    "load_result": "synth.result",
+    "Preset": "synth.instrument.preset",
+    "PresetError": "synth.instrument.preset",
+    "Result": "synth.research.result",
+    "ResultError": "synth.research.result",
+    "events_from_mido": "synth.midi.messages",
+    "list_presets": "synth.instrument.preset",
+    "load_case": "synth.research.case",
+    "load_preset": "synth.instrument.preset",
+    "load_result": "synth.research.result",
     "render": "synth.host.memory",
-    "simulate": "synth.simulation",
+    "simulate": "synth.research.simulation",
 }
 
 kernel_cache.use()

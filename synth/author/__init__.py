@@ -4,7 +4,7 @@ guard       who is let in
 workspace   the folder of presets, and which names lie in it
 toml_edit   changes of a TOML text that leave comments where they are
 document    one preset being worked on: edits, undo, save, what is recovered
-desk        the documents that are open
+documents   the documents that are open
 sound       the player behind a connection
 phrases     what is played to hear a preset
 jobs        long computations with progress

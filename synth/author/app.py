@@ -20,10 +20,9 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from synth import compiling
 from synth.author.connection import Connection, Stage
-from synth.author.desk import Desk
 from synth.author.document import Conflict, Document
+from synth.author.documents import Documents
 from synth.author.errors import one_line
 from synth.author.fitting import FittedString, StringChanged, fit_string
 from synth.author.jobs import Job, Jobs, Progress
@@ -32,7 +31,8 @@ from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.fit import missing
-from synth.preset import MOST_BYTES, PresetError, load_preset
+from synth.instrument.preset import MOST_BYTES, PresetError, load_preset
+from synth.jit import compiling
 
 PAGE = Path(__file__).parent / "page"
 #: how often what was edited is autosaved, files are compared with the disk, and a compilation is told of [s]
@@ -148,10 +148,10 @@ _KINDS: dict[Any, str] = {
 
 
 class App:
-    """Routes over a desk. `settings`: rate_hz, quality."""
+    """Routes over a documents. `settings`: rate_hz, quality."""
 
-    def __init__(self, desk: Desk, *, rate_hz: int, quality: str) -> None:
-        self.desk = desk
+    def __init__(self, documents: Documents, *, rate_hz: int, quality: str) -> None:
+        self.documents = documents
         self.rate_hz = rate_hz
         self.quality = quality
         self.stage = Stage()
@@ -159,7 +159,7 @@ class App:
         self.jobs = Jobs()
         self.kernels = "loading"
         self._device: tuple[str | None, str | None] = (None, None)
-        desk.listen(self.stage.tell)
+        documents.listen(self.stage.tell)
 
     def asgi(self) -> Starlette:
         def on(path: str, handler: Handler, *methods: str) -> Route:
@@ -217,7 +217,7 @@ class App:
     def end(self) -> None:
         """Write what is edited, and end what is computed; from then on views and jobs are refused. May be called again."""
         try:
-            self.desk.autosave()
+            self.documents.autosave()
         finally:
             self.jobs.close()
             self.viewer.close()
@@ -225,14 +225,14 @@ class App:
     async def _autosave(self) -> None:
         while True:
             await asyncio.sleep(AUTOSAVE_S)
-            for document in await asyncio.to_thread(self.desk.autosave):  # a disk may take its time
-                self.desk.tell(document)
+            for document in await asyncio.to_thread(self.documents.autosave):  # a disk may take its time
+                self.documents.tell(document)
 
     async def _look_at_disk(self) -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            for document in await asyncio.to_thread(self.desk.look_at_disk):
-                self.desk.tell(document, "disk")
+            for document in await asyncio.to_thread(self.documents.look_at_disk):
+                self.documents.tell(document, "disk")
 
     def _warm_up(self, loop: asyncio.AbstractEventLoop) -> None:
         """Load (the first time compile) the kernels before anybody waits for them; in a thread that no end waits for."""
@@ -271,7 +271,7 @@ class App:
     async def _session(self, _: Request) -> Response:
         from synth.author.about import version
 
-        opened = self.desk.opened
+        opened = self.documents.opened
         if self.stage.uses_device:
             name, reason = self._device
         else:
@@ -279,11 +279,11 @@ class App:
         return JSONResponse(
             {
                 "version": version(),
-                "folder": str(self.desk.workspace.folder),
+                "folder": str(self.documents.workspace.folder),
                 "quality": self.quality,
                 "rate_hz": self.rate_hz,
                 **self._kernels_now(),
-                "presets": await asyncio.to_thread(self.desk.presets),
+                "presets": await asyncio.to_thread(self.documents.presets),
                 "opened": opened.id if opened is not None else None,
                 "outputs": [
                     {"id": "browser", "label": "Browser", "available": True, "reason": None},
@@ -302,7 +302,7 @@ class App:
 
     def _document(self, request: Request) -> Document:
         try:
-            return self.desk[request.path_params["doc"]]
+            return self.documents[request.path_params["doc"]]
         except KeyError:
             raise Refused(
                 404, "there is no such document: it belongs to an earlier run of the program; open it anew"
@@ -315,7 +315,7 @@ class App:
 
     async def _changed(self, document: Document) -> Response:
         """Tell every tab of a document what it is now, and answer."""
-        self.desk.tell(document)
+        self.documents.tell(document)
         return JSONResponse(await asyncio.to_thread(document.state))
 
     @staticmethod
@@ -326,15 +326,15 @@ class App:
         fields = await Fields.of(request)
         unsaved = fields.get("unsaved", str, None)
         if unsaved is not None:
-            return await self._opened(self.desk.open_unsaved, unsaved)
-        return await self._opened(self.desk.open, fields.get("preset", str))
+            return await self._opened(self.documents.open_unsaved, unsaved)
+        return await self._opened(self.documents.open, fields.get("preset", str))
 
     async def _import(self, request: Request) -> Response:
         fields = await Fields.of(request)
         text = fields.get("text", str)
         if len(text) > MOST_BYTES:
             raise Refused(413, f"text: larger than {MOST_BYTES >> 20} MB, which no preset is")
-        return await self._opened(self.desk.bring_in, fields.get("filename", str), text)
+        return await self._opened(self.documents.bring_in, fields.get("filename", str), text)
 
     async def _state(self, request: Request) -> Response:
         return JSONResponse(self._document(request).state())
@@ -375,7 +375,7 @@ class App:
         document = self._document(request)
         fields = await Fields.of(request)
         name, overwrite = fields.get("name", str), fields.get("overwrite", bool, False)
-        replaced = await asyncio.to_thread(self.desk.save_as, document, name, overwrite)
+        replaced = await asyncio.to_thread(self.documents.save_as, document, name, overwrite)
         if replaced is not None:
             self._lead(replaced, document)
         return await self._changed(document)
@@ -388,13 +388,13 @@ class App:
 
     async def _discard(self, request: Request) -> Response:
         document = self._document(request)
-        await asyncio.to_thread(self.desk.discard, document)
+        await asyncio.to_thread(self.documents.discard, document)
         self._lead(document, None)
         return JSONResponse({})
 
     async def _duplicate(self, request: Request) -> Response:
         document = self._document(request)
-        return await self._opened(self.desk.duplicate, document, (await Fields.of(request)).get("name", str))
+        return await self._opened(self.documents.duplicate, document, (await Fields.of(request)).get("name", str))
 
     async def _recover(self, request: Request) -> Response:
         document = self._document(request)
@@ -441,7 +441,7 @@ class App:
 
     async def _fit(self, request: Request) -> Response:
         query = request.query_params
-        document = self.desk.documents.get(query.get("doc", ""))
+        document = self.documents.documents.get(query.get("doc", ""))
         if document is None:
             raise Refused(404, "doc: there is no such document; open it anew")
         strings = len(document.preset.string)
@@ -485,7 +485,7 @@ class App:
 
     async def _connect(self, socket: WebSocket) -> None:
         try:
-            document = self.desk[socket.path_params["doc"]]
+            document = self.documents[socket.path_params["doc"]]
         except KeyError:
             await socket.accept()  # a page is told why only of a connection that stood
             await socket.close(NO_DOCUMENT, "there is no such document")

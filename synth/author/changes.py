@@ -15,8 +15,8 @@ from tomlkit.exceptions import TOMLKitError
 from synth.author.toml_edit import change_in
 from synth.author.views.parameters import INSTEAD
 from synth.author.workspace import MOST_BYTES
-from synth.check import check
-from synth.preset import Preset, PresetError, validate_preset
+from synth.instrument.check import check
+from synth.instrument.preset import Preset, PresetError, validate_preset
 
 #: a step at random: largest ratio of a number that is above 0, and what may be stepped
 RATIO = 1.25

@@ -23,8 +23,8 @@ import tomlkit
 
 from synth.author import changes
 from synth.author.workspace import check_regular, read_text, regular
-from synth.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes
-from synth.targets import is_special, write_text
+from synth.files.targets import is_special, write_text
+from synth.instrument.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes
 
 STEPS = 500
 

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from synth import kernel_cache
+from synth.jit import kernel_cache
 
 LOG = logging.getLogger(__name__)
 #: how long everything may take to be put in order, and what is under way to end after that [s]

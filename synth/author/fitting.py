@@ -10,7 +10,7 @@ from typing import Any
 from synth.author.views.parameters import describe
 from synth.fit import Fit, fit_recording, missing, report, settings
 from synth.fit.recording import read_recording
-from synth.preset import Preset, StringTable
+from synth.instrument.preset import Preset, StringTable
 from synth.units import hz_to_midi
 
 

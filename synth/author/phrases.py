@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synth.compile import string_notes
-from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
-from synth.preset import Preset, playable_notes
+from synth.instrument.compile import string_notes
+from synth.instrument.preset import Preset, playable_notes
+from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
 from synth.units import midi_to_note
 
 NAMES = ("note", "drone", "riff", "scale")

@@ -18,11 +18,11 @@ from typing import Any
 import uvicorn
 
 from synth.author.app import App
-from synth.author.desk import Desk
+from synth.author.documents import Documents
 from synth.author.ending import Ending
 from synth.author.guard import Guard
 from synth.author.workspace import SUFFIX, Workspace
-from synth.sources import kind_of
+from synth.files.sources import kind_of
 
 LOOPBACK = "127.0.0.1"
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -109,10 +109,10 @@ def serve(
             raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from None
         port = listening.getsockname()[1]
         opened.enter_context(workspace.alone())
-        desk = Desk(workspace)
+        documents = Documents(workspace)
         if wanted is not None:
-            desk.opened = desk.open(wanted)
-        app = App(desk, rate_hz=rate_hz, quality=quality)
+            documents.opened = documents.open(wanted)
+        app = App(documents, rate_hz=rate_hz, quality=quality)
         guard = Guard(app.asgi(), port, token)
         url = f"http://{LOOPBACK}:{port}/"
 

@@ -24,8 +24,8 @@ from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
-from synth.preset import Preset, playable_notes
+from synth.instrument.preset import Preset, playable_notes
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 
 LOG = logging.getLogger(__name__)
 #: how far ahead of real time, how much may wait to be sent, and how much may have been sent unheard, by a page that says

@@ -10,7 +10,7 @@ from typing import Any
 
 from synth.author.document import fingerprint
 from synth.author.worker import Worker, compute
-from synth.preset import Preset
+from synth.instrument.preset import Preset
 
 #: answers that are kept
 KEPT = 48

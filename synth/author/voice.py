@@ -11,9 +11,9 @@ import numpy as np
 from synth.author.phrases import Phrase, phrase
 from synth.author.views.place import find
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host import offline
-from synth.preset import Preset, load_preset
+from synth.instrument.preset import Preset, load_preset
+from synth.midi.events import EVENT, NOTE_ON, make_events
 
 #: frames of a block, and of the largest that an engine here is given
 BLOCK, MOST_BLOCK = 512, 4096

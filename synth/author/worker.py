@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from typing import Any
 
-from synth.preset import Preset
+from synth.instrument.preset import Preset
 
 #: how much it stands back behind the sound
 NICE = 5
@@ -60,7 +60,7 @@ class Worker:
 
     def close(self) -> None:
         self._closed = True
-        if self._process is not None:
+        if self._process is not None and self._process.pid is not None:  # where starting it failed there is none
             self._process.kill()
 
 

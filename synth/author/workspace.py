@@ -12,9 +12,9 @@ import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
-from synth.preset import MOST_BYTES, preset_folder
-from synth.sources import kind_of, read_file
-from synth.targets import tidy
+from synth.files.sources import kind_of, read_file
+from synth.files.targets import tidy
+from synth.instrument.preset import MOST_BYTES, preset_folder
 
 SUFFIX = ".toml"
 #: what an autosaved text's file is called, behind the name of the preset's own

@@ -15,10 +15,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from synth import targets
 from synth.cli import author, devices, drone, fit, plan, play, presets, render, simulate, streams
 from synth.cli.common import Parser
 from synth.cli.kernel_line import compiling_shown, leave_compiling
+from synth.files import targets
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

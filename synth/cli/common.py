@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from synth.schemes import LAWS
+from synth.solver.schemes import LAWS
 
 RATES_HZ = (44100, 48000, 88200, 96000)
 QUALITIES = ("draft", "standard", "fine", "reference")
@@ -55,6 +55,20 @@ def rate(text: str) -> int:
         allowed = ", ".join(map(str, RATES_HZ))
         raise argparse.ArgumentTypeError(f"must be one of {allowed} Hz, got {text!r}")
     return int(text)
+
+
+def scheme(known: dict[str, str]) -> Callable[[str], str]:
+    """A parser of one of the schemes `known`, or of a contact law that an installed module adds."""
+
+    def parse(text: str) -> str:
+        from synth.solver.contact_laws import check_scheme
+
+        try:
+            return check_scheme(text, known)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return parse
 
 
 def tail(text: str) -> float | str:
@@ -101,7 +115,8 @@ def add_physics(group: Any, default_rate: int | None = 44100) -> None:
         "-r", "--rate", type=rate, default=default_rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"
     )
     group.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
-    group.add_argument("--scheme", choices=tuple(LAWS), default="exact-hold", help="how contact is computed")
+    laws = f"contact law: {', '.join(LAWS)}, or an installed one"
+    group.add_argument("--scheme", type=scheme(LAWS), default="exact-hold", metavar="NAME", help=laws)
     group.add_argument(
         "--internal-rate",
         type=number(int, 44100, 50_000_000, " Hz"),

@@ -31,18 +31,19 @@ def _look() -> dict[str, Any]:
     """outputs: as portaudio.devices; midi_inputs: names in the order of their numbers; jack: the server, or None; the
     reasons why there is nothing.
     """
-    from synth.live import jackserver, midiports, portaudio
+    from synth.live import jackserver, portaudio
     from synth.live.errors import DeviceError
+    from synth.midi import ports
 
     found: dict[str, Any] = {"outputs": [], "outputs_missing": None, "midi_system": None, "midi_inputs": []}
     try:
         found["outputs"] = portaudio.devices()
     except DeviceError as reason:
         found["outputs_missing"] = str(reason)
-    system, why_none = midiports.midi_system()
+    system, why_none = ports.midi_system()
     found["midi_system"] = system or None
     found["midi_missing"] = why_none or None
-    found["midi_inputs"] = midiports.port_names()
+    found["midi_inputs"] = ports.port_names()
     try:
         found["jack"] = {"rate_hz": jackserver.server_rate()}
     except DeviceError as reason:

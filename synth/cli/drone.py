@@ -22,8 +22,8 @@ from synth.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from synth.live.drone import Cycle
-    from synth.live.pegs import Strings
+    from synth.drone.cycle import Cycle
+    from synth.drone.pegs import Strings
 
 FILE_S = 300.0
 FADE_S = 5.0
@@ -156,8 +156,8 @@ def _check(options: argparse.Namespace) -> None:
 
 def _check_files(options: argparse.Namespace) -> None:
     """Raises ValueError where a file that is written is one that is read."""
+    from synth.files.targets import Named, check_apart
     from synth.host.parts import files_read
-    from synth.targets import Named, check_apart
 
     read = files_read([options.preset])
     if options.output is not None:
@@ -186,9 +186,9 @@ def _fade(options: argparse.Namespace) -> float:
 
 def _strings(options: argparse.Namespace) -> Strings:
     """The preset, tuned. Raises ValueError naming the option."""
-    from synth.live.pegs import Pegs, tuned
-    from synth.live.swara import frequency_of, ratio_of
-    from synth.preset import load_preset
+    from synth.drone.pegs import Pegs, tuned
+    from synth.drone.swara import frequency_of, ratio_of
+    from synth.instrument.preset import load_preset
 
     def read(option: str, text: str, reader: Any) -> Any:
         try:
@@ -208,7 +208,7 @@ def _strings(options: argparse.Namespace) -> Strings:
 
 
 def _cycle(options: argparse.Namespace) -> Cycle:
-    from synth.live.drone import Cycle
+    from synth.drone.cycle import Cycle
 
     strokes = options.strings - (options.first.strip().lower() == "none")
     seconds = 5.5 if options.cycle is None else options.cycle
@@ -223,7 +223,7 @@ def _cycle(options: argparse.Namespace) -> Cycle:
 
 
 def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
-    from synth.live.dronefile import FileSettings, write
+    from synth.drone.dronefile import FileSettings, write
 
     settings = FileSettings(
         options.output,
@@ -248,14 +248,14 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
 
 
 def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
-    from synth.live.drone import Drone
+    from synth.drone.cycle import Drone
+    from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys, strings_text
+    from synth.files.targets import check_target
+    from synth.instrument.presetfile import write_preset
     from synth.live.paragraph import fitting
-    from synth.live.presetfile import write_preset
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
-    from synth.live.tanpura_keys import DronePlayer, TanpuraKeys, strings_text
     from synth.live.terminal import terminal_at
-    from synth.targets import check_target
 
     settings = SessionSettings(
         preset=strings.preset.name,

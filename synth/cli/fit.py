@@ -35,7 +35,7 @@ def _fit(options: argparse.Namespace) -> int:
         raise ValueError(reason)
     from synth.fit import fit_recording, report, settings
     from synth.fit.recording import read_recording
-    from synth.preset import parse_preset, read_preset
+    from synth.instrument.preset import parse_preset, read_preset
 
     text = "" if options.preset is None else read_preset(options.preset)
     preset = None if options.preset is None else parse_preset(text, options.preset)
@@ -71,8 +71,8 @@ def _check_output(options: argparse.Namespace) -> None:
     that comes with the program. One's own preset may get its new string in place (-p and -o the same name)."""
     from pathlib import Path
 
-    from synth.preset import preset_folder, preset_path
-    from synth.targets import Named, check_apart, check_target, is_special
+    from synth.files.targets import Named, check_apart, check_target, is_special
+    from synth.instrument.preset import preset_folder, preset_path
 
     source = preset_path(options.preset)
     in_place = Path(options.preset) == Path(options.output) and source.parent != preset_folder()
@@ -90,7 +90,7 @@ def _write(text: str, source: str, target: str, values: list[tuple[str, Any]]) -
 
     from synth.author import changes
     from synth.author.document import current, preset_name
-    from synth.targets import is_special, write_whole
+    from synth.files.targets import is_special, write_whole
 
     text, _ = current(text, source)
     special = is_special(target)

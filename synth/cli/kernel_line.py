@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 
-from synth import compiling, kernel_cache
+from synth.jit import compiling, kernel_cache
 
 #: how often the line is drawn anew; what is over sooner than this is not worth a line of a log [s]
 TICK_S, BRIEF_S = 0.2, 3.0

@@ -23,9 +23,9 @@ def add(commands: Any) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from synth.check import check
-    from synth.compile import describe_plan
-    from synth.preset import load_preset
+    from synth.instrument.check import check
+    from synth.instrument.compile import describe_plan
+    from synth.instrument.preset import load_preset
 
     note = None if options.note is None else note_number(options.note)
     plan = describe_plan(

@@ -130,8 +130,8 @@ def _play(options: argparse.Namespace) -> int:
 
     bindings = parse_bindings(options.cc)
     if options.record is not None:
+        from synth.files.targets import check_apart
         from synth.live.recorder import files_written
-        from synth.targets import check_apart
 
         read = parts.files_read(
             [options.preset, *channel_presets.values()], song=options.play, tuning=options.tuning, kbm=options.kbm

@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
 
 
 def _list_presets(options: argparse.Namespace) -> int:
-    from synth.preset import list_presets
+    from synth.instrument.preset import list_presets
 
     presets = list_presets()
     if options.json:
@@ -40,8 +40,8 @@ def _list_presets(options: argparse.Namespace) -> int:
 
 
 def _show_preset(options: argparse.Namespace) -> int:
-    from synth.preset import parse_preset, preset_text, read_preset_bytes
-    from synth.targets import naming
+    from synth.files.targets import naming
+    from synth.instrument.preset import parse_preset, preset_text, read_preset_bytes
 
     data = read_preset_bytes(options.name)  # once: it may be a pipe
     parse_preset(preset_text(data, options.name), options.name)
@@ -54,8 +54,8 @@ def _show_preset(options: argparse.Namespace) -> int:
 
 
 def _check_preset(options: argparse.Namespace) -> int:
-    from synth.check import check
-    from synth.preset import load_preset
+    from synth.instrument.check import check
+    from synth.instrument.preset import load_preset
 
     preset = check(load_preset(options.file), options.file)
     count = len(preset.string)

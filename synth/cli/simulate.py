@@ -6,12 +6,12 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any, cast
 
-from synth.cli.common import QUALITIES, number, warner
-from synth.schemes import SCHEMES
+from synth.cli.common import QUALITIES, number, scheme, warner
 from synth.signals import hearing_signals
+from synth.solver.schemes import SCHEMES
 
 if TYPE_CHECKING:
-    from synth.simulation import Overrides
+    from synth.research.simulation import Overrides
 
 
 def add(commands: Any) -> None:
@@ -32,7 +32,9 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--from", dest="resume_from", metavar="RUN.npz", help="go on from where that run ended, for --duration more"
     )
-    parser.add_argument("--scheme", choices=tuple(SCHEMES), help="contact scheme")
+    parser.add_argument(
+        "--scheme", type=scheme(SCHEMES), metavar="NAME", help=f"{', '.join(SCHEMES)}, or an installed contact law"
+    )
     parser.add_argument(
         "--restitution", type=number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
     )
@@ -59,10 +61,10 @@ def add(commands: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from synth.case import files_of
-    from synth.result import check_name
-    from synth.simulation import simulate
-    from synth.targets import Named, check_apart, check_target
+    from synth.files.targets import Named, check_apart, check_target
+    from synth.research.case import files_of
+    from synth.research.result import check_name
+    from synth.research.simulation import simulate
 
     names = (
         "scheme", "restitution", "stiffness", "exponent", "quality", "rate", "output_rate", "modes", "substeps", "tail",

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from synth.targets import naming
+from synth.files.targets import naming
 
 _HANDLER = "jawari.shown"
 

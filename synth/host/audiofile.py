@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Protocol, Self
 
 import numpy as np
 
-from synth.targets import Whole, check_folder, check_target, is_special, naming, told
+from synth.files.targets import Whole, check_folder, check_target, is_special, naming, told
 
 CONTAINERS = ("wav", "flac", "raw")
 BIT_DEPTHS = ("16", "24", "float")

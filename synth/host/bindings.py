@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from synth.engine.parameters import Binding
-    from synth.preset import Preset
+    from synth.instrument.preset import Preset
 
 
 def parse_bindings(texts: Sequence[str]) -> dict[int, list[Binding]]:

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from synth.engine.events import EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM
-from synth.host.midi import Song, players
 from synth.host.parts import Casting, Part
-from synth.host.programs import PROGRAMS
+from synth.midi.events import EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM
+from synth.midi.programs import PROGRAMS
+from synth.midi.song import Song, players
 from synth.units import midi_to_note
 
 if TYPE_CHECKING:
-    from synth.preset import Preset
+    from synth.instrument.preset import Preset
 
 #: furthest that notes are transposed [semitones]
 MOST_SEMITONES = 96
@@ -182,7 +182,7 @@ class _Arranger:
 
 def playable(preset: Preset) -> frozenset[int]:
     """The notes that a preset can play."""
-    from synth.preset import playable_notes
+    from synth.instrument.preset import playable_notes
 
     return frozenset(playable_notes(preset))
 
@@ -250,17 +250,16 @@ def _remedies(
     part: Part, counts: Counter[int], missed: Mapping[int, int], can: frozenset[int], fallback: str | None
 ) -> dict[str, int]:
     """Option → how many of the missed notes it plays, the best octave of a transposition first; none that help nothing."""
-    from synth.preset import load_preset
+    from synth.instrument.preset import load_preset
 
     found: dict[str, int] = {}
-    total = counts.total()
 
     def played(octave: int) -> int:
         return sum(count for note, count in counts.items() if note + 12 * octave in can)
 
     best = max(_OCTAVES, key=lambda octave: (played(octave), -abs(octave)))
-    gained = played(best) - (total - sum(missed.values()))
-    if best and gained > 0:
+    gained = played(best) - played(0)
+    if gained > 0:
         found[f"--transpose {part.channel + 1}={12 * best}"] = gained
     folded = sum(count for note, count in missed.items() if fold(note, can) is not None)
     if folded:
@@ -275,7 +274,7 @@ def _remedies(
 
 def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], frames: slice) -> list[dict[str, Any]]:
     """Notes that no string plays in these frames: part (its label), note (name), count and reason of each."""
-    from synth.preset import why_unplayed
+    from synth.instrument.preset import why_unplayed
 
     events = arrangement.events
     heard = within(events, frames)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from synth.host import offline, parts
-from synth.host.messages import song_from
 from synth.host.render import RenderReport, RenderSettings, render_song
+from synth.midi.messages import song_from
 from synth.units import db_to_gain
 
 if TYPE_CHECKING:
-    from synth.preset import Preset
+    from synth.instrument.preset import Preset
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from synth.engine.controllers import ALL_NOTES_OFF
-from synth.engine.events import CONTROL, EVENT, NOTE_ON
 from synth.host.audiofile import AudioSink
-from synth.host.eventsource import EventSource, from_events
+from synth.midi.controllers import ALL_NOTES_OFF
+from synth.midi.events import CONTROL, EVENT, NOTE_ON
+from synth.midi.eventsource import EventSource, from_events
 from synth.units import db_to_gain
 
 # An automatic tail ends when the output has stayed this quiet for this long, or at the limit.
@@ -196,12 +196,13 @@ class _TailEnd:
         self._end, self._quiet_frames = end, quiet_frames
         self._threshold = db_to_gain(QUIET_DBFS)
         # Before the song there was silence for as long as one likes; a pluck is quiet until the finger lets go.
-        self._last_loud = -quiet_frames - 1 if last_release is None else last_release
+        self._last_loud = -quiet_frames - 1
+        self._last_release = self._last_loud if last_release is None else last_release
 
     def stop_after(self, heard: np.ndarray, at: int) -> int | None:
         """The frame to stop at, if it is among those heard ((frames, 2), the first is frame `at`)."""
         loud = at + np.flatnonzero(np.abs(heard).max(axis=1) >= self._threshold)
-        before = np.concatenate(([self._last_loud], loud))
+        before = np.maximum(np.concatenate(([self._last_loud], loud)), self._last_release)
         quiet_until = np.concatenate((loud, [at + len(heard)]))
         if len(loud):
             self._last_loud = int(loud[-1])

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from synth.engine.events import N_PARAMETERS, PARAMETER, TUNING
-from synth.host.midi import PERCUSSION_CHANNEL
+from synth.files.targets import Named
+from synth.midi.events import N_PARAMETERS, PARAMETER, TUNING
+from synth.midi.song import PERCUSSION_CHANNEL
 from synth.spelling import perhaps
-from synth.targets import Named
 from synth.units import midi_to_note
 
 if TYPE_CHECKING:
     from synth.engine.engine import Unplayed
-    from synth.preset import Preset
+    from synth.instrument.preset import Preset
 
 BASS_PRESET = "fretted-bass"
 MELODY_PRESET = "jawari-harp"
@@ -57,7 +57,7 @@ class Casting:
 def files_read(presets: Iterable[str | None], **files: str | None) -> list[Named]:
     """Files that are read, for `targets.check_apart`: those of presets by name or path, as far as there are any, and others
     by what they are."""
-    from synth.preset import PresetError, preset_path
+    from synth.instrument.preset import PresetError, preset_path
 
     read = [Named(what, path) for what, path in files.items() if path is not None]
     for name in presets:
@@ -187,7 +187,7 @@ def load_presets(
     """
     made = made or {}
     # Imported late: it loads pydantic, and a wrong file name should not wait for that.
-    from synth.preset import load_preset, preset_folder, preset_path
+    from synth.instrument.preset import load_preset, preset_folder, preset_path
 
     names = list(dict.fromkeys(names))
     presets = {name: made[name] if name in made else load_preset(name) for name in names}
@@ -202,7 +202,7 @@ def load_presets(
     # Those that come with the program are in order as they stand, which the tests hold.
     own = [name for name in names if settings or name in made or preset_path(name).parent != preset_folder()]
     if own:
-        from synth.check import check
+        from synth.instrument.check import check
 
         for name in own:
             check(presets[name], name + _with(name, settings))

@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
-from synth.engine.events import NOTE_OFF, NOTE_ON
+from synth.files.targets import Named, check_apart, is_special
 from synth.host import audiofile, compass, offline, parts, scala
 from synth.host.bindings import check_parts
 from synth.host.compass import Arrangement, Wishes, channel_line
-from synth.host.midi import PERCUSSION_CHANNEL, Song, read_song
-from synth.schemes import energy_warning
-from synth.targets import Named, check_apart, is_special
+from synth.midi.events import NOTE_OFF, NOTE_ON
+from synth.midi.song import PERCUSSION_CHANNEL, Song, read_song
+from synth.solver.schemes import energy_warning
 from synth.units import db_to_gain, gain_to_db, midi_to_note
 
 if TYPE_CHECKING:
     from synth.engine.parameters import Binding
-    from synth.preset import Preset
+    from synth.instrument.preset import Preset
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0

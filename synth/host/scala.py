@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from synth.sources import read_bytes
+from synth.files.sources import read_bytes
 from synth.units import midi_to_hz, read_ratio
 
 #: largest file that is read [bytes]

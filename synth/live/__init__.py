@@ -1,12 +1,11 @@
-"""Live sound: an engine behind an audio callback, players and instruments before it.
+"""Live sound: an engine behind an audio callback, players and keyboards before it.
 
 session, deck                               the whole of it; events in and meters out
-desk, block, native                         compiled: shared memory, a block of sound, clocks
+exchange, render_block                      compiled: shared memory, a block of sound
 callback, portaudio                         outputs through PortAudio
 jackcallback, jackclient, jackserver        outputs through JACK
-midiports, midistream, keyboard, terminal   what is played on
+keyboard, terminal                          played on the computer's keys
 player, songplayer, chase                   songs
-drone, pegs, swara, dronefile               a tanpura that plays by itself
 recorder, take                              what was played, as sound and as events
 status, report, latency, ear                what it says of itself, and what is measured
 """

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, njit
 
-from synth.engine.atomics import load, store
 from synth.engine.layout import CORE
-from synth.live import desk as d
-from synth.live.block import render_block, tick
-from synth.live.desk import desk_of
-from synth.live.native import monotonic_ns, nap, pointer
+from synth.live import exchange as d
+from synth.live.exchange import exchange_of
+from synth.live.render_block import render_block, tick
+from synth.native.atomics import load, store
+from synth.native.clocks import monotonic_ns, nap, pointer
 
 #: paOutputUnderflow
 _UNDERFLOW = 4
@@ -22,28 +22,28 @@ _CONTINUE = 0
 
 
 def _portaudio(_input: int, output: int, count: int, times: int, flags: int, address: int) -> int:
-    """PaStreamCallback; `address` of the Desk is its userData."""
+    """PaStreamCallback; `address` of the Exchange is its userData."""
     now = monotonic_ns()
-    desk = desk_of(address)
-    words = desk.words
+    exchange = exchange_of(address)
+    words = exchange.words
     frames = int(count)
     if flags & _UNDERFLOW:
         words[d.XRUNS] += 1
     # PaStreamCallbackTimeInfo: inputBufferAdcTime, currentTime, outputBufferDacTime [s]
     when = carray(pointer(times), 3, np.float64)
-    desk.levels[d.DEVICE_S] = when[2] - when[1]
-    out = carray(pointer(output), (frames, desk.channels), np.float32)
+    exchange.levels[d.DEVICE_S] = when[2] - when[1]
+    out = carray(pointer(output), (frames, exchange.channels), np.float32)
     played = words[d.PLAYED]
-    delay = desk.ahead_frames + desk.ahead_block if desk.ahead_frames > 0 else frames
+    delay = exchange.ahead_frames + exchange.ahead_block if exchange.ahead_frames > 0 else frames
     tick(address, played, delay, now)
     done = 0
     while done < frames:
         part = min(frames - done, d.MOST_FRAMES)
-        if desk.ahead_frames > 0:
+        if exchange.ahead_frames > 0:
             _copy_ready(address, out[done : done + part])
         else:
             render_block(address, 0, part)
-            _convert(desk.mix[:part], out[done : done + part])
+            _convert(exchange.mix[:part], out[done : done + part])
         done += part
     words[d.PLAYED] = played + frames
     return _CONTINUE
@@ -66,14 +66,14 @@ def _convert(mix, out) -> None:
 @njit(**CORE)
 def _copy_ready(address: int, out) -> None:
     """Sound that was rendered ahead; silence and an xrun where it is not there."""
-    desk = desk_of(address)
-    words = desk.words
-    size = desk.ready.shape[0]
+    exchange = exchange_of(address)
+    words = exchange.words
+    size = exchange.ready.shape[0]
     at = words[d.AHEAD_TAKEN]
     there = min(out.shape[0], load(words, d.AHEAD) - at)
     first = min(there, size - at % size)
-    _convert(desk.ready[at % size : at % size + first], out[:first])
-    _convert(desk.ready[: there - first], out[first:there])
+    _convert(exchange.ready[at % size : at % size + first], out[:first])
+    _convert(exchange.ready[: there - first], out[first:there])
     if there < out.shape[0]:
         out[there:] = np.float32(0.0)
         words[d.XRUNS] += 1
@@ -83,21 +83,21 @@ def _copy_ready(address: int, out) -> None:
 
 @njit(cache=True, nogil=True)
 def render_ahead(address: int) -> None:
-    """Keep Desk.ahead_frames of sound ready until Desk.words[ENDING]."""
-    desk = desk_of(address)
-    words = desk.words
-    size = desk.ready.shape[0]
-    block = desk.ahead_block
-    pause_ns = int(0.25e9 * block / desk.rate_hz)
+    """Keep Exchange.ahead_frames of sound ready until Exchange.words[ENDING]."""
+    exchange = exchange_of(address)
+    words = exchange.words
+    size = exchange.ready.shape[0]
+    block = exchange.ahead_block
+    pause_ns = int(0.25e9 * block / exchange.rate_hz)
     while load(words, d.ENDING) == 0:
         at = words[d.AHEAD]
-        if at - load(words, d.AHEAD_TAKEN) + block > desk.ahead_frames:
+        if at - load(words, d.AHEAD_TAKEN) + block > exchange.ahead_frames:
             nap(pause_ns)
             continue
         render_block(address, 0, block)
         first = min(block, size - at % size)
-        desk.ready[at % size : at % size + first] = desk.mix[:first]
-        desk.ready[: block - first] = desk.mix[first:block]
+        exchange.ready[at % size : at % size + first] = exchange.mix[:first]
+        exchange.ready[: block - first] = exchange.mix[first:block]
         store(words, d.AHEAD, at + block)
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, RESET_CONTROLLERS
-from synth.engine.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM, TUNING, make_events
-from synth.engine.zones import CHANNELS, CONFIGURATION, LOWER, MOST_MEMBERS, UPPER, manager_of, master_of, yielded
+from synth.midi.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, RESET_CONTROLLERS
+from synth.midi.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM, TUNING, make_events
+from synth.midi.zones import CHANNELS, CONFIGURATION, LOWER, MOST_MEMBERS, UPPER, manager_of, master_of, yielded
 
 #: controllers that choose and set registered parameters (MIDI 1.0 Detailed Specification)
 DATA, DATA_FINE, NRPN_FINE, NRPN, RPN_FINE, RPN = 6, 38, 98, 99, 100, 101

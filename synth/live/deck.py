@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, RESET_CONTROLLERS, SUSTAIN
 from synth.engine.engine import Engine
-from synth.engine.events import CONTROL, EVENT, NOTE_ON, make_events
 from synth.engine.uncopied import Uncopied
-from synth.live import desk as d
-from synth.live.block import LEAST_DB, frame_at
+from synth.live import exchange as d
 from synth.live.callback import render_ahead
+from synth.live.render_block import LEAST_DB, frame_at
+from synth.midi.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, RESET_CONTROLLERS, SUSTAIN
+from synth.midi.events import CONTROL, EVENT, NOTE_ON, make_events
 
 #: priority of the thread that renders ahead, where it may have one
 PRIORITY = 60
@@ -98,7 +98,7 @@ class Deck(Uncopied):
         if ahead:
             render_ahead.compile("void(int64)")
         self._warm_up()
-        self._desk, self._table = d.new_desk(
+        self._exchange, self._table = d.new_exchange(
             *engine.addresses,
             engine.rate_hz,
             channels=channels,
@@ -108,8 +108,8 @@ class Deck(Uncopied):
             ahead_frames=ahead * ahead_block,
             ahead_block=ahead_block,
         )
-        self._desk.words[d.ADAPTIVE] = int(adaptive)
-        self._desk.levels[d.SPARE_DB] = LEAST_DB
+        self._exchange.words[d.ADAPTIVE] = int(adaptive)
+        self._exchange.levels[d.SPARE_DB] = LEAST_DB
         self.address = self._table.ctypes.data
 
     def _warm_up(self) -> None:
@@ -132,33 +132,33 @@ class Deck(Uncopied):
     @property
     def ahead_frames(self) -> int:
         """Frames that a thread keeps ready; 0: the device's thread renders."""
-        return self._desk.ahead_frames
+        return self._exchange.ahead_frames
 
     @property
     def stems(self) -> bool:
         """Whether every part is rendered by itself as well."""
-        return self._desk.parts > 0
+        return self._exchange.parts > 0
 
     def set_device_latency(self, seconds: float) -> None:
         """What a device says of its own latency, for `meters`, where its callback does not."""
-        self._desk.levels[d.DEVICE_S] = seconds
+        self._exchange.levels[d.DEVICE_S] = seconds
 
     def set_channels(self, channels: int) -> None:
         """What the device turned out to have; before it starts."""
         self._replace(channels=channels)
 
     def _replace(self, **changes: Any) -> None:
-        self._desk = self._desk._replace(**changes)
-        self._table[:] = d.table(self._desk)
+        self._exchange = self._exchange._replace(**changes)
+        self._table[:] = d.table(self._exchange)
 
     def start_ahead(self) -> None:
         """Start the thread that renders ahead, if there is to be one, and wait for its first sound."""
-        if not self._desk.ahead_frames or self._thread is not None:
+        if not self._exchange.ahead_frames or self._thread is not None:
             return
-        self._desk.words[d.ENDING] = 0
+        self._exchange.words[d.ENDING] = 0
         self._thread = threading.Thread(target=self._run_ahead, name="synth-ahead", daemon=True)
         self._thread.start()
-        while self._desk.words[d.AHEAD] < self._desk.ahead_frames and self._thread.is_alive():
+        while self._exchange.words[d.AHEAD] < self._exchange.ahead_frames and self._thread.is_alive():
             time.sleep(0.001)
 
     def _run_ahead(self) -> None:
@@ -173,7 +173,7 @@ class Deck(Uncopied):
         """End the thread that renders ahead. The device must have stopped."""
         thread, self._thread = self._thread, None
         if thread is not None:
-            self._desk.words[d.ENDING] = 1
+            self._exchange.words[d.ENDING] = 1
             thread.join()
 
     def now_ns(self) -> int:
@@ -187,17 +187,17 @@ class Deck(Uncopied):
     @property
     def frame(self) -> int:
         """Frames rendered so far."""
-        return int(self._desk.words[d.FRAMES])
+        return int(self._exchange.words[d.FRAMES])
 
     @property
     def period(self) -> int:
         """Frames that the device asks for at a time; 0: not known yet."""
-        return int(self._desk.words[d.PERIOD])
+        return int(self._exchange.words[d.PERIOD])
 
     @property
     def delay_frames(self) -> int:
         """Frames between an event's arrival and its place in the stream."""
-        return int(self._desk.words[d.DELAY])
+        return int(self._exchange.words[d.DELAY])
 
     def send(self, kind: int, channel: int, a: int = 0, b: int = 0, value: float = 0.0, time_ns: int | None = None) -> bool:
         """An event (see `engine.events`) that arrived at `time_ns` (None: now). False: lost, because too many wait."""
@@ -219,14 +219,14 @@ class Deck(Uncopied):
         """Ask that nothing more of what has been scheduled is played. The number of the asking, for `dropped_at`; until that
         tells, schedule nothing."""
         with self._score_lock:
-            self._desk.words[d.DROPS_ASKED] += 1
-            return int(self._desk.words[d.DROPS_ASKED])
+            self._exchange.words[d.DROPS_ASKED] += 1
+            return int(self._exchange.words[d.DROPS_ASKED])
 
     def dropped_at(self, asking: int) -> int | None:
         """Frame of the stream before which everything scheduled was played, and from which on nothing; None: not yet."""
-        if self._desk.words[d.DROPS] < asking:
+        if self._exchange.words[d.DROPS] < asking:
             return None
-        return int(self._desk.words[d.DROPPED_AT])
+        return int(self._exchange.words[d.DROPPED_AT])
 
     def panic(self) -> None:
         """Silence on all channels, controllers at their power-up values."""
@@ -242,12 +242,12 @@ class Deck(Uncopied):
 
     def meters(self) -> Meters:
         """What has happened; loads and peak since the last call."""
-        words, levels = self._desk.words, self._desk.levels
+        words, levels = self._exchange.words, self._exchange.levels
         blocks = int(words[d.BLOCKS])
         count = min(blocks - self._blocks_seen, d.LOADS)
         places = np.arange(blocks - count, blocks) % d.LOADS
         self._blocks_seen = blocks
-        loads = self._desk.loads[places] if count else np.zeros((1, 2))
+        loads = self._exchange.loads[places] if count else np.zeros((1, 2))
         median, worst = np.median(loads, axis=0), loads.max(axis=0)
         peak = float(levels[d.PEAK])
         words[d.PEAK_SEEN] = 1
@@ -278,12 +278,12 @@ class Deck(Uncopied):
     @property
     def tape_frames(self) -> int:
         """Frames of sound that wait for `drain_audio` at most."""
-        return self._desk.tape.shape[0]
+        return self._exchange.tape.shape[0]
 
     @property
     def tape_lost(self) -> int:
         """Frames of sound for which there was no room there: they are missing where it was full."""
-        return int(self._desk.words[d.TAPE_LOST])
+        return int(self._exchange.words[d.TAPE_LOST])
 
     def drain_events(self) -> np.ndarray:
         """What the engine was given since the last call: EVENT, `frame` counted from the start of the stream."""

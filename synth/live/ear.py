@@ -38,6 +38,9 @@ class Ear:
             self._periods: list[tuple[int, int, int]] = []  # frame time, place, frames
             self._client.set_process_callback(self._hear)
             self._client.activate()
+        except library().JackError as error:  # a signal that comes meanwhile makes the server's answer fail
+            self._client.close()
+            raise DeviceError(f"the JACK server takes no client that listens: {error}") from None
         except BaseException:
             self._client.close()
             raise

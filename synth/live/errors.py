@@ -5,7 +5,3 @@ from __future__ import annotations
 
 class DeviceError(ValueError):
     """An audio device or server that cannot be used as asked."""
-
-
-class MidiPortError(ValueError):
-    """A MIDI port that cannot be used as asked."""

@@ -13,14 +13,14 @@ from llvmlite import ir
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 
-from synth.engine.atomics import add, load, send, store
-from synth.engine.events import decode
 from synth.engine.layout import CORE
-from synth.live import desk as d
-from synth.live.block import render_block, tick
-from synth.live.desk import desk_of, stems_of
-from synth.live.native import monotonic_ns, pointer
+from synth.live import exchange as d
+from synth.live.exchange import exchange_of, stems_of
+from synth.live.render_block import render_block, tick
+from synth.midi.events import decode
 from synth.native.arrays import LINE_F8, allocate, i8, u1
+from synth.native.atomics import add, load, send, store
+from synth.native.clocks import monotonic_ns, pointer
 from synth.native.views import opener, table
 
 #: bytes of system-exclusive messages that can wait, each with LENGTH bytes that tell how many it has
@@ -49,7 +49,7 @@ N_WORDS = 11 * LINE_F8
 class Jack(NamedTuple):
     """What the callback knows, behind one address. Functions, ports and the client are addresses of the JACK library's."""
 
-    deck: int  # the Desk's table
+    deck: int  # the Exchange's table
     client: int
     midi_in: int
     out_left: int
@@ -125,8 +125,8 @@ def _process(count: int, address: int) -> int:
             for side in range(2):
                 _silence(_samples(address, jack.stems[p, side], frames))
         return 0
-    words = desk_of(jack.deck).words
-    nominal = 1e9 / desk_of(jack.deck).rate_hz
+    words = exchange_of(jack.deck).words
+    nominal = 1e9 / exchange_of(jack.deck).rate_hz
     begun = now - _ask_number(jack.frames_since_cycle_start, jack.client) * nominal
     first = (_ask_number(jack.last_frame_time, jack.client) - words[d.FRAMES]) & _MASK
     if first != jack.words[FIRST]:
@@ -147,7 +147,7 @@ def _process(count: int, address: int) -> int:
         until = min(frames, done + d.MOST_FRAMES)
         taken, given = _give(address, notes, messages, taken, done, until)
         render_block(jack.deck, given, until - done)
-        mix, stems = desk_of(jack.deck).mix, stems_of(jack.deck, until - done)
+        mix, stems = exchange_of(jack.deck).mix, stems_of(jack.deck, until - done)
         for i in range(until - done):
             left[done + i] = np.float32(mix[i, 0])
             right[done + i] = np.float32(mix[i, 1])
@@ -178,10 +178,10 @@ def _silence(out) -> None:
 
 @njit(**CORE)
 def _give(address: int, notes: int, messages: int, taken: int, begin: int, end: int) -> tuple[int, int]:
-    """Messages of frames `begin` to `end` of the period, the first number `taken`, into Desk.given: the first that is
+    """Messages of frames `begin` to `end` of the period, the first number `taken`, into Exchange.given: the first that is
     left, and how many events there are."""
     jack = jack_of(address)
-    given = desk_of(jack.deck).given
+    given = exchange_of(jack.deck).given
     count = 0
     while taken < messages:
         if _get_event(jack.midi_event_get, jack.message.ctypes.data, notes, taken) != 0:
@@ -251,7 +251,7 @@ def _xrun(address: int) -> int:
     """JackXRunCallback."""
     jack = jack_of(address)
     if load(jack.words, PLAYING):
-        add(desk_of(jack.deck).words, d.XRUNS, 1)
+        add(exchange_of(jack.deck).words, d.XRUNS, 1)
     return 0
 
 

@@ -19,15 +19,15 @@ from typing import Any
 
 import numpy as np
 
-from synth.engine.atomics import tokens
 from synth.engine.team import TOKEN
 from synth.engine.uncopied import Uncopied
-from synth.host.sysex import events_of
 from synth.live import jackcallback as jc
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
 from synth.live.jackserver import NAME, library, open_client, playback
-from synth.live.patience import CALL_S, Worker
+from synth.midi.sysex import events_of
+from synth.native.atomics import tokens
+from synth.native.patience import CALL_S, Worker
 
 #: what JACK-Client leaves out
 _LATENCY = """

@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable
 from typing import Self
 
-from synth.engine.controllers import SUSTAIN
-from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
 from synth.live import terminal
 from synth.live.keycodes import ESCAPE_S, PRESSED, RELEASED, REPEATED, Key, KeyDecoder
 from synth.live.keylist import ALWAYS, Binding, KeyList
-from synth.live.midistream import Sink
+from synth.midi.controllers import SUSTAIN
+from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON
+from synth.midi.stream import Sink
 
 #: the keys of a piano from C on, two rows of letters
 PIANO = "awsedftgyhujkolp;'"

@@ -17,11 +17,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from synth.engine.controllers import ALL_SOUND_OFF
 from synth.engine.engine import Engine
-from synth.engine.events import CONTROL, NOTE_ON, decode
 from synth.live.deck import Deck
 from synth.live.ear import Ear
+from synth.midi.controllers import ALL_SOUND_OFF
+from synth.midi.events import CONTROL, NOTE_ON, decode
 from synth.units import db_to_gain, midi_to_note
 
 PLUCKS = 20

@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from synth.engine.events import EVENT
-from synth.host.eventsource import EventSource
+from synth.midi.events import EVENT
+from synth.midi.eventsource import EventSource
 
 #: how far ahead of the stream events are given to the deck [s]
 AHEAD_S = 2.0

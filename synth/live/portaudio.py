@@ -10,8 +10,8 @@ from synth.engine.uncopied import Uncopied
 from synth.live.callback import portaudio_callback
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
-from synth.live.patience import CALL_S, answers
-from synth.live.stderr import silenced
+from synth.native.patience import CALL_S, answers
+from synth.native.stderr import silenced
 
 INSTALL = "pip install 'jawari[live]'"
 #: rates that are offered where a device refuses one [Hz]

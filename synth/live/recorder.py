@@ -16,10 +16,10 @@ from typing import Protocol, Self
 import numpy as np
 
 from synth.engine.uncopied import Uncopied
+from synth.files.targets import Named, check_apart, is_special
 from synth.host.audiofile import AudioWriter, container_of
-from synth.live.patience import Worker
 from synth.live.take import TakeFile
-from synth.targets import Named, check_apart, is_special
+from synth.native.patience import Worker
 
 DRAIN_EVERY_S = 0.1
 _BUFFER_FRAMES = 16384

@@ -24,26 +24,27 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from synth.engine.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, EXPRESSION, SUSTAIN
 from synth.engine.engine import Engine
-from synth.engine.events import CONTROL, PARAMETER
 from synth.engine.layout import GAIN
 from synth.engine.uncopied import Uncopied
-from synth.host import midi, parts, scala
+from synth.files.targets import check_target
+from synth.host import parts, scala
 from synth.host.bindings import check_parts
+from synth.instrument.preset import Preset
 from synth.live.deck import Deck, Meters
-from synth.live.errors import DeviceError, MidiPortError
-from synth.live.patience import LEAVE_S, answers
+from synth.live.errors import DeviceError
 from synth.live.player import Player
 from synth.live.playkeys import PlayKeys, keys_of
 from synth.live.report import LiveReport
 from synth.live.songplayer import SongPlayer, power_up_of
 from synth.live.status import Status, StatusLine, clock_text
-from synth.live.stderr import give_back, only_ours
 from synth.live.terminal import KeySource, terminal_at
 from synth.live.unplayable import Unplayable
-from synth.preset import Preset
-from synth.targets import check_target
+from synth.midi import song as songs
+from synth.midi.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, EXPRESSION, SUSTAIN
+from synth.midi.events import CONTROL, PARAMETER
+from synth.native.patience import LEAVE_S, answers
+from synth.native.stderr import give_back, only_ours
 from synth.units import db_to_gain
 
 if TYPE_CHECKING:
@@ -291,7 +292,7 @@ class Session(Uncopied):
         """Raises MidiPortError where a port that is asked for is not there."""
         if not self._listens or not self._settings.midi_in:
             return
-        from synth.live.midiports import check_ports
+        from synth.midi.ports import MidiPortError, check_ports
 
         try:
             if self._by_jack:
@@ -301,12 +302,12 @@ class Session(Uncopied):
         except MidiPortError as error:
             raise MidiPortError(f"--midi-in: {error}") from None
 
-    def _cast(self) -> tuple[parts.Casting, midi.Song | None]:
+    def _cast(self) -> tuple[parts.Casting, songs.Song | None]:
         settings = self._settings
         if settings.song is None:
             only = settings.midi_channel
             return parts.cast_live(settings.preset, settings.channel_presets, only_channel=only), None
-        song = midi.read_song(settings.song, self.rate_hz, settings.mpe)
+        song = songs.read_song(settings.song, self.rate_hz, settings.mpe)
         for warning in song.warnings:
             self._line.say(f"{settings.song}: {warning}")
         casting = parts.cast(song.channels, settings.preset, settings.channel_presets)
@@ -336,7 +337,7 @@ class Session(Uncopied):
         return note_hz, {int(key) for key in np.flatnonzero(~silent)}
 
     def _notes(
-        self, casting: parts.Casting, song: midi.Song | None, sounding: set[int] | None
+        self, casting: parts.Casting, song: songs.Song | None, sounding: set[int] | None
     ) -> Sequence[set[int] | None] | None:
         """The MIDI notes that every part is prepared for; None: all."""
         if song is None or self._listens:
@@ -358,14 +359,14 @@ class Session(Uncopied):
     def _by_jack(self) -> bool:
         """Whether the JACK client's own port brings the MIDI: where that of the system is JACK's, or there is none that
         python-rtmidi sees, as with PipeWire."""
-        from synth.live.midiports import midi_system
+        from synth.midi.ports import midi_system
 
         return self._settings.jack is not None and midi_system()[0] in ("JACK", "")
 
     def _jack_midi(self) -> list[str]:
         """JACK's MIDI ports to be connected to the client's own, where those are the MIDI system. Raises MidiPortError."""
         from synth.live import jackserver
-        from synth.live.midiports import find_port, means_none
+        from synth.midi.ports import find_port, means_none
 
         settings = self._settings
         if not self._listens or settings.measure_latency or means_none(settings.midi_in) or not self._by_jack:
@@ -396,7 +397,7 @@ class Session(Uncopied):
         settings = self._settings
         if not self._listens:
             return
-        from synth.live.midiports import MidiInputs
+        from synth.midi.ports import MidiInputs
 
         names = list(settings.midi_in)
         virtual = settings.virtual_port and settings.jack is None

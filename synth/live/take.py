@@ -16,8 +16,9 @@ import mido
 import numpy as np
 from mido.midifiles.meta import encode_variable_int
 
-from synth.engine.controllers import ALL_NOTES_OFF
-from synth.engine.events import (
+from synth.files.targets import Whole, check_target, naming
+from synth.midi.controllers import ALL_NOTES_OFF
+from synth.midi.events import (
     BEND,
     CONTROL,
     KEY_PRESSURE,
@@ -28,9 +29,8 @@ from synth.engine.events import (
     PROGRAM,
     TUNING,
 )
-from synth.host.smf import TAKE_MARK
-from synth.host.sysex import of_parameter, of_tuning
-from synth.targets import Whole, check_target, naming
+from synth.midi.smf import TAKE_MARK
+from synth.midi.sysex import of_parameter, of_tuning
 
 _END_OF_TRACK = b"\0" + mido.MetaMessage("end_of_track").bin()
 _EMPTY_TEXT = mido.MetaMessage("text").bin()

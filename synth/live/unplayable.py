@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from synth.engine.engine import Unplayed
-from synth.preset import Preset, playable_range
+from synth.instrument.preset import Preset, playable_range
 from synth.units import midi_to_note
 
 #: so long it is told [s]

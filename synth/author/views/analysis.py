@@ -37,10 +37,10 @@ from synth.author.views.instrument import draw
 from synth.author.views.pictures import rows_of_power, waveform
 from synth.author.views.place import find
 from synth.author.views.tape import QUALITY, RATE_HZ, Taped
-from synth.compile import Position
-from synth.measures import decay_times_s, partials, peak, sounding_fundamental, stft_power
-from synth.preset import Preset, contact_cents
-from synth.tune import WINDOW_S
+from synth.dsp.measures import decay_times_s, partials, peak, sounding_fundamental, stft_power
+from synth.fit.tune import WINDOW_S
+from synth.instrument.compile import Position
+from synth.instrument.preset import Preset, contact_cents
 from synth.units import LN_1000, cents, gain_to_db
 
 SHORTEST_S, LONGEST_S = 0.2, 10.0

@@ -30,11 +30,11 @@ from threadpoolctl import threadpool_limits
 from synth.author.views.place import find, speaking
 from synth.author.views.runs import differences, run
 from synth.author.views.tape import QUALITY, RATE_HZ
-from synth.compile import note_frequency, string_kind
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, NOTE_ON, make_events
-from synth.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor
-from synth.preset import Preset
+from synth.instrument.compile import note_frequency, string_kind
+from synth.instrument.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor
+from synth.instrument.preset import Preset
+from synth.midi.events import EVENT, NOTE_ON, make_events
 
 MEASURED_S = 1.0
 COMPARED_S = 0.4

@@ -42,12 +42,12 @@ from typing import Any
 
 from synth.author.views.parameters import ranges
 from synth.author.views.place import Place, find, open_string, speaking
-from synth.compile import full_pluck_force, output_distance
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
+from synth.fit.tune import single_strings
+from synth.instrument.compile import full_pluck_force, output_distance
+from synth.instrument.preset import BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
 from synth.physics.obstacle import Obstacle
 from synth.physics.string import String
-from synth.preset import BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
-from synth.tune import single_strings
 from synth.units import midi_to_note
 
 #: where drawn steel breaks [Pa]

@@ -36,10 +36,10 @@ from threadpoolctl import threadpool_limits
 from synth.author.views.instrument import draw
 from synth.author.views.place import Speaking, find, speaking
 from synth.author.views.tape import QUALITY, RATE_HZ, Taped
-from synth.compile import Position
+from synth.instrument.compile import Position
+from synth.instrument.preset import Preset
 from synth.physics.modes import mode_shapes
 from synth.physics.tail import lumped_tail
-from synth.preset import Preset
 from synth.solver.lanes import BLOCK
 
 LONGEST_S = 10.0

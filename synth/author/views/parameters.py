@@ -1,4 +1,4 @@
-"""Every setting of a preset as a control: what the schema of `synth.preset` allows, in the words of `words`.
+"""Every setting of a preset as a control: what the schema of `synth.instrument.preset` allows, in the words of `words`.
 
 describe(preset) -> list of dicts, in the order of the file, one for every setting that this preset can have now:
 
@@ -45,8 +45,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, WORDS, Words
-from synth.compile import ideal_string, obstacle_of, string_frequency
-from synth.preset import (
+from synth.instrument.compile import ideal_string, obstacle_of, string_frequency
+from synth.instrument.preset import (
     KINDS,
     Between,
     BodyMode,
@@ -59,8 +59,8 @@ from synth.preset import (
     at_note,
 )
 
-#: not a setting: the version of the file's form
-NOT_SETTINGS = frozenset({"format"})
+#: no setting: the version of the file's form; effects and excitations, whose fields are their own, are set in the file
+NOT_SETTINGS = frozenset({"format", "effect", "excitation"})
 #: texts of several lines
 MULTILINE = frozenset({"description", "remarks"})
 #: from which ratio of the usual range's ends on a slider is logarithmic

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.compile import make_string, note_frequency, obstacle_of, string_frequency
+from synth.fit.tune import single_strings
+from synth.instrument.compile import make_string, note_frequency, obstacle_of, string_frequency
+from synth.instrument.preset import FretsObstacle, Preset, PresetError, StringTable, fret_count, playable_range
 from synth.physics.obstacle import Obstacle, fretted
 from synth.physics.string import String
 from synth.physics.tuning import tuned
-from synth.preset import FretsObstacle, Preset, PresetError, StringTable, fret_count, playable_range
-from synth.tune import single_strings
 from synth.units import midi_to_note
 
 

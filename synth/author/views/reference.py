@@ -6,7 +6,7 @@ The note is held and played at the quality asked for, at `reference`, and at hal
 far that one itself can be trusted.
 
     e, e_100ms        relative error of the displacement against the reference, over all and over the first 0.1 s
-    log_spectral_db, third_octave_db   of the sounds; all four as `synth.measures`, null for a note that does not sound
+    log_spectral_db, third_octave_db   of the sounds; all four as `synth.dsp.measures`, null for a note that does not sound
     doubt             {the same four} of the run at half the reference's rate: below a third of them the reference can judge
     promise           of the plan, in words
     standard, reference   {rate_hz, modes, seconds (that it took)} of the plan and of the reference; so below
@@ -34,8 +34,8 @@ from synth.author.views.pictures import rows_of_power, waveform
 from synth.author.views.place import find
 from synth.author.views.runs import Run, differences, run
 from synth.author.views.tape import QUALITY, RATE_HZ
-from synth.measures import stft_power
-from synth.preset import Preset
+from synth.dsp.measures import stft_power
+from synth.instrument.preset import Preset
 
 SHORTEST_S, LONGEST_S = 0.2, 30.0
 DETAIL_S = 0.05

@@ -9,11 +9,11 @@ import numpy as np
 
 from synth.author.views.place import Place
 from synth.author.views.tape import RATE_HZ
-from synth.compile import Position
+from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, NOTE_ON, make_events
-from synth.measures import log_spectral_distance, relative_error, third_octave_distance
-from synth.preset import BridgeObstacle, Preset
+from synth.instrument.compile import Position
+from synth.instrument.preset import BridgeObstacle, Preset
+from synth.midi.events import EVENT, NOTE_ON, make_events
 
 #: where the displacement is looked at, from the saddle, as a share of the open string: at a bridge just behind its edge
 SEEN_AT, SEEN_AT_A_BRIDGE = 0.05, 0.009
@@ -75,10 +75,10 @@ def run(
 
 
 def _seen(preset: Preset) -> Preset:
-    """The preset with the string's displacement as its output, and no body."""
+    """The preset with the string's displacement as its output, no body and no effects."""
     at = SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
     output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": 0.0})
-    return preset.model_copy(update={"output": output, "body": type(preset.body)()})
+    return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})
 
 
 def differences(mine: Run, reference: Run, rate_hz: float = RATE_HZ) -> dict[str, float | None]:

@@ -1,6 +1,6 @@
 """An engine that keeps a tape of its one string: the modes every few steps and the force at every point in every step.
 
-The engine calls its strings' steps by address (`engine.advance.entries`). Here stands another function at that address,
+The engine calls its strings' steps by address (`engine.tasks.entries`). Here stands another function at that address,
 which has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
 cut them, so what sounds is what sounds without a tape (rests of less than a block, where a finger lets go, go step by step).
 Strings do not fly and modes do not rest here, as at the quality `fine`: on the tape there is one string at one rate.
@@ -10,21 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import cfunc
 
 from synth.author.views.place import Place
-from synth.compile import Position
-from synth.engine.advance import entries
-from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of
+from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of, string_of
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
+from synth.engine.tasks import entries
+from synth.instrument.compile import Position
+from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.native.arrays import allocate, f8, i8
-from synth.native.views import call_back, opener, table
+from synth.native.views import call_back, entry, opener, table
 from synth.solver.lanes import BLOCK
 
 #: what views are of unless told otherwise, as `synth render` and a live stream are [Hz]
@@ -53,19 +51,19 @@ class Tape(NamedTuple):
 tape_of = opener(Tape, CORE_WORDS)
 
 
-def _taped_steps(core: int, desk: int, s: int, steps: int) -> None:
-    bank, state, scratch, tape = bank_of(core), state_of(core), scratch_of(desk), tape_of(core)
+def _taped_steps(core: int, thread: int, s: int, steps: int) -> None:
+    bank, state, scratch, tape = bank_of(core), state_of(core), scratch_of(thread), tape_of(core)
     me = state.sounding[s]
     fixed = bank.strings[s]
     points = bank.parts[fixed.part].use_q + bank.parts[fixed.part].use_v
     model = bank.models[me.model]
     contacts = model.contacts
-    record = scratch.record.reshape(-1)
+    string = string_of(core, s)
     at = 0
     while at < steps:
         count = BLOCK if steps - at >= BLOCK else 1
         fingered = me.phase != NO_FINGER
-        call_back(tape.step, core, desk, s, count)
+        call_back(tape.step, core, thread, s, count)
         for p in range(points):
             for t in range(count):
                 tape.out[p * steps + at + t] = scratch.out[p * count + t]
@@ -75,26 +73,15 @@ def _taped_steps(core: int, desk: int, s: int, steps: int) -> None:
             continue
         for t in range(count):
             for k in range(contacts):
-                if count < BLOCK:
-                    tape.force[made + t, k] = state.force[fixed.coff + k]
-                elif contacts == 1 and not fingered:
-                    tape.force[made + t, k] = scratch.forces[t]
-                else:
-                    tape.force[made + t, k] = record[t * contacts + k]
+                tape.force[made + t, k] = scratch.record[t * contacts + k]
         for j in range(model.n):
-            tape.q[shot, j] = state.q[fixed.off + j]
+            tape.q[shot, j] = string.q[j]
         tape.finger[shot] = scratch.path[count] if fingered else np.nan
         tape.ends[shot] = made + count
         tape.written[STEPS] = made + count
         tape.written[SHOTS] = shot + 1
     for i in range(points * steps):
         scratch.out[i] = tape.out[i]
-
-
-@cache
-def _compiled() -> Any:
-    """`_taped_steps` as a C function, kept for as long as its address is in use."""
-    return cfunc("void(int64, int64, int64, int64)", cache=True)(_taped_steps)
 
 
 @dataclass(frozen=True)
@@ -131,7 +118,7 @@ class Taped(Engine):
         self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=entries()[1])
         # behind the tables that the engine made: it looks no further than their end
         self._core = np.concatenate([self._core, table(self.tape)])
-        self._taped_steps = _compiled()
+        self._taped_steps = entry(_taped_steps, 4)
         self._shared.task[STEP] = self._taped_steps.address
 
     @property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.preset import (
+from synth.instrument.preset import (
     Body,
     BodyMode,
     BridgeObstacle,

@@ -14,8 +14,8 @@ from typing import Any
 
 from synth.author.document import Conflict, Document, preset_name
 from synth.author.workspace import AUTOSAVE, SUFFIX, Workspace, read_text, regular, stem_of
-from synth.preset import PresetError
-from synth.targets import write_text
+from synth.files.targets import write_text
+from synth.instrument.preset import PresetError
 
 LOG = logging.getLogger(__name__)
 #: before the names of autosave files of documents without a file: those that come with the program, and imported ones
@@ -25,7 +25,7 @@ EMBEDDED, UNSAVED = "embedded~", "unsaved~"
 MOST = 200
 
 
-class Desk:
+class Documents:
     """Documents of a workspace. Listeners get (document, kind): kind is "state", or "disk" after a change by others."""
 
     def __init__(self, workspace: Workspace) -> None:
@@ -53,7 +53,7 @@ class Desk:
     def presets(self) -> list[dict[str, Any]]:
         """What can be opened: name, title, embedded, file, unsaved (left by an earlier session that ended before it was
         saved), when (that was, ISO 8601, else null), and reason (why it cannot be opened after all, else null)."""
-        from synth.preset import preset_folder
+        from synth.instrument.preset import preset_folder
 
         def row(name: str, path: Path, **more: Any) -> dict[str, Any]:
             same = {"name": name, "embedded": False, "file": None, "unsaved": False, "when": None, "reason": None, **more}

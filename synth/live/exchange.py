@@ -11,11 +11,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.engine.atomics import load, store
-from synth.engine.events import EVENT
-from synth.engine.events import copy_event as _copy_event
 from synth.engine.layout import CORE
+from synth.midi.events import EVENT
+from synth.midi.events import copy_event as _copy_event
 from synth.native.arrays import LINE_F8, allocate, f8, i8, struct
+from synth.native.atomics import load, store
 from synth.native.views import opener, table
 
 #: events that can wait at a time, in each ring
@@ -31,7 +31,7 @@ LOADS = 8192
 #: parts of a nanosecond in which the time of a frame is told to other threads
 STEP = 2.0**32
 
-#: places in Desk.words, a cache line apart: what was written to and read from the rings …
+#: places in Exchange.words, a cache line apart: what was written to and read from the rings …
 (
     ARRIVED,
     ARRIVALS_TAKEN,
@@ -82,17 +82,17 @@ STEP = 2.0**32
 ) = range(0, 37 * LINE_F8, LINE_F8)
 N_WORDS = 37 * LINE_F8
 
-#: places in Desk.levels: the clock's own time of its frame [ns since origin_ns] and ns per frame; peak since it was seen;
-#: mean load; the device's own latency [s]; the level below which strings are spared [dBFS]
+#: places in Exchange.levels: the clock's own time of its frame [ns since origin_ns] and ns per frame; peak since it was
+#: seen; mean load; the device's own latency [s]; the level below which strings are spared [dBFS]
 CLOCK_NS, FRAME_NS, PEAK, MEAN_LOAD, DEVICE_S, SPARE_DB = range(6)
 N_LEVELS = 6
 
 
-class Desk(NamedTuple):
+class Exchange(NamedTuple):
     """A session's shared memory behind one address."""
 
     core: int  # the engine's tables
-    desk: int
+    thread: int
     rate_hz: float
     channels: int  # of the device
     parts: int  # whose stems are wanted, or 0
@@ -113,13 +113,13 @@ class Desk(NamedTuple):
     ready: Annotated[np.ndarray, f8("ready, 2")]  # sound rendered ahead
 
 
-desk_of = opener(Desk)
+exchange_of = opener(Exchange)
 copy_event = njit(**CORE)(_copy_event)
 
 
-def new_desk(
+def new_exchange(
     core: int,
-    desk: int,
+    thread: int,
     rate_hz: float,
     *,
     channels: int,
@@ -128,8 +128,8 @@ def new_desk(
     recording: bool,
     ahead_frames: int,
     ahead_block: int,
-) -> tuple[Desk, np.ndarray]:
-    """A Desk and its table; both are to be kept as long as anybody has the table's address."""
+) -> tuple[Exchange, np.ndarray]:
+    """A Exchange and its table; both are to be kept as long as anybody has the table's address."""
     ready = 1
     while ready < 2 * ahead_frames:
         ready *= 2
@@ -146,10 +146,10 @@ def new_desk(
         "ready": ready,
     }
     made = allocate(
-        Desk,
+        Exchange,
         sizes,
         core=core,
-        desk=desk,
+        thread=thread,
         rate_hz=rate_hz,
         channels=channels,
         parts=parts,
@@ -166,55 +166,55 @@ def new_desk(
 @njit(**CORE)
 def stems_of(address: int, frames: int):
     """(parts or 0, frames, 2): every part by itself in a block of so many frames."""
-    desk = desk_of(address)
-    return desk.stems[: desk.parts * frames * 2].reshape((desk.parts, frames, 2))
+    exchange = exchange_of(address)
+    return exchange.stems[: exchange.parts * frames * 2].reshape((exchange.parts, frames, 2))
 
 
 @njit("boolean(int64, int64, int64, int64, int64, int64, float64)", cache=True, nogil=True)
 def push_arrival(address: int, time_ns: int, kind: int, channel: int, a: int, b: int, value: float) -> bool:
     """Put an event that came at a time into the ring; False: it is full."""
-    desk = desk_of(address)
-    at = load(desk.words, ARRIVED)
-    if at - load(desk.words, ARRIVALS_TAKEN) >= EVENTS:
+    exchange = exchange_of(address)
+    at = load(exchange.words, ARRIVED)
+    if at - load(exchange.words, ARRIVALS_TAKEN) >= EVENTS:
         return False
-    event = desk.arrivals[at % EVENTS]
+    event = exchange.arrivals[at % EVENTS]
     event.frame, event.kind, event.channel, event.a, event.b, event.value = time_ns, kind, channel, a, b, value
-    store(desk.words, ARRIVED, at + 1)
+    store(exchange.words, ARRIVED, at + 1)
     return True
 
 
 @njit(cache=True, nogil=True)
 def push_score(address: int, events) -> int:
     """Put as many of these events (absolute frames, ascending) into the ring as there is room for; how many."""
-    desk = desk_of(address)
-    at = load(desk.words, SCORED)
-    count = min(events.size, EVENTS - (at - load(desk.words, SCORE_TAKEN)))
+    exchange = exchange_of(address)
+    at = load(exchange.words, SCORED)
+    count = min(events.size, EVENTS - (at - load(exchange.words, SCORE_TAKEN)))
     for i in range(count):
-        copy_event(events[i], desk.score[(at + i) % EVENTS])
-    store(desk.words, SCORED, at + count)
+        copy_event(events[i], exchange.score[(at + i) % EVENTS])
+    store(exchange.words, SCORED, at + count)
     return count
 
 
 @njit(cache=True, nogil=True)
 def pop_log(address: int, events) -> int:
     """Take events out of the log into an array; how many."""
-    desk = desk_of(address)
-    at = load(desk.words, LOG_TAKEN)
-    count = min(events.size, load(desk.words, LOGGED) - at)
+    exchange = exchange_of(address)
+    at = load(exchange.words, LOG_TAKEN)
+    count = min(events.size, load(exchange.words, LOGGED) - at)
     for i in range(count):
-        copy_event(desk.log[(at + i) % EVENTS], events[i])
-    store(desk.words, LOG_TAKEN, at + count)
+        copy_event(exchange.log[(at + i) % EVENTS], events[i])
+    store(exchange.words, LOG_TAKEN, at + count)
     return count
 
 
 @njit(cache=True, nogil=True)
 def pop_tape(address: int, out) -> int:
     """Take frames off the tape into an array (n, 2); how many."""
-    desk = desk_of(address)
-    at = load(desk.words, TAPE_TAKEN)
-    count = min(out.shape[0], load(desk.words, TAPED) - at)
+    exchange = exchange_of(address)
+    at = load(exchange.words, TAPE_TAKEN)
+    count = min(out.shape[0], load(exchange.words, TAPED) - at)
     for i in range(count):
-        out[i, 0] = desk.tape[(at + i) % TAPE, 0]
-        out[i, 1] = desk.tape[(at + i) % TAPE, 1]
-    store(desk.words, TAPE_TAKEN, at + count)
+        out[i, 0] = exchange.tape[(at + i) % TAPE, 0]
+        out[i, 1] = exchange.tape[(at + i) % TAPE, 1]
+    store(exchange.words, TAPE_TAKEN, at + count)
     return count
