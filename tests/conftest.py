@@ -1,5 +1,6 @@
 """For all tests: signals do what they do wherever the run was started (the background of a shell ignores Ctrl-C and
-Ctrl-backslash, nohup a hang-up), no test fails for being slow, and none plays through a sound card of this machine. The
+Ctrl-backslash, nohup a hang-up), no test fails for being slow, and none plays through a sound card of this machine. Linear
+algebra has one thread: several tests run at once, and its threads wait for each other by keeping the processor busy. The
 files that take longest come first, so that none is left for the end while other cores have nothing to do."""
 
 import os
@@ -11,6 +12,7 @@ from hypothesis import settings
 from tests.nocard import hide_sound_card
 
 os.environ.update(hide_sound_card())
+os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))  # read by NumPy
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
@@ -21,33 +23,61 @@ for _name in ("SIGQUIT", "SIGHUP", "SIGTERM"):
     if hasattr(signal, _name) and signal.getsignal(getattr(signal, _name)) is signal.SIG_IGN:
         signal.signal(getattr(signal, _name), signal.SIG_DFL)
 
-#: of the files that take longest; the first two compile the kernels, of an engine and of a simulation, that all others need
+#: of the files that take longest; the first compiles the kernels of an engine, which most others need, while those of the
+#: next five need none; the seventh compiles those of a simulation
 LONGEST = (
     "tests/test_every_command.py",
+    "tests/fit/test_real.py",
+    "tests/fit/test_synthetic.py",
+    "tests/test_kernel_linking.py",
+    "tests/fit/test_refusals.py",
+    "tests/physics/test_modes.py",
     "tests/test_simulation.py",
-    "tests/test_broken_inputs.py",
-    "tests/live/test_play.py",
     "tests/live/test_pipewire.py",
-    "tests/author/browser/test_hear.py",
-    "tests/author/test_files.py",
-    "tests/author/browser/test_fit.py",
-    "tests/test_compiling.py",
-    "tests/author/browser/test_controls.py",
-    "tests/author/browser/test_instrument.py",
     "tests/author/browser/test_page.py",
-    "tests/author/browser/test_firefox.py",
-    "tests/author/test_views_served.py",
-    "tests/live/test_jack.py",
-    "tests/live/test_portaudio.py",
+    "tests/live/test_play.py",
+    "tests/author/browser/test_instrument.py",
+    "tests/author/browser/test_hear.py",
+    "tests/solver/test_compliant.py",
     "tests/author/test_end.py",
-    "tests/live/test_play_keys.py",
-    "tests/live/test_midiports.py",
-    "tests/live/test_recorder.py",
-    "tests/author/test_sound.py",
-    "tests/live/test_drone.py",
+    "tests/author/browser/test_controls.py",
+    "tests/author/browser/test_fit.py",
+    "tests/author/test_files.py",
     "tests/test_hard_cases.py",
-    "tests/exact/test_bar.py",
+    "tests/live/test_recorder.py",
+    "tests/author/browser/test_firefox.py",
+    "tests/author/test_sound.py",
+    "tests/solver/test_lcp_solvers.py",
+    "tests/live/test_jack.py",
+    "tests/live/test_midiports.py",
+    "tests/author/browser/test_save.py",
+    "tests/solver/test_fingers.py",
+    "tests/test_tuning.py",
+    "tests/live/test_drone.py",
+    "tests/live/test_portaudio.py",
+    "tests/author/test_views_served.py",
+    "tests/test_broken_inputs.py",
+    "tests/author/browser/test_recovery.py",
+    "tests/solver/test_substeps.py",
+    "tests/live/test_play_keys.py",
+    "tests/author/browser/test_told.py",
+    "tests/test_kernel_helpers.py",
+    "tests/test_compiling.py",
+    "tests/solver/test_blocks.py",
+    "tests/test_promise.py",
+    "tests/engine/test_states.py",
+    "tests/author/browser/test_layout.py",
+    "tests/test_walls.py",
+    "tests/test_bad_numbers.py",
+    "tests/engine/test_blocks.py",
+    "tests/author/test_document.py",
     "tests/engine/test_threads.py",
+    "tests/author/test_speaker.py",
+    "tests/dsp/test_denormals.py",
+    "tests/author/browser/test_pictures.py",
+    "tests/solver/test_kernels.py",
+    "tests/test_cli.py",
+    "tests/test_same_sound.py",
 )
 
 

@@ -31,7 +31,16 @@ from tests.patience import compiling_s, patience_s
 
 ROOT = Path(__file__).resolve().parents[1]
 #: what every command imports that is heavy; not what opens devices, which a fork does not inherit well
-MODULES = ("synth.live.session", "synth.live.recorder", "synth.live.jackcallback", "synth.author.serve")
+MODULES = (
+    "synth.live.session",
+    "synth.live.recorder",
+    "synth.live.jackcallback",
+    "synth.author.serve",
+    "synth.author.views.analysis",
+    "synth.author.views.cost",
+    "synth.author.views.instrument",
+    "synth.author.views.motion",
+)
 
 
 @dataclass
@@ -57,7 +66,9 @@ class Forked:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, error: object, *_: object) -> None:
+        if error is not None:  # nobody knows whether it would end
+            self.kill()
         for pipe in (self.stdin, self.stdout, self.stderr):
             if pipe is not None:
                 pipe.close()
@@ -110,6 +121,12 @@ class Forked:
         out, err = ("" if pipe is None else self._said.get(pipe, "") for pipe in (self.stdout, self.stderr))
         return out, err
 
+    def done(self, timeout: float) -> subprocess.CompletedProcess[str]:
+        """How it has ended, as of subprocess.run: it is killed if that takes longer than `timeout` [s]."""
+        with self:
+            out, err = self.communicate(timeout=timeout)
+        return subprocess.CompletedProcess(self.args, self.returncode or 0, out, err)
+
     def _read(self, pipe: IO[str]) -> None:
         with contextlib.suppress(ValueError), pipe:  # what was closed says no more
             self._said[pipe] = pipe.read()
@@ -153,15 +170,15 @@ class ForkServer:
         stdout: int | None = None,
         stderr: int | None = None,
         env: dict[str, str] | None = None,
-        module: str = "synth",
+        module: str | None = "synth",
         before: str = "",
         terminal: bool = False,
         closed: tuple[int, ...] = (),
         **more: Any,
     ) -> Forked:
         """Run `synth`, or another module, with `arguments`. stdin, stdout, stderr, env: as of subprocess.Popen; before:
-        Python that is run first; terminal: standard input becomes the controlling terminal; closed: streams that are; more:
-        see `_become`."""
+        Python that is run first, or, where there is no module, as a program of its own; terminal: standard input becomes the
+        controlling terminal; closed: streams that are; more: see `_become`."""
         theirs: list[int] = []
         ours: list[int | None] = []
         given: list[int] = []
@@ -265,6 +282,16 @@ def prepared() -> ForkServer:
     return server
 
 
+@functools.cache
+def compiler() -> ForkServer:
+    """One for programs that compile kernels of their own: Numba is loaded and has compiled something, this package is
+    not."""
+    env = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    server = ForkServer({**env, "PYTHONPATH": str(ROOT)}, [], ROOT, ("tests.compiled",))
+    atexit.register(server.__exit__)
+    return server
+
+
 def ended(pid: int) -> bool:
     """Whether a process is no more, or waits for nobody but its parent."""
     try:
@@ -286,8 +313,6 @@ def _serve() -> None:
     import gc
     import importlib
 
-    from synth import cli
-
     warm, folder, *modules = sys.argv[1:]
     requests = socket.socket(fileno=os.dup(0))
     out = os.dup(1)
@@ -304,7 +329,7 @@ def _serve() -> None:
 
         kept = portaudio_callback(), callbacks()  # noqa: F841
     for arguments in json.loads(warm):
-        if cli.main(arguments):
+        if importlib.import_module("synth.cli").main(arguments):
             sys.exit(f"{arguments}: failed")
     os.chdir("/")
     os.write(out, b"ready\n")
@@ -376,10 +401,13 @@ def _become(request: dict[str, Any], handles: list[int]) -> None:
             fcntl.ioctl(0, termios.TIOCSCTTY, 0)
         if request.get("largest") is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (request["largest"], resource.RLIM_INFINITY))
-        sys.argv = [request["module"], *(os.fsdecode(bytes.fromhex(each)) for each in request["arguments"])]
+        tempfile.tempdir = None  # the environment may name another
+        module = request["module"]
+        sys.argv = [module or "-c", *(os.fsdecode(bytes.fromhex(each)) for each in request["arguments"])]
         try:
-            exec(request["before"], {"__name__": "before"})
-            runpy.run_module(request["module"], run_name="__main__")
+            exec(request["before"], {"__name__": "before" if module else "__main__"})
+            if module:
+                runpy.run_module(module, run_name="__main__")
             code = 0
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1

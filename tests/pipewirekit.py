@@ -173,7 +173,7 @@ class PipeWire:
             process.terminate()
         for process in reversed(self._processes):
             try:
-                process.wait(5.0)
+                process.wait(patience_s(5.0))
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

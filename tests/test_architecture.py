@@ -1,5 +1,5 @@
-"""Imports go one way only: signals, compiling → units, kernel_cache → kernel_helpers → physics, solver, dsp → measures,
-exact → plan, preset → compile, case → scene, check → methods → simulation → engine → host, tune, fit → live → author → cli.
+"""Imports go one way only: signals, spelling, units, files → native → jit → midi → physics, solver, dsp → instrument →
+engine, research → host, fit → live → drone, author → cli.
 """
 
 import ast
@@ -7,6 +7,7 @@ import graphlib
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -15,20 +16,17 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"compiling", "kernel_claims", "kernel_linking", "signals"},
-    {"units", "kernel_cache", "schemes", "calibration", "targets", "sources", "simd", "npz", "spelling", "native"},
-    {"kernel_helpers"},
+    {"signals", "spelling", "units", "files"},
+    {"plugins"},
+    {"native"},
+    {"jit"},
+    {"midi"},
     {"physics", "solver", "dsp"},
-    {"measures", "exact", "result"},
-    {"plan", "preset"},
-    {"compile", "case"},
-    {"scene", "check"},
-    {"methods"},
-    {"simulation"},
-    {"engine"},
-    {"host", "tune", "fit"},
+    {"instrument"},
+    {"engine", "research"},
+    {"host", "fit"},
     {"live"},
-    {"author"},
+    {"drone", "author"},
     {"cli"},
     {"__main__"},
 )
@@ -93,6 +91,14 @@ def test_no_module_imports_itself_through_others() -> None:
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(FILES)
 
 
+def test_the_voice_policy_knows_of_no_string() -> None:
+    """Of the engine it imports the layout of what it sees, and of the solver nothing: so it runs without a string."""
+    for path in (PACKAGE / "engine" / "voices").glob("*.py"):
+        outside = {other for other in modules_imported(path) if other.parent != path.parent}
+        rooms = {room_of(other) for other in outside if other != PACKAGE / "engine" / "layout.py"}
+        assert rooms <= {"midi", "native"}, path.name
+
+
 def test_no_module_of_the_page_imports_itself_through_others() -> None:
     named = re.compile(r'^(?:import|export)\b[^;]*?from "\./([\w-]+\.js)";', re.MULTILINE)
     files = sorted((PACKAGE / "author" / "page").glob("*.js"))
@@ -108,13 +114,20 @@ def test_the_package_itself_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == ""
 
 
+def test_reading_presets_does_not_load_numba() -> None:
+    """Most commands only read them, and numba takes longer than all the rest."""
+    program = "import sys, synth.instrument.preset; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
 @pytest.mark.parametrize(
     ("path", "source", "found"),
     [
         ("solver/x.py", "from ..physics import string", {"physics"}),
         ("solver/x.py", "from synth import physics", {"physics"}),
         ("solver/x.py", "from .laws import EXACT_HOLD", {"solver"}),
-        ("units.py", "def f():\n    import synth.host.midi", {"host"}),
+        ("units.py", "def f():\n    import synth.midi.song", {"midi"}),
         ("host/x.py", "from . import midi\nimport numpy", {"host"}),
     ],
 )
@@ -122,10 +135,19 @@ def test_the_check_sees_every_form_of_import(path: str, source: str, found: set[
     assert rooms_imported(source, PACKAGE / path) == found
 
 
+#: names that several rooms have for the same thing of their own: commands and what does their work, errors, reports …
+SHARED_NAMES = {"__init__", "errors", "parameters", "plan", "render", "report", "warmup"}
+
+
+def test_modules_are_named_apart() -> None:
+    names = Counter(path.stem for path in FILES)
+    assert {name for name, count in names.items() if count > 1} == SHARED_NAMES
+
+
 def test_neighbours_do_not_know_each_other() -> None:
     assert not allowed("solver", "physics")
-    assert not allowed("dsp", "plan")
-    assert allowed("plan", "physics") and not allowed("plan", "compile") and allowed("scene", "case")
+    assert not allowed("dsp", "instrument")
+    assert allowed("research", "instrument") and not allowed("research", "engine") and not allowed("engine", "research")
 
 
 def test_the_files_that_come_first_are_there():

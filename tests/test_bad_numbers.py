@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from synth.case import Case, CaseError
-from synth.simulation import simulate
+from synth.research.case import Case, CaseError
+from synth.research.simulation import simulate
 
 BAD = (1e308, 1e-308, 5e-324, 0.0, -1.0, -1e308, math.nan, math.inf, -math.inf)
 
@@ -28,7 +28,7 @@ STRING = {
     "thermoelastic_q_inverse": 1e-4,
     "air_viscosity": 1.8e-5,
     "air_density": 1.2,
-    "nut": [{"frequency_hz": 80.0, "q": 20.0, "modal_mass_kg": 2.0}],
+    "nut": [{"frequency_hz": 80.0, "q": 20.0, "mass_kg": 2.0}],
 }
 RUN = {
     "internal_rate_hz": 20_000.0,

@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
+from typing import IO
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from break_inputs import trial
-from break_inputs.watch import tried
+from break_inputs.watch import TOOLS, tried
+
+from tests.forkserver import Forked, prepared
 
 ENOUGH = 15
 
 
+@pytest.fixture
+def forked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers have their imports behind them."""
+
+    def start(arguments: list[str], errors: IO[str]) -> Forked:
+        find = f"import sys\nsys.path.insert(0, {str(TOOLS)!r})"
+        pipes = {"stdout": subprocess.PIPE, "stderr": errors.fileno()}
+        return prepared().start(arguments, TOOLS, module="break_inputs.worker", before=find, **pipes)
+
+    monkeypatch.setattr("break_inputs.watch.start", start)
+
+
 @pytest.mark.parametrize("kind", trial.KINDS)
+@pytest.mark.usefixtures("forked")
 def test_a_broken_input_is_taken_or_refused(kind: str) -> None:
     tally = tried(kind, 0, ENOUGH, seed=2)
     assert not tally.broke, tally.broke

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import tomlkit
 
-from synth.check import check, problems
 from synth.cli import main
-from synth.compile import compile_preset
 from synth.engine.engine import Engine
-from synth.preset import Preset, PresetError, list_presets, load_preset, preset_path, validate_preset
+from synth.instrument.check import check, problems
+from synth.instrument.compile import compile_preset
+from synth.instrument.preset import Preset, PresetError, list_presets, load_preset, preset_path, validate_preset
 from tests.host.midibytes import header, off, on, track
 
 #: few strings each, so that a whole instrument compiles in a blink

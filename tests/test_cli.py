@@ -15,6 +15,7 @@ import soundfile
 from synth import cli
 from synth.cli import common, presets, render
 from synth.signals import hearing_signals
+from tests.forkserver import prepared
 from tests.host.midibytes import header, off, on, track
 from tests.patience import COMPILING_QUIET_S, compiling_s, patience_s, until
 
@@ -27,7 +28,14 @@ def command_line(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "synth", *arguments]
 
 
-def synth(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[str]:
+def synth(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """`synth` in a process of its own, which has its imports behind it."""
+    running = prepared().start(list(arguments), cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    return running.done(compiling_s())
+
+
+def anew(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """The same in a new interpreter."""
     return subprocess.run(
         command_line(*arguments),
         cwd=cwd,
@@ -35,7 +43,6 @@ def synth(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[
         capture_output=True,
         text=True,
         timeout=compiling_s(),
-        **options,
     )
 
 
@@ -102,7 +109,7 @@ WRONG = [
     (["render", DRONE, "-o", "x.wav", "--threads", "many"], "whole number"),
     (["render", DRONE, "-o", "x.wav", "--threads", "1.5"], "whole number"),
     (["render", DRONE, "-o", "x.wav", "--quality", "good"], "invalid choice: 'good'"),
-    (["render", DRONE, "-o", "x.wav", "--scheme", "euler"], "invalid choice: 'euler'"),
+    (["render", DRONE, "-o", "x.wav", "--scheme", "euler"], "unknown contact scheme 'euler'; use one of exact-hold"),
     (["render", DRONE, "-o", "x.wav", "--restitution", "0.5"], "belongs to the Moreau–Jean schemes"),
     (["render", DRONE, "-o", "x.wav", "--restitution", "1.5"], "from 0 to 1, got '1.5'"),
     (["render", DRONE, "-o", "x.wav", "--internal-rate", "100000"], "multiple of --rate"),
@@ -196,7 +203,7 @@ def rendered(tmp_path_factory) -> Path:
         (10, off(12)),
     ]
     (directory / "song.mid").write_bytes(header() + track(*events))
-    done = synth("render", "song.mid", "-o", "song.wav", "--tail", "0.25", "--json", cwd=directory)
+    done = anew("render", "song.mid", "-o", "song.wav", "--tail", "0.25", "--json", cwd=directory)
     assert done.returncode == 0, done.stderr
     (directory / "report.json").write_text(done.stdout)
     return directory
@@ -261,14 +268,14 @@ def test_a_reader_that_goes_away_is_no_traceback(rendered) -> None:
 def test_an_interrupted_render_leaves_nothing(tmp_path, how: signal.Signals, code: int) -> None:
     # A day of music: it is certainly still going on when the signal comes.
     (tmp_path / "long.mid").write_bytes(header(division=1) + track((0, on(40)), (170_000, off(40))))
-    arguments = command_line("render", "long.mid", "-p", "fretted-bass", "-o", "long.wav", "--stems", "stems")
-    running = subprocess.Popen(arguments, cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE)
+    arguments = ["render", "long.mid", "-p", "fretted-bass", "-o", "long.wav", "--stems", "stems"]
+    running = prepared().start(arguments, tmp_path, stderr=subprocess.PIPE)
     until(lambda: running.poll() is not None or list(tmp_path.glob(".long.wav.*")), quiet_s=COMPILING_QUIET_S)
     assert running.poll() is None
     running.send_signal(how)
     told = running.communicate(timeout=patience_s())[1]
     assert running.returncode == code
-    assert b"Traceback" not in told
+    assert "Traceback" not in told
     assert os.listdir(tmp_path) == ["long.mid"]
 
 
@@ -316,7 +323,7 @@ def test_signals_are_heard_while_a_kernel_runs() -> None:
 
 def test_a_simulation_that_leaves_the_numbers_says_so(capsys, tmp_path, monkeypatch) -> None:
     """Still JSON, no word from NumPy, a warning."""
-    from synth import methods
+    from synth.research import methods
 
     solved = methods.run
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from synth.compile import compile_preset, compile_string, describe_plan, make_string, note_frequency, static_state
+from synth.instrument.compile import compile_preset, compile_string, describe_plan, make_string, note_frequency, static_state
+from synth.instrument.preset import Preset, PresetError, parse_preset
 from synth.physics.modes import static_compliance
-from synth.preset import Preset, PresetError, parse_preset
 from synth.units import cents, midi_to_hz
 
 STRING = """

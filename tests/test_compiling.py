@@ -1,6 +1,7 @@
 """What is compiled is said, and how much is to come; compiled kernels are kept whatever the disk does.
 
-Most of it is tried on kernels that are compiled at once, as a module of the package, in processes of their own.
+Most of it is tried on kernels that are compiled at once, as a module of the package, in processes of their own that have
+Numba loaded before.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from tests.forkserver import Forked, compiler
 from tests.patience import compiling_s, patience_s
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,7 +48,7 @@ def entry(x):
 PROGRAM = """
 import importlib.util, json, os, sys, time
 import synth
-from synth import compiling, kernel_cache
+from synth.jit import compiling, kernel_cache
 
 def made(name, path):
     spec = importlib.util.spec_from_file_location("synth." + name, path)
@@ -68,16 +70,13 @@ class Tried:
         self.environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
         self.environment |= {"XDG_CACHE_HOME": str(self.cache), "PYTHONPATH": str(ROOT), "TMPDIR": str(folder)}
 
-    def command(self, text: str) -> list[str]:
-        return [sys.executable, "-c", PROGRAM.format(kernels=str(self.folder / "kernels.py")) + text]
+    def start(self, text: str, **options: Any) -> Forked:
+        program = PROGRAM.format(kernels=str(self.folder / "kernels.py")) + text
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        return compiler().start([], self.folder, module=None, before=program, env=self.environment, **pipes | options)
 
-    def run(self, text: str, **options: Any) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            self.command(text), env=self.environment, capture_output=True, text=True, timeout=patience_s(240.0), **options
-        )
-
-    def says(self, text: str, **options: Any) -> tuple[str, str]:
-        done = self.run(text, **options)
+    def says(self, text: str) -> tuple[str, str]:
+        done = self.start(text).done(compiling_s())
         assert done.returncode == 0, done.stderr
         return done.stdout, done.stderr
 
@@ -162,10 +161,10 @@ def test_said_on_no_terminal(tried: Tried) -> None:
     assert tried.says(SHOWN.format(quiet=False)) == ("4\n", "")  # the next time there is nothing to say
 
 
-def on_a_terminal(command: list[str], environment: dict[str, str]) -> tuple[bytes, bytes]:
+def on_a_terminal(tried: Tried, text: str) -> tuple[str, bytes]:
     """What a program writes on standard output, and on a terminal that is its standard error."""
     ours, theirs = pty.openpty()
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=theirs) as process:
+    with tried.start(text, stderr=theirs) as process:
         os.close(theirs)
         shown = b""
         while True:
@@ -183,13 +182,13 @@ def on_a_terminal(command: list[str], environment: dict[str, str]) -> tuple[byte
 
 
 def test_said_on_a_terminal(tried: Tried) -> None:
-    out, shown = on_a_terminal(tried.command(SHOWN.format(quiet=False)), tried.environment)
+    out, shown = on_a_terminal(tried, SHOWN.format(quiet=False))
     lines = shown.decode().split("\r")
-    assert out == b"4\n" and lines[1].startswith("kernels, once on this machine: 0 of 2, ") and "\n" not in shown.decode()
+    assert out == "4\n" and lines[1].startswith("kernels, once on this machine: 0 of 2, ") and "\n" not in shown.decode()
     assert any(line.startswith("kernels, once on this machine: 1 of 2, ") for line in lines)
     assert lines[-2].strip() == "" and lines[-1] == ""  # nothing of it is left
-    out, shown = on_a_terminal(tried.command(SHOWN.format(quiet=False)), tried.environment)
-    assert (out, shown) == (b"4\n", b"")
+    out, shown = on_a_terminal(tried, SHOWN.format(quiet=False))
+    assert (out, shown) == ("4\n", b"")
 
 
 @pytest.mark.parametrize("trouble", ["no folder", "full"])
@@ -246,20 +245,13 @@ def slowly(self):  # …and take their time between reading the index and writin
     return found
 
 kernel_cache._writing = together
+kernel_cache.PATIENCE_S = 600.0  # however slow the machine, each waits for its turn
 print(kernels.apart({value}))
 """
     place = tried.folder / "place"
     place.mkdir()
-    running = [
-        subprocess.Popen(
-            tried.command(text.format(value=value, place=str(place))),
-            env=tried.environment,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for value in ("1", "1.5", "1j")
-    ]
-    assert [process.communicate(timeout=patience_s(240.0))[0].strip() for process in running] == ["0", "0.5", "(-1+1j)"]
+    running = [tried.start(text.format(value=value, place=str(place))) for value in ("1", "1.5", "1j")]
+    assert [process.done(compiling_s()).stdout.strip() for process in running] == ["0", "0.5", "(-1+1j)"]
     found, told = tried.says(COUNTED.format(call="(kernels.apart(1), kernels.apart(1.5), kernels.apart(1j))"))[
         0
     ].splitlines()
@@ -288,9 +280,7 @@ sys.exit(main())
 @pytest.mark.skipif(sys.platform != "linux", reason="made of a mutex of Linux's C library")
 @pytest.mark.parametrize(("sign", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupted_while_the_compiler_hears_nothing(tried: Tried, sign: signal.Signals, code: int) -> None:
-    with subprocess.Popen(
-        tried.command(INTERRUPTED), env=tried.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with tried.start(INTERRUPTED) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "compiling\n"
         process.send_signal(sign)
@@ -305,7 +295,7 @@ def test_interrupted_while_the_compiler_hears_nothing(tried: Tried, sign: signal
 ENTRIES = """
 import contextlib, io, json, sys
 import synth
-from synth import compiling
+from synth.jit import compiling
 from numba.core.caching import Cache
 
 names, load = set(), Cache.load_overload
@@ -336,13 +326,10 @@ print(json.dumps([said(set(entries) - names), said(names - set(compiling._wanted
 )
 def test_the_kernels_that_python_calls_are_those_it_is_known_of(tmp_path: Path, arguments: list[str]) -> None:
     output = str(tmp_path / ("out.npz" if arguments[0] == "simulate" else "out.wav"))
-    done = subprocess.run(
-        [sys.executable, "-c", ENTRIES.format(arguments=[*arguments, output])],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=compiling_s(),
-    )
-    assert done.returncode == 0, done.stderr
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    program = ENTRIES.format(arguments=[*arguments, output])
+    for _ in range(2):  # what the first has to compile it does not load
+        done = compiler().start([], tmp_path, module=None, before=program, **pipes).done(compiling_s())
+        assert done.returncode == 0, done.stderr
     unused, unknown, total = json.loads(done.stdout)
     assert (unused, unknown) == ([], []) and total > 30

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from synth.cli import main
-from synth.measures import relative_error
-from synth.schemes import COMPLIANT
-from synth.simulation import Case, CaseError, Scene, simulate
+from synth.dsp.measures import relative_error
+from synth.research.simulation import Case, CaseError, Scene, simulate
+from synth.solver.schemes import COMPLIANT
 
 METHODS = tuple(COMPLIANT)
 

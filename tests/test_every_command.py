@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from synth.preset import preset_folder
+from synth.instrument.preset import preset_folder
 from tests.forkserver import ROOT, Done, ForkServer, ended, full_pipe, writes
 from tests.host.midibytes import header, off, on, track
 from tests.nocard import hide_sound_card

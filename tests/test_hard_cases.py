@@ -14,15 +14,14 @@ import numpy as np
 import pytest
 
 from synth import EVENT, Engine, cli, load_preset
-from synth.case import case_names
-from synth.engine.events import NOTE_ON
-from synth.measures import relative_error
+from synth.dsp.measures import relative_error
+from synth.midi.events import NOTE_ON
 from synth.physics.modes import residual_compliance, static_compliance
 from synth.physics.tuning import tuned
-from synth.schemes import PASSIVE_TO, energy_warning, safe_rate_hz
-from synth.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
+from synth.research.case import case_names
+from synth.research.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
 from synth.solver import driver
-from synth.solver.kernels import no_finger
+from synth.solver.schemes import PASSIVE_TO, energy_warning, safe_rate_hz
 from tests.oracles.steps import exact_hold_step, moreau_jean_step
 
 HARD = [name for name in case_names() if name.startswith("hard/")]
@@ -172,9 +171,9 @@ def test_modes_with_a_node_there_feel_nothing(name, every):
     q, v = scene.initial()
     steps = 4000
     states = []
-    for obstacle in (scene.model, scene.model._replace(eta=np.full(scene.eta.size, -1.0))):
+    for obstacle in (scene.model, scene.model.but(eta=np.full(scene.eta.size, -1.0))):
         state = driver.start_run(obstacle, q, v, np.zeros(scene.eta.size), 1, steps + 1, False, False)
-        driver.run(obstacle, state, steps, no_finger(q.size, scene.eta.size))
+        driver.run(obstacle, state, steps)
         states.append(state.q)
     assert np.abs(states[0] - states[1]).max() > 1e-5
     nodal = slice(every - 1, None, every)
@@ -386,7 +385,7 @@ def test_the_driver_steps_as_the_twin_does(scheme, restitution):
             moves = (risen / dt, (after - before) / dt)
             filtered = scheme == "moreau-jean-filtered"
             step = moreau_jean_step(*common, model.eta + before, restitution, filtered, q, v, obstacle=moves)
-        driver.run_moving(model, state, 1, no_finger(q.size, 3), np.array([before, after]))
+        driver.run(model, state, 1, heights=np.array([before, after]))
         np.testing.assert_allclose(state.q, step.q, rtol=0, atol=1e-11 * np.abs(q).max())
         np.testing.assert_allclose(state.v, step.v, rtol=0, atol=1e-11 * np.abs(v).max() + 1e-15)
         touched += np.count_nonzero(step.contact)
@@ -546,11 +545,11 @@ def test_random_motion_is_passive(compliant):
         case["run"].pop("output_rate_hz", None)
         scene = scene_of(case)
         q, v = scene.initial()
-        model, contacts = scene.model, scene.eta.size
+        model = scene.model
         q, force, _ = driver.static_contact(model, q)
         state = driver.start_run(model, q, v, force, 1, 301, True, False)
         path = np.cumsum(np.concatenate([[0.0], rng.normal(size=300) * 10 ** rng.uniform(-6.0, -4.0)]))
-        driver.run_moving(model, state, 300, no_finger(q.size, contacts), path)
+        driver.run(model, state, 300, heights=path)
         touched += state.counts[driver.CONTACT_STEPS] > 10
         assert state.counts[driver.STEPS] == 300 and state.counts[driver.BAD_STEPS] == 0
         assert state.sums[driver.RISE] <= 1e-12 and state.sums[driver.PENETRATION] <= 1e-12
@@ -741,5 +740,5 @@ def test_faults_are_named(tables, message):
 
 def test_an_override_of_what_is_no_table_is_a_fault_of_the_table():
     case = {**with_tables("hard/moving-ramp"), "scheme": "exact-hold"}
-    with pytest.raises(CaseError, match=r"scheme: Input should be a table, got 'exact-hold'"):
+    with pytest.raises(CaseError, match=r"scheme: must be a table, got 'exact-hold'"):
         simulate(case, tail="static")

@@ -29,7 +29,13 @@ def folder(root: Path, cache: Path) -> Path:
     return Path(told.stdout.strip())
 
 
-@pytest.mark.parametrize("changed", ["solver/lcp.py", "engine/layout.py", "native/arrays.py", "units.py"])
+@pytest.mark.parametrize(
+    "changed",
+    [
+        "solver/lcp.py", "engine/voices/voice_table.py", "native/arrays.py", "midi/events.py", "dsp/effect.py",
+        "instrument/excitations.py", "units.py",
+    ],
+)  # fmt: skip
 def test_a_changed_kernel_or_constant_has_another_folder(tmp_path: Path, changed: str) -> None:
     shutil.copytree(PACKAGE, tmp_path / "synth", ignore=shutil.ignore_patterns("__pycache__"))
     first = folder(tmp_path, tmp_path / "cache")

@@ -8,16 +8,16 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from synth import kernel_claims, kernel_helpers
+from synth.jit import kernel_claims, kernel_helpers
+from tests.forkserver import Forked, compiler, ended
+from tests.patience import compiling_s, patience_s, until
 
 ROOT = Path(__file__).resolve().parents[1]
-PATIENCE_S = 240.0
 NAMES = ("first", "second", "third", "fourth")
 
 KERNELS = "from numba import njit\n\n@njit(cache=True)\ndef inner(x):\n    return x + 1\n\n" + "".join(
@@ -55,7 +55,7 @@ PROGRAM = """
 import json, os, signal, sys, time
 from pathlib import Path
 import synth
-from synth import compiling, kernel_cache, kernel_helpers
+from synth.jit import compiling, kernel_cache, kernel_helpers
 import listed
 
 here, names = Path(listed.__file__).parent, ("first", "second", "third", "fourth")
@@ -89,22 +89,17 @@ class Tried:
         (folder / "kernels.py").write_text(KERNELS)
         (folder / "listed.py").write_text(LISTED)
         self.environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-        self.environment |= {"XDG_CACHE_HOME": str(self.cache), "PYTHONPATH": f"{ROOT}:{folder}", "TMPDIR": str(folder)}
+        self.environment |= {"XDG_CACHE_HOME": str(self.cache), "TMPDIR": str(folder)}
 
-    def start(self, text: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-c", PROGRAM + text],
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+    def start(self, text: str) -> Forked:
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        program = f"import sys\nsys.path.append({str(self.folder)!r})\n{PROGRAM}{text}"
+        return compiler().start([], self.folder, module=None, before=program, env=self.environment, **pipes)
 
     def says(self, text: str) -> tuple[list[Any], str]:
-        with self.start(text) as process:
-            out, said = process.communicate(timeout=PATIENCE_S)
-        assert process.returncode == 0, said
-        return json.loads(out.splitlines()[-1]), said
+        done = self.start(text).done(compiling_s())
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1]), done.stderr
 
     @property
     def helpers(self) -> list[int]:
@@ -116,17 +111,9 @@ def tried(tmp_path: Path) -> Tried:
     return Tried(tmp_path)
 
 
-def runs(process_id: int) -> bool:
-    """Whether a process does anything any more."""
-    told = subprocess.run(["ps", "-o", "stat=", "-p", str(process_id)], capture_output=True, text=True).stdout.strip()
-    return told != "" and not told.startswith("Z")
-
-
 def has_ended(process_id: int) -> bool:
-    end = time.monotonic() + PATIENCE_S / 4
-    while runs(process_id) and time.monotonic() < end:
-        time.sleep(0.02)
-    return not runs(process_id)
+    """…at last."""
+    return until(lambda: ended(process_id), f"{process_id} runs on")
 
 
 VALUES = [2, 4, 6, 8]
@@ -199,9 +186,9 @@ sys.exit(main())
     with tried.start(text) as process:
         assert process.stdout is not None and process.stdout.readline() == "both\n"
         (helper,) = tried.helpers
-        assert runs(helper)
+        assert not ended(helper)
         process.send_signal(number)
-        _, said = process.communicate(timeout=PATIENCE_S)
+        said = process.done(patience_s()).stderr
     assert process.returncode == (-9 if number == signal.SIGKILL else 128 + number) and "Traceback" not in said
     assert has_ended(helper)
 
@@ -250,7 +237,7 @@ compiled()
 
 
 def test_claims_are_those_of_processes(tmp_path: Path) -> None:
-    text = "import sys; from synth import kernel_claims as c; c.share(int(sys.argv[1])); print(c.take('a'), c.take('b'))"
+    text = "import sys; from synth.jit import kernel_claims as c; c.share(int(sys.argv[1])); print(c.take('a'), c.take('b'))"
     with open(tmp_path / "claims", "w+b") as file:
         kernel_claims.share(file.fileno())
         try:
@@ -270,7 +257,7 @@ def test_claims_are_those_of_processes(tmp_path: Path) -> None:
 ASKED = """
 import json, os, sys, contextlib, io
 import synth
-from synth import kernel_helpers, kernel_linking
+from synth.jit import kernel_helpers, kernel_linking
 from numba.core.caching import Cache
 
 kernel_helpers._may_run = lambda: 0
@@ -293,24 +280,18 @@ print(json.dumps(found))
 @pytest.mark.parametrize(
     ("listed", "arguments"),
     [
-        ("synth.engine.kernels:kernels", ["render", str(ROOT / "presets" / "demos" / "bassline.mid"), "-p", "fretted-bass",
+        ("synth.engine.warmup:kernels", ["render", str(ROOT / "presets" / "demos" / "bassline.mid"), "-p", "fretted-bass",
                                           "--end", "0.2", "--quiet", "-o", "out.wav"]),
-        ("synth.methods.kernels:kernels", ["simulate", "tanpura", "--duration", "0.001", "--modes", "20", "--quiet", "-o",
-                                           "out.npz"]),
+        ("synth.research.methods.warmup:kernels", ["simulate", "tanpura", "--duration", "0.001", "--modes", "20",
+                                           "--quiet", "-o", "out.npz"]),
     ],
     ids=["engine", "simulate"],
 )  # fmt: skip
 def test_what_helpers_compile_is_what_is_called(tmp_path: Path, listed: str, arguments: list[str]) -> None:
     """The types in the lists are those that callers give: other ones would be compiled for nothing."""
-    done = subprocess.run(
-        [sys.executable, "-c", ASKED, listed, *arguments],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=4 * PATIENCE_S,
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    done = compiler().start([listed, *arguments], tmp_path, module=None, before=ASKED, **pipes).done(compiling_s())
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert len(found) > 2 and all(count == 0 or there for there, count in found.values()), found
-    assert all(found[name][1] for name in ("advance_blocks", "advance")), found
+    assert all(found[name][1] for name in ("advance_blocks", "one_by_one")), found

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
-PATIENCE_S = 240.0
+from tests.forkserver import compiler
+from tests.patience import compiling_s
 
-SUM = " + ".join(f"x[{k}] * x[{(7 * k + 3) % 150}]" for k in range(150))
+ROOT = Path(__file__).resolve().parents[1]
+
+TERMS = 100
+SUM = " + ".join(f"x[{k}] * x[{(7 * k + 3) % TERMS}]" for k in range(TERMS))
 KERNELS = f"""
 from numba import njit
 
@@ -37,15 +39,15 @@ PROGRAM = """
 import importlib.util, sys
 import numpy as np
 import synth
-from synth import compiling, kernel_linking
+from synth.jit import compiling, kernel_linking
 spec = importlib.util.spec_from_file_location("synth.kernels_to_try", {kernels!r})
 kernels = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(kernels)
-x = np.arange(150.0)
+x = np.arange(100.0)
 print(float(kernels.caller(x)), sorted(function.__name__ for function in compiling._made))
 """
-X = [float(k) for k in range(150)]
-VALUE = 2.0 * sum(X[k] * X[(7 * k + 3) % 150] for k in range(150)) + 1.0
+X = [float(k) for k in range(TERMS)]
+VALUE = 2.0 * sum(X[k] * X[(7 * k + 3) % TERMS] for k in range(TERMS)) + 1.0
 ALL = ["between", "caller", "large", "small"]
 
 
@@ -59,13 +61,11 @@ class Tried:
 
     def compiled(self, text: str = "") -> list[str]:
         """The kernels that a process compiles; the value that it gets is right."""
-        done = subprocess.run(
-            [sys.executable, "-c", self.program + text],
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        running = compiler().start(
+            [], self.cache.parent, module=None, before=self.program + text, env=self.environment, **pipes
         )
+        done = running.done(compiling_s())
         assert done.returncode == 0, done.stderr
         value, _, made = done.stdout.splitlines()[0].partition(" ")
         assert float(value) == VALUE
@@ -102,6 +102,35 @@ def test_one_that_is_missing_on_disk_is_compiled_again_with_those_that_call_it(t
     lost.unlink()
     assert "large" in tried.compiled()
     assert tried.compiled() == []
+
+
+FOREIGN = """
+import sys
+from numba import njit
+
+large = sys.modules["synth.kernels_to_try"].large
+
+@njit(cache=True)
+def theirs(x):
+    return 3.0 * large(x)
+
+@njit(cache=True)
+def outer(x):
+    return theirs(x) + 1.0
+"""
+
+
+def test_one_of_another_package_finds_what_it_calls(tried: Tried, tmp_path: Path) -> None:
+    """An extension's kernel, loaded from disk in a process that has not used the large one yet."""
+    (tmp_path / "foreign.py").write_text(FOREIGN)
+    before = "x = np.arange(100.0)\n"
+    assert before in tried.program
+    call = f"sys.path.insert(0, {str(tmp_path)!r})\nimport foreign\nmade = float(foreign.outer(x))\n"
+    first = f"print({VALUE!r}, sorted(function.__name__ for function in compiling._made))\nprint(made)\n"
+    tried.program = tried.program.split(before)[0] + before + call + first
+    expected = 3.0 * (VALUE - 1.0) / 2.0 + 1.0
+    assert tried.compiled() == ["large", "outer", "theirs"]
+    assert tried.compiled() == [] and tried.more == [repr(expected)]
 
 
 def test_one_that_another_process_has_compiled_anew_goes_by_another_name(tried: Tried) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from synth import measures as ms
+from synth.dsp import measures as ms
 
 
 def cents(f, f_ref):
@@ -128,6 +128,55 @@ def test_log_spectral_distance_sees_the_last_samples():
     assert ms.log_spectral_distance(u, ref, 44100) > 0.1
 
 
+def test_the_window_is_blackmans_and_harriss():
+    """0.35875 − 0.48829 cos + 0.14128 cos 2 − 0.01168 cos 3: 6e-5 at its ends, 1 in its middle, 0.217470 half way."""
+    window = ms.blackman_harris(9)
+    assert window == pytest.approx(window[::-1], abs=1e-15)
+    assert window[[0, 4]] == pytest.approx([6e-5, 1.0], abs=1e-12)
+    assert window[2] == pytest.approx(0.35875 - 0.14128, abs=1e-12)
+    assert ms.blackman_harris(1) == pytest.approx([6e-5], abs=1e-12)
+
+
+def test_power_of_frames():
+    # of a constant 1 a Hann window of 8 samples has 4 at DC and 2 beside it; 19 samples are frames at 0, 4, 8 and 12
+    power = ms.stft_power(np.ones(19), 8, 4)
+    assert power.shape == (4, 5)
+    for frame in power[:3]:
+        assert frame == pytest.approx([16.0, 4.0, 0.0, 0.0, 0.0], abs=1e-12)
+    # the last is filled up with zeros: its sum is that of seven samples of the window
+    assert power[3, 0] == pytest.approx((4.0 - 0.5 * (1.0 - np.cos(2 * np.pi * 7 / 8))) ** 2)
+    assert ms.stft_power(np.ones(16), 8, 4).shape == (3, 5) and ms.stft_power(np.ones(3), 8, 4).shape == (1, 5)
+
+
+def test_log_spectral_distance_counts_bins_from_the_first_to_the_highest():
+    """A frame of white noise with one bin raised: nothing of it at DC, and nothing above the highest."""
+    rng = np.random.default_rng(2)
+    ref = rng.standard_normal(4096)
+    tone = 50.0 * np.cos(2 * np.pi * np.arange(4096) / 64 * 8)  # bin 8 of 64 and its two neighbours
+
+    def distance(hz):
+        return ms.log_spectral_distance(ref + tone, ref, 64.0, size=64, hop=64, highest_hz=hz)
+
+    assert distance(6.0) < 1e-9
+    # 7, 8, 9, then bins that are as they were: the mean falls as their number rises
+    of_bins = [distance(hz) ** 2 * hz for hz in (9.0, 10.0, 32.0)]
+    assert of_bins == pytest.approx([of_bins[0]] * 3, rel=1e-6) and distance(8.0) ** 2 * 8.0 < 0.9 * of_bins[0]
+    assert distance(1000.0) == distance(32.0)  # half the rate is the last
+    assert ms.log_spectral_distance(ref + 5.0, ref, 64.0, size=64, hop=64, highest_hz=0.5 + 1.0) > 1.0
+
+
+def test_signals_that_are_none():
+    for x in (np.zeros(0), 1.0, np.ones((3, 1))):
+        with pytest.raises(ValueError, match="x must be a signal with one dimension, got shape"):
+            ms.dc(x)
+    with pytest.raises(ValueError, match="x must be finite, got 2 NaN or infinite samples"):
+        ms.dc([1.0, np.nan, np.inf])
+    with pytest.raises(ValueError, match="f0_hz must be positive and n at least 1, got 0 Hz and 1"):
+        ms.partials(np.ones(100), 100.0, 0.0, 1)
+    with pytest.raises(ValueError, match="got 10 Hz and 0"):
+        ms.partials(np.ones(100), 100.0, 10.0, 0)
+
+
 # --- spectra ------------------------------------------------------------------------------------------------
 
 
@@ -178,6 +227,38 @@ def test_partials_that_are_missing():
     assert np.isneginf(levels[1]) and found[1] == pytest.approx(400.0, abs=0.02)
     found, levels = ms.partials(x, rate, 9000.0, 4)
     assert np.all(np.isneginf(levels[2:]))
+
+
+def test_the_grid_of_a_spectrum():
+    """Padded to the next power of two at least; a constant of 1 shows as 2 at 0 Hz: an amplitude is that of a sine."""
+    frequencies, amplitude = ms.spectrum(np.ones(1000), 1000.0)
+    assert frequencies[1] == 1000.0 / 4096 and frequencies[-1] == 500.0 and amplitude[0] == pytest.approx(2.0)
+    assert ms.spectrum(np.ones(1024), 1000.0, padding=1)[0][1] == 1000.0 / 1024
+    assert ms.spectrum(np.ones(1025), 1000.0, padding=1)[0][1] == 1000.0 / 2048
+
+
+def test_band_edges_belong_to_the_band_above():
+    rate = 1000
+    x = np.sin(2 * np.pi * 100 * np.arange(1000) / rate)
+    assert ms.band_levels_db(x, rate, [50, 100, 150])[1] == pytest.approx(10 * np.log10(0.5), abs=1e-9)
+    assert ms.band_levels_db(x, rate, [50, 100, 150])[0] < -250
+    # half the rate is there once: no negative frequency doubles it
+    nyquist = (-1.0) ** np.arange(1000)
+    assert ms.band_levels_db(nyquist, rate, [400, 501]) == pytest.approx([0.0], abs=1e-9)
+    assert np.isneginf(ms.band_levels_db(np.zeros(10), rate, [0, 500])[0])
+
+
+def test_a_partial_is_looked_for_within_its_share_of_the_fundamental():
+    rate = 44100
+    t = np.arange(rate) / rate
+    x = np.sin(2 * np.pi * 100 * t) + 0.1 * np.sin(2 * np.pi * 235 * t)
+    assert np.isneginf(ms.partials(x, rate, 100.0, 2)[1][1])
+    found, levels = ms.partials(x, rate, 100.0, 2, search=0.4)
+    assert found[1] == pytest.approx(235.0, abs=0.01) and levels == pytest.approx([0.0, -20.0], abs=0.01)
+    # 85 dB below the loudest is the end: what is fainter may be a sidelobe of the window
+    for db, there in ((-80.0, True), (-90.0, False)):
+        y = np.sin(2 * np.pi * 100 * t) + 10 ** (db / 20) * np.sin(2 * np.pi * 200 * t)
+        assert np.isfinite(ms.partials(y, rate, 100.0, 2)[1][1]) == there
 
 
 # --- pitch --------------------------------------------------------------------------------------------------
@@ -235,6 +316,33 @@ def test_fundamental_prefers_nothing_outside_the_range_searched():
     assert abs(cents(ms.sounding_fundamental(x, rate, 100.0), 100.0)) < 0.05
     with pytest.raises(ValueError, match=r"no partial found within ±60 cents of 106 Hz"):
         ms.sounding_fundamental(np.sin(2 * np.pi * 112 * t), rate, 106.0)
+
+
+def test_the_flank_of_a_partial_outside_the_range_is_none():
+    rate = 44100
+    t = np.arange(2 * rate) / rate
+    for hz in (104.0, 96.0):  # ±60 cents of 100 Hz are 96.6 and 103.5 Hz
+        with pytest.raises(ValueError, match="no partial found"):
+            ms.sounding_fundamental(np.sin(2 * np.pi * hz * t), rate, 100.0)
+
+
+def test_a_string_beside_does_not_move_the_pitch():
+    """20 Hz off and half as loud, in less than a second."""
+    rate = 44100
+    t = np.arange(int(0.9 * rate)) / rate
+    x = np.sin(2 * np.pi * 220.0 * t) + 0.5 * np.sin(2 * np.pi * 243.0 * t + 1.0)
+    assert abs(cents(ms.sounding_fundamental(x, rate, 220.0), 220.0)) < 0.01
+
+
+def test_what_lies_40_decibels_down_does_not_count():
+    rate = 44100
+    t = np.arange(6 * rate) / rate
+    # from the maximum of the envelope, which the window, 0.13 s long, has 1.3 dB below the beginning
+    for plateau_db, heard in ((-42.0, False), (-40.0, True)):
+        level = np.maximum(-20.0 * t, plateau_db)
+        hz = np.where(level > plateau_db, 300.0, 301.0)
+        x = 10 ** (level / 20) * np.sin(2 * np.pi * np.cumsum(hz) / rate)
+        assert (cents(ms.sounding_fundamental(x, rate, 300.0), 300.0) > 1.0) == heard
 
 
 @pytest.mark.parametrize(
@@ -316,6 +424,86 @@ def test_decay_time_says_why_it_cannot_be_measured():
         ms.decay_time_s(steady[:200], rate, 100.0)
 
 
+def test_the_line_runs_between_the_levels_asked_for():
+    """10 dB/s down to −20 dB, 40 dB/s from there on: which of them is measured is the caller's to say."""
+    rate, f1 = 44100, 400.0
+    t = np.arange(3 * rate) / rate
+    level = -np.minimum(10.0 * t, 20.0) - 40.0 * np.maximum(t - 2.0, 0.0)
+    x = 10 ** (level / 20) * np.sin(2 * np.pi * f1 * t)
+    for fit_db, t60 in (((-2.0, -18.0), 6.0), ((-25.0, -50.0), 1.5)):
+        assert ms.decay_time_s(x, rate, f1, fit_db=fit_db) == pytest.approx(t60, rel=0.01)
+        assert ms.decay_times_s(x, rate, [f1], bandwidth_hz=0.8 * f1, fit_db=fit_db) == pytest.approx([t60], rel=0.01)
+        assert ms.decay_time_s(x, rate, fit_db=fit_db) == pytest.approx(t60, rel=0.05)
+
+
+def test_a_decay_time_is_that_from_3_to_33_decibels():
+    """10 dB/s before and after, 40 dB/s between: a decibel more or less of the others is seen."""
+    rate, f1 = 44100, 400.0
+    t = np.arange(2 * rate) / rate
+    level = -np.interp(t, [0.0, 0.3, 1.05, 2.0], [0.0, 3.0, 33.0, 42.5])
+    x = 10 ** (level / 20) * np.sin(2 * np.pi * f1 * t)
+    assert ms.decay_time_s(x, rate, f1) == pytest.approx(1.5, rel=0.01)
+    assert ms.decay_times_s(x, rate, [f1], bandwidth_hz=0.8 * f1) == pytest.approx([1.5], rel=0.01)
+
+
+def test_a_rise_has_no_decay_time():
+    rate = 44100
+    t = np.arange(rate) / rate
+    for frequency in (100.0, None):
+        with pytest.raises(ValueError, match="got 0 pieces; measure a longer signal"):
+            ms.decay_time_s(np.exp(3 * t) * np.sin(2 * np.pi * 100 * t), rate, frequency)
+    for bad in (0.0, rate / 2):
+        with pytest.raises(ValueError, match="frequency_hz must lie between 0 and 22050 Hz"):
+            ms.decay_time_s(t, rate, bad)
+        with pytest.raises(ValueError, match="frequencies_hz must lie between 0 and 22050 Hz"):
+            ms.decay_times_s(t, rate, [bad], bandwidth_hz=80.0)
+    # four windows of 20 pieces a second: 5 ms each would do, 50 ms do not
+    with pytest.raises(ValueError, match="got silence or less than 50 ms"):
+        ms.decay_time_s(np.ones(2204), rate)
+
+
+def test_slow_signals():
+    """What lies below 1 Hz is measured as all else is: 0.5 Hz at 100 samples a second, down by 20 dB in 30 s."""
+    rate = 100.0
+    t = np.arange(3000) / rate
+    x = np.exp(-np.log(10.0) / 30.0 * t) * np.sin(2 * np.pi * 0.5 * t)
+    assert ms.sounding_fundamental(x, rate, 0.5) == pytest.approx(0.5, rel=1e-4)
+    assert ms.decay_time_s(x, rate, 0.5, fit_db=(-2.0, -12.0)) == pytest.approx(90.0, rel=0.01)
+    assert ms.decay_times_s(x, rate, [0.5], bandwidth_hz=0.4, fit_db=(-2.0, -12.0)) == pytest.approx([90.0], rel=0.01)
+
+
+def test_the_shortest_signals_that_can_be_measured():
+    """12 periods for a pitch; for a decay the window, 4 bins to each side of its middle."""
+    rate, f1 = 44100, 441.0
+    x = np.sin(2 * np.pi * f1 * np.arange(rate) / rate) * np.exp(-3.0 * np.arange(rate) / rate)
+    assert abs(cents(ms.sounding_fundamental(x[:1200], rate, f1), f1)) < 5.0
+    with pytest.raises(ValueError, match="at least 12 periods of 441 Hz, got 12;"):
+        ms.sounding_fundamental(x[:1199], rate, f1)
+    # 4 / (0.8 · 441 Hz) are 500 samples, and one to make it odd
+    with pytest.raises(ValueError, match=r"at least 0\.0114 s to resolve 441 Hz, got 0\.0113 s"):
+        ms.decay_time_s(x[:500], rate, f1)
+    with pytest.raises(ValueError, match="to be fitted, got 0 pieces"):
+        ms.decay_time_s(x[:501], rate, f1)
+    with pytest.raises(ValueError, match=r"at least 0\.0114 s for partials 352\.8 Hz wide, got 0\.0113 s"):
+        ms.decay_times_s(x[:500], rate, [f1], bandwidth_hz=352.8)
+
+
+def test_a_fundamental_is_followed_as_deep_as_was_asked_for():
+    """20 dB down the pitch jumps: 40 dB hear both, 10 dB the beginning alone."""
+    rate = 44100
+    t = np.arange(4 * rate) / rate
+    hz = np.where(t < 2.0, 300.0, 301.0)
+    x = 10 ** (-0.5 * t) * np.sin(2 * np.pi * np.cumsum(hz) / rate)
+    assert abs(cents(ms.sounding_fundamental(x, rate, 300.0, depth_db=10.0), 300.0)) < 0.05
+    assert 1.0 < cents(ms.sounding_fundamental(x, rate, 300.0), 300.0) < 5.0
+    # and it is looked for as far away as was asked for
+    for away, within in ((30.0, 40.0), (90.0, 100.0)):
+        expected = 300.0 * 2 ** (away / 1200)
+        assert abs(cents(ms.sounding_fundamental(x[: 2 * rate], rate, expected, search_cents=within), 300.0)) < 0.05
+        with pytest.raises(ValueError, match="no partial found within"):
+            ms.sounding_fundamental(x[: 2 * rate], rate, expected, search_cents=away - 10.0)
+
+
 # --- levels and clicks --------------------------------------------------------------------------------------
 
 
@@ -372,6 +560,23 @@ def test_click_ratio_finds_a_jump_of_known_size():
     assert ms.click_ratios(x, [1000])[0] < 4
 
 
+def test_what_a_click_is_measured_against():
+    """Impulses have third differences of 1, 3, 3, 1: here, and in so many samples on one side behind the guard."""
+    x = np.zeros(1000)
+    x[500] = 1.0
+    x[400] = 0.1
+    # from 239 to 494 lie four of the small one's: an rms of 0.1 √(20/256)
+    expected = 3.0 / (0.1 * np.sqrt(20 / 256))
+    assert ms.click_ratios(x, [500])[0] == pytest.approx(expected, rel=1e-12)
+    assert ms.click_ratios(x, [500], neighbourhood=128)[0] == pytest.approx(expected / np.sqrt(2.0), rel=1e-12)
+    # as far as ±within, and no farther
+    assert ms.click_ratios(x, [504])[0] == pytest.approx(expected, rel=1e-12)
+    assert ms.click_ratios(x, [497])[0] == pytest.approx(expected, rel=1e-12)
+    assert np.all(ms.click_ratios(x, [496, 505]) < 0.5 * expected)
+    x[600] = 0.2  # the louder side counts
+    assert ms.click_ratios(x, [500])[0] == pytest.approx(0.5 * expected, rel=1e-12)
+
+
 def test_a_louder_start_without_a_jump_is_no_click():
     rate = 44100
     t = np.arange(4000) / rate
@@ -389,5 +594,12 @@ def test_click_ratios_at_the_edges_and_in_silence():
     x[500] = 1.0
     assert np.isinf(ms.click_ratios(x, [500])[0])
     assert ms.click_ratios(x, []).shape == (0,)
+    with pytest.raises(ValueError, match=r"positions must lie in 0…999, got -1…5"):
+        ms.click_ratios(x, [-1, 5])
+    assert ms.click_ratios(np.zeros(20), [0, 19]).tolist() == [0.0, 0.0]
+    with pytest.raises(ValueError, match="x must hold at least 20 samples, got 19"):
+        ms.click_ratios(np.zeros(19), [0])
+    with pytest.raises(ValueError, match="x must hold at least 28 samples, got 27"):
+        ms.click_ratios(np.zeros(27), [0], within=5)
     with pytest.raises(ValueError, match=r"positions must lie in 0…999, got 5…1000"):
         ms.click_ratios(x, [5, 1000])

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from pathlib import Path
 
 import pytest
 
-from synth.calibration import STEPS
-from synth.compile import describe_plan, open_string, string_kind
 from synth.dsp.decimator import MAXIMUM_FACTOR
-from synth.measures import relative_error
-from synth.physics.modes import count_modes_below, modal_frequencies
-from synth.physics.string import String
-from synth.plan import (
+from synth.dsp.measures import relative_error
+from synth.instrument.calibration import STEPS
+from synth.instrument.compile import describe_plan, open_string, string_kind
+from synth.instrument.plan import (
     BRIDGE,
     BRIDGE_ERROR,
     FAR,
@@ -21,14 +21,19 @@ from synth.plan import (
     KEPT,
     MAX_MODES,
     QUALITIES,
+    WALL,
     choose_factor,
+    foundation_length,
     plan_string,
+    plan_wall,
     promise,
     scene_kind,
     wanted_rate_hz,
 )
-from synth.preset import list_presets, load_preset
-from synth.simulation import Case, Scene, simulate
+from synth.instrument.preset import list_presets, load_preset
+from synth.physics.modes import count_modes_below, modal_frequencies
+from synth.physics.string import String
+from synth.research.simulation import Case, Scene, simulate
 
 
 def string(length_m: float = 0.9, tension_n: float = 40.0, bending_n_m2: float = 2.5e-4) -> String:
@@ -53,10 +58,22 @@ def test_what_is_touched_decides_the_kind():
     assert scene_kind(soft, (0.006,)) == IMPACTS
 
 
+def test_where_the_kinds_part():
+    """A bridge: no further than 3 % of the length from an end, its distance no more than 1/0.07 bending lengths."""
+    stiff = string(bending_n_m2=40.0 * 0.07**2 * 0.03**2)  # bending length 0.07 · 0.03 m
+    assert [scene_kind(stiff, (x,)) for x in (0.0265, 0.02705, 0.9 - 0.0265, 0.9 - 0.02705)] == [BRIDGE, IMPACTS] * 2
+    long = string(length_m=2.0, bending_n_m2=40.0 * 0.07**2 * 0.03**2)
+    assert [scene_kind(long, (x,)) for x in (0.0299, 0.0301, 2.0 - 0.0299, 2.0 - 0.0301)] == [BRIDGE, IMPACTS] * 2
+    # which half: that of the point, or the other
+    assert [scene_kind(stiff, (0.88,), (pluck,)) for pluck in (0.449, 0.451)] == [FAR, BRIDGE]
+    assert scene_kind(stiff, (0.02,), (0.1, 0.8)) == FAR
+
+
 def test_without_contact_the_output_rate_is_enough():
     for quality in QUALITIES:
         factor, error = choose_factor(110.0, FREE, quality, 44100.0)
         assert factor == 1 and error == "exact"
+        assert wanted_rate_hz(110.0, FREE, quality) == 0.0
 
 
 def test_the_calibrated_rate_is_reached_and_not_overshot():
@@ -89,6 +106,29 @@ def test_internal_rate_does_not_depend_on_the_output_rate_by_more_than_its_grain
         assert wanted <= factor * rate < wanted + rate
 
 
+def test_the_ends_of_what_can_be_asked_for():
+    assert choose_factor(98.0, BRIDGE, "standard", 44100.0, 44100.0) == (1, "not calibrated at a rate of your own")
+    assert choose_factor(98.0, BRIDGE, "standard", 44100.0, MAXIMUM_FACTOR * 44100.0)[0] == MAXIMUM_FACTOR
+    for rate, nearest in (
+        (100000.0, 88200.0),
+        (44100.0 * (MAXIMUM_FACTOR + 1), 2822400.0),
+        (0.0, 44100.0),
+        (66151.0, 88200.0),
+    ):
+        with pytest.raises(ValueError, match=re.escape(f"of 44100 Hz, got {rate:g} Hz; take {nearest:g} Hz")):
+            choose_factor(98.0, BRIDGE, "standard", 44100.0, rate)
+    # a rate that is wanted to the last digit is not exceeded for a rounding error, and at the limit nothing is limited
+    f0 = 3.0 * 44100.0 / STEPS[BRIDGE]["fine"]
+    assert [choose_factor(f0 * (1.0 + off), BRIDGE, "fine", 44100.0)[0] for off in (-1e-6, 1e-12, 1e-6)] == [3, 3, 4]
+    f0 = MAXIMUM_FACTOR * 44100.0 / STEPS[IMPACTS]["fine"]
+    assert choose_factor(f0, IMPACTS, "fine", 44100.0) == (MAXIMUM_FACTOR, promise(IMPACTS, "fine"))
+    beyond = choose_factor(1.01 * f0, IMPACTS, "fine", 44100.0)
+    assert beyond == (MAXIMUM_FACTOR, f"{promise(IMPACTS, 'standard')} (limited to {MAXIMUM_FACTOR} × output)")
+    factor, kept = choose_factor(1.01 * f0, IMPACTS, "fine", 44100.0, decimated=False)
+    assert (factor, kept) == (MAXIMUM_FACTOR + 1, promise(IMPACTS, "fine"))
+    assert choose_factor(1e9, IMPACTS, "fine", 44100.0)[1] == f"not calibrated (limited to {MAXIMUM_FACTOR} × output)"
+
+
 def test_own_rate_must_be_a_multiple():
     assert choose_factor(98.0, BRIDGE, "standard", 44100.0, 176400.0)[0] == 4
     for rate in (100000.0, 44100.0 * (MAXIMUM_FACTOR + 1), 0.0, 22050.0):
@@ -110,6 +150,14 @@ def test_modes_are_those_below_half_the_internal_rate():
     assert f"{plan.modes} modes" in plan.reason and "1 contact:" in plan.reason
 
 
+def test_a_plan_goes_as_far_as_the_decimator_unless_there_is_none():
+    limited, free = (
+        plan_string(string(), 1e5, 1, IMPACTS, quality="fine", rate_hz=44100.0, **more)
+        for more in ({}, {"decimated": False})
+    )
+    assert limited.factor == MAXIMUM_FACTOR < free.factor
+
+
 def test_there_is_a_mode_at_least_and_an_end():
     short = plan_string(string(0.02, 4000.0), 50000.0, 0, FREE, quality="draft", rate_hz=44100.0)
     assert short.modes == 1
@@ -117,6 +165,55 @@ def test_there_is_a_mode_at_least_and_an_end():
         string(5.0, 10.0), 10.0, 1, BRIDGE, quality="standard", rate_hz=44100.0, internal_rate_hz=64 * 44100.0
     )
     assert long.modes <= MAX_MODES
+
+
+def test_the_most_modes():
+    slack = string(5.0, 10.0, bending_n_m2=0.0)  # 10 Hz
+    plans = [plan_string(slack, 10.0, 0, FREE, quality="draft", rate_hz=rate) for rate in (39_000.0, 40_100.0)]
+    assert [plan.modes for plan in plans] == [1949, MAX_MODES]
+    assert [plan.reason for plan in plans] == [
+        "0 contacts: 39.0 kHz (1 × output), 1949 modes below half of it; exact",
+        "0 contacts: 40.1 kHz (1 × output), 2000 modes below half of it; exact",
+    ]
+
+
+def test_a_wall_gets_the_grid_and_the_step_that_its_stiffness_asks_for():
+    """Δx below 2.25 foundation lengths, ΩΔt below 0.7 at standard; modes + 1 a power of two."""
+    flexible = string(bending_n_m2=0.0)
+    assert foundation_length(4e5, flexible) == pytest.approx(0.01)  # √(T/k)
+    assert foundation_length(4e7, string(bending_n_m2=0.4)) == pytest.approx(0.01)  # (EI/k)^¼
+    for k in (1e4, 3e5, 1e7):
+        for quality, (nodes, angle, error) in WALL.items():
+            plan = plan_wall(flexible, k, quality=quality, rate_hz=44100.0)
+            assert (plan.quality, plan.scheme, plan.contacts, plan.error) == (quality, "wall", 0, error)
+            spacing, wanted = 0.9 / (plan.modes + 1), nodes * foundation_length(k, flexible)
+            assert (plan.modes + 1) & plan.modes == 0
+            assert spacing <= wanted and (2.0 * spacing > wanted or plan.modes == 1)
+            turn = (k / 1e-3) ** 0.5
+            assert plan.rate_hz == plan.factor * 44100.0 and turn / plan.rate_hz <= angle
+            assert plan.factor == 1 or turn / (plan.rate_hz - 44100.0) > angle
+    soft = plan_wall(flexible, 1e-15, quality="draft", rate_hz=44100.0)
+    assert (soft.modes, soft.factor) == (1, 1)
+    just = 1e-3 * (2.0 * 44100.0 * WALL["standard"][1]) ** 2
+    assert [plan_wall(flexible, just * x, quality="standard", rate_hz=44100.0).factor for x in (1.0, 1.0 + 1e-6)] == [2, 3]
+
+
+def test_a_better_quality_resolves_a_wall_at_least_twice_as_finely():
+    """What tools/wall-study measured: each halves the nodes' distance, and the step at least."""
+    nodes, angles = ([WALL[quality][of] for quality in QUALITIES] for of in (0, 1))
+    assert [coarse / fine for coarse, fine in itertools.pairwise(nodes)] == pytest.approx([2.0, 2.0, 2.0], rel=0.01)
+    assert all(coarse / fine > 1.99 for coarse, fine in itertools.pairwise(angles))
+    assert (
+        plan_wall(string(bending_n_m2=0.0), 1e5, quality="standard", rate_hz=44100.0).modes == 31
+    )  # 0.9/(2.25 · 0.02) = 20
+
+
+def test_walls_that_cannot_be_planned():
+    with pytest.raises(ValueError, match="quality must be one of draft, standard, fine, reference, got 'best'"):
+        plan_wall(string(), 1e6, quality="best", rate_hz=44100.0)
+    for stiffness in (0.0, -1.0, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match="a wall can be planned for a stiffness > 0"):
+            plan_wall(string(), stiffness, quality="fine", rate_hz=44100.0)
 
 
 def test_other_schemes_say_that_they_are_not_calibrated():
@@ -175,6 +272,20 @@ def test_where_it_is_plucked_decides_between_near_and_far():
     assert scene_kind(stiff, (0.3,), (0.8,)) == IMPACTS and scene_kind(stiff, (), (0.8,)) == FREE
     for quality in QUALITIES:
         assert wanted_rate_hz(55.0, FAR, quality) > wanted_rate_hz(55.0, BRIDGE, quality)
+
+
+def test_promises_in_words():
+    kept = "in 95 % of random scenes"
+    for quality, error in (("draft", "0.3"), ("standard", "0.1"), ("fine", "0.02")):
+        assert promise(BRIDGE, quality) == promise(FAR, quality) == f"e < {error} over 3 s {kept}"
+    assert promise(IMPACTS, "draft") == (f"log-spectral distance < 6 dB, where chaotic third octaves within 4 dB, {kept}")
+    assert promise(IMPACTS, "standard") == (
+        f"e < 0.3 over 0.1 s, log-spectral distance < 3 dB, where chaotic third octaves within 2.5 dB, {kept}"
+    )
+    assert promise(IMPACTS, "fine") == (
+        f"e < 0.1 over 0.1 s, log-spectral distance < 1.5 dB, where chaotic third octaves within 2.5 dB, {kept}"
+    )
+    assert {promise(kind, "reference") for kind in (BRIDGE, FAR, IMPACTS)} == {"as close as converged runs"}
 
 
 def test_a_promise_says_in_how_many_scenes_it_is_kept():

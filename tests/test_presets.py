@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from synth.compile import CompiledString, compile_preset
+from synth.dsp.measures import decay_time_s
 from synth.engine.engine import Engine
-from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
-from synth.measures import decay_time_s
-from synth.preset import (
+from synth.fit.tune import single_strings
+from synth.instrument.compile import CompiledString, compile_preset
+from synth.instrument.preset import (
     FORMAT,
     MIGRATIONS,
     Preset,
@@ -20,7 +20,7 @@ from synth.preset import (
     migrate,
     parse_preset,
 )
-from synth.tune import single_strings
+from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.units import midi_to_hz
 
 RATE = 44100.0

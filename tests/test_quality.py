@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from synth.dsp.measures import log_spectral_distance, relative_error
 from synth.engine.engine import Engine
-from synth.engine.events import NOTE_ON, make_events
-from synth.measures import log_spectral_distance, relative_error
-from synth.preset import Preset, load_preset
+from synth.instrument.preset import Preset, load_preset
+from synth.midi.events import NOTE_ON, make_events
 
 RATE_HZ = 44100.0
 

@@ -16,10 +16,10 @@ import pytest
 
 import synth
 from synth import cli
-from synth.case import OVERRIDES
-from synth.methods import laws
-from synth.result import Result, ResultError, load_result
-from synth.simulation import CaseError, Overrides, load_case, simulate, simulate_file
+from synth.research.case import OVERRIDES
+from synth.research.methods import nonsmooth_schemes
+from synth.research.result import Result, ResultError, load_result
+from synth.research.simulation import CaseError, Overrides, load_case, simulate, simulate_file
 from synth.solver import driver
 
 SMALL = {"rate": 88_200.0, "modes": 20, "duration_s": 0.005}
@@ -345,7 +345,7 @@ def test_time_to_compile_is_not_time_to_compute(monkeypatch) -> None:
         run(*arguments)
 
     monkeypatch.setattr(driver, "run", slow)
-    monkeypatch.setattr(laws.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(nonsmooth_schemes.time, "perf_counter", lambda: clock[0])
     summary = simulate("tanpura", **SMALL).summary
     assert len(calls) >= 2 and 0.0 < summary["compute_s"] < 50.0
     assert summary["compile_s"] >= 0.0
@@ -420,7 +420,9 @@ def test_a_type_checker_sees_the_package(tmp_path: Path) -> None:
     )  # fmt: skip
     said = [line.partition("program.py:")[2] for line in done.stdout.splitlines() if "program.py:" in line]
     notes = [line for line in said if "Revealed type" in line]
-    for line, kind in zip(notes, ("synth.result.Result", "ndarray", "dict[", "synth.preset.Preset"), strict=True):
+    for line, kind in zip(
+        notes, ("synth.research.result.Result", "ndarray", "dict[", "synth.instrument.preset.Preset"), strict=True
+    ):
         assert kind in line
     errors = [line for line in said if " error: " in line]
     assert [int(line.partition(":")[0]) for line in errors] == [11, 12, 13], done.stdout

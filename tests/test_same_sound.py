@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from synth import list_presets
-from synth.case import case_names
-from synth.engine import events
 from synth.engine.parameters import INDEX_OF
-from synth.plan import QUALITIES
-from synth.schemes import LAWS, SCHEMES
+from synth.instrument.plan import QUALITIES
+from synth.midi import events
+from synth.research.case import case_names
+from synth.solver.schemes import LAWS, SCHEMES
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
@@ -204,6 +204,7 @@ def repository(tmp_path: Path) -> Path:
     for folder in ("synth", "presets", "tools/same_sound"):
         shutil.copytree(ROOT / folder, root / folder, ignore=leave)
     shutil.copy2(ROOT / "tools/same-sound", root / "tools")
+    shutil.copy2(ROOT / ".gitignore", root)
     for words in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "all")):
         git(root, *words)
     return root
@@ -225,7 +226,7 @@ def test_an_altered_rounding_and_a_failure_are_found(repository: Path) -> None:
     assert "2 equal, 0 different" in done.stdout and "BASE: 0 of 2" in done.stderr
     git(repository, "commit", "-q", "--allow-empty", "-m", "another with the same package: what is kept serves it too")
 
-    forms = repository / "synth/exact/triangle.py"
+    forms = repository / "synth/research/exact/triangle.py"
     before = forms.read_text()
     ordered = "displacement_m * (free(z, now, 1.0, 1.0, 0.5, 1.0) + sent(now - d) - sent(now - (1.0 - d)))"
     assert before.count(ordered) == 1
@@ -268,7 +269,7 @@ def test_wrong_use_is_told_in_a_line(repository: Path) -> None:
 
 @pytest.mark.slow
 def test_a_worker_that_dies_costs_one_scene(repository: Path) -> None:
-    cases = repository / "synth/exact/triangle.py"
+    cases = repository / "synth/research/exact/triangle.py"
     cases.write_text(
         cases.read_text().replace("def wall(", "def wall(*_, **__):\n    import os\n    os.abort()\n\n\ndef old(")
     )

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from synth.cli import main
-from synth.preset import preset_folder
-from synth.sources import read_bytes, read_file
+from synth.files.sources import read_bytes, read_file
+from synth.instrument.preset import preset_folder
 from tests.patience import compiling_s
 
 TANPURA = preset_folder() / "tanpura.toml"

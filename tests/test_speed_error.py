@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 from speed_error import grid, kernels, measure, tables
 from speed_error.store import Store
 
-from synth import methods
+from synth.research import methods
 
 
 def test_what_was_kept_is_found_by_what_it_depends_on(tmp_path: Path) -> None:

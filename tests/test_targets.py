@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from synth import targets
-from synth.targets import Named, Whole, check_apart, check_target, tidy, write_text, write_whole
+from synth.files import targets
+from synth.files.targets import Named, Whole, check_apart, check_target, tidy, write_text, write_whole
 from tests.patience import patience_s
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -24,12 +24,12 @@ def process(program: str, *arguments: str) -> subprocess.Popen[str]:
 
 KILLED = """
 import os, signal, sys
-from synth.targets import write_whole
+from synth.files.targets import write_whole
 write_whole(sys.argv[1], lambda file: (file.write(b"half"), file.flush(), os.kill(os.getpid(), signal.SIGKILL)))
 """
 WRITING = """
 import sys
-from synth.targets import write_whole
+from synth.files.targets import write_whole
 def write(file):
     file.write(b"whole"); file.flush()
     print("writing", flush=True)
@@ -89,7 +89,7 @@ def test_those_who_write_at_once_do_not_take_each_other_s_files(tmp_path: Path) 
     """One takes away what is left, again and again, while others begin files: each gets its own."""
     program = """
 import sys
-from synth.targets import write_text
+from synth.files.targets import write_text
 for k in range(60):
     write_text(f"{sys.argv[1]}/{sys.argv[2]}-{k}", "x")
 """
@@ -201,7 +201,7 @@ def test_a_folder_that_knows_no_capitals(tmp_path: Path, monkeypatch) -> None:
 def test_standard_output_that_is_an_input(tmp_path: Path) -> None:
     song = tmp_path / "s.mid"
     song.write_bytes(b"music")
-    program = "import sys; from synth.targets import *; check_apart([Named('in', sys.argv[1])], [Named('-o', '-')])"
+    program = "import sys; from synth.files.targets import *; check_apart([Named('in', sys.argv[1])], [Named('-o', '-')])"
     with open(song, "ab") as file:
         done = subprocess.run(
             [sys.executable, "-c", program, str(song)],

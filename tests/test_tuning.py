@@ -1,14 +1,14 @@
 """Every note of the presets that come with the program sounds at its pitch, with the contact in place."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from synth.preset import load_preset
-from synth.tune import TUNING_RANGE, calibrate, measure, measure_all, retuned, single_strings, tunings, worst
+from synth.fit.tune import TUNING_RANGE, calibrate, measure, measure_all, retuned, single_strings, tunings, worst
+from synth.instrument.preset import load_preset
+from tests.forkserver import prepared
 from tests.patience import compiling_s
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -85,8 +85,9 @@ def test_tune_presets_writes_the_table_and_nothing_else(tmp_path: Path) -> None:
     path.write_text("\n".join([*lines[:at], "contact_cents = { C2 = 30.0 }", *lines[at + 1 :]]) + "\n", encoding="utf-8")
 
     def tune(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, str(ROOT / "tools" / "tune-presets"), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, timeout=compiling_s())
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        tool = f"import runpy\nrunpy.run_path({str(ROOT / 'tools' / 'tune-presets')!r}, run_name='__main__')"
+        return prepared().start(list(arguments), tmp_path, module=None, before=tool, **pipes).done(compiling_s())
 
     assert tune("--check", str(path)).returncode == 1
     done = tune(str(path))

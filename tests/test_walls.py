@@ -13,18 +13,18 @@ import scipy.fft
 import scipy.integrate
 
 import synth
-from synth.case import CaseError, load_case
-from synth.exact.triangle import free
-from synth.exact.triangle import wall as over_wall
-from synth.measures import relative_error
+from synth.dsp.measures import relative_error
+from synth.instrument.plan import BRIDGE, WALL, plan_string, plan_wall, wanted_rate_hz
 from synth.physics.obstacle import parabola_height, wall_positions
-from synth.plan import BRIDGE, WALL, plan_string, plan_wall, wanted_rate_hz
-from synth.scene import Scene
+from synth.research.case import CaseError, load_case
+from synth.research.exact.triangle import free
+from synth.research.exact.triangle import wall as over_wall
+from synth.research.scene import Scene
 from synth.solver import wall
 from synth.solver.clearance import attend, clear_for
-from synth.solver.kernels import fly
 from synth.solver.problem import Problem
 from synth.solver.sine import make_sine, transform
+from synth.solver.stepwise import fly
 from tests.oracles.wall_steps import wall_steps
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from synth.preset import preset_folder
+from synth.instrument.preset import preset_folder
 
 from .serverkit import Server
 

@@ -20,10 +20,44 @@ from tests.patience import patience_s
 
 ROOT = Path(__file__).resolve().parents[2]
 
+#: run before `synth author` in a forked process: the first process of the views is a fork as well, with its imports behind
+#: it, and not a new interpreter
+FORKED_VIEWS = """
+import os, signal
+from contextlib import suppress
+from multiprocessing import Pipe
+from synth.author import worker
+
+class Forked:
+    def __init__(self):
+        self.pipe, theirs = Pipe()
+        self.pid = os.fork()
+        if not self.pid:
+            self.pipe.close()
+            worker._serve(theirs)
+            os._exit(0)
+        theirs.close()
+
+    def kill(self):
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+
+waiting, anew = [Forked()], worker.Worker._started
+
+def started(self):
+    if self._pipe is None and not self._closed and waiting:
+        self._process = waiting.pop()
+        self._pipe = self._process.pipe
+    return anew(self)
+
+worker.Worker._started = started
+"""
+
 
 class Server:
     """`synth author` on a folder, without a browser unless told. `get` and `post` show the token; answers are checked unless
-    a status is expected. `program`: what runs instead of the command; with it or `env` it is a new interpreter."""
+    a status is expected. `program`: what runs instead of the command; with it or `env` it is a new interpreter. `as_it_is`:
+    the process of its views is a new interpreter, too."""
 
     def __init__(
         self,
@@ -32,12 +66,14 @@ class Server:
         env: dict[str, str] | None = None,
         browser: bool = False,
         program: Sequence[str] = (),
+        as_it_is: bool = False,
     ) -> None:
         self.folder = folder
         self._process: subprocess.Popen[str] | Forked
         command = ["author", *([] if browser else ["--no-browser"]), *arguments]
         if env is None and not program:
-            self._process = prepared().start(command, folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+            self._process = prepared().start(command, folder, before="" if as_it_is else FORKED_VIEWS, **pipes)
         else:
             self._process = subprocess.Popen(
                 [sys.executable, *(program or ("-m", "synth")), *command],

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from synth.author import changes, document
-from synth.preset import parse_preset, preset_folder
+from synth.instrument.preset import parse_preset, preset_folder
 
 from .serverkit import Doc, Server
 
@@ -312,7 +312,7 @@ def test_an_autosave_is_whole_or_not_there(tmp_path: Path, monkeypatch) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("synth.targets.os.replace", killed)
+        patched.setattr("synth.files.targets.os.replace", killed)
         with pytest.raises(KeyboardInterrupt):
             made.write_autosave()
     assert list(tmp_path.iterdir()) == []

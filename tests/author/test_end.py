@@ -44,7 +44,7 @@ def ask_for_views(doc: Doc) -> list[threading.Thread]:
 @pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
 def test_ended_while_views_are_computed(serve: Serve, folder: Path, sign: signal.Signals, times: int) -> None:
-    server = serve("mine.toml")
+    server = serve("mine.toml", as_it_is=True)
     doc = server.open("mine.toml")
     until(lambda: server.get("/api/session")["kernels"] == "ready")
     with doc.connect() as page:
@@ -85,7 +85,7 @@ def test_the_first_start_says_what_it_does(serve: Serve, tmp_path: Path) -> None
 STUCK = """
 import pathlib, sys, time
 from synth.author.app import App
-from synth.author.desk import Desk
+from synth.author.documents import Documents
 
 def wait(*_):
     pathlib.Path({marker!r}).touch()
@@ -101,7 +101,7 @@ sys.exit(main())
 """
 
 
-REQUEST, LOOP = ("Desk.presets = wait", "/api/session"), ("App._index = wait_in_the_loop", "/")
+REQUEST, LOOP = ("Documents.presets = wait", "/api/session"), ("App._index = wait_in_the_loop", "/")
 
 
 @pytest.mark.parametrize(

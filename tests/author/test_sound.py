@@ -22,8 +22,8 @@ from synth.author.document import Document
 from synth.author.phrases import NAMES, phrase
 from synth.author.sound import Player
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
-from synth.engine.events import NOTE_OFF, NOTE_ON, make_events
-from synth.preset import Preset, playable_notes, preset_folder
+from synth.instrument.preset import Preset, playable_notes, preset_folder
+from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
 from tests.patience import patience_s
 
 from .serverkit import ROOT, Doc, Page, Server

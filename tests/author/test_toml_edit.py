@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synth.author.toml_edit import change_in
-from synth.preset import preset_folder
+from synth.instrument.preset import preset_folder
 
 TEXT = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
 CLEARS = "# pressing a key lowers the bridge until the string hardly touches it: the buzz clears"

@@ -16,7 +16,7 @@ import soundfile
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.views import instrument, motion, parameters
 from synth.author.worker import Worker, compute
-from synth.preset import PresetError, load_preset
+from synth.instrument.preset import PresetError, load_preset
 from tests.patience import until
 
 from .conftest import Serve
@@ -232,7 +232,7 @@ def test_the_process_of_the_views_is_started_again() -> None:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 def test_nothing_is_left_of_a_server_that_is_killed(serve: Serve) -> None:
-    server = serve()
+    server = serve(as_it_is=True)
     until(lambda: children(server.pid))
     left = children(server.pid)
     server.end(signal.SIGKILL)

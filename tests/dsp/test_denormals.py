@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from synth.dsp import denormals
+from synth.native import denormals
 
 pytestmark = pytest.mark.skipif(not denormals.SUPPORTED, reason="no flush-to-zero switch on this processor")
 
@@ -123,7 +123,7 @@ def test_it_works_from_the_cache(tmp_path):
     program.write_text(
         "import numpy as np\n"
         "from numba import njit\n"
-        "from synth.dsp.denormals import enable_ftz, restore\n"
+        "from synth.native.denormals import enable_ftz, restore\n"
         "@njit(cache=True, nogil=True)\n"
         "def half(x, out):\n"
         "    previous = enable_ftz()\n"

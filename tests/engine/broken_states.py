@@ -20,8 +20,8 @@ import numpy as np
 
 from synth.engine import snapshot
 from synth.engine.engine import Engine
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, make_events
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, make_events
 
 RATE_HZ = 44100.0
 #: a case that takes longer hangs [s]
@@ -81,7 +81,7 @@ def moments(made: Engine) -> list[bytes]:
 def places(made: Engine, waiting: int) -> dict[str, tuple[int, int, np.dtype]]:
     """Of every array: where it begins in the bytes, how many elements it has, of which type."""
     out, at = {}, snapshot._HEAD
-    for name, array in made._state._asdict().items():
+    for name, array in made._changing().items():
         size = waiting if name == "pending" else array.size
         out[name] = (at, size, array.dtype)
         at += size * array.dtype.itemsize
@@ -110,7 +110,7 @@ def _one_number(rng: np.random.Generator, data: bytearray, at: int, dtype: np.dt
 
 def _change_numbers(rng: np.random.Generator, data: bytearray, where: dict[str, tuple[int, int, np.dtype]]) -> str:
     filled = [name for name, (_, size, _) in where.items() if size]
-    crowded = ["sounding", "sounding", "sounding", "channels", "part_state", "counters", "pending", "limiter_counters"]
+    crowded = ["sounding", "sounding", "sounding", "channels", "part_state", "counters", "pending", "effect_counts"]
     names = []
     for _ in range(int(rng.choice([1, 1, 1, 2, 5]))):
         name = str(rng.choice([n for n in crowded if n in filled] if rng.random() < 0.5 else filled))
@@ -181,7 +181,7 @@ def main(count: int, seed: int, first: int = 0) -> None:
         heard = play(made, went_on, 700)
         assert np.isfinite(heard).all(), f"case {number}: {kind}: not finite"
         assert np.abs(heard[:2]).max() <= 1.0, f"case {number}: {kind}: above full scale"
-        for array in made._state:
+        for array in made._changing().values():
             if array.dtype.kind == "f":
                 assert np.isfinite(array).all(), f"case {number}: {kind}: something stays that is not finite"
         counts[f"{kind} harmless"] += 1

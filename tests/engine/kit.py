@@ -8,8 +8,9 @@ import numpy as np
 
 from synth.engine import layout
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, make_events
-from synth.preset import Preset, parse_preset
+from synth.instrument.preset import Preset, parse_preset
+from synth.midi.events import EVENT, make_events
+from synth.solver.stringmodel import StringModel, StringState
 
 RATE_HZ = 44100.0
 QUANTUM = layout.QUANTUM
@@ -152,17 +153,25 @@ def until_state_at(made: Engine, events, frame: int) -> np.ndarray:
 
 def state_of(made: Engine, s: int) -> tuple[np.ndarray, np.ndarray]:
     """q, v of string s: views into the state, as many modes as its model has."""
-    string, model = bank_of(made).strings[s], bank_of(made).models[made._state.sounding["model"][s]]
-    place = slice(int(string["off"]), int(string["off"] + model["n"]))
-    return made._state.q[place], made._state.v[place]
+    model, string = bank_of(made).models[made._state.sounding["model"][s]], made._strings.states.items[s]
+    return string.q[: model["n"]], string.v[: model["n"]]
+
+
+def string_of(made: Engine, s: int) -> StringState:
+    """What changes of string s."""
+    return made._strings.states.items[s]
+
+
+def model_of(made: Engine, s: int) -> StringModel:
+    """The model of string s as compiled."""
+    return made._strings.models[made._state.sounding["model"][s]]
 
 
 def energy(made: Engine, s: int) -> float:
     """½ μ Σ (v² + ω² q²) of string s [J]."""
     q, v = state_of(made, s)
-    model = bank_of(made).models[made._state.sounding["model"][s]]
-    omega = bank_of(made).omega[model["off"] : model["off"] + model["n"]]
-    return 0.5 * float(model["mu"]) * float(np.sum(v**2 + (omega * q) ** 2))
+    model = model_of(made, s)
+    return 0.5 * model.mu * float(np.sum(v**2 + (model.omega[: model.modes] * q) ** 2))
 
 
 def awake(made: Engine) -> list[int]:
@@ -179,7 +188,7 @@ def place(made: Engine, s: int) -> tuple[str, int]:
 
 def random_events(rng: np.random.Generator, count: int, frames: int, channels: int, notes: tuple[int, int]) -> np.ndarray:
     """A stream of everything that a player can do, wild but in range."""
-    from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM
+    from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM
 
     out = np.zeros(count, EVENT)
     out["frame"] = np.sort(rng.integers(0, frames, count))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from synth.engine.engine import Engine
-from synth.engine.events import (
+from synth.midi.events import (
     BEND,
     CONTROL,
     EVENT,
@@ -211,6 +211,7 @@ def test_engines_that_cannot_be(parts, options, error, said):
         lambda made: made.events_dropped,
         lambda made: made.expressions,
         lambda made: made.gains,
+        lambda made: made.latency_samples,
         lambda made: made.tail_seconds,
         lambda made: made.silent,
         lambda made: made.spare,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from synth.engine import layout
-from synth.engine.events import CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, make_events
 from synth.engine.process import process
+from synth.midi.events import CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, make_events
 
 from .kit import BRIDGE, FREE, NECK, engine, play, random_events
 

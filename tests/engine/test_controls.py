@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from synth.dsp.measures import click_ratios, sounding_fundamental
 from synth.engine import layout
-from synth.engine.events import (
+from synth.instrument.preset import PresetError, load_preset
+from synth.midi.events import (
     BEND,
     CONTROL,
     EVENT,
@@ -21,8 +23,6 @@ from synth.engine.events import (
     TUNING,
     make_events,
 )
-from synth.measures import click_ratios, sounding_fundamental
-from synth.preset import PresetError, load_preset
 from synth.units import cents, midi_to_hz
 
 from .kit import BRIDGE, FORCE, FREE, NECK, RATE_HZ, awake, bank_of, engine, play, preset, steel

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from synth.dsp.decimator import design, response
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER
 from synth.engine.layout import HEIGHT
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER
 from tests.engine.kit import NECK_OBSTACLE, ONE_NECK, RATE_HZ, engine, play, preset, steel, wound
 
 #: nothing to touch, at six times the output rate, by each kind of output

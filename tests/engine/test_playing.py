@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from synth.dsp.measures import click_ratios, sounding_fundamental
 from synth.engine import layout
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM
-from synth.measures import click_ratios, sounding_fundamental
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM
 from synth.units import cents
 
 from .kit import BRIDGE, FREE, NECK, RATE_HZ, awake, bank_of, engine, place, play, preset, state_of, steel, until_state_at

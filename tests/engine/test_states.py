@@ -15,8 +15,9 @@ import pytest
 
 from synth.engine import layout, snapshot
 from synth.engine.engine import Engine
-from synth.engine.events import BEND, NOTE_ON
 from synth.live.deck import Deck
+from synth.midi.events import BEND, NOTE_ON
+from synth.solver.stringmodel import CLOCK, MOVING
 from tests.patience import compiling_s
 
 from .kit import BRIDGE, FREE, NECK, engine, play, preset, steel
@@ -33,7 +34,7 @@ def sealed(state: bytes, at: int, new: bytes) -> bytes:
 def place(made: Engine, name: str, index: tuple[int, ...] = (0,), field: str | None = None) -> int:
     """Where a number of the state lies in its bytes; no event waits."""
     at = snapshot._HEAD
-    for other, array in made._state._asdict().items():
+    for other, array in made._changing().items():
         if other == name:
             at += int(np.ravel_multi_index(index, array.shape)) * array.dtype.itemsize
             return at if field is None else at + array.dtype.fields[field][1]
@@ -73,8 +74,6 @@ def test_foreign_and_broken_states_are_refused():
     [
         ("sounding", (0,), "model", 10**6, r"sounding.model\[0\] must lie between 0 and"),
         ("sounding", (0,), "model", 1, r"sounding.model\[0\] is 1, which is of another string"),
-        ("sounding", (0,), "n", 0, r"sounding.n\[0\] must lie between 1 and"),
-        ("sounding", (0,), "n", 100000, r"sounding.n\[0\] must lie between 1 and"),
         ("sounding", (0,), "channel", 16, r"sounding.channel\[0\] must lie between 0 and 15, got 16"),
         ("sounding", (0,), "phase", 3, r"sounding.phase\[0\] must lie between 0 and 2"),
         ("sounding", (0,), "row_to", 64, r"sounding.row_to\[0\] must lie between 0 and 0"),
@@ -83,11 +82,16 @@ def test_foreign_and_broken_states_are_refused():
         ("channels", (3,), "master", 4, "channels.master are not those of zones of 0 and 0 members"),
         ("counters", (layout.NOW,), None, 10**15, "frames are computed"),
         ("counters", (layout.PENDING,), None, 1, "1 events wait, 0 are there"),
-        ("q", (0,), None, np.nan, r"q\[0\] must lie between"),
-        ("moving", (0,), None, 10**6, r"moving\[0\] must lie between 0 and"),
-        ("looked", (0,), None, 2, r"looked\[0\] must lie between 0 and 1, got 2"),
-        ("limiter_counters", (0,), None, 64, "limiter: the place in the delay must lie between 0 and 63, got 64"),
-        ("limiter_levels", (0,), None, 1.0, "limiter: reductions must lie between 0 and 1"),
+        ("string.q", (0,), None, np.nan, r"string.q\[0\] must lie between"),
+        ("string.counts", (MOVING,), None, 0, r"string.counts\[0, 0\] must lie between 1.0 and"),
+        ("string.counts", (MOVING,), None, 10**6, r"string.counts\[0, 0\] must lie between 1.0 and"),
+        ("string.counts", (CLOCK,), None, -1, r"string.counts\[0, 1\] must lie between 0.0 and"),
+        ("string.finger", (0,), "on", 2, r"string.finger.on\[0\] must lie between 0 and 1, got 2"),
+        ("string.looked", (0,), None, 2, r"string.looked\[0\] must lie between 0 and 1, got 2"),
+        ("effect_counts", (0,), None, 64, "limiter: the place in the delay must lie between 0 and 63, got 64"),
+        # delay, required, released in whole cache lines, then the levels
+        ("effect_numbers", (128 + 2 * 136,), None, 1.0, "limiter: reductions must lie between 0 and 1"),
+        ("effect_numbers", (3,), None, np.nan, r"effect_numbers\[3\] must lie between"),
         ("lines", (5,), None, np.inf, r"lines\[5\] must lie between"),
     ],
 )
@@ -95,7 +99,7 @@ def test_each_number_of_a_state_is_looked_at(name, index, field, value, said):
     made = engine(BRIDGE, limiter=True)
     play(made, NOTES, 401)
     mine = made.get_state()
-    kind = made._state._asdict()[name].dtype
+    kind = made._changing()[name].dtype
     new = np.array(value).astype(kind if field is None else kind[field]).tobytes()
     with pytest.raises(ValueError, match=said):
         made.set_state(sealed(mine, place(made, name, index, field), new))
@@ -163,7 +167,7 @@ def test_a_pickled_engine_sounds_in_another_process(tmp_path):
     program = f"""
         import pickle, sys
         import numpy as np
-        from synth.engine.events import EVENT
+        from synth.midi.events import EVENT
         with open({str(kept)!r}, "rb") as file:
             made = pickle.load(file)
         out = np.zeros((700, 2))
@@ -184,8 +188,8 @@ def test_a_forked_child_goes_on_alone():
         import numpy as np
         from synth.engine.engine import Engine
         from synth.engine import team
-        from synth.engine.events import make_events
-        from synth.preset import load_preset
+        from synth.midi.events import make_events
+        from synth.instrument.preset import load_preset
         warnings.simplefilter("ignore")  # that threads and fork do not go together
         made = Engine([load_preset("tanpura")], threads=3, quality="draft", only_notes=[{43, 48}])
         made.prepare(44100.0)

@@ -9,11 +9,12 @@ import pytest
 from numba import njit
 
 from synth.dsp.decimator import decimate_reference, design
+from synth.dsp.measures import click_ratios, decay_time_s, sounding_fundamental
 from synth.engine import layout
 from synth.engine.engine import DC_BLOCK_HZ
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER
 from synth.engine.strings import FINGER_S, change_model
-from synth.measures import click_ratios, decay_time_s, sounding_fundamental
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER
+from synth.solver import stringmodel
 from synth.units import cents
 
 from .kit import (
@@ -27,6 +28,7 @@ from .kit import (
     awake,
     energy,
     engine,
+    model_of,
     play,
     preset,
     state_of,
@@ -203,12 +205,12 @@ def test_gentle_repluck_silences_a_loud_string(free):
 
 
 @njit
-def change_in(core, desk, s, target):
-    change_model(core, desk, s, target)
+def change_in(core, thread, s, target):
+    change_model(core, thread, s, target)
 
 
 def change(made, s, target):
-    change_in(made._core.ctypes.data, made._desk.ctypes.data, s, target)
+    change_in(made._core.ctypes.data, made._thread_table.ctypes.data, s, target)
 
 
 def models(made) -> dict[int, int]:
@@ -222,7 +224,7 @@ def line(made) -> tuple[np.ndarray, np.ndarray, float]:
     xi = np.linspace(0.005, 0.4, 40)
     k = np.arange(1, q.size + 1) * math.pi / model["length"]
     shape = math.sqrt(2.0 / model["length"]) * np.sin(np.outer(model["length"] - xi, k))
-    weights = made._bank.weights[2 * model["off"] : 2 * model["off"] + q.size]
+    weights = model_of(made, 0).weights[0, : q.size]
     return shape @ q + model["rest_height"] * xi / model["length"], shape @ v, float(weights @ q + model["line_output"])
 
 
@@ -248,7 +250,7 @@ def test_pull_off_is_continuous_and_adds_the_stopped_strings_energy(neck, frets)
     assert abs(force_after - force) < 0.05 * gain
     stretch = 0.5 * float(new["tension"]) * lift**2 * (1.0 / l1 + 1.0 / l2)
     # a kink's bending energy grows with the number of modes: Σ B j²/j² = B N beside Σ sin²(…)/j² of its tension
-    omega = neck._bank.omega[new["off"] : new["off"] + new["n"]]
+    omega = model_of(neck, 0).omega[: new["n"]]
     stiffness = ((omega[-1] / (omega[0] * omega.size)) ** 2 - 1.0) / omega.size**2
     assert energy(neck, 0) <= before + stretch * (1.0 + 4.0 * stiffness * omega.size)
     assert energy(neck, 0) >= 0.9 * before
@@ -407,7 +409,7 @@ def test_a_fading_note_never_gets_slower(chosen, note):
     before = made.mode_steps
     last = play(made, [], second, 4096)
     assert made.mode_steps - before <= first
-    for name, array in made._state._asdict().items():
+    for name, array in made._changing().items():
         if array.dtype == np.float64:
             small = np.abs(array[array != 0.0])
             assert small.size == 0 or small.min() >= np.finfo(float).tiny, name
@@ -459,7 +461,7 @@ def test_moreau_jean_takes_no_certificate():
     """v of Moreau–Jean is no velocity, so that the amplitudes of a certificate would not be those of the motion."""
     made = engine(ONE_NECK, scheme="moreau-jean", internal_rate_hz=4 * RATE_HZ)
     play(made, [(0, NOTE_ON, 0, 45, 20)], 30000)
-    assert not made._state.sounding["free"].any()
+    assert not any(state.counts[stringmodel.FREE] for state in made._strings.states.items)
 
 
 def test_output_kinds_sound():

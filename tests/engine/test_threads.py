@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from synth.engine import layout, team
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from tests.patience import compiling_s
 
 from .kit import BRIDGE, FREE, NECK, RATE_HZ, engine, play, preset, random_events, steel
@@ -159,11 +159,11 @@ def test_idling_leaves_everything_as_it_is():
     assert made.silent
     play(made, [], 3 * 44100)
     work = made.mode_steps
-    before = {name: array.copy() for name, array in made._state._asdict().items()}
+    before = {name: array.copy() for name, array in made._changing().items()}
     assert not play(made, [], 10 * layout.RING * layout.QUANTUM).any()
     assert made.mode_steps == work
-    for name, array in made._state._asdict().items():
-        if name not in ("counters", "limiter_counters"):
+    for name, array in made._changing().items():
+        if name not in ("counters", "effect_counts"):
             assert np.array_equal(array, before[name]), name
     made.close()
 
@@ -175,8 +175,8 @@ def test_the_interpreter_ends_with_workers_awake(ending):
 import sys, threading
 import numpy as np
 from synth.engine.engine import Engine
-from synth.engine.events import make_events
-from synth.preset import load_preset
+from synth.midi.events import make_events
+from synth.instrument.preset import load_preset
 made = Engine([load_preset("tanpura")], threads=3, quality="draft", only_notes=[{{43, 48}}])
 made.prepare(44100.0)
 def work():

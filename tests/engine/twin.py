@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from synth.compile import CompiledString, Position
+from synth.instrument.compile import CompiledString, Position
 from synth.physics.excitation import pluck_weights
 
 

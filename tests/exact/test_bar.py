@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.exact import bar
+from synth.research.exact import bar
 from synth.solver import driver
 from synth.solver.energy import filter_factor
-from synth.solver.kernels import no_finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients
 from tests.oracles import steps as twin
 
@@ -124,7 +123,7 @@ def throw(law, modes, courant, restitution=0.0, compliance=False, duration=2.0):
     q[0], v[0] = GAP * np.sqrt(LENGTH), -THROW * np.sqrt(LENGTH)
     steps = round(duration / dt)
     state = driver.start_run(model, q, v, np.zeros(1), 1, steps + 1, True, False)
-    driver.run(model, state, steps, no_finger(modes, 1))
+    driver.run(model, state, steps)
     kept = state.energy[-1, :2].sum() / state.energy[0, 0]
     return np.arange(steps + 1) * dt, state.u[:, 0], state.contact_force[:, 0], state.v[0] / np.sqrt(LENGTH), kept
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.exact import triangle
-from synth.measures import relative_error
-from synth.schemes import EXACT
-from synth.simulation import CaseError, load_case, simulate
+from synth.dsp.measures import relative_error
+from synth.research.exact import triangle
+from synth.research.simulation import CaseError, load_case, simulate
+from synth.solver.schemes import EXACT
 
 POINTED = "flat-wall-points"
 

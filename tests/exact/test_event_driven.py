@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.exact import event_driven
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
+from synth.research.exact import event_driven
 
 MU = 1e-3
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.measures import relative_error
+from synth.dsp.measures import relative_error
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
-from synth.simulation import simulate
+from synth.research.simulation import simulate
 from synth.solver import driver
-from synth.solver.kernels import no_finger
 from synth.solver.laws import EXACT_HOLD
 
 SCHEMES = [
@@ -82,7 +81,7 @@ def model(dt, modes, residual=True):
 
 def advanced(what, q, v, steps):
     run = driver.start_run(what, q, v, np.zeros(1), steps, 2, False, False)
-    driver.run(what, run, steps, no_finger(q.size, 1))
+    driver.run(what, run, steps)
     return run.q.copy(), run.v.copy(), int(run.counts[driver.CONTACT_STEPS])
 
 

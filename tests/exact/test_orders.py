@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.measures import relative_error
-from synth.simulation import simulate
+from synth.dsp.measures import relative_error
+from synth.research.simulation import simulate
 
 MODES, ROWS = 10, 25e3
 BAND = 0.25
@@ -78,14 +78,13 @@ def test_exact_hold_of_few_rigid_modes_does_not_converge():
     μ/Σφ² of N modes at the point, so that with N growing this matters less and less (`test_simulation`, 4000 modes).
     """
     from synth.solver import driver
-    from synth.solver.kernels import no_finger
     from synth.solver.laws import EXACT_HOLD
 
     for fraction in (0.05, 0.3, 0.5, 0.8, 0.95):
         one = np.ones((1, 1))
         model = driver.make_model(EXACT_HOLD, [0.0], [0.0], 1.0, 0.1, one, [0.0], 0.0 * one, one, 0.0)
         run = driver.start_run(model, np.array([0.1 * fraction]), np.array([-1.0]), np.zeros(1), 1, 11, False, False)
-        driver.run(model, run, 10, no_finger(1, 1))
+        driver.run(model, run, 10)
         assert run.v[0] == pytest.approx(abs(1.0 - 2.0 * fraction), abs=1e-12)
 
     mean = errors("exact-hold", False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.exact import shapes, triangle, waveguide
-from synth.measures import relative_error
-from synth.simulation import simulate
+from synth.dsp.measures import relative_error
+from synth.research.exact import shapes, triangle, waveguide
+from synth.research.simulation import simulate
 
 LENGTH, SPEED, TENSION, PLUCK = 1.0, 400.0, 160.0, 1e-3
 X = np.linspace(0.0, LENGTH, 161)
@@ -75,7 +75,7 @@ def test_exact_hold_on_cabannes(height):
 
 
 def cabannes_case(height):
-    from synth.simulation import load_case
+    from synth.research.simulation import load_case
 
     case = load_case("cabannes").model_dump(exclude_none=True)
     case["obstacle"]["heights_m"] = [height * PLUCK]

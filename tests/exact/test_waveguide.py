@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.exact import shapes, triangle, waveguide
 from synth.physics.excitation import rounded_triangle, sharp_triangle, triangle_pluck
 from synth.physics.modes import mode_shapes
+from synth.research.exact import shapes, triangle, waveguide
 
 LENGTH, SPEED, TENSION = 1.0, 400.0, 160.0
 EPS = np.finfo(float).eps

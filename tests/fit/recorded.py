@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synth import measures
+from synth.dsp import measures
 from synth.fit import Fit, fit_recording
 from synth.units import cents, midi_to_hz, note_to_midi
 from tests.fit.soundfont import FLUID, SoundFont
@@ -40,7 +40,7 @@ def note_of(name: str) -> int:
 
 @dataclass(frozen=True)
 class Recorded:
-    """One sample: the fit, and its first partials as `synth.measures` finds them from the note's name on: frequencies
+    """One sample: the fit, and its first partials as `synth.dsp.measures` finds them from the note's name on: frequencies
     (10,) [Hz], and T60 (10,) [s], NaN where the level does not fall enough."""
 
     name: str

@@ -14,7 +14,7 @@ import pytest
 import soundfile
 
 from synth import cli
-from synth.preset import load_preset, note_to_midi, parse_preset
+from synth.instrument.preset import load_preset, note_to_midi, parse_preset
 from synth.units import hz_to_midi
 from tests.fit.strings import render, steel
 from tests.patience import compiling_s

@@ -1,8 +1,8 @@
 """Recorded strings: the bass, guitar and sitar samples of a General MIDI SoundFont, up to where their loops begin.
 
-The recording is measured by `synth.measures` alone (tests/fit/recorded.py), which starts from what the sample's name says
-and knows nothing of the fit: partials by the spectrum of the whole note, decay times by the level of each in a band of its
-own. Of the ten partials that the fit answers with
+The recording is measured by `synth.dsp.measures` alone (tests/fit/recorded.py), which starts from what the sample's
+name says and knows nothing of the fit: partials by the spectrum of the whole note, decay times by the level of each in
+a band of its own. Of the ten partials that the fit answers with
 
 * the frequency of every one that it has measured (565 of 570; all others are said to be missing) must lie within 3 cents,
   but for those named in BESIDE;

@@ -1,5 +1,7 @@
 """What is not one plucked string gets an honest answer; what only looks unusual is fitted."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -12,8 +14,11 @@ RATE = 44100.0
 T = np.arange(round(3 * RATE)) / RATE
 
 
-def note(f0_hz: float, seconds: float = 3.0, seed: int = 0) -> np.ndarray:
-    return render(steel(f0_hz), np.random.default_rng(seed), seconds=seconds, snr_db=60.0)
+@cache
+def note(f0_hz: float, seconds: float = 3.0) -> np.ndarray:
+    samples = render(steel(f0_hz), np.random.default_rng(0), seconds=seconds, snr_db=60.0)
+    samples.flags.writeable = False
+    return samples
 
 
 def voice() -> np.ndarray:
@@ -37,46 +42,46 @@ def ringing(ratios: list[float], f0_hz: float) -> np.ndarray:
 
 NOISE = 0.1 * np.random.default_rng(0).standard_normal(T.size)
 BAD = {
-    "fifth": (note(110.0) + note(164.8), "two notes sound, near 110 and 164.8 Hz"),
-    "third": (note(110.0) + note(138.6), "two notes sound"),
-    "semitone": (note(110.0) + note(116.5), "two notes sound"),
-    "twelfth": (note(110.0) + note(329.6), "two notes sound"),
-    "chord": (note(110.0) + note(138.6) + note(164.8), "two notes sound"),
-    "a second note 10 dB below": (note(110.0) + 0.3 * note(164.8), "two notes sound"),
-    "white noise": (NOISE, "no partials stand out"),
-    "noise that fades": (NOISE * np.exp(-3.0 * T), "no partials stand out"),
-    "brown noise": (np.cumsum(NOISE) * 0.01, "no partials stand out"),
-    "clipped": (np.clip(4.0 * note(110.0), -0.7, 0.7), "is clipped"),
-    "clipped, 16 bits": (np.round(np.clip(3.0 * note(110.0), -1.0, 1.0) * 32767.0) / 32768.0, "is clipped"),
-    "one channel clipped": (np.stack([note(110.0), np.clip(4.0 * note(110.0), -0.7, 0.7)], 1), "is clipped"),
-    "silence": (np.zeros(T.size), "is silent"),
-    "only an offset": (np.full(T.size, 0.3), r"is constant, at 0\.3 of full scale: an offset without sound"),
-    "an offset below": (np.full(T.size, -0.999), r"is constant, at -0\.999 of full scale"),
-    "an offset with noise of -120 dB": (0.3 + 1e-5 * NOISE, "is constant, at 0.3"),
-    "3 Hz": (0.8 * np.sin(2 * np.pi * 3.0 * T), "what sounds lies at 3 Hz, below the pitches .* 27 to 1600 Hz"),
-    "3 Hz in 16 bits": (np.round(32700.0 * np.sin(2 * np.pi * 3.0 * T)) / 32768.0, "what sounds lies at 3 Hz"),
-    "3 Hz that is clipped": (np.clip(3.0 * np.sin(2 * np.pi * 3.0 * T), -0.7, 0.7), "what sounds lies at 3 Hz"),
-    "1 Hz": (0.8 * np.sin(2 * np.pi * T), "what sounds lies at (1|0.8|1.2).* Hz, below the pitches"),
-    "15 Hz that fades": (0.8 * np.sin(2 * np.pi * 15.0 * T) * np.exp(-T), "what sounds lies at 15 Hz"),
-    "a square wave": (0.5 * np.sign(np.sin(2 * np.pi * 110.0 * T)), "is clipped"),
-    "next to silence": (1e-5 * NOISE, "is silent"),
-    "too short": (note(110.0, 0.2), "must last at least 0.25 s"),
-    "a click": (np.concatenate([np.zeros(1000), [1.0], np.zeros(44100)]), "no partials stand out"),
-    "a sine": (0.5 * np.sin(2 * np.pi * 220.0 * T), "no pitch is found"),
-    "a sine that fades": (0.5 * np.sin(2 * np.pi * 220.0 * T) * np.exp(-2.0 * T), "no pitch is found"),
-    "a sawtooth": (0.3 * ((110.0 * T) % 1.0 - 0.5), "does not decay"),
-    "a sweep": (0.5 * np.sin(2 * np.pi * (100.0 * T + 150.0 * T**2)), "no partials stand out"),
-    "a sawtooth that glides": (0.3 * ((110.0 * T + 5.0 * T**2) % 1.0 - 0.5) * np.exp(-T), "glides cannot be fitted"),
-    "vibrato": (vibrato(), "strong partials, such as 105 and 115 Hz"),
-    "a voice": (voice(), "a voice"),
-    "a bell": (ringing([0.5, 1.0, 1.2, 1.5, 2.0, 2.6, 3.0, 4.2], 300.0), "strong partials, such as 360"),
-    "a bar": (ringing([1.0, 2.756, 5.404, 8.933, 13.34, 18.64], 200.0), "strong partials, such as 200 and 551.2 Hz"),
+    "fifth": (lambda: note(110.0) + note(164.8), "two notes sound, near 110 and 164.8 Hz"),
+    "third": (lambda: note(110.0) + note(138.6), "two notes sound"),
+    "semitone": (lambda: note(110.0) + note(116.5), "two notes sound"),
+    "twelfth": (lambda: note(110.0) + note(329.6), "two notes sound"),
+    "chord": (lambda: note(110.0) + note(138.6) + note(164.8), "two notes sound"),
+    "a second note 10 dB below": (lambda: note(110.0) + 0.3 * note(164.8), "two notes sound"),
+    "white noise": (lambda: NOISE, "no partials stand out"),
+    "noise that fades": (lambda: NOISE * np.exp(-3.0 * T), "no partials stand out"),
+    "brown noise": (lambda: np.cumsum(NOISE) * 0.01, "no partials stand out"),
+    "clipped": (lambda: np.clip(4.0 * note(110.0), -0.7, 0.7), "is clipped"),
+    "clipped, 16 bits": (lambda: np.round(np.clip(3.0 * note(110.0), -1.0, 1.0) * 32767.0) / 32768.0, "is clipped"),
+    "one channel clipped": (lambda: np.stack([note(110.0), np.clip(4.0 * note(110.0), -0.7, 0.7)], 1), "is clipped"),
+    "silence": (lambda: np.zeros(T.size), "is silent"),
+    "only an offset": (lambda: np.full(T.size, 0.3), r"is constant, at 0\.3 of full scale: an offset without sound"),
+    "an offset below": (lambda: np.full(T.size, -0.999), r"is constant, at -0\.999 of full scale"),
+    "an offset with noise of -120 dB": (lambda: 0.3 + 1e-5 * NOISE, "is constant, at 0.3"),
+    "3 Hz": (lambda: 0.8 * np.sin(2 * np.pi * 3.0 * T), "what sounds lies at 3 Hz, below the pitches .* 27 to 1600 Hz"),
+    "3 Hz in 16 bits": (lambda: np.round(32700.0 * np.sin(2 * np.pi * 3.0 * T)) / 32768.0, "what sounds lies at 3 Hz"),
+    "3 Hz that is clipped": (lambda: np.clip(3.0 * np.sin(2 * np.pi * 3.0 * T), -0.7, 0.7), "what sounds lies at 3 Hz"),
+    "1 Hz": (lambda: 0.8 * np.sin(2 * np.pi * T), "what sounds lies at (1|0.8|1.2).* Hz, below the pitches"),
+    "15 Hz that fades": (lambda: 0.8 * np.sin(2 * np.pi * 15.0 * T) * np.exp(-T), "what sounds lies at 15 Hz"),
+    "a square wave": (lambda: 0.5 * np.sign(np.sin(2 * np.pi * 110.0 * T)), "is clipped"),
+    "next to silence": (lambda: 1e-5 * NOISE, "is silent"),
+    "too short": (lambda: note(110.0, 0.2), "must last at least 0.25 s"),
+    "a click": (lambda: np.concatenate([np.zeros(1000), [1.0], np.zeros(44100)]), "no partials stand out"),
+    "a sine": (lambda: 0.5 * np.sin(2 * np.pi * 220.0 * T), "no pitch is found"),
+    "a sine that fades": (lambda: 0.5 * np.sin(2 * np.pi * 220.0 * T) * np.exp(-2.0 * T), "no pitch is found"),
+    "a sawtooth": (lambda: 0.3 * ((110.0 * T) % 1.0 - 0.5), "does not decay"),
+    "a sweep": (lambda: 0.5 * np.sin(2 * np.pi * (100.0 * T + 150.0 * T**2)), "no partials stand out"),
+    "a sawtooth that glides": (lambda: 0.3 * ((110.0 * T + 5.0 * T**2) % 1.0 - 0.5) * np.exp(-T), "glides cannot be fitted"),
+    "vibrato": (lambda: vibrato(), "strong partials, such as 105 and 115 Hz"),
+    "a voice": (lambda: voice(), "a voice"),
+    "a bell": (lambda: ringing([0.5, 1.0, 1.2, 1.5, 2.0, 2.6, 3.0, 4.2], 300.0), "strong partials, such as 360"),
+    "a bar": (lambda: ringing([1.0, 2.756, 5.404, 8.933, 13.34, 18.64], 200.0), "strong partials, such as 200 and 551.2 Hz"),
     "a drum": (
-        ringing([1.0, 1.594, 2.136, 2.296, 2.653, 2.918, 3.156, 3.501], 150.0),
+        lambda: ringing([1.0, 1.594, 2.136, 2.296, 2.653, 2.918, 3.156, 3.501], 150.0),
         "strong partials, such as 150 and 344.4 Hz",
     ),
-    "nothing": (np.zeros(0), "must hold samples"),
-    "not numbers": (np.array([0.1, np.nan, 0.2] * 20000), "not finite"),
+    "nothing": (lambda: np.zeros(0), "must hold samples"),
+    "not numbers": (lambda: np.array([0.1, np.nan, 0.2] * 20000), "not finite"),
 }
 
 
@@ -84,7 +89,7 @@ BAD = {
 def test_what_is_no_plucked_string_is_refused_with_the_reason(name: str) -> None:
     samples, reason = BAD[name]
     with pytest.raises(FitRefused, match=reason) as told:
-        fit_recording(samples, RATE)
+        fit_recording(samples(), RATE)
     assert "\n" not in str(told.value)
 
 
@@ -95,19 +100,19 @@ def test_rates_out_of_range(rate_hz: float) -> None:
 
 
 GOOD = {
-    "stereo": np.stack([note(110.0), 0.4 * note(110.0)], 1),
-    "channels in opposite phase": np.stack([note(110.0), -note(110.0)], 1),
-    "an offset": 0.3 * note(110.0) + 0.4,
-    "silence first": np.concatenate([np.zeros(80000), note(110.0)]),
-    "digital silence behind": np.concatenate([note(110.0), np.zeros(40000)]),
-    "16 bits": np.round(note(110.0) * 20000.0) / 32768.0,
-    "very soft": 1e-3 * note(110.0),
+    "stereo": lambda: np.stack([note(110.0), 0.4 * note(110.0)], 1),
+    "channels in opposite phase": lambda: np.stack([note(110.0), -note(110.0)], 1),
+    "an offset": lambda: 0.3 * note(110.0) + 0.4,
+    "silence first": lambda: np.concatenate([np.zeros(80000), note(110.0)]),
+    "digital silence behind": lambda: np.concatenate([note(110.0), np.zeros(40000)]),
+    "16 bits": lambda: np.round(note(110.0) * 20000.0) / 32768.0,
+    "very soft": lambda: 1e-3 * note(110.0),
 }
 
 
 @pytest.mark.parametrize("name", GOOD)
 def test_the_same_string_however_it_was_recorded(name: str) -> None:
-    fit = fit_recording(GOOD[name], RATE)
+    fit = fit_recording(GOOD[name](), RATE)
     assert abs(cents(fit.f0_hz, 110.0)) < 0.1
     assert fit.inharmonicity == pytest.approx(1e-4, rel=0.02)
     assert fit.pluck is not None and abs(fit.pluck.position - 0.21) < 0.005

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from synth.compile import compile_string
 from synth.engine.engine import Engine
-from synth.engine.events import NOTE_ON, make_events
 from synth.fit import Fit, apply_settings, fit_recording, report, settings
-from synth.preset import Preset, contact_cents, load_preset, parse_preset
+from synth.instrument.compile import compile_string
+from synth.instrument.preset import Preset, contact_cents, load_preset, parse_preset
+from synth.midi.events import NOTE_ON, make_events
 from synth.units import cents, hz_to_midi
 from tests.fit.strings import draw, render, steel
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from synth.engine.events import CONTROL, NOTE_ON
+from synth.midi.events import CONTROL, NOTE_ON
 
 
 class FakeEngine:

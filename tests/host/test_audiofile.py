@@ -3,6 +3,7 @@
 import io
 import os
 import shutil
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import soundfile
 from hypothesis import given
 from hypothesis import strategies as st
 
+from synth.host import audiofile
 from synth.host.audiofile import AudioWriter, Quantizer, Spool, container_of
 from tests.patience import patience_s
 
@@ -173,10 +175,128 @@ def test_what_cannot_be_written_is_said_before_anything_is_done(
 
 
 def test_the_ending_of_the_name_says_the_format() -> None:
-    assert [container_of(name) for name in ("a.WAV", "b.flac", "-", "c.raw")] == ["wav", "flac", "wav", "raw"]
+    assert [container_of(name) for name in ("a.WAV", "a.wave", "b.flac", "-", "c.raw")] == [
+        "wav",
+        "wav",
+        "flac",
+        "wav",
+        "raw",
+    ]
     assert container_of("song.out", "flac") == "flac"
     with pytest.raises(ValueError, match=r"\.mp3: the name's ending does not say the format"):
         container_of("song.mp3")
+
+
+def test_a_device_takes_the_format_of_streams() -> None:
+    assert [container_of("/dev/null"), container_of("/dev/null", "raw")] == ["wav", "raw"]
+    with AudioWriter("/dev/null", RATE_HZ, container="raw") as writer:
+        writer.write(noise())
+    assert writer.frames == 1000
+
+
+@pytest.mark.parametrize(("bits", "code", "width"), [("16", 1, 2), ("24", 1, 3), ("float", 3, 4)])
+def test_the_header_of_a_stream_is_a_wav_files(monkeypatch, bits: str, code: int, width: int) -> None:
+    pipe = _Pipe()
+    monkeypatch.setattr(sys, "stdout", type("Stdout", (), {"buffer": pipe}))
+    with AudioWriter("-", RATE_HZ, channels=1, bit_depth=bits):
+        pass
+    data = pipe.getvalue()
+    assert len(data) == 44 and data[8:16] == b"WAVEfmt "
+    assert data[4:8] == data[40:44] == b"\xff" * 4
+    fields = struct.unpack("<IHHIIHH", data[16:36])
+    assert fields == (16, code, 1, RATE_HZ, RATE_HZ * width, width, 8 * width)
+
+
+def test_a_pipe_that_takes_little_at_a_time_gets_all(monkeypatch) -> None:
+    class Slow(_Pipe):
+        def write(self, data) -> int:
+            return super().write(bytes(data[:7]))
+
+    pipe, sound = Slow(), noise(50)
+    monkeypatch.setattr(sys, "stdout", type("Stdout", (), {"buffer": pipe}))
+    with AudioWriter("-", RATE_HZ, bit_depth="float", container="raw") as writer:
+        writer.write(sound)
+    assert pipe.getvalue() == sound.astype("<f4").tobytes()
+    monkeypatch.setattr(pipe, "write", lambda data: None)  # a full pipe that does not wait
+    with pytest.raises(BlockingIOError):
+        with AudioWriter("-", RATE_HZ) as writer:
+            writer.write(sound)
+
+
+def test_full_scale_is_counted_from_the_first_sample_beyond_it() -> None:
+    """24 bits, without dither: +1 is a step more than there is and does not count, what rounds to more does."""
+    step = 2.0**-23
+    quantize = Quantizer("24")
+    got = quantize(np.array([[1.0, -1.0], [1.0 - step, 1.0 + 0.4 * step], [-1.0 - 0.4 * step, 0.25]]))
+    assert quantize.clipped == 0
+    assert (got >> 8).tolist() == [[2**23 - 1, -(2**23)], [2**23 - 1, 2**23 - 1], [-(2**23), 2**21]]
+    quantize(np.array([[1.0 + step, 0.0], [-1.0 - step, -1.0]]))
+    assert quantize.clipped == 2
+    quantize(np.array([[2.0, 0.0]]))
+    assert quantize.clipped == 3
+
+
+def test_16_bits_are_off_by_dither_and_rounding_and_no_more() -> None:
+    sound = noise(5000)
+    off = Quantizer("16")(sound) - sound * 2**15
+    assert 1.0 < np.abs(off).max() < 1.5 and abs(off.mean()) < 5 * 0.5 / np.sqrt(off.size)
+
+
+def test_a_wav_file_is_full_at_four_gigabytes(tmp_path, monkeypatch) -> None:
+    """Where the length was not known: refused before it is written, to the sample."""
+    monkeypatch.setattr(audiofile, "_LARGEST_WAV_BYTES", 6 * 300)
+    with AudioWriter(tmp_path / "x.wav", RATE_HZ) as writer:
+        writer.write(noise(200))
+        writer.write(noise(100))
+    assert soundfile.info(tmp_path / "x.wav").frames == 300
+    with pytest.raises(ValueError, match=r"y\.wav: more than a WAV file holds \(4 GB\)"):
+        with AudioWriter(tmp_path / "y.wav", RATE_HZ) as writer:
+            writer.write(noise(301))
+    assert os.listdir(tmp_path) == ["x.wav"]
+    for container in ("flac", "raw"):  # hold more
+        with AudioWriter(tmp_path / f"z.{container}", RATE_HZ, container=container) as writer:
+            writer.write(noise(301))
+
+
+@pytest.mark.parametrize("container", ["wav", "flac", "raw"])
+def test_a_growing_file_can_be_read_at_any_time_and_is_kept(tmp_path, container: str) -> None:
+    sound = noise(20_000)
+    path = tmp_path / f"x.{container}"
+    writer = AudioWriter(path, RATE_HZ, container=container, growing=True)
+    with writer:
+        writer.write(sound[:12_000])
+        (beside,) = tmp_path.iterdir()
+        if container == "wav":
+            assert soundfile.info(beside).frames == 12_000
+        writer.write(sound[12_000:])
+        assert writer.frames == 20_000
+        assert writer.keep() == ""
+        assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    if container == "raw":
+        assert path.stat().st_size == 6 * 20_000
+        return
+    np.testing.assert_allclose(soundfile.read(path)[0], sound, atol=2**-24)
+    if container == "wav":
+        assert path.read_bytes()[:4] == b"RIFF"  # not RF64, which fewer programs read
+
+
+def test_several_files_are_finished_before_any_has_its_name(tmp_path) -> None:
+    with AudioWriter(tmp_path / "x.wav", RATE_HZ) as writer:
+        writer.write(noise())
+        writer.finish()
+        assert not (tmp_path / "x.wav").exists()
+        assert [soundfile.info(path).frames for path in tmp_path.iterdir()] == [1000]
+    assert [path.name for path in tmp_path.iterdir()] == ["x.wav"]
+
+
+def test_a_spool_knows_the_loudest_of_all_it_got(tmp_path) -> None:
+    with Spool(2, tmp_path) as spool:
+        for level in (0.5, -3.0, 2.0):
+            spool.write(np.array([[0.1, level]]))
+        spool.write(np.zeros((0, 2)))
+        assert spool.peak == 3.0
+    with pytest.raises(OSError, match=f"temporary file in {tmp_path / 'nowhere'}"):
+        Spool(2, tmp_path / "nowhere")
 
 
 def test_a_spool_gives_back_what_it_got_times_a_gain(tmp_path) -> None:

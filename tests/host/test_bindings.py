@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from synth.host.bindings import check_parts, parse_bindings
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
 
 
 def test_bindings_are_read():

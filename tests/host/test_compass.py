@@ -3,11 +3,21 @@
 import numpy as np
 import pytest
 
-from synth.engine.events import CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM, make_events
-from synth.host.compass import Arrangement, Wishes, arrange, channel_line, channel_rows, fold, keys_of_parts, parse_transpose
-from synth.host.midi import song_of
+from synth.host.compass import (
+    Arrangement,
+    Wishes,
+    arrange,
+    channel_line,
+    channel_rows,
+    fold,
+    keys_of_parts,
+    parse_transpose,
+    unplayed_notes,
+)
 from synth.host.parts import cast
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
+from synth.midi.events import CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM, make_events
+from synth.midi.song import song_of
 
 PRESETS = {name: load_preset(name) for name in ("tanpura", "jawari-harp", "fretted-bass")}
 ALL = slice(0, 1 << 60)
@@ -56,6 +66,7 @@ def test_the_fallback_plays_what_is_left_on_a_program_of_its_own() -> None:
     assert [(part.channel, part.preset, part.notes) for part in found.casting.parts] == [
         (2, "tanpura", 1), (2, "jawari-harp", 1),
     ]  # fmt: skip
+    assert not found.events["value"].any()
     spare = int(found.events["a"][found.events["kind"] == PROGRAM][1])
     assert found.casting.program_map[2, [104, spare]].tolist() == [0, 1]
     assert plain(found) == [
@@ -89,6 +100,67 @@ def test_notes_beyond_all_keys_are_counted_too() -> None:
     assert [row["unplayed"] for row in channel_rows(found, PRESETS, ALL)] == [1]
 
 
+def test_what_no_string_plays_by_part_and_note() -> None:
+    rows = [(5, NOTE_ON, 0, 50, 90), (6, NOTE_ON, 0, 48, 90), (7, NOTE_ON, 0, 50, 90), (8, NOTE_ON, 0, 49, 90)]
+    found = arranged([*rows, (9, NOTE_ON, 3, 51, 90)], Wishes())
+    told = unplayed_notes(found, PRESETS, ALL)
+    assert [(row["part"], row["note"], row["count"]) for row in told] == [
+        ("ch01-tanpura", "C#3", 1), ("ch01-tanpura", "D3", 2), ("ch04-tanpura", "D#3", 1),
+    ]  # fmt: skip
+    assert all(row["reason"] for row in told)
+    # from the first frame on, and before the last
+    assert [(row["note"], row["count"]) for row in unplayed_notes(found, PRESETS, slice(7, 8))] == [("D3", 1)]
+    assert [row["notes"] for row in channel_rows(found, PRESETS, slice(5, 7))] == [2]
+    assert keys_of_parts(found, 8) == [{48, 50}, set()]
+
+
+def test_a_row_in_words() -> None:
+    row = {
+        "channel": 3,
+        "names": ["A", "B", "C"],
+        "preset": "my\\dir/own",
+        "notes": 1,
+        "unplayed": 0,
+        "low": "C4",
+        "high": "C4",
+    }
+    assert channel_line(row) == "channel 3 (A, B, C) → own: 1 note, C4"
+    row |= {"names": ["A", "B", "C", "D", "E"], "notes": 5, "high": "D4"}
+    assert channel_line(row) == "channel 3 (A, B, C and 2 more) → own: 5 notes, C4 to D4"
+    row |= {"unplayed": 2, "unplayed_low": "C4", "unplayed_high": "C4", "remedies": {}}
+    assert (
+        channel_line(row)
+        == "channel 3 (A, B, C and 2 more) → own: 2 of 5 notes not played, C4: choose another preset with --map"
+    )
+
+
+def test_of_transpositions_that_help_alike_the_nearest_is_offered() -> None:
+    """48 and 36 are strings of the tanpura: 60 gets there an octave down or two; the row says how many notes are gained."""
+    rows = [(0, NOTE_ON, 0, 60, 90), (1, NOTE_ON, 0, 60, 90), (2, NOTE_ON, 0, 48, 90)]
+    (row,) = channel_rows(arranged(rows, Wishes()), PRESETS, ALL, "fretted-bass")
+    assert (row["low"], row["high"], row["unplayed"], row["unplayed_low"], row["unplayed_high"]) == (
+        "C3",
+        "C4",
+        2,
+        "C4",
+        "C4",
+    )
+    # an octave down all three are strings
+    assert row["remedies"] == {"--transpose 1=-12": 2, "--fold": 2, "--fallback fretted-bass": 2}
+    assert arranged(rows, Wishes()).casting.parts[0].notes == 3
+    (still,) = channel_rows(arranged(rows[:2], Wishes({None: -24})), PRESETS, ALL, "tanpura")
+    assert still["remedies"] == {} and still["unplayed"] == 0
+
+
+def test_a_second_press_of_a_key_is_ended_second() -> None:
+    """Ends go to the notes in the order of their beginnings; what is held twice sounds until it is let go twice."""
+    rows = [(0, NOTE_ON, 0, 60, 90), (1, NOTE_ON, 0, 60, 90), (2, NOTE_OFF, 0, 60, 64), (3, NOTE_OFF, 0, 60, 64)]
+    rows += [(4, NOTE_OFF, 0, 60, 64), (5, KEY_PRESSURE, 1, 70, 9)]
+    found = plain(arranged(rows, Wishes({None: -12})))
+    # an end without a beginning stays where it is, and so does pressure on a key that was never pressed
+    assert [(frame, a) for frame, _, _, a in found] == [(0, 48), (1, 48), (2, 48), (3, 48), (4, 60), (5, 70)]
+
+
 def test_every_note_of_a_thicket_moves_alike() -> None:
     rows = [(n, NOTE_ON if n % 2 else NOTE_OFF, n % 8, 40 + n % 50, 90) for n in range(3000)]
     song = song_of(make_events(rows), 44100, 1.0)
@@ -96,7 +168,9 @@ def test_every_note_of_a_thicket_moves_alike() -> None:
     assert np.array_equal(both.events["a"][both.part >= 0], song.events["a"][song.players >= 0] + 2)
 
 
-@pytest.mark.parametrize(("text", "found"), [("-12", {None: -12}), ("-12,3=7, 1=0", {None: -12, 2: 7, 0: 0})])
+@pytest.mark.parametrize(
+    ("text", "found"), [("-12", {None: -12}), ("-12,3=7, 1=0", {None: -12, 2: 7, 0: 0}), ("1=-96,16=96", {0: -96, 15: 96})]
+)
 def test_transpositions(text: str, found: dict) -> None:
     assert parse_transpose([text]) == found
 

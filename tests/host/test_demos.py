@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth.engine.events import NOTE_ON
-from synth.host.midi import read_song
+from synth.midi.events import NOTE_ON
+from synth.midi.song import read_song
 
 DEMOS = Path(__file__).resolve().parents[2] / "presets" / "demos"
 

@@ -1,17 +1,18 @@
 """mido's files and messages where a song or events are asked for, and where mido itself reads a file wrongly."""
 
 import io
+from types import SimpleNamespace
 
 import mido
 import numpy as np
 import pytest
 
 import synth
-from synth.engine.events import BEND, CONTROL, EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PRESSURE, PROGRAM, TUNING, make_events
-from synth.host import sysex
-from synth.host.messages import bytes_of, events_from_mido, song_from
-from synth.host.midi import read_song
-from synth.host.smf import MidiError, parse
+from synth.midi import sysex
+from synth.midi.events import BEND, CONTROL, EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PRESSURE, PROGRAM, TUNING, make_events
+from synth.midi.messages import bytes_of, events_from_mido, song_from
+from synth.midi.smf import MidiError, parse
+from synth.midi.song import read_song
 from tests.host.midibytes import chunk, header, off, on, tempo, track
 
 
@@ -76,6 +77,7 @@ def test_every_kind_of_message() -> None:
     assert found[-1].tolist()[:4] == (2000, TUNING, 0, 43) and found[-1]["value"] == pytest.approx(44.5, abs=1e-4)
     late = [mido.Message("note_on", time=0.5), mido.Message("note_off", time=0.75)]
     assert events_from_mido(late, 1000, absolute=True)["frame"].tolist() == [500, 750]
+    assert events_from_mido(late, 0.5, absolute=True)["frame"].tolist() == [0, 0]
     assert events_from_mido([], 1000).dtype == EVENT
 
 
@@ -94,6 +96,10 @@ def test_what_is_no_message(messages: list, rate_hz: float, error: type, words: 
         events_from_mido(messages, rate_hz)
 
 
+def _cannot(**_: object) -> None:
+    raise RuntimeError("no room")
+
+
 @pytest.mark.parametrize(
     ("source", "error", "words"),
     [
@@ -101,6 +107,9 @@ def test_what_is_no_message(messages: list, rate_hz: float, error: type, words: 
         (b"MThd", TypeError, "a song must be a file's name"),
         (np.zeros(3), TypeError, "EVENT array"),
         (make_events([(5, NOTE_ON, 0, 60, 1), (3, NOTE_OFF, 0, 60, 1)]), ValueError, "must ascend"),
+        (make_events([(-1, NOTE_ON, 0, 60, 1)]), ValueError, "must ascend from frame 0 on"),
+        (make_events([(0, NOTE_ON, 0, 60, 1)])[None], TypeError, r"one-dimensional EVENT array, got shape \(1, 1\)"),
+        (SimpleNamespace(tracks=[], save=_cannot), MidiError, r"cannot be a file \(no room\); look at its header"),
         (mido.MidiFile(ticks_per_beat=0), MidiError, "0 ticks per quarter"),
         (mido.MidiFile(ticks_per_beat=10**6), MidiError, "cannot be a file"),
     ],
@@ -108,6 +117,18 @@ def test_what_is_no_message(messages: list, rate_hz: float, error: type, words: 
 def test_what_is_no_song(source: object, error: type, words: str) -> None:
     with pytest.raises(error, match=words):
         song_from(source, 44100)
+
+
+def test_messages_and_events_are_songs_too() -> None:
+    said = [mido.Message("note_on", note=60, velocity=90, time=0.5), mido.Message("note_off", note=60, time=0.25)]
+    events = make_events([(500, NOTE_ON, 0, 60, 90), (500, NOTE_ON, 0, 62, 90), (750, NOTE_OFF, 0, 60, 64)])
+    for source, notes in ((said, {60}), (iter(said), {60}), (events, {60, 62})):
+        title, song = song_from(source, 1000)
+        assert (title, song.length_s, song.rate_hz, song.keys) == ("the song", 0.75, 1000, {(0, 0): notes})
+    assert song_from(events[:0], 1000)[1].length_s == 0.0
+    # with a zone of all channels the notes are the master's
+    moved = make_events([(0, NOTE_ON, 5, 60, 90)])
+    assert [song_from(moved, 1000, mpe)[1].channels for mpe in (False, True)] == [{(5, 0): 1}, {(0, 0): 1}]
 
 
 def test_smpte_time_survives_mido() -> None:
@@ -131,15 +152,20 @@ def test_rendering_to_an_array_is_what_the_command_writes(tmp_path) -> None:
     done = synth.render(file, "tanpura", stems=True, **more)
     assert np.array_equal(done.samples.astype(np.float32), written)
     assert list(done.stems) == ["ch01-tanpura", "ch02-tanpura"] and done.report.notes == 2
-    assert "notes" in repr(done)
+    assert repr(done) == f"Rendered({len(written) / 44100:.2f} s at 44100 Hz, 2 notes)"
+    assert (done.report.clipped_samples, done.report.clipped_stem_samples, done.report.output) == (0, 0, None)
     by_object = synth.render(str(tmp_path / "song.mid"), channels={1: synth.load_preset("tanpura"), 2: "none"}, **more)
     assert by_object.report.left_out == {2: 1} and by_object.report.notes == 1
     louder = synth.render(file, "tanpura", normalize_dbfs=-1.0, stems=True, **more)
     assert np.abs(louder.samples).max() == pytest.approx(10 ** (-1 / 20), rel=1e-12)
     with pytest.raises(TypeError, match="no setting 'qualty'"):
         synth.render(file, qualty="draft")
-    with pytest.raises(ValueError, match="channels must be 1 to 16, got 0"):
-        synth.render(file, channels={0: "tanpura"})
+    for channel in (0, 17):
+        with pytest.raises(ValueError, match=f"channels must be 1 to 16, got {channel}"):
+            synth.render(file, channels={channel: "tanpura"})
+    with pytest.raises(TypeError, match="no setting 'output'"):
+        synth.render(file, output="x.wav")
+    assert synth.render(file, channels={16: "tanpura"}, preset="none", end_s=0.01, **more).samples.any() is np.False_
 
 
 #: what mido 1.3 makes of files that our own reader reads, or refuses with the place: an error, or what is wrong

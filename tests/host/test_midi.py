@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from synth.engine.events import (
+from synth.midi import song as songs
+from synth.midi import sysex
+from synth.midi.events import (
     BEND,
     CONTROL,
     KEY_PRESSURE,
@@ -21,9 +23,8 @@ from synth.engine.events import (
     TUNING,
     decode,
 )
-from synth.host import midi, sysex
-from synth.host.midi import Song, _Clock, _merge, _Zones, song_from_file
-from synth.host.smf import MidiError, MidiFile, Track, parse
+from synth.midi.smf import MidiError, MidiFile, Track, parse
+from synth.midi.song import Song, _Clock, _merge, _Zones, song_from_file
 
 from .midibytes import header, off, on, tempo, track, vlq
 
@@ -282,8 +283,8 @@ def test_notes_of_a_zone_are_its_masters() -> None:
 
 def test_zones_are_the_engines() -> None:
     from synth.engine.engine import Engine
-    from synth.engine.events import make_events
-    from synth.preset import load_preset
+    from synth.instrument.preset import load_preset
+    from synth.midi.events import make_events
 
     engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{43}])
     engine.prepare(44100.0, 64)
@@ -319,6 +320,30 @@ def test_a_song_of_more_than_a_day_is_refused_where_it_gets_too_long(division: i
     begun = song(beyond, until_s=5.0)
     assert rows(begun)[:2] == [(0, NOTE_ON, 60), (round(16.777215 / division * 48000), NOTE_OFF, 60)]
     assert (begun.events["frame"][2:] == day * 48000).all()
+
+
+def test_a_day_that_ends_in_a_rest() -> None:
+    """The events lie within it, the end of track does not: no message is to blame."""
+    data = header(division=1) + track((0, tempo(1_000_000)), (0, on(60)), *_far(24 * 3600 - 5, off(60)), end=10)
+    with pytest.raises(MidiError, match="the song is longer than 24 h; shorten it, or render it up to an earlier --end"):
+        song(data)
+    assert song(data, until_s=24 * 3600.0).length_s == pytest.approx(24 * 3600.0 + 5.0)
+
+
+def test_a_minute_of_rest_at_the_end_is_meant() -> None:
+    second = 960  # ticks
+    assert song(header() + track((0, on(60)), (480, off(60)), end=60 * second)).length_s == pytest.approx(60.5, abs=1e-9)
+    cut = song(header() + track((0, on(60)), (480, off(60)), end=60 * second + 1))
+    assert cut.length_s == pytest.approx(0.5, abs=1e-12)
+    assert cut.warnings == ("it ends 60 s after its last event: that rest is left out",)
+
+
+def test_of_a_take_the_order_stays() -> None:
+    """A take is played as it was recorded: an end that follows the note's repeat at the same tick ends the repeat."""
+    notes = [(0, on(60)), (480, on(60)), (0, off(60)), (0, off(60))]
+    mark = (0, b"\xff\x7f\x04\x7d\x4a\x57\x03")
+    kinds = [[kind for _, kind, _ in rows(song(header() + track(*events)))] for events in ([mark, *notes], notes)]
+    assert kinds == [[NOTE_ON, NOTE_ON, NOTE_OFF, NOTE_OFF], [NOTE_ON, NOTE_OFF, NOTE_ON, NOTE_OFF]]
 
 
 def _far(ticks: int, message: bytes) -> list[tuple[int, bytes]]:
@@ -361,7 +386,7 @@ def test_tunings_that_come_together_are_those_that_make_a_difference(messages) -
     file = parse(header(1, 2, 24000) + b"".join(track(*each) for each in tracks))
     shorter = song_from_file(file, 19200).events
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(midi, "_at_once", lambda one, *_: [[each] for each in one.sysex])
+        patch.setattr(songs, "_at_once", lambda one, *_: [[each] for each in one.sysex])
         whole = song_from_file(file, 19200).events
     assert len(shorter) <= len(whole)
     assert _heard(shorter) == _heard(whole)

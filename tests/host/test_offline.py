@@ -1,14 +1,16 @@
 """The offline loop against a fake engine whose output is known in closed form."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synth.engine.events import EVENT, NOTE_ON
 from synth.host.offline import FADE_S, QUIET_FOR_S, Rendering, Span, render, span_of
+from synth.midi.events import EVENT, NOTE_ON
+from synth.midi.eventsource import from_events
 
 from .fake_engine import FakeEngine
 
@@ -155,7 +157,111 @@ def test_a_number_that_is_not_finite_stops_the_render() -> None:
         render(Broken(latency=0), notes(), Span(0, 100, 0, False), RATE_HZ, Sink())
 
 
+def test_a_source_of_events_is_asked_block_by_block() -> None:
+    asked: list[int] = []
+    given = from_events(notes(10, 64, 129))
+
+    def source(until: int) -> np.ndarray:
+        asked.append(until)
+        return given(until)
+
+    sink = Sink()
+    render(FakeEngine(latency=5, decay=0.9), source, Span(0, 190, 0, False), RATE_HZ, sink, block=64)
+    assert asked == [64, 128, 192, 195]
+    expected, _ = play(notes(10, 64, 129), Span(0, 190, 0, False), decay=0.9, latency=5)
+    np.testing.assert_array_equal(sink.sound, expected)
+
+
+def test_events_at_a_frame_belong_to_what_follows_it() -> None:
+    given = from_events(notes(3, 5, 5, 9))
+    assert [given(until)["frame"].tolist() for until in (3, 5, 6, 6, 100)] == [[], [3], [5, 5], [], [9]]
+    events = notes(3)
+    from_events(events)(4)["frame"] -= 3  # the array is the asker's
+    assert events["frame"].tolist() == [3]
+
+
+class Drawn(FakeEngine):
+    """A pluck is silent for 90 ms, and then for one frame as loud as it was struck."""
+
+    def __init__(self) -> None:
+        super().__init__(latency=90, decay=0.0)
+        self.latency_samples = 0
+
+
+def test_a_pluck_at_the_end_is_waited_for_until_its_finger_lets_go() -> None:
+    """Also where an earlier note has rung out before it begins."""
+    for before in ((), (10,)):
+        sink = Sink()
+        render(Drawn(), notes(*before, 1000), Span(0, 1000, 5 * RATE_HZ, True), RATE_HZ, sink, block=64)
+        assert np.flatnonzero(sink.sound[:, 0]).tolist() == [each + 90 for each in (*before, 1000)]
+        assert len(sink.sound) == 1000 + round(0.1 * RATE_HZ) + 1 + QUIET_FRAMES
+
+
+def test_an_end_of_a_note_is_nobodys_pluck() -> None:
+    sound, _ = play(notes(50, velocity=0), Span(0, 60, 5 * RATE_HZ, True), decay=0.0, latency=0)
+    assert len(sound) == 60
+
+
+def test_quiet_is_below_minus_80_decibels() -> None:
+    def length(level: float) -> int:
+        class Steady(FakeEngine):
+            def process(self, events, out, stems) -> None:
+                out[:] = (0.0, -level)
+
+        sink = Sink()
+        return render(Steady(latency=0), notes(), Span(0, 100, 2000, True), RATE_HZ, sink).frames
+
+    assert (length(0.99e-4), length(1.01e-4)) == (100, 2100)
+
+
+def test_a_tail_shorter_than_its_fade_is_all_fade() -> None:
+    """A half cosine over what there is, stems alike: nothing before the end of the song is touched."""
+    mix, left, right = Sink(), Sink(), Sink()
+    render(FakeEngine(decay=1.0), notes(10), Span(0, 50, 4, False), RATE_HZ, mix, [left, right])
+    expected = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, 5) / 4)
+    np.testing.assert_allclose(mix.sound[50:, 0], expected, atol=1e-15)
+    np.testing.assert_allclose(left.sound[50:, 0], expected, atol=1e-15)
+    assert (mix.sound[10:50, 0] == 1.0).all() and not right.sound.any()
+
+
+def test_what_is_before_the_start_is_neither_written_nor_counted() -> None:
+    sound, done = play(notes(10), Span(100, 200, 0, False), latency=0, decay=0.99)
+    assert done.peak == sound[0, 0] == pytest.approx(0.99**90)
+    seen: list[tuple[float, float]] = []
+    render(
+        FakeEngine(latency=30),
+        notes(),
+        Span(100, 200, 0, False),
+        RATE_HZ,
+        Sink(),
+        block=50,
+        progress=lambda *n: seen.append(n),
+    )
+    assert seen == [(0.02, 0.2), (0.07, 0.2), (0.12, 0.2), (0.17, 0.2), (0.2, 0.2)]
+
+
+def test_the_place_of_a_number_that_is_not_finite() -> None:
+    class Broken(FakeEngine):
+        def process(self, events, out, stems) -> None:
+            out[:] = np.inf if self.blocks else 0.0
+            self.blocks.append(len(out))
+
+    with pytest.raises(RuntimeError, match=r"a number that is not finite at 0\.25 s"):
+        render(Broken(latency=50), notes(), Span(0, 900, 0, False), RATE_HZ, Sink(), block=300)
+
+
+def test_the_time_a_render_took(monkeypatch) -> None:
+    clock = iter((10.0, 12.5))
+    monkeypatch.setattr("synth.host.offline.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    assert play(notes(1), Span(0, 100, 0, False))[1].wall_s == 2.5
+
+
 def test_spans() -> None:
+    assert span_of(2.0004, 1000, start_s=0.0006, end_s=1.9996, tail_s=0.0) == Span(1, 2000, 0, False)
+    assert span_of(2.0, 1000, start_s=0.5, tail_s=0.1).most_frames == 1600
+    assert span_of(0.0, 1000).end == 0  # a song of nothing has a start
+    with pytest.raises(ValueError, match=r"later than --start \(1 s\), got 0\.5 s"):
+        span_of(2.0, 1000, start_s=1.0, end_s=0.5)
     assert span_of(2.0, 1000) == Span(0, 2000, 60_000, True)
     assert span_of(2.0, 1000, start_s=0.5, end_s=1.5, tail_s=0.25) == Span(500, 1500, 250, False)
     assert span_of(2.0, 1000, end_s=3.0, tail_s=0.0) == Span(0, 3000, 0, False)

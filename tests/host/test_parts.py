@@ -1,11 +1,23 @@
 """Which preset plays which channel."""
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from synth.engine.events import CONTROL, N_PARAMETERS, NOTE_ON, PARAMETER, TUNING, make_events
-from synth.host.parts import cast, parse_channel_map, played_events
+from synth.host.parts import (
+    cast,
+    cast_live,
+    files_read,
+    load_presets,
+    notes_of_parts,
+    parse_channel_map,
+    played_events,
+    unplayed_rows,
+)
+from synth.instrument.preset import load_preset, preset_folder
+from synth.midi.events import CONTROL, N_PARAMETERS, NOTE_ON, PARAMETER, TUNING, make_events
 
 
 def test_by_default_basses_are_basses_and_percussion_is_left_out() -> None:
@@ -40,6 +52,96 @@ def test_the_map_goes_before_all_else() -> None:
 def test_maps_that_are_none(text: str) -> None:
     with pytest.raises(ValueError, match="--map"):
         parse_channel_map([text])
+
+
+def test_the_ends_of_the_channels() -> None:
+    assert parse_channel_map(["1=a,16= b "]) == {0: "a", 15: "b"}
+    for entry, number in (("0=a", 0), ("17=a", 17)):
+        with pytest.raises(ValueError, match=f"--map channel must be 1 to 16, got {number}; correct '{entry}'"):
+            parse_channel_map([entry])
+    with pytest.raises(ValueError, match="--map '2=' is not CHANNEL=PRESET"):
+        parse_channel_map(["1=a,2="])
+
+
+def test_labels_are_channel_and_name() -> None:
+    labels = [part.label for part in cast({(8, 0): 1, (15, 0): 1}, None, {8: "my\\own.toml", 15: "a/b/c.toml"}).parts]
+    assert labels == ["ch09-own", "ch16-c"]
+
+
+def test_live_every_channel_has_a_part_and_shares_it() -> None:
+    casting = cast_live()
+    assert [(part.channel, part.preset, part.notes) for part in casting.parts] == [
+        (0, "jawari-harp", 0),
+        (0, "fretted-bass", 0),
+    ]
+    expected = np.zeros((16, 128), int)
+    expected[:, 32:40] = 1
+    expected[9] = -1
+    assert np.array_equal(casting.program_map, expected) and casting.left_out == {}
+    one = cast_live("tanpura", only_channel=3)
+    assert [(part.channel, part.preset) for part in one.parts] == [(3, "tanpura")]
+    assert (one.program_map[3] == 0).all() and (np.delete(one.program_map, 3, axis=0) == -1).all()
+    with pytest.raises(ValueError, match="no channel has a preset"):
+        cast_live(by_channel={channel: "none" for channel in range(16)})
+
+
+def test_live_beside_a_song_its_parts_come_first() -> None:
+    song = cast({(1, 0): 5, (2, 0): 4, (9, 0): 3}, "tanpura", {2: "jawari-harp"})
+    casting = cast_live("jawari-harp", {1: "tanpura", 3: "tanpura"}, song=song)
+    assert casting.parts == song.parts and casting.left_out == {9: 3}
+    # of a song's channel the other programs go to a part of its own channel, of others to the first that fits
+    assert [casting.program_map[channel, 7] for channel in (1, 2, 3, 4, 9)] == [0, 1, 0, 1, -1]
+    both = cast({(1, 0): 5, (2, 0): 4}, "tanpura")
+    assert cast_live("tanpura", song=both).program_map[[0, 1, 2], 7].tolist() == [0, 0, 1]
+    assert (song.program_map >= 0).sum() == 2  # the song's own is as it was
+
+
+def test_the_notes_of_parts_are_those_of_their_channels_and_programs() -> None:
+    keys = {(0, 0): {60, 62}, (0, 1): {62, 64}, (1, 33): {30}, (9, 0): {36}}
+    casting = cast({pair: len(notes) for pair, notes in keys.items()}, None)
+    assert notes_of_parts(keys, casting) == [{60, 62, 64}, {30}]
+
+
+def test_rows_of_notes_that_found_no_string() -> None:
+    found = [
+        SimpleNamespace(part=1, note=60, times=2, reason="why"),
+        SimpleNamespace(part=-1, note=21, times=1, reason="so"),
+    ]
+    assert unplayed_rows(found, ["a", "b"]) == [
+        {"part": "b", "note": "C4", "count": 2, "reason": "why"},
+        {"part": "no part", "note": "A0", "count": 1, "reason": "so"},
+    ]
+    found[1].part = 0
+    assert [row["part"] for row in unplayed_rows(found, ["a", "b"])] == ["b", "a"]
+
+
+def test_presets_are_set_by_name_or_all_together() -> None:
+    names = ["tanpura", "jawari-harp", "tanpura"]
+    loaded = load_presets(names, [(None, "pluck.position", "0.2"), ("tanpura", "pluck.position", "0.3")])
+    assert list(loaded) == ["tanpura", "jawari-harp"]
+    assert [preset.pluck.position for preset in loaded.values()] == [0.3, 0.2]
+    with pytest.raises(
+        ValueError, match=r"--set tampura:x: no part plays 'tampura'.*tanpura.*the parts play tanpura, jawari"
+    ):
+        load_presets(names, [("tampura", "x", "1")])
+    with pytest.raises(ValueError, match="the parts play nothing"):
+        load_presets([], [("tanpura", "x", "1")])
+    own = load_preset("tanpura").with_setting("pluck.position", "0.4")
+    assert load_presets(["mine"], [], {"mine": own}) == {"mine": own}
+
+
+def test_what_was_changed_is_named_where_it_does_not_fit() -> None:
+    settings = [("tanpura", "string.0.length_m", "0.02"), ("jawari-harp", "pluck.position", "0.2")]
+    with pytest.raises(ValueError, match=r"^tanpura with string\.0\.length_m=0\.02: string\.0\.youngs_modulus_gpa: "):
+        load_presets(["tanpura", "jawari-harp"], settings)
+
+
+def test_files_that_are_read() -> None:
+    read = files_read(["tanpura", None, "none", "nowhere.toml"], midi="a.mid", tuning=None)
+    assert [(each.what, str(each.path)) for each in read] == [
+        ("midi", "a.mid"),
+        ("preset", str(preset_folder() / "tanpura.toml")),
+    ]
 
 
 def test_parameters_of_a_file_that_are_not_there_are_not_played() -> None:

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 import soundfile
 
+from synth.dsp.measures import sounding_fundamental
 from synth.host import render as job
-from synth.host import sysex
 from synth.host.bindings import parse_bindings
-from synth.host.render import RenderSettings, render_file
-from synth.measures import sounding_fundamental
+from synth.host.offline import Span
+from synth.host.parts import Casting, Part
+from synth.host.render import SILENT_KEY, RenderSettings, render_file
+from synth.instrument.preset import preset_folder
+from synth.midi import sysex
 from synth.units import cents
 
 from .fake_engine import FakeEngine
@@ -236,6 +239,128 @@ def test_normalizing_takes_the_limiters_place(tmp_path, engine) -> None:
     assert "normalized by -7.0 dB" in report.lines()[0]
     render_file(replace(plain, limiter=True))
     assert engine.limiter is True
+
+
+def test_the_closing_lines(tmp_path, song, engine) -> None:
+    report = render_file(RenderSettings(song, str(tmp_path / "x.wav"), tail=0.0))
+
+    def line(**changed: object) -> str:
+        return replace(report, **{"output": "x.wav", "realtime_factor": None, "channels": []} | changed).lines()[0]
+
+    assert line() == "x.wav: 0.1 s, peak -2.1 dBFS, 2 strings, 2 notes (all played), limiter at rest"
+    assert line(strings=1, notes=1, realtime_factor=3.26).startswith(
+        "x.wav: 0.1 s, peak -2.1 dBFS, 3.3× real time, 1 string, 1 note (all played), "
+    )
+    assert line(notes=0, peak_dbfs=None) == "x.wav: 0.1 s, silent, 2 strings, 0 notes, limiter at rest"
+    assert line(limiter_reduction_db=0.04).endswith(", limiter at rest")
+    assert line(limiter_reduction_db=0.05).endswith(", limiter took off up to 0.1 dB")
+    assert line(limiter_reduction_db=None).endswith(", limiter off")
+    assert line(output="-").startswith("standard output: ") and line(output=None, stems=["a", "b"]).startswith("a, b: ")
+    lost = [{"count": 2, "reason": SILENT_KEY}, {"count": 1, "reason": "another"}]
+    assert "2 notes (3 not played)" in line(unplayed=lost)
+    told = replace(report, channels=[], unplayed=lost, stolen=4, taken_over=5, clipped_samples=6, clipped_stem_samples=7)
+    assert [text.strip().split()[0] for text in told.lines()[1:]] == ["2", "4", "5", "6", "7"]
+    assert replace(report, channels=[]).lines()[1:] == []
+
+
+def test_what_is_told_of_the_time_it_took(tmp_path, song, engine) -> None:
+    report = render_file(RenderSettings(song, str(tmp_path / "x.wav"), tail=0.0))
+    assert report.realtime_factor == pytest.approx(report.length_s / report.render_s)
+    assert report.length_s == 0.1 and 0.0 < report.prepare_s and 0.0 < report.render_s
+    nothing = tmp_path / "nothing.mid"
+    nothing.write_bytes(header() + track())
+    assert render_file(RenderSettings(str(nothing), str(tmp_path / "y.wav"))).realtime_factor is None
+
+
+def test_stems_of_one_name_are_numbered(tmp_path, engine) -> None:
+    """Two preset files of one name on one channel, in different folders."""
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "own.toml").write_bytes((preset_folder() / "tanpura.toml").read_bytes())
+    own = [str(tmp_path / folder / "own.toml") for folder in "ab"]
+    casting = Casting((Part(0, own[0], 1), Part(0, own[1], 1)), np.full((16, 128), -1), {})
+    settings = RenderSettings("song.mid", None, stems=str(tmp_path / "s"))
+    outputs = job._Outputs(settings, casting.parts, Span(0, 10, 0, False))
+    assert [os.path.basename(path) for path in outputs.stem_paths] == ["01-ch01-own.wav", "02-ch01-own.wav"]
+
+
+def test_where_stems_cannot_be_written(tmp_path, song, engine) -> None:
+    (tmp_path / "file").touch()
+    for folder, error, words in (
+        ("file", NotADirectoryError, "is a file; --stems needs a directory"),
+        ("nowhere/s", FileNotFoundError, "its parent directory is missing"),
+    ):
+        with pytest.raises(error, match=words):
+            render_file(RenderSettings(song, None, stems=str(tmp_path / folder), tail=0.0))
+    with pytest.raises(ValueError, match="there is nothing to write; give -o"):
+        render_file(RenderSettings(song, None))
+    assert sorted(os.listdir(tmp_path)) == ["file", "song.mid"]
+
+
+def test_a_folder_of_stems_that_cannot_be_completed_is_taken_away(tmp_path, song, engine, monkeypatch) -> None:
+    """The folder is made last of all; where a file cannot get its name in it, both go again. One that was there stays."""
+    committed = job.audiofile.AudioWriter.__exit__
+
+    def fails(writer, kind, *more) -> None:
+        if kind is None and writer.path.endswith("ch01-jawari-harp.wav"):
+            raise OSError("no")
+        committed(writer, kind, *more)
+
+    monkeypatch.setattr(job.audiofile.AudioWriter, "__exit__", fails)
+    settings = RenderSettings(song, None, stems=str(tmp_path / "s"), tail=0.0)
+    with pytest.raises(OSError, match="no"):
+        render_file(settings)
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_render_of_more_than_a_day_is_refused(tmp_path, song, engine) -> None:
+    with pytest.raises(ValueError, match=r"song\.mid: to render up to 24\.5 h is more than the 24 h that make sense"):
+        render_file(RenderSettings(song, str(tmp_path / "x.wav"), end_s=24.5 * 3600.0))
+    assert job._span(RenderSettings(song, None, end_s=24 * 3600.0), SimpleNamespace(length_s=1.0)).end == 24 * 3600 * 44100
+
+
+def test_a_tail_is_as_long_as_was_asked_for(song) -> None:
+    music = SimpleNamespace(length_s=2.0)
+
+    def span(**more: object) -> Span:
+        return job._span(RenderSettings(song, None, rate_hz=1000, **more), music)
+
+    assert span() == span(tail="auto") == Span(0, 2000, 60_000, True)
+    assert span(end_s=1.0) == Span(0, 1000, 0, False)
+    assert span(end_s=1.0, tail="auto") == Span(0, 1000, 60_000, True)
+    assert span(tail=1.5, start_s=0.5) == Span(500, 2000, 1500, False)
+
+
+def test_the_engine_is_made_for_the_notes_up_to_a_second_behind_the_end(tmp_path, monkeypatch) -> None:
+    asked: list[dict] = []
+
+    class Asked(_Engine):
+        def __init__(self, presets, program_map, **options) -> None:
+            super().__init__(decay=0.99)
+            asked.append(options)
+
+    monkeypatch.setattr("synth.engine.engine.Engine", Asked)
+    path = tmp_path / "song.mid"
+    path.write_bytes(header() + track((0, on(60)), (960 + 959, on(62)), (2, on(64))))  # at 0 s, 1.999 s, 2.001 s
+    settings = RenderSettings(
+        str(path), str(tmp_path / "x.wav"), end_s=1.0, seed=3, polyphony=7, gain_db=-3.0, quality="fine"
+    )
+    render_file(settings)
+    assert asked[0]["only_notes"] == [{60, 62}]
+    assert (asked[0]["max_polyphony"], asked[0]["gain_db"], asked[0]["quality"], asked[0]["limiter"]) == (
+        7,
+        -3.0,
+        "fine",
+        True,
+    )
+
+
+def test_steps_whose_contacts_were_not_solved_are_told(tmp_path, song, engine, monkeypatch) -> None:
+    told = engine.report()
+    told.unsolved_contacts = 2
+    monkeypatch.setattr(engine, "report", lambda: told)
+    report = render_file(RenderSettings(song, str(tmp_path / "x.wav"), tail=0.0))
+    assert "in 2 steps the contact forces were not solved exactly; please report this" in report.warnings
 
 
 def test_normalizing_to_standard_output(tmp_path, engine, song, capfdbinary) -> None:

@@ -137,6 +137,64 @@ def test_silent_keys_have_a_frequency_and_are_said_to_be_silent(write) -> None:
     assert note_hz[60] == 261.6 and note_hz[61] == midi_to_hz(61) and np.isfinite(note_hz).all()
 
 
+def test_the_ends_of_what_a_mapping_may_say(write) -> None:
+    scale = write("just.scl", JUST)
+    whole = note_frequencies(scale, write("whole.kbm", "0\n0\n127\n0\n127\n20000\n0\n"))
+    assert np.isfinite(whole).all() and whole[127] == pytest.approx(20000.0)
+    one = note_frequencies(scale, write("one.kbm", "1\n60\n60\n60\n60\n1.0\n1\n0\n"))
+    assert np.flatnonzero(np.isfinite(one)).tolist() == [60] and one[60] == 1.0
+    for text, problem in (
+        ("129\n0\n127\n60\n69\n440\n12\n", "line 1: the map's size must be 0 to 128, got 129"),
+        ("-1\n0\n127\n60\n69\n440\n12\n", "line 1: the map's size must be 0 to 128, got -1"),
+        ("0\n128\n127\n60\n69\n440\n12\n", "line 2: the first key must be 0 to 127, got 128"),
+        ("0\n0\n127\n128\n69\n440\n12\n", "line 4: the middle key must be 0 to 127, got 128"),
+        ("0\n0\n127\n60\n-1\n440\n12\n", "line 5: the reference key must be 0 to 127, got -1"),
+        ("0\n0\n127\n60\n69\n0.99\n12\n", "line 6: the reference frequency must be 1 to 20000 Hz, got '0.99'"),
+        ("0\n0\n127\n60\n69\n20001\n12\n", "line 6: the reference frequency must be"),
+        ("0\n0\n127\n60\n69\n440\n4097\n", "line 7: the octave's degree must be 0 to 4096, got 4097"),
+        ("2\n0\n127\n60\n60\n440\n1\n0\n4097\n", "line 9: a degree must be 0 to 4096, got 4097"),
+        ("0\n0\n127\n60\n69\n440\n", "begins with seven numbers, 6 are there"),
+    ):
+        with pytest.raises(ScalaError, match=problem):
+            note_frequencies(scale, write("bad.kbm", text))
+
+
+def test_a_mapping_repeats_at_its_own_degree(write) -> None:
+    """Two keys a turn; a turn is degree 4, 3/2; 0 stands for the scale's length."""
+    scale = write("just.scl", JUST)
+    note_hz = note_frequencies(scale, write("fifths.kbm", "2\n0\n127\n60\n60\n100\n4\n0\n2\n"))
+    np.testing.assert_allclose(note_hz[58:65] / 100.0, [2 / 3, 5 / 6, 1, 5 / 4, 3 / 2, 15 / 8, 9 / 4], rtol=1e-13)
+    note_hz = note_frequencies(scale, write("octaves.kbm", "2\n0\n127\n60\n60\n100\n0\n0\n2\n"))
+    np.testing.assert_allclose(note_hz[58:64] / 100.0, [1 / 2, 5 / 8, 1, 5 / 4, 2, 5 / 2], rtol=1e-13)
+
+
+def test_ways_to_write_a_pitch(write) -> None:
+    text = "! c\n\n 6\n!\n 100.0 cents\n 200.\n 5/4! third\n 3 / 2\n-50.0\n 2\n 9/1\n"
+    note_hz = note_frequencies(write("ways.scl", text))
+    expected = [2 ** (1 / 12), 2 ** (2 / 12), 1.25, 1.5, 2 ** (-50 / 1200), 2.0]
+    np.testing.assert_allclose(note_hz[61:67] / note_hz[60], expected, rtol=1e-12)
+    far = note_frequencies(write("far.scl", "far\n2\n-76800.0\n1200.0\n"))
+    assert far[61] == 1e-3
+    with pytest.raises(ScalaError, match=r"64 octaves of 1/1 \(±76800 cents\), got '-76801\.0'"):
+        note_frequencies(write("far.scl", "far\n2\n-76801.0\n1200.0\n"))
+
+
+def test_scales_of_many_notes_and_of_none(write) -> None:
+    most = "x\n4096\n" + "".join(f"{k}.0\n" for k in range(1, 4097))
+    assert note_frequencies(write("most.scl", most))[127] == pytest.approx(MIDDLE_C_HZ * 2 ** (67 / 1200), rel=1e-12)
+    for count in (0, 4097):
+        with pytest.raises(ScalaError, match=f"line 2: the number of notes must be 1 to 4096, got {count}"):
+            note_frequencies(write("bad.scl", f"x\n{count}\n2/1\n"))
+    with pytest.raises(ScalaError, match="a scale has a description line and a line with the number of notes"):
+        note_frequencies(write("bad.scl", "x\n"))
+    with pytest.raises(ScalaError, match="must be above 1/1, got -1200 cents"):
+        note_frequencies(write("down.scl", "x\n1\n-1200.0\n"))
+    narrow = note_frequencies(write("narrow.scl", "x\n1\n0.5\n"))
+    assert narrow[72] / narrow[60] == pytest.approx(2 ** (6 / 1200), rel=1e-12)
+
+
 def test_a_missing_file() -> None:
+    with pytest.raises(ScalaError, match=r"\.scl: cannot be read \(File name too long\)"):
+        note_frequencies("x" * 300 + ".scl")
     with pytest.raises(ScalaError, match=r"nowhere\.scl: no such file"):
         note_frequencies("nowhere.scl")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synth.host.smf import MidiError, parse, read_file
+from synth.midi.smf import MidiError, parse, read_file
 
 from .midibytes import chunk, header, off, on, tempo, track, vlq
 
@@ -80,6 +80,28 @@ def test_system_exclusive_in_one_piece_and_in_packets() -> None:
     assert only.ticks == [0, 20]
 
 
+def test_system_messages_that_have_no_place_in_a_file_are_passed_over_with_their_data() -> None:
+    # quarter frame, song position, song select, tune request, clock; the last stands at the track's end
+    strays = [(1, bytes(each)) for each in ((0xF1, 5), (0xF2, 6, 7), (0xF3, 8), (0xF6,), (0xF8,))]
+    assert messages(header() + track(*strays, (1, on(60)), *strays, end=None)) == [(6, 0x90, 60, 64)]
+
+
+def test_a_take_is_known_by_its_mark() -> None:
+    """A sequencer-specific meta event, 7D 4A 57 03; others', and other events of these bytes, are none."""
+    mark, others = b"\xff\x7f\x04\x7d\x4a\x57\x03", (b"\xff\x7f\x04\x7d\x4a\x57\x04", b"\xff\x01\x04\x7d\x4a\x57\x03")
+    assert [parse(header() + track((0, each), (0, on(60)))).tracks[0].take for each in (mark, *others)] == [
+        True,
+        False,
+        False,
+    ]
+
+
+def test_of_a_tempo_the_first_three_bytes_count() -> None:
+    longer, shorter = b"\xff\x51\x04\x07\xa1\x20\x55", b"\xff\x51\x02\x07\xa1"
+    (only,) = parse(header() + track((0, shorter), (5, longer), (5, tempo(250_000)))).tracks
+    assert only.tempos == [(5, 500_000), (10, 250_000)]
+
+
 def test_a_track_without_end_of_track_ends_with_its_bytes() -> None:
     assert messages(header() + track((3, on(61)), end=None)) == [(3, 0x90, 61, 64)]
 
@@ -95,6 +117,8 @@ def test_more_tracks_than_promised_are_left_out_and_said_so() -> None:
     [
         (b"", "empty"),
         (b"RIFF\x00\x00\x00\x00WAVEfmt ", "RIFF file without MIDI"),
+        (b"RIFF\x00\x00\x00\x00RMIDLIST\x01\x00\x00\x00x\x00", r"cut off before its MIDI data \(after 22 bytes\)"),
+        (b"MThd\x00\x00\x00\x05\x00\x00\x00\x01\x01" + track(), "length 5, at least 6 is needed"),
         (b"\x00\x01garbage" * 50, "not a MIDI file"),
         (b"MT", "cut off"),
         (header()[:10], "cut off"),
@@ -106,10 +130,13 @@ def test_more_tracks_than_promised_are_left_out_and_said_so() -> None:
         (header(form=1, tracks=2) + track(), "cut off before track 2 of 2"),
         (header() + track((0, b"\x40\x40")), "without a status"),
         (header() + track((0, b"\x90\x40\x80")), "above 127"),
+        (header() + track((0, b"\x90\x80\x40")), "above 127"),
+        (header() + track((0, b"\xc0\x80")), "above 127"),
         (header() + chunk(b"MTrk", b"\xff\xff\xff\xff\x01\x90\x40\x40"), "more than four bytes"),
         (header() + chunk(b"MTrk", b"\x00\x90\x40"), "runs over the track's end"),
         (header() + chunk(b"MTrk", b"\x00\xff\x01\x7fabc"), "runs over the track's end"),
         (header() + chunk(b"MTrk", b"\x00\xf0\x7fabc"), "runs over the track's end"),
+        (header() + chunk(b"MTrk", b"\x00\xf2\x01"), "runs over the track's end"),
         (header() + b"\xff\xfe\x00\x00\x00\x00\x00\x00", "no chunk begins there"),
     ],
 )
@@ -124,6 +151,8 @@ def test_messages_name_the_file(tmp_path) -> None:
     for name in ("missing.mid", "."):
         with pytest.raises(MidiError, match=str(tmp_path / name)):
             read_file(tmp_path / name)
+    with pytest.raises(MidiError, match=r"cannot be read \(File name too long\); check its permissions"):
+        read_file(tmp_path / ("x" * 300 + ".mid"))
     (tmp_path / "empty.mid").touch()
     with pytest.raises(MidiError, match=r"empty\.mid: the file is empty"):
         read_file(tmp_path / "empty.mid")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from synth.dsp.measures import click_ratios
 from synth.host.render import RenderSettings, render_file
-from synth.measures import click_ratios
-from synth.preset import preset_folder
+from synth.instrument.preset import preset_folder
 
 
 def general_midi_song(path: Path, seconds: float = 12.0) -> int:

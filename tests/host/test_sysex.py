@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synth.engine.events import PARAMETER, TUNING
-from synth.host.sysex import events_of, of_parameter, of_tuning
+from synth.midi.events import PARAMETER, TUNING
+from synth.midi.sysex import events_of, of_parameter, of_tuning
 
 
 def hexed(text: str) -> bytes:
@@ -121,7 +121,38 @@ def test_tunings_are_the_standards_where_it_can_say_them() -> None:
     assert of_tuning(60, 60.1, True)[0] == 0x7D
 
 
+def test_our_own_messages_byte_by_byte() -> None:
+    """Takes hold them, so they stay as they are: 7D 4A 57, what it is, and the double as ten bytes of 7 bits."""
+    half = "00 3F 70" + " 00" * 7  # 3FE0 0000 0000 0000
+    tenth = "00 3F 5C 66 33 19 4C 66 33 1A"  # 3FB9 9999 9999 999A
+    for data, row in (
+        (hexed("7D 4A 57 01 01 02 03" + half), (PARAMETER, 130, 3, 0, 0.5)),
+        (hexed("7D 4A 57 01 7F 7F 7F" + tenth), (PARAMETER, 16383, 127, 0, 0.1)),
+    ):
+        assert events_of(data) == [row]
+        assert of_parameter(row[1], row[2], row[4]) == data
+    for at_once in (0, 1):
+        data = hexed(f"7D 4A 57 02 3C 0{at_once}" + tenth)
+        assert events_of(data) == [(TUNING, 0, 60, at_once, 0.1)]
+        assert of_tuning(60, 0.1, bool(at_once)) == data
+    assert events_of(hexed("7D 4A 57 02 3C 02" + half)) == events_of(hexed("7D 4A 57 03 3C 01" + half)) == []
+    assert events_of(hexed("7D 4A 57 01 01 02" + half)) == events_of(hexed("7D 4A 57 02 3C 01 00" + half)) == []
+
+
+def test_the_ends_of_what_the_standard_can_say() -> None:
+    step = 1.0 / 16384
+    assert of_tuning(0, 0.0, True) == hexed("7F 7F 08 02 00 01 00 00 00 00")
+    assert of_tuning(127, 128.0 - 2.0 * step, True) == hexed("7F 7F 08 02 00 01 7F 7F 7F 7E")
+    # the last of all pitches means no change, and there are none below key 0 or above it
+    assert {of_tuning(127, value, True)[0] for value in (128.0 - step, 128.0, -step)} == {0x7D}
+
+
 def test_wrong_arguments_are_refused() -> None:
+    for part, index in ((1 << 14, 0), (0, 128), (0, -1)):
+        with pytest.raises(ValueError, match=f"a part must lie between 0 and 16383, an index .* 127, got {part}, {index}"):
+            of_parameter(part, index, 0.0)
+    with pytest.raises(ValueError, match="a key must lie between 0 and 127, got -1"):
+        of_tuning(-1, 60.0, True)
     with pytest.raises(ValueError, match="a key must lie"):
         of_tuning(128, 60.0, True)
     with pytest.raises(ValueError, match="a part must lie"):

@@ -124,7 +124,7 @@ def _terminate(process: subprocess.Popen) -> str:
     """End a process that we have started; what it said."""
     process.terminate()
     try:
-        return process.communicate(timeout=5.0)[0]
+        return process.communicate(timeout=patience_s(5.0))[0]
     except subprocess.TimeoutExpired:
         process.kill()
         return process.communicate()[0]

@@ -13,9 +13,9 @@ import time
 import numpy as np
 
 from synth import Engine, load_preset
-from synth.engine.events import make_events
 from synth.live.deck import Deck
 from synth.live.portaudio import open_output
+from synth.midi.events import make_events
 
 
 def _keep_busy(stop: threading.Event) -> None:

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from synth.engine.events import CONTROL, EVENT
+from synth.midi.events import CONTROL, EVENT
 
 RATE_HZ = 44100
 LATENCY = 150

@@ -12,10 +12,10 @@ import pytest
 from numba import njit
 
 from synth import Engine, load_preset
-from synth.engine.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM, make_events
-from synth.live import block as native
-from synth.live import desk as d
+from synth.live import exchange as d
+from synth.live import render_block as native
 from synth.live.deck import Deck
+from synth.midi.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM, make_events
 from tests.patience import until
 
 from .deckkit import Card, offline
@@ -216,7 +216,7 @@ def test_rendered_ahead_it_sounds_the_same(tanpura: Engine, twin: Engine) -> Non
     try:
         pieces = []
         for _ in range(100):
-            until(lambda: deck._desk.words[d.AHEAD] >= (len(pieces) + 1) * 256)
+            until(lambda: deck._exchange.words[d.AHEAD] >= (len(pieces) + 1) * 256)
             pieces.append(card.ask(256))
         played = np.concatenate(pieces)
         card.play(0.3, 256)
@@ -309,7 +309,7 @@ def test_under_load_quiet_strings_are_spared(tanpura: Engine) -> None:
     assert ringing.strings == 4 and ringing.spare_db == -math.inf
 
     def pretend(load: float, seconds: float) -> None:
-        deck._desk.levels[d.MEAN_LOAD] = load
+        deck._exchange.levels[d.MEAN_LOAD] = load
         govern(deck.address, seconds)
 
     pretend(0.9, 2.0)
@@ -332,7 +332,7 @@ def test_under_load_quiet_strings_are_spared(tanpura: Engine) -> None:
 def test_an_adaptive_deck_looks_at_its_load(tanpura: Engine) -> None:
     for adaptive in (False, True):
         deck = Deck(tanpura, adaptive=adaptive)
-        deck._desk.levels[d.MEAN_LOAD] = 1e6
+        deck._exchange.levels[d.MEAN_LOAD] = 1e6
         Card(deck).ask(256)
         assert (deck.meters().spare_db > -math.inf) == adaptive
 
@@ -342,7 +342,7 @@ def test_what_a_device_brings_beyond_a_block_is_counted(tanpura: Engine) -> None
     for _ in range(d.BLOCK_EVENTS - 2):
         assert deck.send(CONTROL, 0, 1, 1, time_ns=time.monotonic_ns() - 10**9)
     tick(deck.address, 0, 256, time.monotonic_ns())
-    for event in deck._desk.given[:5]:
+    for event in deck._exchange.given[:5]:
         event["frame"], event["kind"], event["a"] = 255, CONTROL, 1
     brought_block(deck.address, 5, 256)
     assert deck.meters().events == d.BLOCK_EVENTS
@@ -353,5 +353,5 @@ def test_a_clock_that_is_caught_changing_keeps_nobody_waiting(tanpura: Engine) -
     deck = Deck(tanpura)
     begin = time.monotonic_ns()
     tick(deck.address, 0, 256, begin)
-    deck._desk.words[d.CLOCK] += 1
+    deck._exchange.words[d.CLOCK] += 1
     assert deck.at(begin) == 256

@@ -12,19 +12,19 @@ import pytest
 import soundfile
 
 from synth.cli import main
+from synth.drone.cycle import WANDERS, Cycle, Drone
+from synth.drone.dronefile import FileSettings, write
+from synth.drone.pegs import Pegs, Strings, tuned
+from synth.drone.swara import RATIOS, frequency_of, name_of, ratio_of
+from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys
+from synth.dsp.measures import band_levels_db, click_ratios, sounding_fundamental
 from synth.engine.engine import Engine
-from synth.engine.events import NOTE_ON, PARAMETER, TUNING, make_events
 from synth.engine.layout import GAIN, HEIGHT
+from synth.instrument.preset import load_preset, parse_preset
+from synth.instrument.presetfile import preset_text
 from synth.live.deck import Deck
-from synth.live.drone import WANDERS, Cycle, Drone
-from synth.live.dronefile import FileSettings, write
-from synth.live.pegs import Pegs, Strings, tuned
-from synth.live.presetfile import preset_text
-from synth.live.swara import RATIOS, frequency_of, name_of, ratio_of
-from synth.live.tanpura_keys import DronePlayer, TanpuraKeys
 from synth.live.terminal import Terminal
-from synth.measures import band_levels_db, click_ratios, sounding_fundamental
-from synth.preset import load_preset, parse_preset
+from synth.midi.events import NOTE_ON, PARAMETER, TUNING, make_events
 from synth.units import cents, midi_to_hz
 from tests.forkserver import prepared
 from tests.patience import compiling_s, patience_s

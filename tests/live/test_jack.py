@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth.engine.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, TUNING, decode
-from synth.host.sysex import of_tuning
 from synth.live import jackclient, jackserver
 from synth.live.deck import Deck
 from synth.live.errors import DeviceError
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, TUNING, decode
+from synth.midi.sysex import of_tuning
 from tests.engine import kit
 from tests.forkserver import Forked, prepared
 from tests.patience import patience_s, until

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
 from synth.live.keyboard import PIANO, QUIT, Keyboard
+from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON
 from tests.patience import patience_s, until
 
 pty = pytest.importorskip("pty")

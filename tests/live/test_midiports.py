@@ -16,11 +16,10 @@ from pathlib import Path
 import mido
 import pytest
 
-from synth.engine.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM, TUNING
-from synth.host.sysex import of_parameter, of_tuning
-from synth.live.errors import MidiPortError
-from synth.live.midiports import MidiInputs, find_port, midi_system, port_names
-from synth.live.midistream import MOST_SYSEX_BYTES, ArrivalClock, MidiStream
+from synth.midi.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM, TUNING
+from synth.midi.ports import MidiInputs, MidiPortError, find_port, midi_system, port_names
+from synth.midi.stream import MOST_SYSEX_BYTES, ArrivalClock, MidiStream
+from synth.midi.sysex import of_parameter, of_tuning
 from tests.patience import until
 
 HERE = Path(__file__).parent
@@ -461,7 +460,7 @@ def test_none_of_a_flood_is_lost_and_memory_does_not_grow(keys: Keys, listen) ->
 
 
 def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_server, monkeypatch) -> None:
-    first = jack_server()
+    first = jack_server(sync=True)  # see `server`
     monkeypatch.setenv("JACK_DEFAULT_SERVER", first.name)
     monkeypatch.setenv("JACK_NO_START_SERVER", "1")
     sender = Keys(first)
@@ -478,7 +477,7 @@ def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_serv
         assert said[-1] == "the JACK server has ended; MIDI waits for it to come back"
         assert kept.plain()[1:] == [(NOTE_OFF, 0, 60, 64)]
         inputs.poll()
-        second = jack_server()
+        second = jack_server(sync=True)
         monkeypatch.setenv("JACK_DEFAULT_SERVER", second.name)
         sender = Keys(second)
         sender("open", "keys")

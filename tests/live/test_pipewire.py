@@ -11,12 +11,14 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 
+from synth.live.report import LiveReport
 from tests.patience import compiling_s
 from tests.pipewirekit import SINK, PipeWire, Record, why_not
 
@@ -65,6 +67,32 @@ def synth(server: PipeWire, folder: Path, *arguments: str, jack: bool = False) -
         timeout=compiling_s(),
         check=False,
     )
+
+
+@contextmanager
+def playing(
+    server: PipeWire, folder: Path, *arguments: str, jack: bool
+) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
+    """`synth play` with a tanpura that plays by now, and the lines that it has said; it is killed at the end."""
+    wanted = command("play", "-p", "tanpura", "--midi-in", "none", *(["--jack"] if jack else []), *arguments)
+    with subprocess.Popen(
+        server.jack(*wanted) if jack else wanted,
+        cwd=folder,
+        env=environment(server),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as running:
+        try:
+            assert running.stderr is not None
+            said = []
+            for line in running.stderr:
+                said.append(line)
+                if line.startswith("synth: playing"):
+                    break
+            yield running, said
+        finally:
+            running.kill()
 
 
 def pieces(recorded: np.ndarray, played: np.ndarray) -> list[tuple[int, int, int]]:
@@ -155,7 +183,7 @@ def test_the_report_has_the_frames_that_the_server_asks_for(pipewire: START, tmp
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert (report["block"], report["block_asked"]) == ((1024, 256) if jack else (512, 512))
-    told = synth(server, tmp_path, *arguments, *how, jack=jack).stdout
+    told = "\n".join(LiveReport(**report).lines())
     assert ("the server asked for blocks of 1024 frames, not 256" in told) == jack
 
 
@@ -174,28 +202,10 @@ def test_devices_do_not_contradict_themselves(pipewire: START, tmp_path: Path) -
 @WAYS
 def test_a_server_that_dies_is_one_line_and_not_the_libraries(pipewire: START, tmp_path: Path, jack: bool) -> None:
     server = pipewire()
-    arguments = command("play", "-p", "tanpura", "--midi-in", "none", *(["--jack"] if jack else []))
-    running = subprocess.Popen(
-        server.jack(*arguments) if jack else arguments,
-        cwd=tmp_path,
-        env=environment(server),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert running.stderr is not None
-        said = []
-        for line in running.stderr:
-            said.append(line)
-            if line.startswith("synth: playing"):
-                break
+    with playing(server, tmp_path, jack=jack) as (running, said):
         time.sleep(1.0)
         server.kill()
         out, err = running.communicate(timeout=compiling_s())
-    finally:
-        running.kill()
-        running.wait()
     said += err.splitlines(keepends=True)
     assert running.returncode == 1 and all(line.startswith("synth: ") for line in said), said
     assert sum("the audio output has gone" in line for line in said) == 1
@@ -204,17 +214,7 @@ def test_a_server_that_dies_is_one_line_and_not_the_libraries(pipewire: START, t
 
 def test_periods_that_pipewire_goes_without_are_counted(pipewire: START, tmp_path: Path) -> None:
     server = pipewire(quantum=1024)
-    running = subprocess.Popen(
-        server.jack(*command("play", "-p", "tanpura", "--midi-in", "none", "--jack", "--json")),
-        cwd=tmp_path,
-        env=environment(server),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert running.stderr is not None
-        assert any(line.startswith("synth: playing") for line in running.stderr)
+    with playing(server, tmp_path, "--json", jack=True) as (running, _):
         time.sleep(1.0)
         running.send_signal(signal.SIGSTOP)
         time.sleep(0.5)
@@ -222,9 +222,6 @@ def test_periods_that_pipewire_goes_without_are_counted(pipewire: START, tmp_pat
         time.sleep(1.0)
         running.send_signal(signal.SIGINT)
         out, err = running.communicate(timeout=compiling_s())
-    finally:
-        running.kill()
-        running.wait()
     assert running.returncode == 0, err
     # Half a second of periods went by; PipeWire's libjack tells of none.
     assert json.loads(out)["xruns"] >= 15

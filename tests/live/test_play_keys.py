@@ -13,19 +13,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from synth.drone.cycle import Cycle, Drone
+from synth.drone.pegs import Pegs, tuned
+from synth.drone.tanpura_keys import TanpuraKeys
+from synth.drone.tanpura_keys import keys_of as drone_keys_of
 from synth.engine.engine import Unplayed
-from synth.engine.events import CONTROL, NOTE_ON
-from synth.host.midi import read_song
-from synth.live.drone import Cycle, Drone
+from synth.instrument.preset import load_preset
 from synth.live.keyboard import PIANO
 from synth.live.keylist import Binding, KeyList
 from synth.live.paragraph import TIE, columns, folded
-from synth.live.pegs import Pegs, tuned
 from synth.live.playkeys import PlayKeys, keys_of
-from synth.live.tanpura_keys import TanpuraKeys
-from synth.live.tanpura_keys import keys_of as drone_keys_of
 from synth.live.unplayable import TOLD_S, Unplayable
-from synth.preset import load_preset
+from synth.midi.events import CONTROL, NOTE_ON
+from synth.midi.song import read_song
 from tests.forkserver import prepared
 from tests.patience import COMPILING_QUIET_S, patience_s, until
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from synth import Engine, load_preset
-from synth.engine.events import CONTROL, NOTE_OFF, NOTE_ON
+from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON
 from tests.forkserver import prepared
 from tests.patience import compiling_s, patience_s
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-import time
 import tracemalloc
+from contextlib import suppress
 from pathlib import Path
 
 import mido
@@ -15,7 +15,14 @@ import pytest
 import soundfile
 
 from synth.engine.engine import Engine
-from synth.engine.events import (
+from synth.engine.layout import PLUCK_POSITION
+from synth.host.audiofile import AudioWriter
+from synth.host.render import RenderSettings, render_file
+from synth.instrument.preset import load_preset
+from synth.live.deck import Deck
+from synth.live.recorder import Recorder
+from synth.live.take import TakeFile, division_of
+from synth.midi.events import (
     BEND,
     CONTROL,
     KEY_PRESSURE,
@@ -27,15 +34,8 @@ from synth.engine.events import (
     TUNING,
     make_events,
 )
-from synth.engine.layout import PLUCK_POSITION
-from synth.host.audiofile import AudioWriter
-from synth.host.midi import read_song
-from synth.host.render import RenderSettings, render_file
-from synth.host.smf import read_file
-from synth.live.deck import Deck
-from synth.live.recorder import Recorder
-from synth.live.take import TakeFile, division_of
-from synth.preset import load_preset
+from synth.midi.smf import read_file
+from synth.midi.song import read_song
 from tests.patience import patience_s, until
 
 from .deckkit import Card
@@ -255,13 +255,20 @@ def _recording(tmp_path: Path, **more) -> subprocess.Popen:
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, **more)
 
 
+def _has_a_second(mid: Path, wav: Path) -> bool:
+    """Whether what was played of the first second lies in the files of a recording that goes on."""
+    with suppress(RuntimeError, ValueError):  # read while it is written
+        return len(soundfile.read(wav)[0]) >= RATE_HZ - LATENCY and len(read_song(mid, RATE_HZ).events) >= 900
+    return False
+
+
 def test_a_killed_session_leaves_files_that_can_be_read(tmp_path: Path) -> None:
     process = _recording(tmp_path)
     assert process.stdout is not None
     try:
         assert process.stdout.readline() == "going\n"
         parts = until(lambda: len(found := sorted(tmp_path.glob(".take.*.part"))) == 2 and found)
-        time.sleep(0.3)  # it drains ten times a second; what it had played before is written by now
+        until(lambda: _has_a_second(*parts))  # it drains ten times a second
     finally:
         process.kill()
         process.communicate()

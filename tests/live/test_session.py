@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from synth.cli.common import asked_by_signals
-from synth.engine.events import EVENT, NOTE_ON, make_events
 from synth.host import parts
-from synth.host.eventsource import from_events
-from synth.live import stderr
 from synth.live.latency import Span, quickest_note
-from synth.live.patience import CALL_S, LEAVE_S, Worker, answers
 from synth.live.player import AHEAD_S, Player
 from synth.live.session import Session, SessionSettings, Stop
 from synth.live.status import Status, StatusLine, clock_text, status_text
+from synth.midi.events import EVENT, NOTE_ON, make_events
+from synth.midi.eventsource import from_events
+from synth.native import stderr
+from synth.native.patience import CALL_S, LEAVE_S, Worker, answers
 
 RATE_HZ = 44100
 
@@ -364,7 +364,7 @@ def test_spans_of_times() -> None:
 
 def test_the_quickest_note_draws_shortest() -> None:
     from synth.engine.engine import Engine
-    from synth.preset import load_preset
+    from synth.instrument.preset import load_preset
 
     preset = load_preset("tanpura")
     engine = Engine([preset, preset.with_setting("pluck.draw_ms", "3.0")], quality="draft")

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from synth import Engine
-from synth.engine.events import (
+from synth.engine.layout import GAIN, PLUCK_POSITION
+from synth.live.chase import PowerUp, at_frame, controls_at, let_go_rows, power_up_rows
+from synth.live.deck import Deck
+from synth.live.songplayer import LEAD_S, SongPlayer, power_up_of
+from synth.midi.events import (
     BEND,
     CONTROL,
     EVENT,
@@ -20,10 +24,6 @@ from synth.engine.events import (
     TUNING,
     make_events,
 )
-from synth.engine.layout import GAIN, PLUCK_POSITION
-from synth.live.chase import PowerUp, at_frame, controls_at, let_go_rows, power_up_rows
-from synth.live.deck import Deck
-from synth.live.songplayer import LEAD_S, SongPlayer, power_up_of
 from tests.engine import kit
 
 from .deckkit import Card, offline

@@ -9,8 +9,9 @@ import pytest
 from numba import njit
 
 from synth.engine import layout
-from synth.native.arrays import LINE, aligned, allocate, f8, fields, i8, record, struct, u1, whole_lines
+from synth.native.arrays import LINE, Pool, aligned, allocate, f8, fields, i8, record, struct, u1, whole_lines
 from synth.native.views import opener, table, words
+from synth.solver.stringmodel import Scratch, StringState
 
 POINT = np.dtype([("x", "f8"), ("n", "i8")], align=True)
 
@@ -21,6 +22,13 @@ class Work(NamedTuple):
     q: Annotated[np.ndarray, f8("modes")]
     pairs: Annotated[np.ndarray, i8("2*modes + 1, contacts")]
     flags: Annotated[np.ndarray, u1("3")]
+    points: Annotated[np.ndarray, struct(POINT, "contacts")]
+
+
+class Arrays(NamedTuple):
+    q: Annotated[np.ndarray, f8("modes")]
+    pairs: Annotated[np.ndarray, i8("2*contacts + 1, 3")]
+    flags: Annotated[np.ndarray, u1("modes, 3")]
     points: Annotated[np.ndarray, struct(POINT, "contacts")]
 
 
@@ -75,9 +83,24 @@ def test_lines_are_whole() -> None:
 
 
 def test_the_engine_declares_every_array_with_its_extents() -> None:
-    for kind in (layout.Bank, layout.State, layout.Shared, layout.Scratch):
+    for kind in (layout.Bank, layout.State, layout.Shared, StringState, Scratch):
         assert all(field.shape for field in fields(kind).values())
-    assert fields(layout.State)["grip_points"] == (np.dtype("f8"), ("strings", "3", "RESPONSE"))
+    assert fields(StringState)["grip_contacts"] == (np.dtype("f8"), ("contacts", "RESPONSE"))
+
+
+def test_many_of_a_kind_lie_side_by_side_and_apart() -> None:
+    sizes = [SIZES | {"modes": 5}, SIZES | {"modes": 0}, SIZES | {"modes": 11}]
+    pool = Pool(Arrays, sizes)
+    for number, (item, size) in enumerate(zip(pool.items, sizes, strict=True)):
+        assert item.q.shape == (size["modes"],) and item.pairs.shape == (2 * SIZES["contacts"] + 1, 3)
+        assert all(array.ctypes.data % LINE == 0 for array in item if array.dtype != POINT)
+        for array in item:
+            array[...] = np.full((), number + 1).astype(array.dtype)
+    for number, item in enumerate(pool.items):
+        assert all((array == np.full((), number + 1).astype(array.dtype)).all() for array in item)
+    assert {name: array.dtype for name, array in pool.flat.items()} == {n: f.dtype for n, f in fields(Arrays).items()}
+    again = pool.item(2, {name: array.copy() for name, array in pool.flat.items()})
+    assert np.array_equal(again.q, pool.items[2].q) and not np.shares_memory(again.q, pool.items[2].q)
 
 
 def test_every_field_is_found_behind_an_address() -> None:

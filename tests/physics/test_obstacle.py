@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synth.physics.obstacle import BASS_FRETS, Obstacle, bass_neck_height, fret_positions, frets, fretted
+from synth.physics.obstacle import (
+    BASS_FRETS,
+    Obstacle,
+    bass_neck_height,
+    fret_positions,
+    frets,
+    fretted,
+    parabola_height,
+    wall_positions,
+)
 
 NECK = {"action_12th_m": 0.0020, "relief_m": 0.0003, "nut_height_m": 0.0005}
 
@@ -25,6 +34,12 @@ def test_paper_frets_follow_equal_temperament():
 def test_paper_frets_follow_the_smooth_neck():
     off = np.array(BASS_FRETS.heights_m) - bass_neck_height(BASS_FRETS.positions_m)
     assert np.sqrt(np.mean(off**2)) == pytest.approx(29e-6, abs=0.5e-6)
+
+
+def test_the_smooth_neck_by_hand():
+    # −(0.203 + 0.0036 x + 0.649 · 4s(1 − s)) mm: no bow at the nut and at the last fret, all of it half way
+    expected = [-0.203e-3, -(0.203 + 0.0036 * 295.5 + 0.649) * 1e-3, -(0.203 + 0.0036 * 591.0) * 1e-3]
+    assert bass_neck_height([0.0, 0.2955, 0.591]) == pytest.approx(expected, rel=1e-12)
 
 
 def test_paper_frets_table():
@@ -171,6 +186,60 @@ def test_a_fret_that_just_touches_presses():
 def test_frets_that_do_not_exist(bad):
     with pytest.raises(ValueError, match=r"fret must be a whole number from 0 \(open\) to 20"):
         fretted(BASS_FRETS, bad, 0.863)
+
+
+def test_wall_positions_on_the_modal_grid():
+    # 9 modes of 1 m: every 0.1 m, and what lies on the ends of the stretch is on it
+    assert wall_positions(1.0, 0.2, 0.5, intervals=10) == pytest.approx([0.2, 0.3, 0.4, 0.5], rel=1e-14)
+    assert wall_positions(1.0, 0.0, 1.0, intervals=4) == pytest.approx([0.25, 0.5, 0.75], rel=1e-14)
+    assert wall_positions(2.0, 0.21, 1.39, intervals=10) == pytest.approx([0.4, 0.6, 0.8, 1.0, 1.2], rel=1e-14)
+
+
+def test_wall_positions_by_number_and_by_spacing():
+    assert wall_positions(1.0, 0.2, 0.5, nodes=4) == pytest.approx([0.2, 0.3, 0.4, 0.5], rel=1e-14)
+    assert wall_positions(1.0, 0.2, 0.5, nodes=1).tolist() == [0.5]
+    # the string's ends are never among them: of a wall that begins there the first is one step off
+    assert wall_positions(1.0, 0.0, 0.5, nodes=5) == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5], rel=1e-14)
+    assert wall_positions(1.0, 0.5, 1.0, nodes=3) == pytest.approx([0.5, 0.75], rel=1e-14)
+    assert wall_positions(1.0, 0.2, 0.5, spacing_m=0.1) == pytest.approx([0.2, 0.3, 0.4, 0.5], rel=1e-13)
+    assert wall_positions(1.0, 0.25, 0.5, spacing_m=0.1) == pytest.approx([0.3, 0.4, 0.5], rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("stretch", "how", "message"),
+    [
+        ((-0.1, 0.5), {"nodes": 3}, "a wall must have 0 <= from_m < to_m <= 1 m, got -0.1 and 0.5 m"),
+        ((0.5, 0.5), {"nodes": 3}, "a wall must have 0 <= from_m < to_m"),
+        ((0.5, 1.1), {"nodes": 3}, "a wall must have 0 <= from_m < to_m"),
+        ((0.2, 0.5), {}, "give intervals, nodes or spacing_m"),
+        ((0.26, 0.49), {"intervals": 4}, r"no node lies on the wall from 0\.26 to 0\.49 m"),
+    ],
+)
+def test_walls_that_are_none(stretch, how, message):
+    with pytest.raises(ValueError, match=message):
+        wall_positions(1.0, *stretch, **how)
+
+
+def test_a_parabola_has_its_radius_at_its_top():
+    # 2 mm off the top of a radius of 0.5 m: 4e-6/(2 · 0.5) = 4 µm below it
+    heights = parabola_height(np.array([0.008, 0.010, 0.012, 0.014]), 0.010, -1e-4, 0.5)
+    assert heights == pytest.approx([-1.04e-4, -1e-4, -1.04e-4, -1.16e-4], rel=1e-12)
+
+
+@pytest.mark.parametrize("bad", [-1.0, 0.0, math.inf, math.nan])
+def test_scales_of_no_length(bad):
+    with pytest.raises(ValueError, match="scale_length_m must be > 0 m"):
+        fret_positions(bad, 12)
+
+
+def test_the_shortest_neck_and_the_defaults():
+    assert len(frets(0.65, 12, 0.0018)) == 12
+    assert fret_positions(0.65, 1) == pytest.approx([0.65 * (1.0 - 2.0 ** (-1.0 / 12.0))], rel=1e-14)
+    heights = frets(0.65, 20, 0.0018).heights_m
+    assert -heights[0] == pytest.approx(0.0004, rel=1e-12)
+    # without relief they lie on a line
+    slope = np.diff(heights) / np.diff(fret_positions(0.65, 20))
+    assert slope == pytest.approx(np.full(19, slope[0]), rel=1e-10)
 
 
 def test_every_note_of_a_usual_neck_can_be_played():

@@ -76,7 +76,7 @@ def test_core_must_fit_into_the_string(bass):
         dataclasses.replace(bass, core_diameter_m=2e-3)
 
 
-@pytest.mark.parametrize("field", ["frequency_hz", "q", "modal_mass_kg"])
+@pytest.mark.parametrize("field", ["frequency_hz", "q", "mass_kg"])
 def test_nut_validation(field):
     with pytest.raises(ValueError, match=f"nut resonance {field} must be a number > 0"):
         dataclasses.replace(NUT[0], **{field: 0.0})
@@ -147,7 +147,7 @@ def test_no_field_takes_what_no_string_has(bass, field):
     low, high, _ = LIMITS[field]
 
     def made(value):
-        if field in ("frequency_hz", "q", "modal_mass_kg"):
+        if field in ("frequency_hz", "q", "mass_kg"):
             return dataclasses.replace(measured, nut=(dataclasses.replace(NUT[0], **{field: value}),))
         return dataclasses.replace(measured, **{field: (value,) if field.startswith("measured") else value})
 

@@ -8,27 +8,17 @@ import sys
 import numpy as np
 import pytest
 
-from synth.case import read_case
-from synth.native.arrays import aligned
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
-from synth.scene import Scene as CaseScene
+from synth.research.case import read_case
+from synth.research.scene import Scene as CaseScene
 from synth.solver import driver
-from synth.solver.blocks import (
-    BLOCK,
-    advance_blocks,
-    fly_blocks,
-    forget,
-    make_block_work,
-    make_blocks,
-    make_lags,
-    make_rows,
-    padded_rows,
-    press_blocks,
-)
-from synth.solver.kernels import advance, advance_free, advance_one, make_work, no_finger
-from synth.solver.lanes import padded
+from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
+from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
+from synth.solver.stepwise import advance_free, one_by_one
+from synth.solver.stringmodel import Strung, make_string
+from tests.oracles.plain import advance_one
 from tests.patience import compiling_s, patience_s
 
 LAWS = [EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED]
@@ -61,41 +51,30 @@ class Scene:
         self.g = np.zeros(residual.shape)
         contact_matrix(self.law, self.coef, shapes, residual, self.g)
 
+    def strung(self, steps, restitution=1.0, outputs=0, on_q=1, certified=False, **more):
+        """Ready for calls of that many steps; outputs: displacement at one point, velocity at another."""
+        model = make_string(
+            self.law, self.dt, self.mu, self.omega, 0.0 * self.omega, self.coef, self.shapes, self.eta, self.residual,
+            self.weights[:outputs], on_q=min(on_q, outputs), restitution=restitution, certified=certified, matrix=self.g,
+        )  # fmt: skip
+        return Strung(model, self.q, self.v, steps, watched=not certified, **more)
+
     def plain(self, steps, restitution=1.0):
         """(q, v, forces (n, C), contact_u) of the one-step kernel."""
-        c, n = self.eta.size, self.omega.size
-        q, v = self.q.copy(), self.v.copy()
-        u, w, forces = self.shapes @ q, self.shapes @ v, np.zeros((steps, c))
-        record = np.zeros((steps, c))
-        none, no_out = np.zeros((0, n)), np.zeros((steps, 0))
-        status = advance(
-            self.law, steps, self.dt, restitution, self.coef, self.shapes, self.eta, self.g, q, v, u, w, np.zeros(c),
-            no_finger(n, c), np.ones(c, np.uint8), none, none, no_out, no_out, forces, record, make_work(c),
-        )  # fmt: skip
-        assert status == 0
-        return q, v, forces, record + forces @ self.residual
+        string = self.strung(steps, restitution)
+        assert one_by_one(*string.addresses, 0, 0, steps) == 0
+        forces = string.forces(steps)
+        return string.q, string.v, forces, string.contact_u(steps) + forces @ self.residual
 
     def blocks(self, steps, restitution=1.0, certified=False, outputs=0):
-        """The same of the block kernel, and outputs: displacement at one point, velocity at another."""
-        c, n = self.eta.size, padded(self.omega.size)
-        block = make_blocks(self.law, self.dt, self.coef, self.shapes, self.g, self.weights[:outputs])
-        out_lags = block.out_lags
-        if outputs == 2:
-            out_lags = np.concatenate([out_lags[:1], make_lags(True, block.rows, block.shapes, block.weights[1:])])
-        q, v = padded_rows(self.q, n), padded_rows(self.v, n)
-        u, w, forces = self.shapes @ self.q, self.shapes @ self.v, np.zeros((steps, c))
-        record = np.zeros((0 if certified else steps, c))
-        out = np.zeros((outputs, steps))
-        work = make_block_work(c, n)
-        forget(work)
-        status = advance_blocks(
-            steps // BLOCK, self.law, n, self.dt, restitution, block.rows, self.omega, block.shapes, self.eta, block.lags,
-            int(certified), q, v, u, w, block.weights, min(outputs, 1), out_lags, out, forces, record, work,
-        )  # fmt: skip
-        assert status == 0
-        self.passed_over = int((work.looked[:c] == 0).sum())
-        assert not q[self.omega.size :].any() and not v[self.omega.size :].any()
-        return q[: self.omega.size], v[: self.omega.size], forces, record, out
+        """The same of the block kernel, and outputs."""
+        string = self.strung(steps, restitution, outputs, certified=certified)
+        assert advance_blocks(*string.addresses, steps // BLOCK, steps) == 0
+        self.passed_over = int((string.state.looked == 0).sum())
+        n = self.omega.size
+        assert not string.state.q[n:].any() and not string.state.v[n:].any()
+        contact_u = None if certified else string.contact_u(steps)
+        return string.q, string.v, string.forces(steps), contact_u, string.out(steps)
 
 
 def same(got, expected, tolerance, what):
@@ -177,50 +156,30 @@ def test_kernels_of_the_engine(use, eta):
     """`press_blocks` and `fly_blocks` with every kind of output against `advance_one` and `advance_free`."""
     scene = Scene(3, EXACT_HOLD, 1, modes=75)
     scene.set_contacts(mode_shapes(1.0, np.array([0.99]), 75), np.full((1, 1), 1e-8))
-    n, steps = padded(75), 400
-    rows, shapes = make_rows(scene.coef), padded_rows(scene.shapes, n)
-    lags = make_lags(False, rows, shapes, shapes, scene.g)
-    kinds = [w for kind, w in zip("qv", scene.weights, strict=True) if kind in use]
-    weights = padded_rows(np.array(kinds).reshape(-1, 75), n)
-    on_q = int("q" in use)
-    out_lags = np.concatenate(
-        [make_lags(False, rows, shapes, weights[:on_q]), make_lags(True, rows, shapes, weights[on_q:])]
-    )
+    scene.eta = np.array([eta])
+    steps, on_q = 400, int("q" in use)
+    both = scene.weights
+    scene.weights = both[["qv".index(kind) for kind in use]]
     for touching in (False, True):
-        q, v = padded_rows(scene.q, n), padded_rows(scene.v, n)
-        out, spare, forces = np.zeros((len(kinds), steps)), aligned(BLOCK), aligned(BLOCK)
+        string = scene.strung(steps, outputs=len(use), on_q=on_q)
         a, b = scene.q.copy(), scene.v.copy()
-        expected, records = np.zeros((2, steps)), np.zeros((2, steps))
+        expected = np.zeros((2, steps))
         if touching:
-            touched = press_blocks(
-                steps // BLOCK,
-                n,
-                rows,
-                shapes[0],
-                eta,
-                lags[0, 0],
-                q,
-                v,
-                weights,
-                on_q,
-                out_lags,
-                out,
-                spare,
-                forces,
-                *records,
-            )
-            advance_one(steps, scene.coef, scene.shapes[0], eta, scene.g[0, 0], a, b, *scene.weights, 1, 1, *expected)
+            touched = press_blocks(*string.addresses, steps // BLOCK, steps)
+            advance_one(steps, scene.coef, scene.shapes[0], eta, scene.g[0, 0], a, b, *both, 1, 1, *expected)
             assert (touched > 5) == (eta == 0.0)
-            scene.eta = np.array([eta])
             _, _, force, u = scene.plain(steps)
-            same(records[0], u[:, 0], 1e-11, "contact position")
-            same(records[1], force[:, 0], 1e-10, "contact force") if eta == 0.0 else None
+            same(string.contact_u(steps), u, 1e-11, "contact position")
+            same(string.forces(steps), force, 1e-10, "contact force") if eta == 0.0 else None
         else:
-            fly_blocks(steps // BLOCK, n, rows, q, v, weights, on_q, out)
-            advance_free(steps, scene.coef, a, b, *scene.weights, 1, 1, *expected)
-        same(q[:75], a, 1e-11, "q")
-        same(v[:75], b, 1e-11, "v")
-        for got, want in zip(out, [expected["qv".index(kind)] for kind in use], strict=True):
+            model, state = string.model, string.state
+            fly_blocks(
+                steps // BLOCK, model.rows.shape[1], model.rows, state.q, state.v, model.weights, on_q, string.out(steps)
+            )
+            advance_free(steps, scene.coef, a, b, *both, 1, 1, *expected)
+        same(string.q, a, 1e-11, "q")
+        same(string.v, b, 1e-11, "v")
+        for got, want in zip(string.out(steps), [expected["qv".index(kind)] for kind in use], strict=True):
             same(got, want, 1e-11, "output")
 
 
@@ -253,13 +212,12 @@ def test_rows_in_the_middle_of_blocks(law):
     model = driver.make_model(
         law, scene.omega, scene.sigma, scene.mu, scene.dt, scene.shapes, scene.eta, np.zeros((3, 3)), scene.weights, 0.3
     )
-    fingerless = no_finger(40, 3)
 
     def run(every, pieces, ledger=False):
         steps = sum(pieces)
         state = driver.start_run(model, scene.q, scene.v, np.zeros(3), every, steps // every + 1, ledger, False)
         for n in pieces:
-            driver.run(model, state, n, fingerless)
+            driver.run(model, state, n)
         return state
 
     truth = run(1, [240], ledger=True)
@@ -290,7 +248,7 @@ def test_leftovers_and_blocks_are_one_run():
         for ledger in (True, False):
             state = driver.start_run(model, scene.q, scene.v, np.zeros(6), 16, 30, ledger, False)
             for n in (3, 170, 9, 101, 5, 60):
-                driver.run(model, state, n, no_finger(40, 6))
+                driver.run(model, state, n)
             runs.append(state)
         for name in ("u", "contact_u", "contact_force"):
             same(getattr(runs[1], name), getattr(runs[0], name), 1e-9, f"{name}, seed {seed}")

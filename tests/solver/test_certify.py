@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from synth.solver.blocks import HORIZONS, certify
+from synth.solver.certificates import HORIZONS, certify
 from synth.solver.laws import EXACT_HOLD, coefficients
+from synth.solver.stringmodel import CLOCK, Strung, make_string
 
 N, C = 60, 12
 DT = 1.0 / 88_200.0
@@ -26,6 +27,13 @@ def scene(rng: np.random.Generator):
     return omega, sigma, shapes, eta, q, v
 
 
+def strung(omega, sigma, shapes, eta, q, v, now: int) -> Strung:
+    coef, none = coefficients(EXACT_HOLD, omega, sigma, MU, DT), np.zeros((0, N))
+    string = Strung(make_string(EXACT_HOLD, DT, MU, omega, sigma, coef, shapes, eta, np.zeros((C, C)), none), q, v, 1)
+    string.state.counts[CLOCK] = now
+    return string
+
+
 def test_what_is_passed_over_stays_clear() -> None:
     rng = np.random.default_rng(3)
     passed_over = long = kept = 0
@@ -33,8 +41,10 @@ def test_what_is_passed_over_stays_clear() -> None:
         omega, sigma, shapes, eta, q, v = scene(rng)
         scale = 10 ** rng.uniform(-1.5, 0.5)
         q, v = scale * q, scale * v
-        looked, until, margin = np.ones(C, np.uint8), np.full(C, 800), np.zeros(C)
-        certify(DT, omega, shapes, eta, q, v, 800, looked, until, margin, np.zeros((C, 3)), np.full(C, -1), np.zeros((3, N)))
+        string = strung(omega, sigma, shapes, eta, q, v, 800)
+        looked, until, margin = string.state.looked, string.state.until, string.state.margin
+        until[:] = 800
+        certify(*string.addresses, N)
         assert np.all(until >= 800 + HORIZONS[1])
         coef = coefficients(EXACT_HOLD, omega, sigma, MU, DT)
         for step in range(1, HORIZONS[0] + 1):
@@ -48,10 +58,12 @@ def test_what_is_passed_over_stays_clear() -> None:
 
 
 def test_certificates_hold_until_their_time() -> None:
-    omega, _, shapes, eta, q, v = scene(np.random.default_rng(4))
-    looked, until, margin = np.zeros(C, np.uint8), np.full(C, 9), np.full(C, 0.5)
-    work = np.zeros((C, 3)), np.full(C, -1), np.zeros((3, N))
-    certify(DT, omega, shapes, eta + 1.0, q, v, 8, looked, until, margin, *work)
+    omega, sigma, shapes, eta, q, v = scene(np.random.default_rng(4))
+    string = strung(omega, sigma, shapes, eta + 1.0, q, v, 8)
+    looked, until, margin = string.state.looked, string.state.until, string.state.margin
+    looked[:], until[:], margin[:] = 0, 9, 0.5
+    certify(*string.addresses, N)
     assert looked.sum() == 0 and np.all(until == 9) and np.all(margin == 0.5)
-    certify(DT, omega, shapes, eta + 1.0, q, v, 9, looked, until, margin, *work)
+    string.state.counts[CLOCK] = 9
+    certify(*string.addresses, N)
     assert looked.sum() == C

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes
 from synth.physics.string import String
-from synth.schemes import COMPLIANT
 from synth.solver import two_step
 from synth.solver.compliant import newton
 from synth.solver.penalty import (
@@ -21,6 +20,7 @@ from synth.solver.penalty import (
     solve_stiffened,
 )
 from synth.solver.problem import Problem
+from synth.solver.schemes import COMPLIANT
 from tests.oracles.penalty_steps import Twin
 
 EPS = np.finfo(float).eps
@@ -203,7 +203,7 @@ def test_energy_is_kept_to_rounding(method, contacts, lossless):
     """The ledger's terms come each from a formula of its own, so that their sum is a test."""
     for seed in range(4):
         p = random_problem(np.random.default_rng(seed), contacts, modes=30, steps=600, lossless=lossless)
-        outcome = solve(p, method, True, stiffness=10 ** (6 + 3 * (seed % 3)))
+        outcome = solve(p, method, True, stiffness=10.0 ** (6 + 3 * (seed % 3)))
         books, step = total(outcome), rounding(outcome, 30)
         assert outcome.contact_steps > 10 and outcome.unsolved_steps == 0
         assert np.all(outcome.energy[:, 0] >= 0) and np.all(outcome.energy[:, 1] >= 0)

@@ -8,9 +8,10 @@ import pytest
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
 from synth.solver import driver
-from synth.solver.kernels import Finger, finger_row, no_finger
+from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED
+from synth.solver.stepwise import finger_row
 
 
 def random_string(rng) -> String:
@@ -60,7 +61,7 @@ def random_scene(rng, compliant):
 def run(model, q, v, steps, ledger=True, every=1, force=None, published=False):
     force = np.zeros(model.eta.size) if force is None else force
     state = driver.start_run(model, q, v, force, every, steps // every + 1, ledger, published)
-    driver.run(model, state, steps, no_finger(model.omega.size, model.eta.size))
+    driver.run(model, state, steps)
     return state
 
 
@@ -103,7 +104,7 @@ def test_viscous_column_is_the_loss_integral():
     contacts = 0
     for step in range(150):
         states = (state.q.copy(), state.v.copy())
-        driver.run(model, state, 1, no_finger(model.omega.size, model.eta.size))
+        driver.run(model, state, 1)
         contacts += bool(np.any(state.force > 0.0))
         f = state.force @ model.shapes
         for x, w in zip(nodes, weights, strict=True):
@@ -143,7 +144,7 @@ def test_pressed_start_begins_from_the_static_contact():
             raised = np.abs(rng.normal(size=model.eta.size)) * 1e-3 if model.eta.size < modes / 2 else None
             if raised is None:
                 continue
-            model = model._replace(eta=raised)
+            model = model.but(eta=raised)
             q, force, status = driver.static_contact(model, np.zeros(modes))
             assert status == SOLVED
             gap = model.shapes @ q + model.residual @ force - model.eta
@@ -219,7 +220,7 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     own = finger_row(law, model.coef, model.shapes, weights, coupling)
     steps = 20_000
     path = distance * 0.5 * (1 - np.cos(np.pi * np.arange(steps + 1) / steps))
-    finger = Finger(1, weights, coupling, own, 1e6, 1.0, path, np.zeros(2))
+    finger = Finger(weights, coupling, own, 1e6, 1.0, path, np.zeros(2))
     state = driver.start_run(model, np.zeros(modes), np.zeros(modes), np.zeros(1), 1, 2 * steps + 1, True, False)
     driver.run(model, state, steps - int(state.counts[driver.STEPS]), finger)
     # an ideal string's shape: the modes' own static compliance under these weights
@@ -227,7 +228,7 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     stored = state.energy[steps - 1, 0]
     assert stored == pytest.approx(static, rel=0.02)
     assert state.energy[steps - 1, 4] >= stored
-    driver.run(model, state, steps, no_finger(modes, 1))
+    driver.run(model, state, steps)
     stored, spring, viscous, contact, injected = state.energy.T
     np.testing.assert_allclose(stored + spring + viscous + contact, injected, atol=1e-11 * injected.max())
     assert state.counts[driver.CONTACT_STEPS] > 10, "the freed string must reach the obstacle"
@@ -243,7 +244,7 @@ def test_ledger_and_blocks_do_not_change_the_motion():
     rng = np.random.default_rng(44)
     for _ in range(20):
         model, q, v = random_scene(rng, bool(rng.integers(2)))
-        model = model._replace(out_shapes=rng.normal(size=(2, model.omega.size)))
+        model = model.but(out_shapes=rng.normal(size=(2, model.omega.size)))
         weighed = run(model, q, v, 480, ledger=True, every=24)
         plain = run(model, q, v, 480, ledger=False, every=24)
         for name in ("u", "contact_u", "contact_force"):

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from numba import njit
 
-from synth.native.arrays import aligned
 from synth.physics.excitation import pluck_weights
-from synth.solver.blocks import BLOCK, forget, make_block_work, make_blocks, make_lags, padded_rows
-from synth.solver.fingers import Grip, advance_under_finger, fill_grip
-from synth.solver.kernels import Finger, advance, finger_row, make_work
-from synth.solver.lanes import padded
+from synth.solver.certificates import forget
+from synth.solver.fingers import advance_under_finger, fill_grip
+from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.stepwise import finger_row, one_by_one
 from tests.patience import compiling_s
 from tests.solver.test_blocks import LAWS, Scene, same
 
@@ -35,62 +34,46 @@ class Touch:
         amount = {"draw": 2e-3, "hold": 0.0, "press": -4e-3}[how]
         self.path = self.here + amount * bend
 
-    def finger(self, weights, coupling, own, path=None):
-        path = self.path if path is None else path
-        return Finger(1, weights, coupling, own, self.stiffness, self.resistance, path, np.array([self.here, 0.0]))
+    def hold(self, string):
+        """Take hold of a `Strung`."""
+        state, modes = string.state, self.weights.size
+        state.finger_weights[:modes] = self.weights
+        row = state.finger[0]
+        row["on"], row["stiffness"], row["resistance"] = 1, self.stiffness, self.resistance
+        row["here"], row["push"] = self.here, 0.0
+        return string
+
+
+def finger_of(string):
+    return np.array([string.state.finger[0]["here"], string.state.finger[0]["push"]])
 
 
 def plain(scene, touch, steps, restitution):
     """(q, v, forces, finger state, outputs) of the one-step kernel: displacement at one point, velocity at another."""
-    c = scene.eta.size
-    q, v, forces = scene.q.copy(), scene.v.copy(), np.zeros((steps, c))
-    u, w = scene.shapes @ q, scene.shapes @ v
-    coupling = np.zeros(c)
-    own = finger_row(scene.law, scene.coef, scene.shapes, touch.weights, coupling)
-    finger = touch.finger(touch.weights, coupling, own)
-    out = np.zeros((2, steps, 1))
-    status = advance(
-        scene.law, steps, scene.dt, restitution, scene.coef, scene.shapes, scene.eta, scene.g, q, v, u, w, np.zeros(c),
-        finger, np.ones(c, np.uint8), scene.weights[:1], scene.weights[1:], out[0], out[1], forces, np.zeros((0, c)),
-        make_work(c),
-    )  # fmt: skip
-    assert status == 0
-    return q, v, forces, finger.state, out[:, :, 0]
-
-
-def grip_of(scene, block, weights, out_weights, on_q):
-    c, n, k = scene.eta.size, block.rows.shape[1], 2 * BLOCK
-    grip = Grip(np.zeros((1, k)), np.zeros((c, k)), np.zeros((out_weights.shape[0], k)), np.zeros(c))
-    own = fill_grip(
-        scene.law, block.rows, scene.omega, block.shapes, weights, out_weights, on_q, np.zeros(c), aligned(n), aligned(n),
-        aligned((2, BLOCK)), grip,
-    )  # fmt: skip
-    return grip, own
+    string = touch.hold(scene.strung(steps, restitution, 2, path=touch.path))
+    coupling = string.state.finger_coupling
+    string.state.finger[0]["own"] = finger_row(scene.law, scene.coef, scene.shapes, touch.weights, coupling)
+    assert one_by_one(*string.addresses, 0, 0, steps) == 0
+    return string.q, string.v, string.forces(steps), finger_of(string), string.out(steps)
 
 
 def in_blocks(scene, touch, steps, restitution, certified, pieces=None):
-    """The same of the block kernel, and the work arrays."""
-    c, n = scene.eta.size, padded(scene.omega.size)
-    block = make_blocks(scene.law, scene.dt, scene.coef, scene.shapes, scene.g, scene.weights)
-    out_lags = np.concatenate([block.out_lags[:1], make_lags(True, block.rows, block.shapes, block.weights[1:])])
-    weights = padded_rows(touch.weights[None], n)
-    grip, own = grip_of(scene, block, weights, block.weights, 1)
-    q, v = padded_rows(scene.q, n), padded_rows(scene.v, n)
-    u, w, forces, out = scene.shapes @ scene.q, scene.shapes @ scene.v, np.zeros((steps, c)), np.zeros((2, steps))
-    work = make_block_work(c, n)
-    forget(work)
-    finger = touch.finger(weights[0], np.zeros(c), own)
+    """The same of the block kernel, and the state."""
+    outs, forces = [], []
+    string = touch.hold(scene.strung(steps, restitution, 2, certified=certified, path=touch.path))
+    fill_grip(*string.addresses, 1)
+    forget(string.addresses[1])
     at = 0
     for some in pieces or [steps]:
-        finger = finger._replace(path=touch.path[at:])
-        status = under_finger(
-            some // BLOCK, scene.law, n, scene.dt, restitution, block.rows, scene.omega, block.shapes, scene.eta, block.lags,
-            int(certified), q, v, u, w, finger, grip, block.weights, 1, out_lags, out[:, at:], forces[at:], work,
-        )  # fmt: skip
-        assert status == 0
+        string.scratch.path[: some + 1] = touch.path[at : at + some + 1]
+        assert under_finger(*string.addresses, some // BLOCK, some) == 0
+        outs.append(string.out(some).copy())
+        forces.append(string.forces(some).copy())
         at += some
-    assert not q[scene.omega.size :].any() and not v[scene.omega.size :].any()
-    return (q[: scene.omega.size], v[: scene.omega.size], forces, finger.state, out), work
+    n = scene.omega.size
+    assert not string.state.q[n:].any() and not string.state.v[n:].any()
+    whole = np.concatenate(outs, axis=1)
+    return (string.q, string.v, np.concatenate(forces), finger_of(string), whole), string.state
 
 
 @njit
@@ -144,10 +127,10 @@ def test_a_contact_passed_over_is_never_inside():
         _, _, forces, _, _ = plain(scene, touch, 480, 0.0)
         looks = []
         for certified in (False, True):
-            got, work = in_blocks(scene, touch, 480, 0.0, certified)
+            got, state = in_blocks(scene, touch, 480, 0.0, certified)
             np.testing.assert_array_equal(got[2] > 0.0, forces > 0.0)
             same(got[2], forces, 1e-8, "forces") if forces.any() else None
-            looks.append(int(work.looked.sum()))
+            looks.append(int(state.looked.sum()))
         assert looks[0] == 12
         passed_over += 12 - looks[1]
         touched += int((forces > 0.0).any(axis=0).sum())
@@ -172,9 +155,10 @@ def test_a_string_at_rest_is_pressed_onto_contacts_that_were_certain_to_be_clear
 def test_responses_of_a_unit_push(law):
     """Against the steps themselves; a contact stays within its bound for as long as one cares to look."""
     scene = Scene(4, law, 3, modes=45)
-    block = make_blocks(law, scene.dt, scene.coef, scene.shapes, scene.g, scene.weights)
     touch = Touch(scene, 4, BLOCK, "draw")
-    grip, own = grip_of(scene, block, padded_rows(touch.weights[None], padded(45)), block.weights, 1)
+    string = touch.hold(scene.strung(BLOCK, outputs=2))
+    fill_grip(*string.addresses, 1)
+    grip = string.state
     p11, p12, p21, p22, kq, kv = scene.coef
     q, v = kq * touch.weights, kv * touch.weights
     largest = np.zeros(3)
@@ -182,15 +166,16 @@ def test_responses_of_a_unit_push(law):
         x = q if law == EXACT_HOLD else v
         if k < BLOCK:
             at = BLOCK + k
-            same(grip.own[0, at], touch.weights @ x, 1e-9, "own")
-            same(grip.contacts[:, at], scene.shapes @ x, 1e-9, "contacts")
-            same(grip.outputs[:, at], [scene.weights[0] @ q, scene.weights[1] @ v], 1e-9, "outputs")
+            same(grip.grip_own[0, at], touch.weights @ x, 1e-9, "own")
+            same(grip.grip_contacts[:, at], scene.shapes @ x, 1e-9, "contacts")
+            same(grip.grip_outputs[:, at], [scene.weights[0] @ q, scene.weights[1] @ v], 1e-9, "outputs")
         largest = np.maximum(largest, np.abs(scene.shapes @ q))
         q, v = p11 * q + p12 * v, p21 * q + p22 * v
-    assert own == grip.own[0, BLOCK]
-    assert not grip.own[:, :BLOCK].any() and not grip.contacts[:, :BLOCK].any() and not grip.outputs[:, :BLOCK].any()
+    assert grip.finger[0]["own"] == grip.grip_own[0, BLOCK]
+    for responses in (grip.grip_own, grip.grip_contacts, grip.grip_outputs):
+        assert not responses[:, :BLOCK].any()
     if law == EXACT_HOLD:
-        assert (largest <= grip.far).all() and (largest > 0.1 * grip.far).all()
+        assert (largest <= grip.grip_far).all() and (largest > 0.1 * grip.grip_far).all()
 
 
 _LANES = """

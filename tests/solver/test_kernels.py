@@ -7,19 +7,21 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from synth.solver.kernels import Finger, advance, advance_free, advance_one, finger_row, make_work, no_finger
 from synth.solver.laws import (
     EXACT_HOLD,
     MOREAU_JEAN,
     MOREAU_JEAN_FILTERED,
-    SCHEMES,
+    NUMBERS,
     coefficients,
     contact_matrix,
 )
 from synth.solver.lcp import SOLVED
+from synth.solver.stepwise import advance_free, finger_row, one_by_one
+from synth.solver.stringmodel import Strung, make_string
 from tests.oracles import steps as twin
+from tests.oracles.plain import advance_one
 
-LAWS = list(SCHEMES.values())
+LAWS = list(NUMBERS.values())
 
 
 class Scene(NamedTuple):
@@ -55,31 +57,36 @@ def random_scene(rng: np.random.Generator, modes: int, contacts: int, largest_st
     return Scene(omega, sigma, mu, dt, positions, shapes, eta, residual, q, v, rng.choice([0.0, 0.3, 1.0]))
 
 
-def step_kernel(scene: Scene, law: int, steps: int, finger_path=None, watch=None, weights=None):
-    """`advance` from the scene's state; also what came out and where the contacts say they are."""
-    q, v = scene.q.copy(), scene.v.copy()
-    contacts, modes = scene.shapes.shape
+def strung(scene: Scene, law: int, steps: int, path=None) -> Strung:
+    """Two outputs of displacement, one of velocity."""
+    modes = scene.omega.size
     coef = coefficients(law, scene.omega, scene.sigma, scene.mu, scene.dt)
-    g = np.zeros((contacts, contacts))
-    contact_matrix(law, coef, scene.shapes, scene.residual, g)
-    finger = no_finger(modes, contacts)
-    if finger_path is not None:
-        coupling = np.zeros(contacts)
-        own = finger_row(law, coef, scene.shapes, weights, coupling)
-        start = np.array([weights @ q, 0.0])
-        finger = Finger(1, weights, coupling, own, 2e4, 0.7, np.asarray(finger_path), start)
-    u_contact, v_contact, force = scene.shapes @ q, scene.shapes @ v, np.zeros(contacts)
-    out_q, out_v = np.zeros((steps, 2)), np.zeros((steps, 1))
-    wq, wv = np.ones((2, modes)), np.ones((1, modes))
-    wq[1] = 1.0 / np.arange(1, modes + 1)
-    rec_force, rec_u = np.zeros((steps, contacts)), np.zeros((steps, contacts))
-    watch = np.ones(contacts, np.uint8) if watch is None else watch
-    status = advance(
-        law, steps, scene.dt, scene.restitution, coef, scene.shapes, scene.eta, g, q, v, u_contact, v_contact,
-        force, finger, watch, wq, wv, out_q, out_v, rec_force, rec_u, make_work(contacts),
+    weights = np.array([np.ones(modes), 1.0 / np.arange(1, modes + 1), np.ones(modes)])
+    model = make_string(
+        law, scene.dt, scene.mu, scene.omega, scene.sigma, coef, scene.shapes, scene.eta, scene.residual, weights, on_q=2,
+        restitution=scene.restitution,
     )  # fmt: skip
-    assert status == SOLVED
-    return q, v, force, finger, out_q, out_v, rec_force, rec_u, u_contact, v_contact
+    return Strung(model, scene.q, scene.v, steps, watched=True, path=path)
+
+
+def step_kernel(scene: Scene, law: int, steps: int, finger_path=None, watch=None, weights=None):
+    """`one_by_one` from the scene's state; also what came out and where the contacts say they are."""
+    string = strung(scene, law, steps, finger_path)
+    state, modes = string.state, scene.omega.size
+    finger = state.finger[0]
+    if finger_path is not None:
+        state.finger_weights[:modes] = weights
+        rows = np.ascontiguousarray(string.model.rows[:6, :modes])
+        finger["on"], finger["stiffness"], finger["resistance"], finger["here"] = 1, 2e4, 0.7, weights @ scene.q
+        finger["own"] = finger_row(law, rows, scene.shapes, weights, state.finger_coupling)
+    if watch is not None:
+        string.scratch.watch[: watch.size] = watch
+    assert one_by_one(*string.addresses, 0, 0, steps) == SOLVED
+    if watch is not None:
+        watch[:] = string.scratch.watch[: watch.size]
+    out, forces, u = string.out(steps).T, string.forces(steps), string.contact_u(steps)
+    held = np.array([finger["here"], finger["push"]])
+    return string.q, string.v, state.force, held, out[:, :2], out[:, 2:], forces, u, state.u, state.v_contact
 
 
 def step_twin(scene: Scene, law: int, q, v, row=None):
@@ -191,8 +198,8 @@ def test_one_step_from_random_states(law, with_finger):
             np.testing.assert_allclose(u_c, scene.shapes @ q, rtol=0, atol=1e-13)
             np.testing.assert_allclose(v_c, scene.shapes @ v, rtol=0, atol=1e-11 * np.abs(v).max())
         if with_finger:
-            assert finger.state[0] == pytest.approx(weights @ q, rel=0, abs=1e-14)
-            assert close(finger.state[1], expected.finger, 1e-10)
+            assert finger[0] == pytest.approx(weights @ q, rel=0, abs=1e-14)
+            assert close(finger[1], expected.finger, 1e-10)
     assert touched > 60, "the states must be such that contact matters"
 
 
@@ -221,24 +228,12 @@ def test_blocks_do_not_matter(law):
     rng = np.random.default_rng(3)
     scene = random_scene(rng, 20, 6, 2.0)
     whole = step_kernel(scene, law, 60)
-    contacts, modes = scene.shapes.shape
-    coef = coefficients(law, scene.omega, scene.sigma, scene.mu, scene.dt)
-    g = np.zeros((contacts, contacts))
-    contact_matrix(law, coef, scene.shapes, scene.residual, g)
-    q, v = scene.q.copy(), scene.v.copy()
-    u_contact, v_contact, force = scene.shapes @ q, scene.shapes @ v, np.zeros(contacts)
-    none = np.zeros((0, modes))
-    work = make_work(contacts)
+    string = strung(scene, law, 1)
     for t in range(60):
-        record = np.zeros((1, contacts))
-        advance(
-            law, 1, scene.dt, scene.restitution, coef, scene.shapes, scene.eta, g, q, v, u_contact, v_contact,
-            force, no_finger(modes, contacts), np.ones(contacts, np.uint8), none, none, np.zeros((1, 0)),
-            np.zeros((1, 0)), record, np.zeros((0, 0)), work,
-        )  # fmt: skip
-        np.testing.assert_array_equal(record[0], whole[6][t])
-    np.testing.assert_array_equal(q, whole[0])
-    np.testing.assert_array_equal(v, whole[1])
+        assert one_by_one(*string.addresses, 0, 0, 1) == SOLVED
+        np.testing.assert_array_equal(string.forces(1)[0], whole[6][t])
+    np.testing.assert_array_equal(string.q, whole[0])
+    np.testing.assert_array_equal(string.v, whole[1])
 
 
 # --- the fast kernels -------------------------------------------------------------------------------------------------

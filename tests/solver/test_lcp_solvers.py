@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth.case import Case, load_case
-from synth.scene import Scene
+from synth.research.case import Case, load_case
+from synth.research.scene import Scene
 from synth.solver import lcp
 from synth.solver.lcp import FEASIBILITY, NOT_SOLVED, SOLVED, natural_residual
 from tests.oracles import gauss_seidel, lemke

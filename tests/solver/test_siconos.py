@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.case import load_case
-from synth.scene import Scene
+from synth.research.case import load_case
+from synth.research.scene import Scene
 from synth.solver import lcp
 from synth.solver.lcp import SOLVED, natural_residual
 from tests.oracles import lemke, siconos

@@ -6,9 +6,9 @@ import pytest
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
 from synth.solver import driver
-from synth.solver.kernels import Finger, finger_row, no_finger
+from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
-from synth.solver.substeps import make_substeps
+from synth.solver.stepwise import finger_row
 from tests.oracles.steps import substepped_step
 
 OUT = [0.83, 0.4]
@@ -46,7 +46,7 @@ def scene(rng, contacts, substeps, rate_factor=1, compliant=True, points=2):
 
 def run(model, q, v, steps, every=1, ledger=False, finger=None):
     state = driver.start_run(model, q, v, np.zeros(model.eta.size), every, steps // every + 1, ledger, False)
-    driver.run(model, state, steps, no_finger(q.size, model.eta.size) if finger is None else finger)
+    driver.run(model, state, steps, finger)
     return state
 
 
@@ -75,7 +75,7 @@ def test_blocks_of_any_length_are_the_same_run(every):
     whole = run(model, q, v, 600, every=every)
     pieces = driver.start_run(model, q, v, np.zeros(1), every, 600 // every + 1, False, False)
     for n in (1, 2, 7, 90, 200, 300):
-        driver.run(model, pieces, n, no_finger(q.size, 1))
+        driver.run(model, pieces, n)
     np.testing.assert_allclose(pieces.u, whole.u, rtol=0, atol=1e-10 * np.abs(whole.u).max())
     np.testing.assert_allclose(
         pieces.contact_force, whole.contact_force, rtol=0, atol=1e-9 * np.abs(whole.contact_force).max()
@@ -112,13 +112,13 @@ def test_several_contacts_of_which_one_is_pressed_are_the_plain_scheme():
     model, q, _ = scene(rng, 3, 4)
     fine, _, _ = scene(np.random.default_rng(5), 3, 1, rate_factor=4)
     eta = np.array([model.eta[0], 2e-3, model.eta[2]])
-    model, fine = model._replace(eta=eta), fine._replace(eta=eta)
+    model, fine = model.but(eta=eta), fine.but(eta=eta)
     q, force, _ = driver.static_contact(fine, np.zeros(q.size))
     v = 1e-3 * model.omega[0] * np.eye(q.size)[2]
     runs = []
     for m, count in ((model, 1), (fine, 4)):
         state = driver.start_run(m, q, v, force, count, 41, False, False)
-        driver.run(m, state, 40 * count, no_finger(q.size, 3))
+        driver.run(m, state, 40 * count)
         runs.append(state)
     assert np.all(runs[0].contact_force[1:, 1] > 0.0)
     np.testing.assert_allclose(runs[0].u[1:], runs[1].u[1:], rtol=0, atol=1e-10 * np.abs(runs[1].u).max())
@@ -159,7 +159,7 @@ def test_a_finger_is_the_plain_scheme_at_k_times_the_rate(contacts):
     for m, every, ledger in ((model, 1, False), (model, 1, True), (fine, count, False)):
         coupling = np.zeros(contacts)
         own = finger_row(EXACT_HOLD, fine.coef, m.shapes, weights, coupling)
-        finger = Finger(1, weights, coupling, own, 1e5, 1.0, path, np.array([path[0], 0.0]))
+        finger = Finger(weights, coupling, own, 1e5, 1.0, path, np.array([path[0], 0.0]))
         runs.append(run(m, q, v, steps * every, every=every, ledger=ledger, finger=finger))
     for state in runs[:2]:
         np.testing.assert_allclose(state.u, runs[2].u, rtol=0, atol=1e-10 * np.abs(runs[2].u).max())
@@ -171,6 +171,6 @@ def test_what_cannot_be_divided_is_refused():
     arrays = (model.omega, model.sigma, model.mu, model.dt, model.shapes)
     for count in (0, -1, 1.5):
         with pytest.raises(ValueError, match="substeps must be a whole number >= 1"):
-            make_substeps(count, *arrays, model.residual)
+            driver.make_model(EXACT_HOLD, *arrays, model.eta, model.residual, model.out_shapes, 0.0, count)
     with pytest.raises(ValueError, match="substeps are exact-hold's"):
         driver.make_model(MOREAU_JEAN, *arrays, model.eta, model.residual, model.out_shapes, 0.0, 2)

@@ -1,15 +1,12 @@
 """What the page plays, kept as it comes and as it goes out, against what `synth render` writes."""
 
-import os
-import subprocess
-import sys
-
 import mido
 import numpy as np
 import soundfile
 
 from tests.author.browser.running import floats
-from tests.author.serverkit import ROOT
+from tests.forkserver import prepared
+from tests.patience import compiling_s
 
 RATE_HZ = 44100
 
@@ -66,9 +63,9 @@ def rendered(preset, note, velocity, folder, held_s=2.0):
     track.append(mido.Message("note_on", note=note, velocity=velocity))
     track.append(mido.Message("note_off", note=note, velocity=64, time=round(1000 * held_s)))
     song.save(folder / "note.mid")
-    command = [sys.executable, "-m", "synth", "render", "note.mid", "-p", str(preset), "-o", "note.wav", "--quiet"]
+    command = ["render", "note.mid", "-p", str(preset), "-o", "note.wav", "--quiet"]
     command += ["--bit-depth", "float", "--no-limiter", "--quality", "standard", "-r", str(RATE_HZ), "--tail", "12"]
-    subprocess.run(command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True)
+    assert prepared().start(command, folder).done(compiling_s()).returncode == 0
     samples, rate = soundfile.read(folder / "note.wav", dtype="float32", always_2d=True)
     assert rate == RATE_HZ
     return samples

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
+from selenium.webdriver import ActionChains
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
@@ -29,6 +30,13 @@ FIELD = '[data-path="{}"] input[type="text"]'
 SETTLED = """
 const [controls, instrument] = ["controls", "instrument"].map((id) => document.getElementById(id).dataset);
 return controls.shows === instrument.shows && controls.shows?.startsWith(`${decodeURIComponent(location.hash.slice(1))} `);
+"""
+# of many elements those that the driver need be asked of one by one, which takes its time
+DRAWN = """
+return [...document.querySelectorAll(arguments[0])].filter((each) => each.tagName === "OPTION" || each.checkVisibility());
+"""
+WITH_WORDS = """
+return [...document.querySelectorAll(arguments[0])].filter((each) => each.innerText.trim().startsWith(arguments[1]));
 """
 FLAGS = (
     "--headless=new",
@@ -87,6 +95,10 @@ class Page:
         card.click()
         self.settle()
 
+    def hand(self) -> ActionChains:
+        """What the mouse and the keys do next, each move within some 20 ms."""
+        return ActionChains(self.driver, duration=20)  # 250 ms otherwise, in which the page draws for nobody
+
     def click(self, selector: str) -> None:
         self.find(selector).click()
 
@@ -127,7 +139,11 @@ class Page:
 
     def find(self, selector: str) -> WebElement:
         """The first such element that is to be seen, as soon as there is one."""
-        return self.until(lambda: next((e for e in self.all(selector) if e.is_displayed()), None))
+        return self.until(lambda: next(self.shown(selector), None))
+
+    def shown(self, selector: str) -> Iterator[WebElement]:
+        """Those that are to be seen."""
+        return (e for e in self.script(DRAWN, selector) if e.is_displayed())
 
     def all(self, selector: str) -> list[WebElement]:
         return self.driver.find_elements("css selector", selector)
@@ -136,7 +152,8 @@ class Page:
         """The first button to be seen whose text begins so."""
 
         def found() -> WebElement | None:
-            return next((e for e in self.all(f"{within} button") if e.is_displayed() and e.text.startswith(words)), None)
+            some = self.script(WITH_WORDS, f"{within} button", words)
+            return next((e for e in some if e.is_displayed() and e.text.startswith(words)), None)
 
         return self.until(found)
 

@@ -1,7 +1,6 @@
 """The controls as a hand uses them: setup first, what is not given folded away, sliders, wheel, units, stops of Tab."""
 
 import pytest
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.keys import Keys
 
@@ -158,7 +157,7 @@ def test_the_search_finds_what_is_folded_away(page):
 def test_a_double_click_goes_back_to_what_was_saved_then_to_the_default(page):
     set_value(page, "obstacle.jiva_um", 12)
     page.until(lambda: value(page, "obstacle.jiva_um") == 12)
-    ActionChains(page.driver).double_click(slider(page, "obstacle.jiva_um")).perform()
+    page.hand().double_click(slider(page, "obstacle.jiva_um")).perform()
     page.until(lambda: value(page, "obstacle.jiva_um") == 3)
     rest(page)
     assert not page.all('.control.changed[data-path="obstacle.jiva_um"]')
@@ -186,55 +185,39 @@ def test_shift_is_finer_by_drag_wheel_and_arrows(page):
     path = "pluck.position"
     control = slider(page, path)
 
-    def drag(shift):
+    def drag(chain):
         thumb = page.script(
             "const b = arguments[0].getBoundingClientRect();"
             "return 7 + (b.width - 14) * arguments[0].value / arguments[0].max - b.width / 2", control
         )  # fmt: skip
-        chain = ActionChains(page.driver).move_to_element_with_offset(control, round(thumb), 0)
-        if shift:
-            chain.key_down(Keys.SHIFT)
-        chain.click_and_hold()
+        chain.move_to_element_with_offset(control, round(thumb), 0).click_and_hold()
         for _ in range(6):
             chain.move_by_offset(-10, 0)
         chain.release()
-        if shift:
-            chain.key_up(Keys.SHIFT)
-        chain.perform()
 
-    def wheel(shift):
+    def wheel(chain):
         page.script("arguments[0].focus()", control)
-        chain = ActionChains(page.driver)
-        if shift:
-            chain.key_down(Keys.SHIFT)
         chain.scroll_from_origin(ScrollOrigin.from_element(control), 0, 300)
-        if shift:
-            chain.key_up(Keys.SHIFT)
-        chain.perform()
 
-    def arrows(shift):
+    def arrows(chain):
         page.script("arguments[0].focus()", control)
-        chain = ActionChains(page.driver)
-        if shift:
-            chain.key_down(Keys.SHIFT)
         chain.send_keys(Keys.ARROW_LEFT)
-        if shift:
-            chain.key_up(Keys.SHIFT)
-        chain.perform()
 
-    def number(shift):
-        field = page.field(path)
-        page.script("arguments[0].focus()", field)
-        chain = ActionChains(page.driver)
+    def number(chain):
+        page.script("arguments[0].focus()", page.field(path))
+        chain.send_keys(Keys.ARROW_DOWN)
+
+    def perform(hand, shift):
+        chain = page.hand()
         if shift:
             chain.key_down(Keys.SHIFT)
-        chain.send_keys(Keys.ARROW_DOWN)
+        hand(chain)
         if shift:
             chain.key_up(Keys.SHIFT)
         chain.perform()
 
     for hand in (drag, wheel, arrows, number):
-        coarse, fine = (moved(page, path, lambda shift=shift, hand=hand: hand(shift)) for shift in (False, True))
+        coarse, fine = (moved(page, path, lambda shift=shift, hand=hand: perform(hand, shift)) for shift in (False, True))
         assert coarse < 0 and fine == pytest.approx(0.1 * coarse, rel=0.25), hand.__name__
 
 
@@ -242,20 +225,20 @@ def test_the_wheel_scrolls_the_page_unless_the_slider_has_the_focus(page):
     control = slider(page, "pluck.width_mm")
     body = "return document.querySelector('.controls-body').scrollTop"
     before = page.script(body)
-    ActionChains(page.driver).scroll_from_origin(ScrollOrigin.from_element(control), 0, 120).perform()
+    page.hand().scroll_from_origin(ScrollOrigin.from_element(control), 0, 120).perform()
     page.until(lambda: page.script(body) != before)
     assert not state(page)["dirty"]
     control = slider(page, "pluck.width_mm")
     page.script("arguments[0].focus()", control)
     before = page.script(body)
-    ActionChains(page.driver).scroll_from_origin(ScrollOrigin.from_element(control), 0, -100).perform()
+    page.hand().scroll_from_origin(ScrollOrigin.from_element(control), 0, -100).perform()
     page.until(lambda: value(page, "pluck.width_mm") > 18)
     assert page.script(body) == before
     page.find("#undo").click()
     page.until(lambda: value(page, "pluck.width_mm") == 18)
     field = page.field("pluck.width_mm")
     page.script("arguments[0].focus()", field)
-    ActionChains(page.driver).scroll_from_origin(ScrollOrigin.from_element(field), 0, -100).perform()
+    page.hand().scroll_from_origin(ScrollOrigin.from_element(field), 0, -100).perform()
     page.until(lambda: value(page, "pluck.width_mm") > 18)
 
 
@@ -263,18 +246,18 @@ def test_sliders_of_the_dock_and_the_film_take_double_clicks(page):
     for place, usual in ((".key-velocity", "90"), (".player-volume", "0 dB")):
         control, text = page.find(f"{place} input"), f"{place} output"
         page.script("arguments[0].focus()", control)
-        ActionChains(page.driver).send_keys(Keys.ARROW_LEFT).perform()
+        page.hand().send_keys(Keys.ARROW_LEFT).perform()
         page.until(lambda text=text, usual=usual: page.text(text) != usual)
-        ActionChains(page.driver).double_click(control).perform()
+        page.hand().double_click(control).perform()
         page.until(lambda text=text, usual=usual: page.text(text) == usual)
     film = page.find("#film-time")
     page.until(lambda: page.all(".strip polygon"))
     page.script("arguments[0].focus()", film)
-    ActionChains(page.driver).send_keys(Keys.PAGE_UP).perform()
+    page.hand().send_keys(Keys.PAGE_UP).perform()
     page.until(lambda: float(film.get_property("value")) == 30)
-    ActionChains(page.driver).key_down(Keys.SHIFT).send_keys(Keys.ARROW_RIGHT).key_up(Keys.SHIFT).perform()
+    page.hand().key_down(Keys.SHIFT).send_keys(Keys.ARROW_RIGHT).key_up(Keys.SHIFT).perform()
     page.until(lambda: float(film.get_property("value")) == pytest.approx(30.3))
-    ActionChains(page.driver).double_click(film).perform()
+    page.hand().double_click(film).perform()
     page.until(lambda: float(film.get_property("value")) == 0)
 
 
@@ -349,7 +332,7 @@ def test_stops_of_tab_are_a_few_dozen(opened, preset):
     page.find("#title").click()
     count, seen = 0, set()
     while count < 100:
-        ActionChains(page.driver).send_keys(Keys.TAB).perform()
+        page.hand().send_keys(Keys.TAB).perform()
         mark = page.script("const a = document.activeElement; if (a === document.body) return null;"
                            "return (a.dataset.tabbed ??= String(Math.random()))")  # fmt: skip
         if mark is None or mark in seen:
@@ -367,7 +350,7 @@ def test_arrows_go_through_a_group_and_tab_into_a_control(page):
     path = "return document.activeElement.closest('[data-path]')?.dataset.path ?? document.activeElement.localName"
 
     def go(*keys):
-        ActionChains(page.driver).send_keys(*keys).perform()
+        page.hand().send_keys(*keys).perform()
         return page.script(path)
 
     assert go(Keys.ARROW_DOWN) == "button"  # a step at random
@@ -379,7 +362,7 @@ def test_arrows_go_through_a_group_and_tab_into_a_control(page):
     assert go(Keys.PAGE_DOWN) == "pluck.finger_stiffness_n_mm"
     assert page.script("return document.activeElement.dataset.part") == "number"
     assert go(Keys.PAGE_UP) == "pluck.draw_ms"
-    ActionChains(page.driver).key_down(Keys.SHIFT).send_keys(Keys.TAB).key_up(Keys.SHIFT).perform()
+    page.hand().key_down(Keys.SHIFT).send_keys(Keys.TAB).key_up(Keys.SHIFT).perform()
     assert page.script("return document.activeElement.classList.contains('control-name')")
     assert go(Keys.END) == "summary"  # of what is not given
     assert go(Keys.HOME) == "summary"
@@ -399,9 +382,9 @@ def test_toolbars_are_one_stop_and_go_by_arrows(page):
     )
     assert bars == [1] * 4
     page.script("document.querySelector('[data-phrase=note]').focus()")
-    ActionChains(page.driver).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT).perform()
+    page.hand().send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT).perform()
     assert page.script("return document.activeElement.dataset.phrase") == "riff"
-    ActionChains(page.driver).send_keys(Keys.END).perform()
+    page.hand().send_keys(Keys.END).perform()
     assert page.script("return document.activeElement.textContent") == "Stop"
     outline = page.script("return getComputedStyle(document.activeElement).outlineStyle")
     assert outline == "solid"

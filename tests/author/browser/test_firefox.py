@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
 from tests.author.browser.firefox import CONTROL, ENTER, Firefox, null_sink, why_not
 from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
 from tests.author.browser.running import FIELD, Author, state

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
 from tests.author.browser.running import Author, Page, copy_preset
 from tests.author.serverkit import ROOT
 
@@ -241,7 +241,7 @@ def test_a_fit_says_which_t60_is_which_and_shows_the_next_step_at_once(page, tmp
                            ["data"]["string"]) == 1)  # fmt: skip
     page.find("#apply-fit").click()
     page.until(lambda: "fit the recording anew" in page.text(".fit-refusal"))
-    assert not [each for each in page.all(".notice.error") if each.is_displayed()]
+    assert not list(page.shown(".notice.error"))
     page.script("document.getElementById('fit-dialog').close()")
     page.find("#open-fit").click()
     assert not page.find("#fit-dialog").find_element("css selector", ".fit-refusal").is_displayed()

@@ -5,7 +5,6 @@ import base64
 import numpy as np
 import pytest
 import soundfile
-from selenium.webdriver import ActionChains
 
 from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
 from tests.author.browser.running import set_value
@@ -113,7 +112,7 @@ def test_keys_play_the_version_that_is_shown(page, tmp_path):
 
 def hold(page, key):
     """Press a key of the piano and hold it until a while of it was heard."""
-    chain = ActionChains(page.driver).move_to_element(page.find(f"[data-key='{key}']"))
+    chain = page.hand().move_to_element(page.find(f"[data-key='{key}']"))
     chain.click_and_hold().perform()
     page.until(lambda: page.script("return window.heard.played.length > 0") and page.script(FRAMES) >= RATE_HZ // 2)
     chain.release().perform()

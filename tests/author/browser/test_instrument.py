@@ -1,7 +1,6 @@
 """The drawing: drags by mouse and arrow keys, the scale, notes, the film of the string."""
 
 import pytest
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from tests.author.browser.running import PRESETS, Author, Page, state
@@ -41,9 +40,7 @@ def handle(page, name):
 
 
 def drag(page, name, dx, dy, steps=6):
-    chain = (
-        ActionChains(page.driver).move_to_element(handle(page, name).find_element("css selector", ".reach")).click_and_hold()
-    )
+    chain = page.hand().move_to_element(handle(page, name).find_element("css selector", ".reach")).click_and_hold()
     for _ in range(steps):
         chain.move_by_offset(dx / steps, dy / steps)
     chain.release().perform()
@@ -80,11 +77,11 @@ def test_drag_of_the_pluck_moves_its_place_only_and_is_one_step(opened):
 def test_the_value_is_said_while_it_is_dragged(opened):
     page = opened("tanpura")
     grip = handle(page, "pluck").find_element("css selector", ".reach")
-    ActionChains(page.driver).move_to_element(grip).click_and_hold().move_by_offset(-15, 0).move_by_offset(-10, 0).perform()
+    page.hand().move_to_element(grip).click_and_hold().move_by_offset(-15, 0).move_by_offset(-10, 0).perform()
     text = page.script("return document.querySelector('.stage-whole .readout text').textContent")
     assert text.startswith("Pluck: 0.")
     assert "of L" in text
-    ActionChains(page.driver).release().perform()
+    page.hand().release().perform()
     page.until(lambda: state(page)["dirty"])
     position = state(page)["data"]["pluck"]["position"]
     assert position > 0.42
@@ -127,7 +124,8 @@ def test_a_double_click_puts_a_handle_back(opened):
     drag(page, "pluck", 100, 0)
     page.until(lambda: state(page)["data"]["pluck"]["position"] < 0.4)
     page.until(lambda: page.script("return document.querySelector('.handle.held')") is None)
-    ActionChains(page.driver).double_click(handle(page, "pluck").find_element("css selector", ".reach")).perform()
+    page.settle()
+    page.hand().double_click(handle(page, "pluck").find_element("css selector", ".reach")).perform()
     page.until(lambda: state(page)["data"]["pluck"]["position"] == 0.42)
     assert state(page)["data"]["pluck"]["displacement_mm"] == 3.0
     assert page.errors() == []
@@ -139,7 +137,7 @@ def test_shift_is_finer_on_handles(opened):
     moved = {}
     for name, keys in (("plain", (Keys.ARROW_LEFT,)), ("fine", (Keys.SHIFT, Keys.ARROW_LEFT))):
         before = state(page)["data"]["pluck"]["position"]
-        chain = ActionChains(page.driver)
+        chain = page.hand()
         for key in keys[:-1]:
             chain.key_down(key)
         chain.send_keys(keys[-1])
@@ -151,7 +149,7 @@ def test_shift_is_finer_on_handles(opened):
     assert moved["fine"] == pytest.approx(0.1 * moved["plain"], rel=0.15)
     grip = handle(page, "pluck").find_element("css selector", ".reach")
     before = state(page)["data"]["pluck"]["position"]
-    chain = ActionChains(page.driver).key_down(Keys.SHIFT).move_to_element(grip).click_and_hold()
+    chain = page.hand().key_down(Keys.SHIFT).move_to_element(grip).click_and_hold()
     for _ in range(10):
         chain.move_by_offset(10, 0)
     chain.release().key_up(Keys.SHIFT).perform()
@@ -195,9 +193,9 @@ def test_arrow_keys_move_handles(opened):
     grip = handle(page, "pluck")
     assert grip.get_attribute("role") == "slider"
     page.script("arguments[0].focus()", grip)
-    ActionChains(page.driver).send_keys(Keys.ARROW_LEFT, Keys.ARROW_LEFT, Keys.ARROW_LEFT).perform()
+    page.hand().send_keys(Keys.ARROW_LEFT, Keys.ARROW_LEFT, Keys.ARROW_LEFT).perform()
     page.until(lambda: state(page)["data"]["pluck"]["position"] > 0.42)
-    ActionChains(page.driver).send_keys(Keys.ARROW_UP).perform()
+    page.hand().send_keys(Keys.ARROW_UP).perform()
     page.until(lambda: state(page)["data"]["pluck"]["displacement_mm"] > 3.0)
     page.until(lambda: page.script("return document.activeElement.dataset.handle") == "pluck")
     assert page.errors() == []
@@ -207,7 +205,7 @@ def test_frets_are_one_stop_of_tab_and_a_row_for_arrows(opened):
     page = opened("fretted-bass")
     assert len(page.all('[data-handle^="point-"][tabindex="0"]')) == 1
     page.script("document.querySelector('[data-handle=\"point-0\"]').focus()")
-    ActionChains(page.driver).send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_UP).perform()
+    page.hand().send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_UP).perform()
     assert page.script("return document.activeElement.dataset.handle") == "point-2"
     page.until(lambda: state(page)["data"]["obstacle"]["heights_mm"][2] > -1.13)
     assert state(page)["data"]["obstacle"]["heights_mm"][:2] == [-0.63, -0.88]

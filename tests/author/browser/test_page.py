@@ -1,10 +1,9 @@
 """The page as a person uses it: opening, exact entry, sliders, undo, refusals, ways back, A/B, keyboard, sizes, colours."""
 
 import pytest
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
 from tests.author.browser.running import Page, copy_preset, name_of, set_value, state
 
 
@@ -38,14 +37,14 @@ def focused(page):
 
 
 def press(page, *keys):
-    chain = ActionChains(page.driver)
+    chain = page.hand()
     for key in keys:
         chain.send_keys(key)
     chain.perform()
 
 
 def chord(page, *keys):
-    chain = ActionChains(page.driver)
+    chain = page.hand()
     for key in keys:
         chain.key_down(key)
     for key in reversed(keys):
@@ -136,7 +135,7 @@ def test_a_drag_of_a_slider_is_one_step_of_undo(page):
     slider = page.find('[data-path="damping.release_s"] input[type="range"]')
     page.script("arguments[0].scrollIntoView({block: 'center'})", slider)
     before = value_of(page, "damping.release_s")
-    chain = ActionChains(page.driver).move_to_element(slider).click_and_hold()
+    chain = page.hand().move_to_element(slider).click_and_hold()
     for _ in range(8):
         chain.move_by_offset(6, 0)
     chain.release().perform()
@@ -169,7 +168,7 @@ def test_a_wrong_value_is_refused_at_the_field(page, typed, reason):
     set_value(page, "pluck.position", 0.3)
     page.until(lambda: state(page)["data"]["pluck"]["position"] == 0.3)
     page.until(lambda: field.get_attribute("aria-invalid") is None)
-    assert not page.all('.control[data-path="pluck.position"] .control-error:not([hidden])')
+    page.until(lambda: not page.all('.control[data-path="pluck.position"] .control-error:not([hidden])'))
 
 
 def test_ways_back_to_saved_and_to_default(page):
@@ -241,7 +240,7 @@ def test_search_finds_by_name_and_by_physics(page):
     search = page.find("#control-search")
     search.send_keys("thread jiva")
     page.until(lambda: not page.find('.control[data-path="obstacle.jiva_um"]').get_attribute("class").count("filtered"))
-    seen = [each.get_attribute("data-path") for each in page.all(".control") if each.is_displayed()]
+    seen = [each.get_attribute("data-path") for each in page.shown(".control")]
     assert "obstacle.jiva_um" in seen
     assert "pluck.position" not in seen
     search.send_keys("zzz")

@@ -2,7 +2,7 @@
 
 import signal
 
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
 from tests.author.browser.running import PRESETS, Author, Page, set_value
 
 

@@ -1,6 +1,6 @@
 """What is saved is the file, with its comments; nothing is written over unasked; a reload of the tab loses nothing."""
 
-from synth.preset import load_preset
+from synth.instrument.preset import load_preset
 from tests.author.browser.running import PRESETS, copy_preset, set_value
 
 REMARK = "# 0 rests on the bridge and buzzes most"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from synth.preset import Preset, load_preset, parse_preset, preset_folder
+from synth.instrument.preset import Preset, load_preset, parse_preset, preset_folder
 
 #: a harp over points, with every table that may be left out
 POINTS = """

@@ -12,9 +12,9 @@ from synth.author.views.contacts import Forces, binned, contacts_of, gather, tou
 from synth.author.views.formant import descending_formant
 from synth.author.views.place import find
 from synth.author.views.tape import RATE_HZ, Taped
-from synth.measures import stft_power
-from synth.preset import PresetError, load_preset
-from synth.tune import measure
+from synth.dsp.measures import stft_power
+from synth.fit.tune import measure
+from synth.instrument.preset import PresetError, load_preset
 
 from .kit import TEXTS, preset, tanpura
 

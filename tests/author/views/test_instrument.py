@@ -9,8 +9,8 @@ import pytest
 from synth.author.changes import apply
 from synth.author.views.instrument import draw
 from synth.author.views.place import find
-from synth.compile import compile_preset
-from synth.preset import Preset, PresetError, load_preset, playable_notes, playable_range
+from synth.instrument.compile import compile_preset
+from synth.instrument.preset import Preset, PresetError, load_preset, playable_notes, playable_range
 
 from .kit import TEXTS, preset
 
@@ -134,7 +134,7 @@ def test_the_place_of_a_note_is_the_engines() -> None:
     import numpy as np
 
     from synth.engine.engine import Engine
-    from synth.engine.events import NOTE_ON, make_events
+    from synth.midi.events import NOTE_ON, make_events
 
     bass = load_preset("fretted-bass")
     engine = Engine([bass], limiter=False)

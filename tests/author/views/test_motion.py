@@ -11,10 +11,10 @@ from synth.author.views.instrument import draw
 from synth.author.views.motion import MOST_FRAMES, film
 from synth.author.views.place import find, speaking
 from synth.author.views.tape import RATE_HZ, Taped
-from synth.compile import compile_preset
 from synth.engine.engine import Engine
-from synth.engine.events import NOTE_ON, make_events
-from synth.preset import PresetError, load_preset
+from synth.instrument.compile import compile_preset
+from synth.instrument.preset import PresetError, load_preset
+from synth.midi.events import NOTE_ON, make_events
 from synth.solver.lanes import BLOCK
 
 from .kit import preset, tanpura
