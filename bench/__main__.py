@@ -26,8 +26,8 @@ import pytest
 from speed_error.measure import machine
 
 from bench import REPOSITORY, plots, report
+from synth.files.targets import write_text
 from synth.solver.lanes import LANES
-from synth.targets import write_text
 
 
 def pin() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from bench import peak
 from bench.scenes import Player
-from synth.dsp.denormals import enable_ftz, restore
+from synth.native.denormals import enable_ftz, restore
 from synth.solver.lanes import LANES
 
 #: CPU seconds of one round of the peak loop

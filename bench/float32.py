@@ -24,7 +24,7 @@ from numba.extending import intrinsic as _intrinsic
 
 from bench.kernels import BY_NAME, Plucked, Stretch
 from synth.native.arrays import aligned
-from synth.solver.blocks import Blocks, advance_blocks, forget, make_block_work, make_blocks
+from synth.solver.blocks import advance_blocks
 from synth.solver.lanes import (
     ADV11,
     ADV12,
@@ -49,6 +49,7 @@ from synth.solver.lanes import (
     press_sequence,
 )
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.stringmodel import StringModel, Strung
 
 intrinsic: Any = _intrinsic
 SINGLE_LANES = 2 * LANES
@@ -263,7 +264,7 @@ def _singles(a: np.ndarray, n: int) -> np.ndarray:
 class Single(NamedTuple):
     """A block of one string in float32."""
 
-    block: Blocks
+    block: StringModel
     form: str
     rows: np.ndarray  # (ROWS, n) float32
     shape: np.ndarray  # (n,) float32
@@ -273,7 +274,7 @@ class Single(NamedTuple):
 def single_of(plucked: Plucked, form: str) -> Single:
     """`form` names one of `KERNELS`."""
     m = plucked.model
-    block = make_blocks(m.law, m.dt, m.coef, m.shapes, m.g, m.out_shapes)
+    block = m.string
     n = (m.omega.size + _PAD - 1) // _PAD * _PAD
     rows = block.rows[:, : m.omega.size].copy()
     if form == "increments":
@@ -314,19 +315,13 @@ def stretch(plucked: Plucked, steps: int, form: str, flies: bool = False) -> tup
 def in_double(plucked: Plucked, steps: int) -> np.ndarray:
     """What `stretch` plays over its contact, in float64: displacements (steps,)."""
     m, q0, v0 = plucked
-    block = make_blocks(m.law, m.dt, m.coef, m.shapes, m.g, m.out_shapes)
-    n, out, work = block.rows.shape[1], aligned((1, steps)), make_block_work(1, q0.size)
-    q, v = aligned(n), aligned(n)
-    q[: q0.size], v[: q0.size] = q0, v0
-    u, speed = block.shapes @ q, block.shapes @ v
-    forget(work)
+    string = Strung(m.string._replace(certified=0), q0, v0, _CALL)
+    out = np.zeros(steps)
     for first in range(0, steps, _CALL):
         here = min(_CALL, steps - first)
-        advance_blocks(
-            here // BLOCK, m.law, n, m.dt, m.restitution, block.rows, m.omega, block.shapes, m.eta, block.lags, 0, q, v, u,
-            speed, block.weights, 1, block.out_lags, out[:, first:], np.zeros((here, 1)), np.zeros((0, 1)), work,
-        )  # fmt: skip
-    return out[0]
+        advance_blocks(*string.addresses, here // BLOCK, here)
+        out[first : first + here] = string.out(here)[0]
+    return out
 
 
 def misfit(plucked: Plucked, form: str) -> tuple[np.ndarray, np.ndarray]:

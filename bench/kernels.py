@@ -15,18 +15,13 @@ from speed_error.grid import BASE_HZ, E0, WITHOUT_R, Run
 from bench.count import fma_per_mode_step
 from synth.native.arrays import aligned
 from synth.physics.modes import modal_frequencies
-from synth.solver.blocks import (
-    BLOCK,
-    Blocks,
-    advance_blocks,
-    fly_blocks,
-    forget,
-    make_block_work,
-    make_blocks,
-    press_blocks,
-)
+from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
+from synth.solver.certificates import forget
 from synth.solver.driver import Model, make_model
-from synth.solver.kernels import advance, advance_free, advance_one, make_work, no_finger
+from synth.solver.lanes import BLOCK
+from synth.solver.stepwise import advance_free, one_by_one
+from synth.solver.stringmodel import Strung, place_contacts
+from tests.oracles.plain import advance_one
 
 MODES = (25, 50, 137, 300, 1001)
 CONTACTS = (0, 1, 20)
@@ -125,21 +120,27 @@ def _one(plucked: Plucked, steps: int) -> Stretch:
     return _with_state(plucked, take)
 
 
+def _strung(plucked: Plucked, steps: int, certified: bool = False) -> tuple[Strung, Callable[[], None]]:
+    """The string with its one output, and what puts it back to the pluck."""
+    model, q0, v0 = plucked
+    string = Strung(model.string._replace(certified=int(certified)), q0, v0, steps)
+
+    def reset() -> None:
+        string.q[:], string.v[:] = q0, v0
+
+    return string, reset
+
+
 def _any(plucked: Plucked, steps: int) -> Stretch:
-    c, n = plucked.model.eta.size, plucked.q.size
-    out, no_out, none, empty = np.zeros((steps, 1)), np.zeros((steps, 0)), np.zeros((0, n)), np.zeros((0, 0))
-    work, finger, watch = make_work(c), no_finger(n, c), np.ones(c, np.uint8)
-    u, speed, force = np.zeros(c), np.zeros(c), np.zeros(c)
+    string, reset = _strung(plucked, steps)
+    model, state, scratch = string.addresses
 
-    def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        u[:], speed[:] = m.shapes @ q, m.shapes @ v
-        force[:] = 0.0
-        advance(
-            m.law, steps, m.dt, m.restitution, m.coef, m.shapes, m.eta, m.g, q, v, u, speed, force, finger, watch,
-            m.out_shapes, none, out, no_out, empty, empty, work,
-        )  # fmt: skip
+    def take() -> None:
+        place_contacts(model, state, string.model.modes)
+        string.state.force[:] = 0.0
+        one_by_one(model, state, scratch, 0, 0, steps)
 
-    return _with_state(plucked, take)
+    return Stretch(take, reset, string.q, string.v)
 
 
 @njit(nogil=True)
@@ -177,51 +178,34 @@ def _naive(plucked: Plucked, steps: int) -> Stretch:
 
 
 def _fly_blocks(plucked: Plucked, steps: int) -> Stretch:
-    block = _blocks_of(plucked.model)
-    n, out = block.rows.shape[1], aligned((1, steps))
+    string, reset = _strung(plucked, steps)
+    model, state, out = string.model, string.state, string.out(steps)
 
-    def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        fly_blocks(steps // BLOCK, n, block.rows, q, v, block.weights, 1, out)
+    def take() -> None:
+        fly_blocks(steps // BLOCK, model.rows.shape[1], model.rows, state.q, state.v, model.weights, 1, out)
 
-    return _with_state(plucked, take, n)
+    return Stretch(take, reset, string.q, string.v)
 
 
 def _press_blocks(plucked: Plucked, steps: int) -> Stretch:
-    block = _blocks_of(plucked.model)
-    n, out, u, forces = block.rows.shape[1], aligned((1, steps)), aligned(BLOCK), aligned(BLOCK)
-    none = aligned(0)
-
-    def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        press_blocks(
-            steps // BLOCK, n, block.rows, block.shapes[0], m.eta[0], block.lags[0, 0], q, v, block.weights, 1,
-            block.out_lags, out, u, forces, none, none,
-        )  # fmt: skip
-
-    return _with_state(plucked, take, n)
+    string, reset = _strung(plucked, steps)
+    addresses = string.addresses
+    return Stretch(lambda: press_blocks(*addresses, steps // BLOCK, steps), reset, string.q, string.v)
 
 
 def _advance_blocks(certified: bool) -> Callable[[Plucked, int], Stretch]:
     def make(plucked: Plucked, steps: int) -> Stretch:
-        block, c = _blocks_of(plucked.model), plucked.model.eta.size
-        n, out, forces = block.rows.shape[1], aligned((1, steps)), np.zeros((steps, c))
-        work, empty = make_block_work(c, n), np.zeros((0, c))
-        u, speed = np.zeros(c), np.zeros(c)
+        string, reset = _strung(plucked, steps, certified)
+        model, state, scratch = string.addresses
 
-        def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-            u[:], speed[:] = block.shapes @ q, block.shapes @ v
-            forget(work)
-            advance_blocks(
-                steps // BLOCK, m.law, n, m.dt, m.restitution, block.rows, m.omega, block.shapes, m.eta, block.lags,
-                int(certified), q, v, u, speed, block.weights, 1, block.out_lags, out, forces, empty, work,
-            )  # fmt: skip
+        def take() -> None:
+            place_contacts(model, state, string.model.rows.shape[1])
+            forget(state)
+            advance_blocks(model, state, scratch, steps // BLOCK, steps)
 
-        return _with_state(plucked, take, n)
+        return Stretch(take, reset, string.q, string.v)
 
     return make
-
-
-def _blocks_of(m: Model) -> Blocks:
-    return make_blocks(m.law, m.dt, m.coef, m.shapes, m.g, m.out_shapes)
 
 
 @dataclass(frozen=True)

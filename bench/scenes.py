@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from bench import REPOSITORY
-from synth.dsp.denormals import enable_ftz, restore
 from synth.engine.engine import Engine
-from synth.engine.events import EVENT, NOTE_ON, make_events
-from synth.host.midi import read_song
-from synth.preset import Preset, load_preset, parse_preset, playable_range
+from synth.instrument.preset import Preset, load_preset, parse_preset, playable_range
+from synth.midi.events import EVENT, NOTE_ON, make_events
+from synth.midi.song import read_song
+from synth.native.denormals import enable_ftz, restore
 from synth.solver.lanes import LANES
+from synth.solver.stringmodel import FREE
 from synth.units import midi_to_note
 
 RATE_HZ = 44_100
@@ -134,18 +135,14 @@ def first_full(count: int = MANY) -> float:
 
 def touching(engine: Engine) -> np.ndarray:
     """(strings,) which of them are awake, not certified free, and at a contact no more than a picometre above it."""
-    bank, state = engine._bank, engine._state
-    assert bank is not None
-    on = np.zeros(bank.strings.size, bool)
-    for s, fixed in enumerate(bank.strings):
-        me = state.sounding[s]
-        if not me["awake"] or me["free"]:
+    sounding, strings = engine._state.sounding, engine._strings
+    on = np.zeros(sounding.size, bool)
+    for s, state in enumerate(strings.states.items):
+        if not sounding[s]["awake"] or state.counts[FREE]:
             continue
-        model = bank.models[me["model"]]
-        n, c = int(model["n"]), int(model["contacts"])
-        shapes = bank.shapes[model["soff"] : model["soff"] + c * n].reshape(c, n)
-        off, coff = fixed["off"], fixed["coff"]
-        on[s] = np.any(shapes @ state.q[off : off + n] <= state.eta[coff : coff + c] + 1e-12)
+        model = strings.models[sounding[s]["model"]]
+        n, c = model.modes, model.eta.size
+        on[s] = np.any(model.shapes[:, :n] @ state.q[:n] <= state.eta[:c] + 1e-12)
     return on
 
 

@@ -14,8 +14,8 @@ from bench import REPOSITORY, float32, kernels
 from bench.conftest import Race
 from bench.count import times_less
 from bench.kernels import BY_NAME, HOLD, Plucked, Setting
-from synth.dsp.denormals import enable_ftz, restore
-from synth.measures import relative_error
+from synth.dsp.measures import relative_error
+from synth.native.denormals import enable_ftz, restore
 
 #: the string flies, meets its bridge as it does when plucked, or lies on it all the time
 SCENES = ("in flight", "plucked", "always pressed")

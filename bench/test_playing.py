@@ -10,7 +10,7 @@ import pytest
 from bench import scenes
 from bench.conftest import Race, block_rounds
 from bench.count import block_times
-from synth.preset import list_presets
+from synth.instrument.preset import list_presets
 from synth.units import midi_to_note
 
 BLOCKS = (64, 128, 256)

@@ -13,9 +13,9 @@ from bench import kernels, report, scenes
 from bench.conftest import Race, block_rounds
 from bench.count import block_times, times_less
 from bench.kernels import HOLD, Kernel, Setting
-from synth import methods
-from synth.scene import Scene
-from synth.simulation import simulate
+from synth.research import methods
+from synth.research.scene import Scene
+from synth.research.simulation import simulate
 from synth.units import midi_to_note
 
 

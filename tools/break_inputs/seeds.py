@@ -13,7 +13,7 @@ import numpy as np
 import soundfile
 
 from synth import Engine, load_preset, simulate
-from synth.engine.events import EVENT, NOTE_ON
+from synth.midi.events import EVENT, NOTE_ON
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))

@@ -17,9 +17,9 @@ import numpy as np
 
 from break_inputs import seeds
 from break_inputs.damage import bytes_broken, text_broken
-from synth.case import CaseError, load_case
 from synth.cli import main
-from synth.engine.events import EVENT
+from synth.midi.events import EVENT
+from synth.research.case import CaseError, load_case
 
 KINDS = ("midi", "preset", "scale", "keyboard", "case", "state", "audio", "result")
 THERE = b"what was there before"

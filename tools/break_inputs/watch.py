@@ -11,6 +11,7 @@ import tempfile
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 TOOLS = Path(__file__).resolve().parents[1]
 #: longest silence of a worker by the clock [s]; its own time is limited by itself
@@ -38,13 +39,11 @@ def tried(kind: str, first: int, beyond: int, seed: int) -> Tally:
 
 def _one_worker(tally: Tally, first: int, beyond: int, seed: int) -> int:
     """The number that the next worker begins with."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(TOOLS), str(TOOLS.parent)]), "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "break_inputs.worker", tally.kind, str(first), str(beyond), str(seed)]
     at = None
     # errors go to a file: nobody has to read them while the worker is at work
     with (
         tempfile.TemporaryFile("w+") as errors,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True, env=environment) as worker,
+        start([tally.kind, str(first), str(beyond), str(seed)], errors) as worker,
     ):
         assert worker.stdout is not None
         watch = _killer(worker)
@@ -77,6 +76,13 @@ def _one_worker(tally: Tally, first: int, beyond: int, seed: int) -> int:
     if code:
         raise RuntimeError(f"the worker for {tally.kind} did not start:\n{words}")
     return first
+
+
+def start(arguments: list[str], errors: IO[str]) -> subprocess.Popen[str]:
+    """A worker in a new interpreter."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(TOOLS), str(TOOLS.parent)]), "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "break_inputs.worker", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True, env=environment)
 
 
 def _killer(worker: subprocess.Popen[str]) -> threading.Timer:

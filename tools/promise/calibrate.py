@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from promise.runs import RATE_HZ
-from synth.plan import BRIDGE, BRIDGE_ERROR, FAR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR, IMPACTS
+from synth.instrument.plan import BRIDGE, BRIDGE_ERROR, FAR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR, IMPACTS
 
 PROMISED = ("draft", "standard", "fine")
 #: the part of the calibration's scenes that keeps the promise, and the worst miss of the others. 95 % and a factor 2 are
@@ -63,7 +63,7 @@ def ratios(scenes: list[dict[str, Any]], quality: str, rate: Callable[[float], f
 
 
 def law(steps: float) -> Callable[[float], float]:
-    """Internal rate by fundamental, as `synth.plan.wanted_rate_hz` has it."""
+    """Internal rate by fundamental, as `synth.instrument.plan.wanted_rate_hz` has it."""
     return lambda f0: steps * f0
 
 

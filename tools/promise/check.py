@@ -10,9 +10,9 @@ import numpy as np
 
 from promise.calibrate import PROMISED, distribution, law, ratios
 from promise.runs import RATE_HZ, build, distances, kind_of
-from synth.measures import relative_error
-from synth.methods import run as run_scene
-from synth.plan import BRIDGE, FAR, IMPACTS, plan_string
+from synth.dsp.measures import relative_error
+from synth.instrument.plan import BRIDGE, FAR, IMPACTS, plan_string
+from synth.research.methods import run as run_scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "tests" / "scenes"
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from synth.case import load_case
-from synth.measures import log_spectral_distance, relative_error, third_octave_distance
-from synth.methods import run as run_scene
+from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
+from synth.instrument.plan import scene_kind
 from synth.physics.modes import count_modes_below
-from synth.plan import scene_kind
-from synth.scene import Scene
+from synth.research.case import load_case
+from synth.research.methods import run as run_scene
+from synth.research.scene import Scene
 
 RATE_HZ = 44_100
 ONSET_S = 0.1

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from synth.instrument.plan import BRIDGE_STIFFNESS
 from synth.physics.obstacle import frets, fretted
-from synth.plan import BRIDGE_STIFFNESS
 
 KINDS = ("bridge", "point", "points", "frets", "far")
 STEEL_KG_M3 = 7850.0

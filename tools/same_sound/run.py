@@ -41,7 +41,7 @@ def list_scenes(patterns: Sequence[str]) -> int:
 
 def run(base_name: str, patterns: Sequence[str], jobs: int, keep: Path | None) -> int:
     """Compare, print, and give the exit code. Raises WrongUse."""
-    from synth.kernel_cache import cache_folder
+    from synth.jit.kernel_cache import cache_folder
 
     wanted = chosen(patterns)
     base = trees.base_at(base_name, cache_folder().parent / "same-sound")

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from synth.case import SchemeTable, load_case
 from synth.physics.modes import count_modes_below
 from synth.physics.obstacle import bass_neck_height
-from synth.scene import Scene
-from synth.schemes import SCHEMES
+from synth.research.case import SchemeTable, load_case
+from synth.research.scene import Scene
+from synth.solver.schemes import SCHEMES
 
 BASE_HZ = 44_100
 #: the board twice: the elastic wall of the project's case, and a rigid one that takes all of what hits it. On a board,

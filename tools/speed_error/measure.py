@@ -14,12 +14,12 @@ import numpy as np
 from speed_error.grid import BASE_HZ, LONGEST_S, Run
 from speed_error.kernels import STEPS, kernel_of
 from speed_error.store import Store
-from synth import methods
-from synth.case import CaseError
 from synth.dsp.decimator import MAXIMUM_FACTOR, decimate, decimate_signal, design, new_history, workspace
-from synth.dsp.denormals import enable_ftz, restore
-from synth.measures import log_spectral_distance, relative_error
-from synth.schemes import LAWS
+from synth.dsp.measures import log_spectral_distance, relative_error
+from synth.native.denormals import enable_ftz, restore
+from synth.research import methods
+from synth.research.case import CaseError
+from synth.solver.schemes import LAWS
 
 #: displacements are kept at this multiple of 44.1 kHz at most before they are decimated: what lies above half of it,
 #: 350 kHz, is sampled plainly

@@ -14,7 +14,7 @@ from matplotlib.ticker import NullFormatter
 
 from speed_error.grid import BASE_HZ, ELASTIC, INELASTIC, Run
 from speed_error.tables import rate
-from synth.measures import stft_power
+from synth.dsp.measures import stft_power
 
 if TYPE_CHECKING:
     from speed_error.session import Session

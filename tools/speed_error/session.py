@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import sys
 import time
@@ -12,11 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from speed_error import tables
 from speed_error.grid import AS_DEFAULT, DEFAULT, LONGEST_S, Run, reference, runs
 from speed_error.measure import cpu_s, decimation_cpu_s, displacement, errors, ledger, longest, machine
 from speed_error.store import Store
-from synth.targets import write_text
 
 _TIMED_CPU_S = 0.3  # of one run in one round
 _LEDGER_S = 0.02
@@ -143,19 +139,6 @@ class Session:
     def substepped_rows(self, case: str) -> list[dict[str, Any]]:
         """The rows of the default scheme whose contact takes sub-steps."""
         return [row for row in self.rows if row["run"].case == case and "substeps" in dict(row["run"].table)]
-
-    def write_tables(self) -> None:
-        """results.csv and tables.md."""
-        columns = tables.COLUMNS
-
-        file = io.StringIO(newline="")
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(tables.csv_row(row) for row in self.rows + self.timed)
-        write_text(self.out / "results.csv", file.getvalue())
-        text = tables.markdown(self)
-        write_text(self.out / "tables.md", text)
-        print(text)
 
 
 def name(run: Run) -> str:

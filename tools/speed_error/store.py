@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from synth.targets import write_text, write_whole
+from synth.files.targets import write_text, write_whole
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 _SOURCES = (
-    "solver/*.py", "physics/*.py", "exact/*.py", "scene.py", "methods/*.py", "case.py", "measures.py", "dsp/decimator.py",
-    "dsp/denormals.py",
+    "solver/*.py", "physics/*.py", "research/*.py", "research/*/*.py", "dsp/measures.py", "dsp/decimator.py",
+    "native/denormals.py",
 )  # fmt: skip
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from speed_error.grid import ALL_MODES, Run
-
-if TYPE_CHECKING:
-    from speed_error.session import Session
+from speed_error.session import Session
+from synth.files.targets import write_text
 
 _MEASURED = (
     "e_0.1s", "e_0.4s", "e_3s", "e_band_0.1s", "e_band_0.4s", "e_band_3s",
@@ -190,3 +191,15 @@ def markdown(session: Session) -> str:
             f"- {run.label}, {rate(run.rate_hz)}, {run.modes} modes ({run.case}): {why}" for run, why in session.skipped
         ]
     return "\n".join(parts) + "\n"
+
+
+def write_tables(session: Session) -> None:
+    """results.csv and tables.md."""
+    file = io.StringIO(newline="")
+    writer = csv.DictWriter(file, COLUMNS)
+    writer.writeheader()
+    writer.writerows(csv_row(row) for row in session.rows + session.timed)
+    write_text(session.out / "results.csv", file.getvalue())
+    text = markdown(session)
+    write_text(session.out / "tables.md", text)
+    print(text)
