@@ -1,0 +1,80 @@
+/* plugin.h: what CLAP, VST3 and LV2 have in common: an engine behind a host's rules. Private to the plugin.
+ *
+ * An instance knows the values of all parameters whether it is active or not, gathers the events of a block, and keeps a state
+ * that later versions read. Parameters are numbered 0 … plugin_parameters() − 1: those of the presets (jawari_parameter), then
+ * the plugin's own: "program" (which preset channel 1 to 16 plays; only where there are several) and "bypass".
+ */
+#ifndef JAWARI_PLUGIN_H
+#define JAWARI_PLUGIN_H
+
+#include <stdbool.h>
+#include "jawari.h"
+
+typedef struct plugin plugin;
+
+typedef struct plugin_parameter {
+    uint32_t stable_id; /* follows from preset id and parameter id alone: hosts keep automation by it */
+    char id[96];        /* "tanpura/pluck.position" */
+    char name[96];      /* "Pluck position from the saddle" */
+    char group[64];     /* preset's name; empty: the plugin's own */
+    char unit[16];
+    double minimum, maximum, initial;
+    int32_t curve;      /* JAWARI_LINEAR, … */
+    bool stepped;       /* whole numbers */
+    bool bypass;
+} plugin_parameter;
+
+/* ---- any thread but audio ---- */
+
+/* An instance on the bank behind this very file. NULL with `why`. */
+plugin *plugin_new(char *why);
+void plugin_free(plugin *p);
+
+const jawari_bank *plugin_bank(const plugin *p);
+uint32_t plugin_parameters(const plugin *p);
+const plugin_parameter *plugin_parameter_of(const plugin *p, uint32_t k); /* NULL beyond */
+int64_t plugin_find(const plugin *p, uint32_t stable_id);                 /* its number, −1 */
+
+/* Sound can be asked for from now on, at this rate; false with `why` (a rate that the bank does not have, …). */
+bool plugin_activate(plugin *p, double rate_hz, int32_t threads, bool host_threads, char *why);
+void plugin_deactivate(plugin *p);
+bool plugin_active(const plugin *p);
+int32_t plugin_latency(const plugin *p); /* frames; of the first rate while not active */
+int64_t plugin_tail(const plugin *p);
+
+/* The value that was set last. [any] */
+double plugin_value(const plugin *p, uint32_t k);
+/* A value as a host shows it ("12.5 mm", "tanpura", "on"), and back; false for what is no value. [any] */
+bool plugin_text(const plugin *p, uint32_t k, double value, char *text, size_t room);
+bool plugin_number(const plugin *p, uint32_t k, const char *text, double *value);
+/* Knob position 0 … 1 for a value, by the parameter's curve, and back. [any] */
+double plugin_position(const plugin_parameter *q, double value);
+double plugin_at(const plugin_parameter *q, double position);
+/* Set outside of a block (a flush, a generic editor): heard from the start of the next block on. [any] */
+void plugin_set(plugin *p, uint32_t k, double value);
+
+/* The state: values of all parameters by id, and what sounds if it is active. Allocated with malloc, to be freed by the caller;
+ * NULL: no memory. May be called beside [audio]. */
+void *plugin_save(plugin *p, size_t *size);
+/* Taken over at the start of the next block. Values that this plugin does not have are passed over, those that the state does
+ * not have get their initial value, and what sounds is left out where it comes from another bank, rate or version. False, with
+ * `why` and nothing changed, for what is no state. May be called beside [audio]. */
+bool plugin_load(plugin *p, const void *data, size_t size, char *why);
+
+/* ---- audio thread ---- */
+
+/* Events of the block that is to come; order by frame is kept by the plugin for events that come unordered. */
+void plugin_midi(plugin *p, int64_t frame, const uint8_t *bytes, size_t size);
+void plugin_event(plugin *p, const jawari_event *event);
+void plugin_change(plugin *p, int64_t frame, uint32_t k, double value); /* a parameter, sample-accurate */
+
+/* The block, and the gathered events are gone. Exactly one pair is not NULL. Bypassed: silence, notes still end. */
+void plugin_process(plugin *p, int32_t frames, float *const left_right[2], double *const left_right_wide[2]);
+/* As jawari_reset; parameters keep their values. */
+void plugin_reset(plugin *p);
+/* Whether nothing sounds and nothing waits: hosts may let it sleep. */
+bool plugin_silent(const plugin *p);
+/* Lent threads, see jawari_help. */
+void plugin_help(plugin *p, int32_t k);
+
+#endif
