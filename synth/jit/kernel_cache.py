@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
 from synth.jit import compiling, kernel_claims, kernel_linking
+from synth.native.processors import level
 from synth.signals import hearing_signals
 
 KEEP = 8
@@ -89,7 +90,15 @@ def use() -> None:
     if "numba" in sys.modules:
         _mend_numba()
     else:
-        sys.meta_path.insert(0, _Once("numba", _mend_numba))
+        sys.meta_path.insert(0, _Once("numba", _for_a_level, _mend_numba))
+
+
+def _for_a_level() -> None:
+    """Let Numba compile for the processor's level of x86-64 rather than for its make: what is computed is then the same on
+    all that have the level, and in a native library made for it. NUMBA_CPU_NAME, if set, is left alone."""
+    if "NUMBA_CPU_NAME" not in os.environ and (name := level()) is not None:
+        os.environ["NUMBA_CPU_NAME"] = name
+        os.environ["NUMBA_CPU_FEATURES"] = ""
 
 
 def _temporary() -> Path:
@@ -136,10 +145,10 @@ def _complain(why: str) -> None:
 
 
 class _Once:
-    """A finder of modules that calls `then` when the module `name` has been loaded for the first time."""
+    """A finder of modules that calls `first` when the module `name` is loaded for the first time, and `then` when it is."""
 
-    def __init__(self, name: str, then: Callable[[], None]) -> None:
-        self._name, self._then = name, then
+    def __init__(self, name: str, first: Callable[[], None], then: Callable[[], None]) -> None:
+        self._name, self._first, self._then = name, first, then
 
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> Any:
         if fullname != self._name:
@@ -147,6 +156,7 @@ class _Once:
         from importlib.util import find_spec
 
         sys.meta_path.remove(self)
+        self._first()
         spec = find_spec(fullname)
         if spec is not None and spec.loader is not None:
             load, then = spec.loader.exec_module, self._then

@@ -16,7 +16,7 @@ from numba.extending import intrinsic as _intrinsic
 
 
 def _lanes() -> int:
-    """Doubles in a vector register of this machine, or JAWARI_LANES (2, 4 or 8) of the environment.
+    """Doubles in a vector register of what Numba compiles for, or JAWARI_LANES (2, 4 or 8) of the environment.
 
     Compiled kernels are kept apart by it (`kernel_cache`); a NUMBA_CACHE_DIR of your own needs a folder for each.
     """
@@ -25,6 +25,9 @@ def _lanes() -> int:
         if wanted not in ("2", "4", "8"):
             raise ValueError(f"JAWARI_LANES must be 2, 4 or 8, got {wanted!r}; unset it to have the processor's own")
         return int(wanted)
+    of_level = {"x86-64-v4": 8, "x86-64-v3": 4}.get(os.environ.get("NUMBA_CPU_NAME", ""))
+    if of_level is not None:
+        return of_level
     features = llvmlite.binding.get_host_cpu_features()
     if features.get("avx512f"):
         return 8
