@@ -352,11 +352,15 @@ class Mapping_(Table):
     pressure_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
 
 
+#: what presets may be called
+NAME_PATTERN = re.compile("[a-z0-9][a-z0-9-]{0,63}")
+
+
 class Preset(Table):
     """A whole instrument."""
 
     format: Literal[2]
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")
+    name: str = Field(pattern=f"^{NAME_PATTERN.pattern}$")
     title: str = ""
     description: str = ""
     #: the author's notes, of any number of lines

@@ -1,0 +1,60 @@
+"""What a plugin says of itself: who it is, its presets and their live parameters.
+
+The same for the tables of a bank (`bankfile`) and for what stands beside a plugin (`turtle`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from synth.engine.parameters import Parameter, parameters_of
+from synth.instrument.preset import NAME_PATTERN, Preset, playable_range
+
+
+@dataclass(frozen=True)
+class DescribedPreset:
+    """A preset: id for machines, name and description (one line) for people, and the MIDI notes that it plays."""
+
+    id: str
+    name: str
+    description: str
+    lowest_note: int
+    highest_note: int
+
+
+@dataclass(frozen=True)
+class Description:
+    """id, name: of all together, of one preset alone its own.  parameters: live ones, those of the first preset first."""
+
+    id: str
+    name: str
+    presets: tuple[DescribedPreset, ...]
+    parameters: tuple[Parameter, ...]
+
+
+def describe(presets: Sequence[Preset], name: str | None = None) -> Description:
+    """Presets in one plugin, called `name` (as presets are: small letters, digits, hyphens); one alone has its own name.
+
+    Raises ValueError for no preset, more than 128 (MIDI programs), two of one name, and names that cannot be.
+    """
+    if not 1 <= len(presets) <= 128:
+        raise ValueError(f"a plugin holds 1 to 128 presets, got {len(presets)}")
+    names = [preset.name for preset in presets]
+    if twice := sorted({each for each in names if names.count(each) > 1}):
+        raise ValueError(f"two of the presets are called {twice[0]!r}; give each a name of its own in its file")
+    if name is None:
+        name = names[0] if len(names) == 1 else "collection"
+    if not NAME_PATTERN.fullmatch(name):
+        raise ValueError(f"a plugin's name is made of small letters, digits and hyphens (at most 64), got {name!r}")
+    described = tuple(
+        DescribedPreset(preset.name, preset.title or preset.name, _one_line(preset.description), *playable_range(preset))
+        for preset in presets
+    )
+    title = described[0].name if len(described) == 1 and name == names[0] else name
+    parameters = tuple(parameter for part, preset in enumerate(presets) for parameter in parameters_of(part, preset))
+    return Description(name, title, described, parameters)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
