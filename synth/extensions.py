@@ -17,7 +17,7 @@ from synth.spelling import perhaps
 Thing = TypeVar("Thing")
 
 
-class Plugins(Generic[Thing]):
+class Extensions(Generic[Thing]):
     """Those of one sort: `group` of the entry points, `noun` with its article ("an effect"), names that are `taken`."""
 
     def __init__(self, group: str, noun: str, taken: Sequence[str] = ()) -> None:

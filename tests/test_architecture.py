@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
     {"signals", "spelling", "units", "files"},
-    {"plugins"},
+    {"extensions"},
     {"native"},
     {"jit"},
     {"midi"},
@@ -25,7 +25,7 @@ FLOORS = (
     {"instrument"},
     {"engine", "research"},
     {"host", "fit"},
-    {"live"},
+    {"live", "plugin"},
     {"drone", "author"},
     {"cli"},
     {"__main__"},

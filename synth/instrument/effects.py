@@ -1,20 +1,20 @@
 """The kinds of effect that presets may name, `[[effect]] kind = "…"`, and their tables.
 
 A module adds one with `register`; one that is installed is found by its entry point in the group `jawari.effects`, whose
-name is the kind (`plugins`).
+name is the kind (`extensions`).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from synth.extensions import Extensions
 from synth.instrument.table import Table, kind_of
-from synth.plugins import Plugins
 
 if TYPE_CHECKING:  # who only reads presets does not load Numba
     from synth.dsp.effect import Effect
 
-EFFECTS: Plugins[Effect] = Plugins("jawari.effects", "an effect")
+EFFECTS: Extensions[Effect] = Extensions("jawari.effects", "an effect")
 
 
 class EffectTable(Table):

@@ -1,7 +1,7 @@
 """What a right hand may do to a string when a note begins: the pluck that every preset has, and what modules add.
 
 A preset names one with `[excitation] kind = "…"`; without, it plucks. A module adds one with `register`; one that is
-installed is found by its entry point in the group `jawari.excitations`, whose name is the kind (`plugins`).
+installed is found by its entry point in the group `jawari.excitations`, whose name is the kind (`extensions`).
 docs/extending/excitation.md shows one.
 """
 
@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from synth.extensions import Extensions
 from synth.instrument.table import Table, kind_of
-from synth.plugins import Plugins
 
 #: longest that a hand may hold a string [s]
 MOST_HOLD_S = 10.0
@@ -46,7 +46,7 @@ class Excitation:
     follow: Callable[[int, int, int, int], None]
 
 
-EXCITATIONS: Plugins[Excitation] = Plugins("jawari.excitations", "an excitation", ("pluck",))
+EXCITATIONS: Extensions[Excitation] = Extensions("jawari.excitations", "an excitation", ("pluck",))
 
 
 def register(excitation: Excitation) -> Excitation:

@@ -1,7 +1,7 @@
 """Contact laws of other modules: a registry that any module can join, and the laws of `schemes.LAWS` beside them.
 
 A module adds one with `register`; one that is installed is found by its entry point in the group `jawari.laws`, whose name
-is the law's (`plugins`). docs/extending/contact-law.md shows one.
+is the law's (`extensions`). docs/extending/contact-law.md shows one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from synth.plugins import Plugins
+from synth.extensions import Extensions
 from synth.solver.schemes import LAWS, SCHEMES
 from synth.spelling import perhaps
 
@@ -37,7 +37,7 @@ class ContactLaw:
     answer: Callable[[int, int, int], int]
 
 
-LAWS_ADDED: Plugins[ContactLaw] = Plugins("jawari.laws", "a contact scheme", tuple(SCHEMES))
+LAWS_ADDED: Extensions[ContactLaw] = Extensions("jawari.laws", "a contact scheme", tuple(SCHEMES))
 
 
 def register(law: ContactLaw) -> ContactLaw:
