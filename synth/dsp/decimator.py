@@ -21,10 +21,11 @@ output nor their order depend on where it stands.
 """
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit
 from numpy.typing import NDArray
 
 from synth.dsp.polyphase import BRANCH, GROUP, add_branches
+from synth.jit.entries import kernel
 
 LATENCY_FRAMES = BRANCH // 2
 """Delay of the filter in output frames, 37 for every factor."""
@@ -104,13 +105,13 @@ def workspace(factor: int, frames: int = 128) -> NDArray[np.float64]:
     return np.empty(2 * LATENCY_FRAMES * factor + 1 + line + phase_space(factor, frames))
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, int64, answer=int64)
 def phase_space(factor, frames):
     """Elements of scratch that :func:`decimate_line` needs for so many outputs."""
     return (factor - 1) * ((frames + GROUP - 1) // GROUP * GROUP + BRANCH) + GROUP
 
 
-@njit(cache=True, nogil=True)
+@kernel(float64[::1], int64, float64[::1])
 def split_taps(taps, factor, branches):
     """Order taps by phase: branches[p·BRANCH + m] = taps[m·factor + p], p < factor; both of the same length."""
     for p in range(factor):

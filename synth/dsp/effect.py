@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from synth.native.views import entry, opener, words
+from synth.jit.entries import entry
+from synth.native.views import opener, words
 
 #: outputs that are still to come count as nothing below this (−240 dBFS)
 STILL_BELOW = 1e-12

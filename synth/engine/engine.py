@@ -36,7 +36,7 @@ from synth.instrument.check import check
 from synth.instrument.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.instrument.effects import EffectTable
 from synth.instrument.preset import Preset, PresetError, why_unplayed
-from synth.jit import compiling, kernel_helpers
+from synth.jit import compiling, kernel_helpers, prebuilt
 from synth.midi.events import EVENT
 from synth.midi.zones import LOWER, MOST_MEMBERS
 from synth.native.processors import cores
@@ -218,7 +218,8 @@ class Engine:
         self._bank = None  # until all is there: `process` works on addresses
         self.rate_hz = rate_hz
         self.max_block = max_block
-        kernel_helpers.compile_all("synth.engine.warmup:kernels")
+        if prebuilt.found().path is None:
+            kernel_helpers.compile_all("synth.engine.warmup:kernels")
         cache: dict[tuple, CompiledPart] = {}
         compiled = []
         only = [None] * len(self.parts) if self._only_notes is None else self._only_notes

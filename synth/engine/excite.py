@@ -10,7 +10,8 @@ import numpy as np
 from synth.engine.layout import BEGIN_HOLD, CONSTANTS, FOLLOW, Shared
 from synth.instrument.excitations import EXCITATIONS, Excitation
 from synth.instrument.preset import Preset
-from synth.native.views import entry, table
+from synth.jit.entries import entry
+from synth.native.views import table
 
 
 class Excitations:

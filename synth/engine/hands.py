@@ -10,8 +10,9 @@ from synth.engine.instruments import awake_strings
 from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, UNTIL, WORK_ON, Bank, Settings, Shared, State
 from synth.engine.strings import damp, let_go, pluck
 from synth.engine.voices.voice_table import CUT, GO_ON, LET_GO, PLUCK, SLUR, Voices
+from synth.jit.entries import entry
 from synth.native.arrays import fields
-from synth.native.views import call_back, entry
+from synth.native.views import call_back
 
 
 @njit(**CORE)

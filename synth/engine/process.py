@@ -9,7 +9,7 @@ quantum is decided at the same quanta whatever the span.
 
 from __future__ import annotations
 
-from numba import njit
+from numba import float64, from_dtype, int64, njit
 
 from synth.engine.core import bank_of, settings_of, shared_of, state_of
 from synth.engine.expression import approach, control_share
@@ -37,14 +37,15 @@ from synth.engine.layout import (
 )
 from synth.engine.mix import mix_span
 from synth.engine.team import rouse, share_out
-from synth.midi.events import copy_event
+from synth.jit.entries import kernel
+from synth.midi.events import EVENT, copy_event
 from synth.native.denormals import enable_ftz, restore
 from synth.native.views import tell
 
 _copy_event = njit(**CORE)(copy_event)
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, int64, from_dtype(EVENT)[::1], float64[:, ::1], float64[:, :, ::1])
 def process(core: int, thread: int, events, out, stems) -> None:
     """One block: `events` (EVENT, frames from the block's start, in order), `out` (frames, 2), `stems` (parts or 0,
     frames, 2). Output is late by QUANTUM + the latencies of the decimator and the effects."""

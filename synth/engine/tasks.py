@@ -7,7 +7,7 @@ import numpy as np
 from synth.engine.advance import advance_string, begin_quantum, make_steps
 from synth.engine.core import bank_of, shared_of, state_of
 from synth.engine.layout import BEGIN, QUANTA, QUANTUM, STRETCH, TASK, UNTIL
-from synth.native.views import entry
+from synth.jit.entries import entry
 
 
 def _work_on(core: int, thread: int, i: int, _: int) -> None:

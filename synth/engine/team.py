@@ -18,11 +18,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import int64, njit
 
 from synth.engine.core import shared_of
 from synth.engine.layout import CORE, WORK_ON
 from synth.engine.uncopied import Uncopied
+from synth.jit.entries import kernel
 from synth.native.arrays import LINE_F8
 from synth.native.atomics import add, exchange_if, give_way, load, pause, receive, send, store, tokens
 from synth.native.denormals import enable_ftz
@@ -93,7 +94,7 @@ def _take(core: int, thread: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, int64, int64)
 def _attend(core: int, thread: int, asleep: int) -> None:
     """The life of a worker; `asleep`: where it reads to sleep."""
     enable_ftz()
@@ -140,7 +141,7 @@ class Team(Uncopied):
     REMEDY = "an engine that is copied starts workers of its own"
 
     def __init__(self, owner: Any, core: np.ndarray, words: np.ndarray, scratches: Sequence[np.ndarray], keep: Any) -> None:
-        _attend.compile("void(int64, int64, int64)")
+        _attend.ready()
         asleep, wake = tokens()
         words[:] = 0
         words[WAKE] = wake

@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
+from synth.jit import prebuilt
+
 #: what begins later than this after the end of what came before is another compilation [s]
 REST_S = 2.0
 #: work that takes more than half a minute, in bytes of Python's code with all that it calls: an engine is 5e5
@@ -241,7 +243,7 @@ def _expected(function: Any) -> list[Any]:
 def is_kept(function: Any) -> bool:
     """Whether it need not be compiled any more."""
     cache = _caches.get(function)
-    if function in _made:
+    if function in _made or prebuilt.found().address(function) is not None:
         return True
     return cache is not None and cache.holds_any()
 
@@ -284,7 +286,7 @@ def _values(function: FunctionType) -> Iterator[Any]:
         value = function.__globals__.get(name)
         yield value
         if isinstance(value, ModuleType):
-            yield from (getattr(value, attribute, None) for attribute in names)
+            yield from map(vars(value).get, names)  # what a module makes up when it is asked may come with warnings
     for cell in function.__closure__ or ():
         try:
             yield cell.cell_contents

@@ -19,7 +19,6 @@ import contextlib
 import fcntl
 import functools
 import gc
-import hashlib
 import os
 import shutil
 import sys
@@ -31,6 +30,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
 from synth.jit import compiling, kernel_claims, kernel_linking
+from synth.jit.kernel_sources import sources_id, users_cache
 from synth.native.processors import level
 from synth.signals import hearing_signals
 
@@ -44,9 +44,6 @@ COLLECT_AFTER = 100_000
 #: let signals be heard while the main thread compiles: for programs that end when they are interrupted
 interruptible = False
 
-#: rooms whose constants and plain functions kernels are made of
-_COMPILED_IN = ("dsp", "engine", "midi", "native", "solver", "units.py")
-
 _trouble: str | None = None
 _passing: list[Path] = []
 
@@ -57,21 +54,9 @@ def trouble() -> str | None:
 
 
 def cache_folder() -> Path:
-    """The folder for the sources as they are now (not created)."""
-    package = Path(__file__).resolve().parents[1]
-    digest = hashlib.blake2b(os.environ.get("JAWARI_LANES", "").encode(), digest_size=8)
-    for path in sorted(package.rglob("*.py")):
-        content = path.read_bytes()
-        # their constants are compiled in, what intrinsics emit, and how arrays and events are declared
-        own = path.relative_to(package).parts[0] in _COMPILED_IN or path.name == "excitations.py"
-        if own or b"njit" in content or b"intrinsic" in content:
-            digest.update(str(path.relative_to(package)).encode())
-            digest.update(content)
-    if sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "jawari" / f"kernels-{digest.hexdigest()}"
+    """The folder for the sources as they are now (not created); vectors of another width have one of their own."""
+    lanes = os.environ.get("JAWARI_LANES", "")
+    return users_cache() / f"kernels-{sources_id()}{lanes and '-' + lanes}"
 
 
 def use() -> None:

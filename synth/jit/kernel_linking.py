@@ -9,6 +9,7 @@ every name is known. A caller that is loaded from disk needs those that it names
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -32,6 +33,10 @@ class Part(NamedTuple):
     calls: tuple[Called, ...]
 
 
+#: libraries of kernels that lie apart, by symbol
+_APART: weakref.WeakValueDictionary[str, Any] = weakref.WeakValueDictionary()
+
+
 def name_of(function: Any) -> tuple[str, str, int]:
     """What a kernel is known by in every process."""
     return function.__module__, function.__qualname__, function.__code__.co_firstlineno
@@ -50,6 +55,13 @@ def part_of(library: Any) -> Part:
 
 def set_part(library: Any, part: Part) -> None:
     library._jawari_part = part
+    if part.itself is not None:
+        _APART[part.itself.symbol] = library
+
+
+def library_of(symbol: str) -> Any:
+    """The library of a kernel that lies apart and was compiled or loaded in this process. Raises KeyError."""
+    return _APART[symbol]
 
 
 def _is_large(function: Any) -> bool:

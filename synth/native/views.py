@@ -12,13 +12,11 @@ Only what is used is ever loaded. The tables own nothing: who makes one keeps it
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import cfunc, from_dtype, types
+from numba import from_dtype, types
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, models, register_model
@@ -121,16 +119,6 @@ def opener(kind: Any, skip: int = 0) -> Any:
         return opened(types.int64), lambda context, builder, signature, arguments: arguments[0]
 
     return intrinsic(open_table)
-
-
-@cache
-def entry(function: Callable[..., Any], words: int, answers: bool = False) -> Any:
-    """A plain function of so many int64, compiled to be called by its `.address`; answers: it gives an int64.
-
-    Kept for as long as the process lives: whoever has the address may call it.
-    """
-    kinds = ", ".join(["int64"] * words)
-    return cfunc(f"{'int64' if answers else 'void'}({kinds})", cache=True)(function)
 
 
 def _calling(count: int) -> tuple[Any, Any]:

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from synth.engine.parameters import Parameter, parameters_of
 from synth.instrument.preset import NAME_PATTERN, Preset, playable_range
 
+#: of a preset's title, as many as a bank holds
+TITLE_BYTES = 95
+
 
 @dataclass(frozen=True)
 class DescribedPreset:
@@ -48,12 +51,30 @@ def describe(presets: Sequence[Preset], name: str | None = None) -> Description:
     if not NAME_PATTERN.fullmatch(name):
         raise ValueError(f"a plugin's name is made of small letters, digits and hyphens (at most 64), got {name!r}")
     described = tuple(
-        DescribedPreset(preset.name, preset.title or preset.name, _one_line(preset.description), *playable_range(preset))
-        for preset in presets
+        DescribedPreset(preset.name, title, _one_line(preset.description), *playable_range(preset))
+        for preset, title in zip(presets, _titles(presets), strict=True)
     )
     title = described[0].name if len(described) == 1 and name == names[0] else name
     parameters = tuple(parameter for part, preset in enumerate(presets) for parameter in parameters_of(part, preset))
     return Description(name, title, described, parameters)
+
+
+def _titles(presets: Sequence[Preset]) -> list[str]:
+    """Titles by which people and hosts tell presets apart: a copy of a preset has its title, to which its name is added."""
+    titles: list[str] = []
+    for preset in presets:
+        own = title = _cut(preset.title or preset.name, TITLE_BYTES)
+        added = 0
+        while title.lower() in (each.lower() for each in titles):
+            added += 1
+            behind = f" ({preset.name})" if added == 1 else f" ({preset.name} {added})"
+            title = _cut(own, TITLE_BYTES - len(behind)) + behind
+        titles.append(title)
+    return titles
+
+
+def _cut(text: str, room: int) -> str:
+    return text.encode()[:room].decode(errors="ignore")
 
 
 def _one_line(text: str) -> str:

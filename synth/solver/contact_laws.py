@@ -68,6 +68,6 @@ def step_of(name: str) -> int:
     law = registered(name)
     if law is None:
         return 0
-    from synth.native.views import entry  # who only asks for names does not load Numba
+    from synth.jit.entries import entry  # who only asks for names does not load Numba
 
     return entry(law.answer, 3, answers=True).address

@@ -20,9 +20,10 @@ Rows of a block's coefficient array, as `responses.fill_rows` makes them:
 from __future__ import annotations
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 
+from synth.jit.entries import kernel
 from synth.native.simd import DOUBLE, INT, LANES, LOOSE, VECTOR, Code, intrinsic
 
 #: steps that a block kernel takes at a time
@@ -33,7 +34,7 @@ P11, P12, P21, P22, KQ, KV, TRACE, MINUS_DET, ADV11, ADV12, ADV21, ADV22, KQ_LAT
 PAD = 8
 
 
-@njit(cache=True, nogil=True)
+@kernel(types.int64, answer=types.int64)
 def padded(modes: int) -> int:
     """The smallest multiple of `PAD` that holds so many modes."""
     return (modes + PAD - 1) // PAD * PAD

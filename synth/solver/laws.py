@@ -22,8 +22,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit
 
+from synth.jit.entries import kernel
 from synth.solver.contact_laws import check_scheme
 from synth.solver.schemes import LAWS
 from synth.solver.vectors import FAST, INNER
@@ -107,7 +108,7 @@ def _characteristic_at_one(omega: float, sigma: float, dt: float) -> float:
     return math.expm1(-omega * omega / (sigma + s) * dt) * math.expm1(-(sigma + s) * dt)
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, float64[::1], float64[::1], float64, float64, float64[:, ::1])
 def step_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> None:
     """Fill `coef` (6, ≥N) with rows p11, p12, p21, p22, kq, kv for modes ω, σ (N,) [1/s], μ [kg/m], Δt [s]."""
     for j in range(omega.size):
@@ -137,7 +138,7 @@ def step_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> Non
             coef[5, j] = gain
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(int64, *[float64[:, ::1]] * 4, fastmath=FAST)
 def contact_matrix(law: int, coef, shapes, residual, out) -> None:
     """Fill `out` (C, C): G = S diag(kq) Sᵀ + R (exact-hold) or the Delassus matrix S diag(kv) Sᵀ (Moreau–Jean)."""
     contacts, modes = shapes.shape

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit
 
+from synth.jit.entries import kernel
 from synth.native.arrays import aligned
 from synth.solver.lanes import (
     ADV11,
@@ -36,7 +37,7 @@ def padded_rows(rows: np.ndarray, modes: int) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(float64[:, ::1], fastmath=FAST)
 def fill_rows(rows) -> None:
     """Complete rows (ROWS, n) whose first six are the step coefficients of `laws`; padding is zero there."""
     p11, p12, p21, p22, kq, kv = rows[P11], rows[P12], rows[P21], rows[P22], rows[KQ], rows[KV]
@@ -82,7 +83,7 @@ def fill_response(velocity: int, rows, q, v, weights, first: int, spare, out) ->
                 out[p + i, BLOCK + k] = spare[i, k - 1]
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(int64, *[float64[:, ::1]] * 4, *[float64[::1]] * 2, float64[:, ::1], float64[:, :, ::1], fastmath=FAST)
 def fill_lags(velocity: int, rows, shapes, weights, own, q, v, spare, out) -> None:
     """out (P, C, 2K): what a unit force at each of C shapes (C, n) has done to the sums `weights` (P, n), l steps on.
 

@@ -20,9 +20,10 @@ from synth.engine.engine import Engine
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
 from synth.engine.tasks import entries
 from synth.instrument.compile import Position
+from synth.jit.entries import entry
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.native.arrays import allocate, f8, i8
-from synth.native.views import call_back, entry, opener, table
+from synth.native.views import call_back, opener, table
 from synth.solver.lanes import BLOCK
 
 #: what views are of unless told otherwise, as `synth render` and a live stream are [Hz]

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from numba import njit
+from numba import int64, njit
 
 from synth.engine.layout import CORE
 from synth.engine.voices.channels import MEMBER_BEND, PLAIN_BEND, manager
 from synth.engine.voices.notes import give_up, sustain
 from synth.engine.voices.voice_table import voices_of
+from synth.jit.entries import kernel
 from synth.midi.zones import LOWER, UPPER, master_of, yielded
 
 _master_of, _yielded = njit(**CORE)(master_of), njit(**CORE)(yielded)
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, int64, int64)
 def set_zone(voices: int, zone: int, members: int) -> None:
     """Begin, change or end an MPE zone, LOWER or UPPER; the other one yields. Its channels begin anew."""
     me = voices_of(voices)

@@ -14,6 +14,7 @@ from synth.engine.voices.control_changes import control
 from synth.engine.voices.notes import note_off, note_on, press_key
 from synth.engine.voices.retuning import set_parameter, tune
 from synth.engine.voices.voice_table import voices_of
+from synth.jit import entries
 from synth.midi.events import (
     BEND,
     CONTROL,
@@ -25,7 +26,6 @@ from synth.midi.events import (
     PROGRAM,
     TUNING,
 )
-from synth.native import views
 
 
 @njit(**CORE)
@@ -69,4 +69,4 @@ def decide(voices: int) -> None:
 
 def entry(policy: Callable[[int], None]) -> Any:
     """A policy as the C function void(voices) of one int64: `.address` and, for who calls it from Python, `.ctypes`."""
-    return views.entry(policy, 1)
+    return entries.entry(policy, 1)

@@ -72,6 +72,11 @@ JAWARI_API const jawari_preset *jawari_preset_of(const jawari_bank *bank, int32_
 /* The bank's own id and name: of a single preset that preset's. */
 JAWARI_API const char *jawari_bank_id(const jawari_bank *bank);
 JAWARI_API const char *jawari_bank_name(const jawari_bank *bank);
+/* 16 bytes by which hosts know a plugin with this bank, the same in every version. */
+JAWARI_API const uint8_t *jawari_bank_uid(const jawari_bank *bank);
+
+/* Strings of all presets: as many notes can sound at once. */
+JAWARI_API int32_t jawari_strings(const jawari_bank *bank);
 
 /* How many sample rates there are; the k-th [Hz], ascending, 0 beyond. */
 JAWARI_API int32_t jawari_rates(const jawari_bank *bank);
@@ -152,6 +157,10 @@ JAWARI_API int32_t jawari_silent(const jawari_engine *engine);
 JAWARI_API double jawari_value(const jawari_engine *engine, int32_t part, int32_t index);
 /* The program that a channel 0 … 15 plays now. [audio] */
 JAWARI_API int32_t jawari_program(const jawari_engine *engine, int32_t channel);
+/* Pitch of a key 0 … 127 as compiled [semitones]. [audio] */
+JAWARI_API double jawari_pitch(const jawari_engine *engine, int32_t key);
+/* Whether a string sounds for this note of this channel. [audio] */
+JAWARI_API int32_t jawari_sounding(const jawari_engine *engine, int32_t channel, int32_t note);
 
 typedef struct jawari_report {
     double peak;               /* since the reset, 1: full scale */
@@ -177,8 +186,9 @@ JAWARI_API int32_t jawari_load(jawari_engine *engine, const void *data, size_t s
 /* ---- threads of the host ------------------------------------------------------------------------------------------- */
 
 /* A host that has threads of its own may lend them: it calls jawari_help(engine, k), 1 ≤ k < the `threads` of jawari_create, from
- * as many threads as it likes while one is in jawari_process; each returns when that block is done, or has not begun. An
- * engine that is helped starts no threads: jawari_lend says so before. [audio] */
+ * as many threads as it likes while one is in jawari_process [audio]; each returns when that block is done, has not begun, or
+ * another thread helps as k. An engine that is helped has no threads of its own: jawari_lend says so before its first block, and
+ * ends those that there are. */
 JAWARI_API void jawari_lend(jawari_engine *engine);
 JAWARI_API void jawari_help(jawari_engine *engine, int32_t k);
 

@@ -1,0 +1,418 @@
+"""Banks: presets compiled for one or several rates, as the native library takes them (c/bank.c).
+
+    data = bank([load_preset("tanpura")], [44100.0, 48000.0])
+
+A bank is the memory of prepared engines: what is constant, what an engine begins with, and which words of that are
+addresses. Each preset is a part, which the programs 0, 1, … of every channel choose. All numbers are little-endian.
+
+    header        HEADER
+    presets       PRESET each; then parameters, PARAMETER each; functions, FUNCTION each; rates, RATE each
+    per rate      its block: constants, core and thread as they begin, RELOCATION each
+
+A checksum (CRC-32) covers header and tables, another each block. Where the library looks into an engine's memory, it finds
+the places in PLACES of the rate.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import zlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from synth.engine import arguments, layout, team
+from synth.engine.bank import new_scratch
+from synth.engine.core import CORE_PARTS
+from synth.engine.engine import Engine
+from synth.engine.parameters import Parameter
+from synth.engine.voices.voice_table import Voices
+from synth.instrument.preset import Preset
+from synth.jit.entries import entered
+from synth.jit.kernel_sources import sources_id
+from synth.native.arrays import fields
+from synth.plugin.addresses import CONSTANT, CORE, THREAD, TO_FUNCTION, Memory, pointers, word_of
+from synth.plugin.description import DescribedPreset, describe
+from synth.plugin.emit import name_of, names
+from synth.solver.stringmodel import Scratch, StringModel, StringState
+
+MAGIC = b"JAWARIBK"
+#: of this layout; a change of what HEADER … RATE mean is another version
+VERSION = 1
+RATES = (44100.0, 48000.0, 88200.0, 96000.0)
+MOST_RATES = 32
+#: of `Engine`, what is not the bank's
+_OF_THE_LIBRARY = {"parts", "threads", "program_map", "bindings", "policy", "only_notes", "every_fret", "warn"}
+#: blocks begin at a multiple of this [bytes]
+PAGE = 4096
+_LINE = 64
+
+HEADER = np.dtype(
+    [
+        ("magic", "S8"),
+        ("version", "<u4"),
+        ("checksum", "<u4"),  # CRC-32 of all before `tables_end`, with 0 here
+        ("size", "<u8"),  # of the bank
+        ("tables_end", "<u8"),
+        ("kernels", "S32"),  # `kernel_sources.sources_id`
+        ("uid", "V16"),  # of what is made of the bank, for hosts that know plugins by a number
+        ("id", "S72"),
+        ("name", "S96"),
+        ("presets", "<u4"),
+        ("parameters", "<u4"),
+        ("functions", "<u4"),
+        ("rates", "<u4"),
+        ("presets_at", "<u8"),
+        ("parameters_at", "<u8"),
+        ("functions_at", "<u8"),
+        ("rates_at", "<u8"),
+    ]
+)
+PRESET = np.dtype([("id", "S72"), ("name", "S96"), ("description", "S256"), ("lowest", "<i4"), ("highest", "<i4")])
+PARAMETER = np.dtype(
+    [
+        ("part", "<i4"),
+        ("index", "<i4"),
+        ("curve", "<i4"),
+        ("unused", "<i4"),
+        ("minimum", "<f8"),
+        ("maximum", "<f8"),
+        ("initial", "<f8"),
+        ("smoothing_s", "<f8"),
+        ("id", "S48"),
+        ("name", "S96"),
+        ("unit", "S16"),
+    ]
+)
+FUNCTION = np.dtype([("name", "S96")])
+#: something in a core: `count` words, `stride` bytes apart
+PLACE = np.dtype([("at", "<u8"), ("stride", "<u8"), ("count", "<u8")])
+#: what the library looks at in a core, in this order
+PLACES = (
+    "core",  # the table that kernels take
+    "until",
+    "left",
+    "sleeping",
+    "ending",
+    "workers",
+    "wake",
+    "pending",
+    "notes",
+    "stolen",
+    "dropped",
+    "silenced",
+    "peak",
+    "unplayed",
+    "awake",
+    "silenced_strings",
+    "silenced_parts",
+    "programs",
+    "parameters",
+    "note",
+    "channel",
+    "still",
+)
+RATE = np.dtype(
+    [
+        ("rate_hz", "<f8"),
+        ("latency", "<i8"),
+        ("tail", "<i8"),
+        ("at", "<u8"),  # the block
+        ("size", "<u8"),
+        ("checksum", "<u8"),
+        ("constants_at", "<u8"),  # in the block
+        ("constants", "<u8"),
+        ("core_at", "<u8"),
+        ("core_stored", "<u8"),
+        ("core", "<u8"),  # with the zeros behind what is stored
+        ("thread_at", "<u8"),
+        ("thread_stored", "<u8"),
+        ("thread", "<u8"),
+        ("relocations_at", "<u8"),
+        ("relocations", "<u8"),
+        ("sounding", "<u8"),  # what a state keeps: of the core from here …
+        ("sounding_end", "<u8"),  # … to here
+        ("thread_table", "<u8"),  # in the thread's
+        ("pitch", "<u8"),  # of every key, among the constants
+        ("places", PLACE, (len(PLACES),)),
+    ]
+)
+
+
+def bank(
+    presets: Sequence[Preset],
+    rates_hz: Sequence[float] = RATES,
+    *,
+    name: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Any,
+) -> bytes:
+    """The bank of these presets for these sample rates [Hz].
+
+    name      what several are called together (`description.describe`). options: as of `Engine` (quality, mpe, note_hz, …)
+    progress  called with (strings that are compiled, all there are for all rates) after each
+    Raises ValueError (PresetError among them) for what cannot be played, lies outside of the library or has no such name,
+    TypeError for what is of another kind.
+    """
+    if sys.byteorder != "little":
+        raise ValueError("banks are made on little-endian machines")
+    about = describe(presets, name)
+    rates = sorted({arguments.rate(rate) for rate in rates_hz})
+    if not 1 <= len(rates) <= MOST_RATES:
+        raise ValueError(f"a bank is made for 1 to {MOST_RATES} sample rates, got {len(rates)}")
+    if refused := sorted(_OF_THE_LIBRARY & options.keys()):
+        raise ValueError(f"a bank has no {refused[0]}: each preset is a program, and threads are the library's")
+    program_map = None
+    if len(presets) > 1:
+        program_map = np.full((16, 128), -1, np.int64)
+        program_map[:, : len(presets)] = np.arange(len(presets))
+    blocks: list[bytes] = []
+    rows = np.zeros(len(rates), RATE)
+    functions: list[str] = []
+    for k, rate in enumerate(rates):
+        engine = Engine(presets, program_map, **options)
+        engine.prepare(rate, progress=None if progress is None else _of_all(progress, k, len(rates)))
+        block, rows[k] = _block(engine, functions)
+        blocks.append(block)
+    tables = (
+        np.concatenate([_preset(each) for each in about.presets]),
+        _parameters(about.parameters),
+        np.array([(_text(each, FUNCTION, "name"),) for each in functions], FUNCTION),
+        rows,
+    )
+    return _file(about.id, about.name, tables, blocks)
+
+
+def uid_of(id: str) -> bytes:
+    """(16 bytes) what hosts know a plugin by, for ever: it follows from the bank's id."""
+    return hashlib.blake2b(f"org.jawari.{id}".encode(), digest_size=16).digest()
+
+
+def _of_all(progress: Callable[[int, int], None], done: int, rates: int) -> Callable[[int, int], None]:
+    """Progress of one rate as that of all."""
+    return lambda here, strings: progress(done * strings + here, rates * strings)
+
+
+def _file(id: str, name: str, tables: tuple[np.ndarray, ...], blocks: list[bytes]) -> bytes:
+    presets, parameters, functions, rows = tables
+    places, end = [], HEADER.itemsize
+    for each in tables:
+        places.append(_up(end, _LINE))
+        end = places[-1] + each.nbytes
+    at = _up(end, PAGE)
+    for row, block in zip(rows, blocks, strict=True):
+        row["at"], row["size"], row["checksum"] = at, len(block), zlib.crc32(block)
+        at += len(block)
+    header = np.zeros(1, HEADER)
+    given = {
+        "magic": MAGIC,
+        "version": VERSION,
+        "size": at,
+        "tables_end": end,
+        "kernels": sources_id().encode(),
+        "uid": np.void(uid_of(id)),
+        "id": _text(id, HEADER, "id"),
+        "name": _text(name, HEADER, "name"),
+        "presets": len(presets),
+        "parameters": len(parameters),
+        "functions": len(functions),
+        "rates": len(rows),
+    }
+    for key, value in given.items():
+        header[key] = value
+    for key, place in zip(("presets_at", "parameters_at", "functions_at", "rates_at"), places, strict=True):
+        header[key] = place
+    out = bytearray(at)
+    for place, each in zip(places, tables, strict=True):
+        out[place : place + each.nbytes] = each.tobytes()
+    out[: HEADER.itemsize] = header.tobytes()
+    header["checksum"] = zlib.crc32(out[:end])
+    out[: HEADER.itemsize] = header.tobytes()
+    for row, block in zip(rows, blocks, strict=True):
+        out[int(row["at"]) : int(row["at"]) + len(block)] = block
+    return bytes(out)
+
+
+def _up(size: int, to: int) -> int:
+    return -(-size // to) * to
+
+
+def _text(text: str, kind: np.dtype, field: str) -> bytes:
+    """A text for a field, cut where it does not fit with the zero behind it, at no place but between characters."""
+    assert kind.fields is not None
+    room = kind.fields[field][0].itemsize - 1
+    return text.encode()[:room].decode(errors="ignore").encode()
+
+
+def _preset(preset: DescribedPreset) -> np.ndarray:
+    texts = (_text(getattr(preset, field), PRESET, field) for field in ("id", "name", "description"))
+    return np.array([(*texts, preset.lowest_note, preset.highest_note)], PRESET)
+
+
+def _parameters(parameters: Sequence[Parameter]) -> np.ndarray:
+    rows = []
+    for each in parameters:
+        texts = (_text(getattr(each, field), PARAMETER, field) for field in ("id", "name", "unit"))
+        numbers = each.minimum, each.maximum, each.default, each.smoothing_s
+        rows.append((each.part, each.index, layout.PARAMETER_CURVES[each.index], 0, *numbers, *texts))
+    return np.array(rows, PARAMETER)
+
+
+def _block(engine: Engine, functions: list[str]) -> tuple[bytes, np.ndarray]:
+    """A rate's block and its row, but for where that stands; functions that are new are added to the list."""
+    memory = Memory()
+    sounding = _add_all(memory, engine)
+    image = memory.image(_function_at)
+    missing = sorted(set(image.functions) - set(names()))
+    if missing:
+        raise ValueError(
+            f"the native library has no function {missing[0]}: presets with effects, excitations or contact laws of other "
+            "modules play in Python only"
+        )
+    functions += [each for each in image.functions if each not in functions]
+    relocations = image.relocations.copy()
+    named = relocations["to"] == TO_FUNCTION
+    numbers = np.array([functions.index(each) for each in image.functions], np.uint64)
+    relocations["target"][named] = numbers[relocations["target"][named].astype(np.int64)]
+    row = np.zeros(1, RATE)
+    out = bytearray()
+
+    def put(data: bytes) -> int:
+        out.extend(bytes(_up(len(out), _LINE) - len(out)))
+        at = len(out)
+        out.extend(data)
+        return at
+
+    constant, core, thread = image.regions
+    row["constants_at"], row["constants"] = put(constant.stored.ljust(constant.size, b"\0")), constant.size
+    row["core_at"], row["core_stored"], row["core"] = put(core.stored), len(core.stored), core.size
+    row["thread_at"], row["thread_stored"], row["thread"] = put(thread.stored), len(thread.stored), thread.size
+    row["relocations_at"], row["relocations"] = put(relocations.tobytes()), len(relocations)
+    out.extend(bytes(_up(len(out), PAGE) - len(out)))
+    row["rate_hz"], row["latency"] = engine.rate_hz, engine.latency_samples
+    row["tail"] = round(engine.tail_seconds * engine.rate_hz)
+    row["sounding"], row["sounding_end"] = sounding
+    row["thread_table"] = memory.place(engine._thread_table)
+    row["pitch"] = memory.place(engine._strings._kept.bank.pitch)
+    row["places"] = _places(memory, engine)
+    return bytes(out), row[0]
+
+
+def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
+    """The memory of an engine that is prepared and silent; from where to where in the core it sounds."""
+    state, shared, effects, strings = engine._state, engine._shared, engine._effects, engine._strings
+    bank = strings._kept.bank
+    for array in bank:
+        memory.add(CONSTANT, array)
+    for model in (*strings.models, *strings._kept.flights):
+        for name, field in fields(StringModel).items():
+            if field.shape:
+                memory.add(CONSTANT, getattr(model, name))
+    for name in ("chains", "numbers", "counts"):
+        memory.add(CONSTANT, getattr(effects, name))
+    for placed in engine._chains.placed:
+        for value in placed.made:
+            if isinstance(value, np.ndarray):
+                memory.add(CONSTANT, value)
+    _add_tables(memory, engine)
+    begin = memory.end(CORE)
+    changing = [*state, *strings.arrays().values()]
+    for array in sorted(changing, key=lambda each: not each.view(np.uint8).any()):
+        memory.add(CORE, array)
+    end = memory.end(CORE)
+    for name, array in shared._asdict().items():
+        if name not in _SHARED_POINTS:
+            memory.add(CORE, array, content=np.zeros_like(array))
+    fresh = new_scratch(bank)
+    for array, content in zip(engine._scratch, fresh, strict=True):
+        memory.add(THREAD, array, content=content)
+    return begin, end
+
+
+#: words of the arrays of Shared that are addresses
+_SHARED_POINTS: dict[str, Callable[[np.ndarray], Sequence[int]]] = {
+    "task": lambda task: (layout.WORK_ON, layout.STEP, layout.HANDLE, layout.VOICES),
+    "model_at": lambda array: range(array.size),
+    "string_at": lambda array: range(array.size),
+    "excitation": lambda array: range(array.size),
+}
+
+
+def _add_tables(memory: Memory, engine: Engine) -> None:
+    """All that holds addresses."""
+    strings = engine._strings
+    thread = engine._thread_table.copy()
+    memory.add(THREAD, engine._thread_table, points=pointers(thread, Scratch), content=thread)
+    core = engine._core.copy()
+    memory.add(CORE, engine._core, points=pointers(core, *CORE_PARTS), content=core)
+    voices = engine._voices.copy()
+    called = [word_of(Voices, name) for name in ("respond", "core", "thread")]
+    memory.add(CORE, engine._voices, points=[*pointers(voices, Voices), *called], content=voices)
+    models = strings._models.copy()
+    step, words, points = word_of(StringModel, "step"), models.shape[2], []
+    for number, row in enumerate(models.reshape(-1, words)):
+        points += [number * words + each for each in (*pointers(row, StringModel), step)]
+    memory.add(CORE, strings._models, points=points, content=models)
+    for table in strings._states:
+        content = table.copy()
+        memory.add(CORE, table, points=pointers(content, StringState), content=content)
+    for table, placed in zip(engine._effect_tables, engine._chains.placed, strict=True):
+        content = table.copy()
+        memory.add(CORE, table, points=pointers(content, type(placed.made), type(placed.at_rest)), content=content)
+    for table in engine._excitations._tables:
+        memory.add(CORE, table)
+    placed_rows = engine._effects.placed
+    assert placed_rows.dtype.names is not None and placed_rows.dtype.fields is not None
+    width = placed_rows.dtype.itemsize // 8
+    held = [placed_rows.dtype.fields[name][1] // 8 for name in ("table", "process", "silent")]
+    memory.add(CORE, placed_rows, points=[row * width + word for row in range(placed_rows.size) for word in held])
+    for name, points_of in _SHARED_POINTS.items():
+        array = getattr(engine._shared, name)
+        content = array.copy()
+        if name == "task":
+            content[[layout.TASK, layout.FIRST_QUANTUM, layout.QUANTA, layout.UNTIL]] = 0
+        memory.add(CORE, array, points=points_of(array), content=content)
+
+
+def _function_at(address: int) -> str | None:
+    function = entered(address)
+    return None if function is None else name_of(function)
+
+
+def _places(memory: Memory, engine: Engine) -> np.ndarray:
+    state, shared = engine._state, engine._shared
+
+    def words(array: np.ndarray, first: int = 0, count: int = 1, stride: int = 8) -> tuple[int, int, int]:
+        return memory.place(array) + 8 * first, stride, count
+
+    def field(array: np.ndarray, name: str) -> tuple[int, int, int]:
+        assert array.dtype.fields is not None
+        return memory.place(array) + array.dtype.fields[name][1], array.itemsize, array.size
+
+    found = {
+        "core": words(engine._core),
+        "until": words(shared.task, layout.UNTIL),
+        "left": words(shared.team, team.LEFT),
+        "sleeping": words(shared.team, team.SLEEPING),
+        "ending": words(shared.team, team.ENDING),
+        "workers": words(shared.team, team.WORKERS),
+        "wake": words(shared.team, team.WAKE),
+        "pending": words(state.counters, layout.PENDING),
+        "notes": words(state.counters, layout.N_NOTES),
+        "stolen": words(state.counters, layout.N_STOLEN),
+        "dropped": words(state.counters, layout.N_DROPPED),
+        "silenced": words(state.counters, layout.N_SILENCED),
+        "peak": words(state.meters, layout.PEAK),
+        "unplayed": words(state.unplayed, count=state.unplayed.size),
+        "awake": field(state.sounding, "awake"),
+        "note": field(state.sounding, "note"),
+        "channel": field(state.sounding, "channel"),
+        "still": field(state.part_state, "still"),
+        "silenced_strings": field(state.sounding, "silenced"),
+        "silenced_parts": field(state.part_state, "silenced"),
+        "programs": field(state.channels, "program"),
+        "parameters": words(state.parameters, count=len(state.parameters), stride=8 * layout.N_PARAMETERS),
+    }
+    return np.array([found[name] for name in PLACES], PLACE)
