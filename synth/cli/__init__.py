@@ -1,4 +1,4 @@
-"""The command line: `synth render`, `play`, `drone`, `author`, `fit`, `devices`, `presets`, `plan`, `simulate`.
+"""The command line: `synth render`, `play`, `drone`, `author`, `export`, `fit`, `devices`, `presets`, `plan`, `simulate`.
 
 Exit codes: 0 done; 1 failed for a reason that lies in the program, or whoever read its output has enough; 2 wrong usage or
 input, or something that could not be written (one line on standard error says what, and what was there before is as it was);
@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from synth.cli import author, devices, drone, fit, plan, play, presets, render, simulate, streams
+from synth.cli import author, devices, drone, export, fit, plan, play, presets, render, simulate, streams
 from synth.cli.common import Parser
 from synth.cli.kernel_line import compiling_shown, leave_compiling
 from synth.files import targets
@@ -36,7 +36,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         try:
             try:
                 options = _parser().parse_args(arguments)
-                with compiling_shown(quiet=getattr(options, "quiet", False)):
+                shown = {name: getattr(options, name, False) for name in ("quiet", "verbose")}
+                with compiling_shown(**shown):
                     code = options.run(options)
             except SystemExit:
                 sys.stdout.flush()  # of --help
@@ -125,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     play.add(commands)
     drone.add(commands)
     author.add(commands)
+    export.add(commands)
     fit.add(commands)
     devices.add(commands)
     presets.add(commands)

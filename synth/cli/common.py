@@ -177,6 +177,11 @@ def add_threads(group: Any) -> None:
     )
 
 
+def add_verbose(group: Any) -> None:
+    """--verbose."""
+    group.add_argument("--verbose", action="store_true", help="say at the end where the compiled kernels came from")
+
+
 def warner(quiet: bool) -> Callable[[str], None]:
     """What says a line on standard error, or nothing."""
 

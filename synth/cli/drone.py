@@ -14,6 +14,7 @@ from synth.cli.common import (
     QUALITIES,
     ProgressLine,
     add_threads,
+    add_verbose,
     asked_by_signals,
     number,
     print_unless_gone,
@@ -118,6 +119,7 @@ def add(commands: Any) -> None:
     both.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
     add_threads(both)
     both.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    add_verbose(both)
     both.add_argument("--json", action="store_true", help="closing report as JSON")
     parser.set_defaults(run=_drone)
 

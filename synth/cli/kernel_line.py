@@ -10,15 +10,16 @@ import sys
 import threading
 from collections.abc import Iterator
 
-from synth.jit import compiling, kernel_cache
+from synth.jit import compiling, kernel_cache, prebuilt
 
 #: how often the line is drawn anew; what is over sooner than this is not worth a line of a log [s]
 TICK_S, BRIEF_S = 0.2, 3.0
 
 
 @contextlib.contextmanager
-def compiling_shown(*, quiet: bool = False) -> Iterator[None]:
-    """Show what is compiled meanwhile, and let the main thread hear signals while it compiles."""
+def compiling_shown(*, quiet: bool = False, verbose: bool = False) -> Iterator[None]:
+    """Show what is compiled meanwhile, and let the main thread hear signals while it compiles. verbose: say at the end where
+    kernels came from."""
     line = _Line(quiet)
     before, kernel_cache.interruptible = kernel_cache.interruptible, True
     try:
@@ -27,6 +28,18 @@ def compiling_shown(*, quiet: bool = False) -> Iterator[None]:
     finally:
         kernel_cache.interruptible = before
         line.end()
+        if verbose and "numba" in sys.modules:
+            line.tell(_where_from())
+
+
+def _where_from() -> str:
+    """Where this process had its kernels from."""
+    found = prebuilt.found()
+    made = compiling.progress()
+    own = f"{made.done} compiled here" if made is not None and made.done else "none compiled here"
+    if found.path is not None:
+        return f"kernels: the native library {found.path}; beside it {own}"
+    return f"kernels: Numba's, {own}; no native library: {found.why}"
 
 
 def leave_compiling(code: int) -> None:
@@ -97,6 +110,10 @@ class _Line:
         with contextlib.suppress(OSError, ValueError):  # whoever read it has gone
             sys.stderr.write(text)
             sys.stderr.flush()
+
+    def tell(self, text: str) -> None:
+        """A line of its own."""
+        self._write(f"synth: {text}\n")
 
     def end(self) -> None:
         with self._lock:

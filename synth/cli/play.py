@@ -13,6 +13,7 @@ from synth.cli.common import (
     add_instruments,
     add_physics,
     add_threads,
+    add_verbose,
     asked_by_signals,
     number,
     print_unless_gone,
@@ -97,6 +98,7 @@ def add(commands: Any) -> None:
         help="measure the time from event to sound, also at the output of a JACK server or PipeWire (pw-jack), and end",
     )
     out.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    add_verbose(out)
     out.add_argument("--json", action="store_true", help="closing report as JSON")
     parser.set_defaults(run=_play)
 

@@ -14,6 +14,7 @@ from synth.cli.common import (
     add_instruments,
     add_physics,
     add_threads,
+    add_verbose,
     number,
     tail,
     warner,
@@ -94,6 +95,7 @@ def add(commands: Any) -> None:
     out.add_argument("--end", type=number(float, 0, 1e6, " s"), metavar="SEC", help="where to end")
     out.add_argument("--stems", metavar="DIR", help="write every part to a file of its own, too")
     out.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    add_verbose(out)
     out.add_argument("--json", action="store_true", help="report as JSON")
     parser.set_defaults(run=_render)
 

@@ -1,0 +1,121 @@
+"""`synth export`: presets as a plugin for music programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, warner
+
+FORMATS = ("clap", "vst3", "lv2")
+#: sample rates that hosts have, and a bank can be made for [Hz]
+_LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
+
+
+def add(commands: Any) -> None:
+    parser = commands.add_parser(
+        "export",
+        help="presets as a CLAP, VST3 or LV2 plugin for music programs",
+        allow_abbrev=False,
+        description="Makes a plugin that needs neither this program nor Python. With several presets it has as many "
+        "programs. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install).",
+    )
+    parser.add_argument("presets", nargs="*", metavar="PRESET", help="preset (name or .toml file)")
+    parser.add_argument("--all", action="store_true", help="all presets that come with the program, in one plugin")
+    parser.add_argument(
+        "-f", "--format", choices=(*FORMATS, "all"), help="default: by the ending of -o; with --install all three"
+    )
+    parser.add_argument("-o", "--output", metavar="PATH", help="what to write (default: NAME.FORMAT, here)")
+    parser.add_argument("--install", action="store_true", help="write it where music programs look for a user's plugins")
+    parser.add_argument("--name", metavar="NAME", help="the plugin's name (default: the preset's; collection of several)")
+    add_settings(parser)
+    parser.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    parser.add_argument(
+        "--rates",
+        type=_rates,
+        default=RATES_HZ,
+        metavar="HZ,…",
+        help=f"sample rates that it can run at (default {','.join(map(str, RATES_HZ))})",
+    )
+    parser.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
+    parser.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
+    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--json", action="store_true", help="report as JSON")
+    parser.set_defaults(run=_export)
+
+
+def _rates(text: str) -> tuple[int, ...]:
+    rates = []
+    for each in text.split(","):
+        if not each.strip().isdecimal() or not _LOWEST_HZ <= int(each) <= _HIGHEST_HZ:
+            raise argparse.ArgumentTypeError(
+                f"must be sample rates from {_LOWEST_HZ} to {_HIGHEST_HZ} Hz with commas between, got {text!r}"
+            )
+        rates.append(int(each))
+    return tuple(sorted(set(rates)))
+
+
+def _export(options: argparse.Namespace) -> int:
+    if options.all and options.presets:
+        raise ValueError("--all takes the presets that come with the program; give either it or presets")
+    if not options.all and not options.presets:
+        raise ValueError("give a preset to export, or --all (`synth presets` lists them)")
+    if options.install and options.output is not None:
+        raise ValueError("--install chooses the place; leave -o out")
+    from synth.plugin import bundle
+
+    bundle.require_system()
+    kinds = _formats(options)
+    from synth.plugin.exporting import Export, export
+
+    wanted = Export(
+        presets=tuple(options.presets),
+        every=options.all,
+        name=options.name,
+        settings=options.settings,
+        quality=options.quality,
+        rates_hz=options.rates,
+        tuning=options.tuning,
+        keyboard=options.kbm,
+    )
+
+    def targets(name: str) -> dict[str, Path]:
+        if options.install:
+            return {kind: bundle.users_folder(kind) / f"{name}.{kind}" for kind in kinds}
+        if options.output is not None and options.format != "all":
+            return {kinds[0]: Path(options.output)}
+        stem = Path(options.output or name)
+        return {kind: stem.with_name(f"{stem.name}.{kind}") for kind in kinds}
+
+    with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
+        report = export(wanted, targets, make_folders=options.install, progress=line.preparing, say=warner(options.quiet))
+    if options.json:
+        print(json.dumps(report.as_dict(), indent=2, allow_nan=False))
+    elif not options.quiet:
+        print("\n".join(report.lines()))
+    return 0
+
+
+def _formats(options: argparse.Namespace) -> tuple[str, ...]:
+    """The formats that are asked for."""
+    from synth.plugin.bundle import format_of
+
+    by_name = None if options.output is None else format_of(options.output)
+    if options.format is None:
+        if options.install:
+            return FORMATS
+        if by_name is None:
+            what = "-o" if options.output is not None else "the plugin"
+            raise ValueError(f"--format says what kind {what} is to be: {', '.join(FORMATS)} or all")
+        return (by_name,)
+    if options.format == "all":
+        if by_name is not None:
+            raise ValueError(f"with --format all, -o is a name without an ending, got {os.fspath(options.output)!r}")
+        return FORMATS
+    if by_name not in (None, options.format):
+        raise ValueError(f"-o {options.output} ends like {by_name}, and --format is {options.format}; change one of them")
+    return (options.format,)
