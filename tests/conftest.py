@@ -1,7 +1,8 @@
 """For all tests: signals do what they do wherever the run was started (the background of a shell ignores Ctrl-C and
 Ctrl-backslash, nohup a hang-up), no test fails for being slow, and none plays through a sound card of this machine. Linear
-algebra has one thread: several tests run at once, and its threads wait for each other by keeping the processor busy. The
-files that take longest come first, so that none is left for the end while other cores have nothing to do."""
+algebra has one thread: several tests run at once, and its threads wait for each other by keeping the processor busy.
+Kernels are Numba's, also where a native library has been built, but for the tests of that. The files that take longest
+come first, so that none is left for the end while other cores have nothing to do."""
 
 import os
 import signal
@@ -12,6 +13,7 @@ from hypothesis import settings
 from tests.nocard import hide_sound_card
 
 os.environ.update(hide_sound_card())
+os.environ["JAWARI_NATIVE"] = "0"
 os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))  # read by NumPy
 
 settings.register_profile("untimed", deadline=None)
@@ -23,10 +25,12 @@ for _name in ("SIGQUIT", "SIGHUP", "SIGTERM"):
     if hasattr(signal, _name) and signal.getsignal(getattr(signal, _name)) is signal.SIG_IGN:
         signal.signal(getattr(signal, _name), signal.SIG_DFL)
 
-#: of the files that take longest; the first compiles the kernels of an engine, which most others need, while those of the
-#: next five need none; the seventh compiles those of a simulation
+#: of the files that take longest; the first compiles the kernels of an engine, which most others need, and the second those
+#: of another level of processors for the native library, while the next five need none; the eighth compiles those of a
+#: simulation
 LONGEST = (
     "tests/test_every_command.py",
+    "tests/plugin/test_library.py",
     "tests/fit/test_real.py",
     "tests/fit/test_synthetic.py",
     "tests/test_kernel_linking.py",

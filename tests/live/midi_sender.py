@@ -36,3 +36,5 @@ for line in sys.stdin:
                 time.sleep(max(0.0, since + 50 / per_second - time.monotonic()))
                 since = time.monotonic()
     print("done", flush=True)
+for each in ports.values():  # a server that waits for its clients waits for one that goes without a word, too
+    each.delete()

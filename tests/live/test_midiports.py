@@ -20,7 +20,7 @@ from synth.midi.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PA
 from synth.midi.ports import MidiInputs, MidiPortError, find_port, midi_system, port_names
 from synth.midi.stream import MOST_SYSEX_BYTES, ArrivalClock, MidiStream
 from synth.midi.sysex import of_parameter, of_tuning
-from tests.patience import until
+from tests.patience import patience_s, until
 
 HERE = Path(__file__).parent
 
@@ -305,8 +305,12 @@ class Keys:
         self("send", name, json.dumps(messages))
 
     def end(self) -> None:
-        self._process.kill()
-        self._process.communicate()
+        """Let it close its ports: a server waits for a client that goes without a word."""
+        try:
+            self._process.communicate(timeout=patience_s(5.0))
+        except subprocess.TimeoutExpired:  # its server has gone before it
+            self._process.kill()
+            self._process.communicate()
 
 
 @pytest.fixture

@@ -1,0 +1,67 @@
+"""The native library, built once for all tests of this folder, by one of the processes that test; and banks."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+
+import pytest
+
+# the truth is what Numba compiles: the engine in Python must not be the library itself
+os.environ["JAWARI_NATIVE"] = "0"
+
+from synth.instrument.preset import load_preset
+from synth.jit.kernel_cache import cache_folder
+from synth.plugin import library as native_library
+from synth.plugin.bankfile import bank
+
+from . import songs
+from .native import Library
+
+PRESETS = ("tanpura", "fretted-bass", "jawari-harp")
+
+
+@pytest.fixture(scope="session")
+def library_file(tmp_path_factory) -> Path:
+    """libjawari.so of the sources as they are now. It is kept beside the kernels: another run finds it there. Another one is
+    taken where JAWARI_TEST_LIBRARY says so (tools/native)."""
+    if "JAWARI_TEST_LIBRARY" in os.environ:
+        return Path(os.environ["JAWARI_TEST_LIBRARY"])
+    if os.uname().machine != "x86_64" or os.uname().sysname != "Linux":
+        pytest.skip("the native library is made for Linux on x86-64")
+    try:
+        native_library.compiler()
+    except native_library.BuildError as error:
+        pytest.skip(str(error))
+    folder = cache_folder().parent / f"native-tests-{native_library.sources_version()}"
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # one process builds, the others wait
+        made = folder / native_library.NAME
+        return made if made.exists() else native_library.build(folder)
+
+
+@pytest.fixture(scope="session")
+def library(library_file) -> Library:
+    """The library without a bank."""
+    return Library(library_file)
+
+
+@pytest.fixture(scope="session")
+def bank_files(tmp_path_factory) -> dict[str, Path]:
+    """A bank at 44.1 kHz of every preset alone, and "all" of them together."""
+    folder = tmp_path_factory.mktemp("banks")
+    presets = {name: load_preset(name) for name in PRESETS}
+    files = {name: [preset] for name, preset in presets.items()} | {"all": list(presets.values())}
+    for name, of in files.items():
+        (folder / f"{name}.jawari").write_bytes(bank(of, [44100.0]))
+    return {name: folder / f"{name}.jawari" for name in files}
+
+
+@pytest.fixture(scope="session")
+def exported(library_file, tmp_path_factory) -> Path:
+    """A plugin of two small presets at 44.1 and 48 kHz, as `songs` plays it."""
+    path = tmp_path_factory.mktemp("exported") / "collection.so"
+    path.write_bytes(native_library.with_bank(library_file, bank(songs.PRESETS, songs.RATES_HZ)))
+    return path

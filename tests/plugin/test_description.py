@@ -1,0 +1,30 @@
+"""What a plugin says of itself is told apart, and stays the same for ever."""
+
+from __future__ import annotations
+
+from synth.instrument.preset import load_preset
+from synth.plugin.bankfile import uid_of
+from synth.plugin.description import describe
+from tests.engine.kit import BRIDGE, FREE, NECK
+
+
+def titles(*named: tuple[str, str]) -> list[str]:
+    return [
+        each.name
+        for each in describe([FREE.model_copy(update={"name": name, "title": title}) for name, title in named]).presets
+    ]
+
+
+def test_equal_titles_are_told_apart() -> None:
+    assert titles(("a", "Tanpura"), ("mine", "Tanpura"), ("b", "")) == ["Tanpura", "Tanpura (mine)", "b"]
+    assert titles(("a", "X"), ("b", "x (c)"), ("c", "x")) == ["X", "x (c)", "x (c 2)"]
+    long = titles(("a", "é" * 100), ("b", "é" * 100))
+    assert long[0] != long[1] and long[1].endswith(" (b)") and all(len(each.encode()) <= 95 for each in long)
+    assert [each.name for each in describe([FREE, BRIDGE, NECK]).presets] == [
+        each.title or each.name for each in (FREE, BRIDGE, NECK)
+    ]
+
+
+def test_hosts_know_a_plugin_by_the_same_number_for_ever() -> None:
+    assert describe([load_preset("tanpura")]).id == "tanpura"
+    assert uid_of("tanpura").hex() == "79921430b3b4ad308830d47f6e21e97a"

@@ -1,0 +1,223 @@
+"""`synth export`: what it writes, what it refuses, and what is there when it is ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from synth.instrument.preset import preset_folder
+from synth.plugin import bundle
+from synth.plugin.description import describe
+from synth.plugin.library import FOOT
+from tests.patience import compiling_s, until
+
+from .native import Library
+
+#: cheap: one rate, few modes
+CHEAP = ["--rates", "44100", "--quality", "draft"]
+
+
+class Export:
+    """`synth export` in a folder of its own, with the library of this folder's tests."""
+
+    def __init__(self, library_file: Path, folder: Path) -> None:
+        self.folder = folder
+        self.env = {**os.environ, "JAWARI_NATIVE": str(library_file), "HOME": str(folder / "home")}
+        (folder / "home").mkdir()
+
+    def start(self, *arguments: str, **more) -> subprocess.Popen[str]:
+        command = [sys.executable, "-m", "synth", "export", *arguments]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more
+        return subprocess.Popen(command, cwd=self.folder, env=self.env, text=True, **pipes)
+
+    def __call__(self, *arguments: str, code: int = 0, **more) -> str:
+        """Standard output; with another exit code than 0, the one line on standard error."""
+        running = self.start(*arguments, **more)
+        out, err = running.communicate(timeout=compiling_s())
+        assert running.returncode == code, err
+        if code:
+            assert err.startswith("synth: error: ") and err.count("\n") == 1, err
+        return err if code else out
+
+    def files(self) -> dict[str, bytes]:
+        found = (path for path in sorted(self.folder.rglob("*")) if path.is_file())
+        return {str(path.relative_to(self.folder)): path.read_bytes() for path in found}
+
+
+@pytest.fixture
+def export(library_file, tmp_path) -> Export:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    return Export(library_file, folder)
+
+
+def presets_in(plugin: Path) -> list[str]:
+    native = Library(plugin)
+    bank = native.open_own_bank()
+    return [native.preset_of(bank.address, k).contents.id.decode() for k in range(native.presets(bank.address))]
+
+
+def test_all_formats_are_one_library_and_what_each_wants_beside_it(export: Export) -> None:
+    told = json.loads(export("tanpura", "-f", "all", "--json", *CHEAP))
+    files = export.files()
+    assert set(files) == {
+        "tanpura.clap",
+        "tanpura.vst3/Contents/x86_64-linux/tanpura.so",
+        "tanpura.lv2/tanpura.so",
+        "tanpura.lv2/manifest.ttl",
+        "tanpura.lv2/tanpura.ttl",
+    }
+    whole = files["tanpura.clap"]
+    assert whole.endswith(FOOT) and whole == files["tanpura.lv2/tanpura.so"]
+    assert whole == files["tanpura.vst3/Contents/x86_64-linux/tanpura.so"]
+    assert len(whole) == told["library_bytes"] + told["bank_bytes"]
+    assert told["presets"] == ["tanpura"] and told["rates_hz"] == [44100] and told["paths"]["lv2"] == "tanpura.lv2"
+    assert os.access(export.folder / "tanpura.clap", os.X_OK)
+
+
+def test_several_presets_are_programs_of_one_plugin(export: Export) -> None:
+    out = export("--all", "--name", "all-of-them", "-f", "clap", *CHEAP)
+    assert out.startswith("all-of-them: ") and "all-of-them.clap" in out
+    own = sorted(path.stem for path in preset_folder().glob("*.toml"))
+    assert sorted(presets_in(export.folder / "all-of-them.clap")) == own
+
+
+def test_a_preset_of_ones_own_with_settings_replaces_what_was_there(export: Export) -> None:
+    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8").replace('name = "tanpura"', 'name = "mine"')
+    (export.folder / "mine.toml").write_text(text, encoding="utf-8")
+    export("mine.toml", "-o", "mine.lv2", *CHEAP)
+    first = export.files()
+    export("mine.toml", "-o", "mine.lv2", "--set", "pluck.position=0.31", *CHEAP)
+    second = export.files()
+    assert set(first) == set(second) and first["mine.lv2/mine.so"] != second["mine.lv2/mine.so"]
+
+
+def test_installed_it_lies_where_hosts_look(export: Export) -> None:
+    export("tanpura", "--install", *CHEAP)
+    assert {name.split("/")[1] for name in export.files()} == {".clap", ".vst3", ".lv2"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "give a preset to export, or --all"),
+        (["tanpura"], "--format says what kind the plugin is to be"),
+        (["tanpura", "-o", "tanpura.wav"], "--format says what kind -o is to be"),
+        (["tanpura", "--all", "-f", "clap"], "--all takes the presets that come with the program"),
+        (["tanpura", "--install", "-o", "x.clap"], "--install chooses the place"),
+        (["tanpura", "-f", "vst3", "-o", "x.clap"], "ends like clap, and --format is vst3"),
+        (["tanpura", "-f", "all", "-o", "x.clap"], "a name without an ending"),
+        (["tanpura", "-f", "clap", "--rates", "44100,many"], "--rates: must be sample rates from 8000 to 384000 Hz"),
+        (["tanpura", "-f", "clap", "--name", "My Tanpura"], "small letters, digits and hyphens"),
+        (["tanpura", "-f", "clap", "-o", "nowhere/x.clap"], "there is no directory nowhere"),
+        (["sitarr", "-f", "clap"], "preset 'sitarr' is not one of"),
+        (["broken.toml", "-f", "clap"], "broken.toml"),
+        (["mine.toml", "-f", "clap", "-o", "mine.toml"], "would overwrite preset mine.toml"),
+        (["tanpura", "-f", "lv2", "-o", "others"], "others: holds song.mid, which belongs to no plugin of ours"),
+        (["tanpura", "-f", "vst3", "-o", "mine.toml"], "is a file, and a plugin of the format vst3 is a folder"),
+        (["tanpura", "-f", "clap", "-o", "others"], "others: is a directory"),
+        (["tanpura", "-f", "clap", "--tuning", "none.scl"], "none.scl"),
+        (["tanpura", "tanpura", "mine.toml", "-f", "clap"], "two of the presets are called 'tanpura'"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_is_written(export: Export, arguments: list[str], says: str) -> None:
+    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    (export.folder / "mine.toml").write_text(text, encoding="utf-8")
+    (export.folder / "broken.toml").write_text("format = 2\nname = ", encoding="utf-8")
+    (export.folder / "others").mkdir()
+    (export.folder / "others" / "song.mid").write_bytes(b"mine")
+    before = export.files()
+    assert says in export(*arguments, code=2)
+    assert export.files() == before
+
+
+@pytest.mark.parametrize("kind", ["clap", "lv2"])
+def test_a_disk_that_is_full_leaves_what_was_there(export: Export, kind: str) -> None:
+    export("tanpura", "-o", f"t.{kind}", *CHEAP)
+    before = export.files()
+    said = export(
+        "fretted-bass",
+        "-o",
+        f"t.{kind}",
+        *CHEAP,
+        code=2,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY)),
+    )
+    assert f"t.{kind}" in said and "File too large" in said
+    assert export.files() == before
+
+
+def test_interrupted_it_leaves_what_was_there(export: Export) -> None:
+    (export.folder / "all.clap").write_bytes(b"from before")
+    before = export.files()
+    running = export.start("--all", "-o", "all.clap")  # four rates
+    maps = Path(f"/proc/{running.pid}/maps")
+    until(lambda: "libjawari" in maps.read_text())  # the engine is being prepared
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=compiling_s())
+    assert (running.returncode, out, err) == (130, "", "synth: interrupted\n")
+    assert export.files() == before
+
+
+FOLDER = {"Contents/x86_64-linux/x.so": b"old"}
+
+
+def test_interrupted_between_two_names_the_old_one_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, rename, names = tmp_path / "x.vst3", os.rename, []
+    bundle._write_folder(place, FOLDER)
+
+    def interrupted(old, new) -> None:
+        names.append(new)
+        if len(names) == 2:
+            raise KeyboardInterrupt
+        rename(old, new)
+
+    monkeypatch.setattr(os, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        bundle._write_folder(place, {name: b"new" for name in FOLDER})
+    assert [path.read_bytes() for path in tmp_path.rglob("*.so")] == [b"old"]
+    assert os.listdir(tmp_path) == ["x.vst3"]
+
+
+def test_what_a_killed_export_left_is_put_back_or_taken_away(tmp_path: Path) -> None:
+    place = tmp_path / "x.vst3"
+    bundle._write_folder(place, FOLDER)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left = tmp_path / f"{bundle._prefix(place)}{ended.pid}.abc.part"
+    left.mkdir()
+    place.rename(left / "old")  # killed between the two names
+    bundle._tidy(place)
+    assert os.listdir(tmp_path) == ["x.vst3"] and (place / next(iter(FOLDER))).read_bytes() == b"old"
+    busy = tmp_path / f"{bundle._prefix(place)}{os.getpid()}.abc.part"
+    busy.mkdir()
+    bundle._write_folder(place, {name: b"new" for name in FOLDER})
+    assert sorted(os.listdir(tmp_path)) == sorted(["x.vst3", busy.name])
+    assert (place / next(iter(FOLDER))).read_bytes() == b"new"
+
+
+def test_names_of_any_letters(export: Export) -> None:
+    odd = "ṭāṇpūrā 弦"
+    export("tanpura", "-o", f"{odd}.vst3", *CHEAP)
+    assert set(export.files()) == {f"{odd}.vst3/Contents/x86_64-linux/{odd}.so"}
+    export("tanpura", "-o", f"{odd}.lv2", *CHEAP)
+    assert {f"{odd}.lv2/{name}" for name in ("manifest.ttl", "tanpura.ttl", "tanpura.so")} < set(export.files())
+
+
+def test_where_plugins_are_not_made_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("platform.machine", lambda: "arm64")
+    monkeypatch.setattr("platform.system", lambda: "Darwin")
+    with pytest.raises(ValueError, match="for Linux on x86-64, and this is Darwin on arm64"):
+        bundle.require_system()
+
+
+def test_a_plugin_needs_a_preset() -> None:
+    with pytest.raises(ValueError, match="1 to 128 presets, got 0"):
+        describe([])
