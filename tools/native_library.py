@@ -1,0 +1,168 @@
+"""What `tools/native` does; see there."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+#: what the sanitized library watches, and is made with
+SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-omit-frame-pointer", "-g")
+#: tests that load the library into a program of its own, which the sanitizers would have to be a part of
+NOT_SANITIZED = ("--ignore=tests/plugin/test_library.py", "--deselect=tests/plugin/test_lv2.py::test_a_host_runs_it")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="tools/native", description="builds and tries the native library")
+    parser.add_argument("folder", nargs="?", type=Path, help="where to put the library")
+    parser.add_argument("--sanitize", action="store_true", help="run the tests of plugins with a C part that is watched")
+    parser.add_argument("--time", action="store_true", help="say how long it takes to build, to load and to play")
+    parser.add_argument("--aarch64", action="store_true", help="play with kernels for AArch64, under qemu (needs ziglang)")
+    given, more = parser.parse_known_args()
+    from synth.plugin.library import build
+
+    if given.folder is not None:
+        print(build(given.folder, say=print))
+    if given.sanitize:
+        return sanitize(more)
+    if given.time:
+        measure()
+    if given.aarch64:
+        on_aarch64()
+    return 0
+
+
+def sanitize(arguments: list[str]) -> int:
+    """The tests of plugins with the sanitized library; pytest's exit code."""
+    from synth.plugin.library import build, compiler
+
+    with tempfile.TemporaryDirectory() as folder:
+        made = build(Path(folder), say=print, flags=SANITIZE)
+        runtimes = [
+            subprocess.run(
+                [*compiler(), f"-print-file-name={name}"], capture_output=True, text=True, check=True
+            ).stdout.strip()
+            for name in ("libasan.so", "libubsan.so")
+        ]
+        environment = os.environ | {
+            "JAWARI_TEST_LIBRARY": str(made),
+            "LD_PRELOAD": ":".join(runtimes),
+            # Python itself keeps what it has; its stack is not the C part's
+            "ASAN_OPTIONS": "detect_leaks=0:detect_stack_use_after_return=0:verify_asan_link_order=0",
+            "UBSAN_OPTIONS": "print_stacktrace=1",
+            "PYTHONPATH": str(ROOT),
+        }
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "tests/plugin",
+            *NOT_SANITIZED,
+            *arguments,
+        ]
+        return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
+
+
+def on_aarch64() -> None:
+    """Builds a program of the core's C part and kernels for AArch64, lets it play, and prints how far that is from here."""
+    import numpy as np
+
+    from synth.engine.engine import Engine
+    from synth.instrument.preset import load_preset
+    from synth.midi.events import NOTE_ON
+    from synth.plugin.bankfile import bank
+    from synth.plugin.emit import emit
+    from synth.plugin.library import SOURCES, kernels_version
+    from tests.engine.kit import play
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        emit("aarch64", folder / "kernels.o")
+        core = [str(path) for path in SOURCES.glob("*.c") if path.name.startswith(("core", "bank", "midi", "checksum"))]
+        defined = ["-DJAWARI_HAS_aarch64=1", f'-DJAWARI_KERNELS="{kernels_version()}"', f"-I{SOURCES}"]
+        what = [str(ROOT / "tests" / "plugin" / "playbank.c"), *core, str(folder / "kernels.o"), "-lm"]
+        compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-musl", "-static", "-O2", "-std=gnu11"]
+        subprocess.run([*compiler, *defined, "-o", str(folder / "play"), *what], check=True)
+        for preset in map(load_preset, ("tanpura", "fretted-bass", "jawari-harp")):
+            (folder / "bank").write_bytes(bank([preset], [44100.0]))
+            player = ["qemu-aarch64", str(folder / "play"), str(folder / "bank"), str(folder / "sound")]
+            subprocess.run(player, check=True)
+            engine = Engine([preset])
+            engine.prepare(44100.0)
+            here = play(engine, [(0, NOTE_ON, 0, 48, 100), (99, NOTE_ON, 0, 43, 100)], 20000)[:, 0]
+            there = np.fromfile(folder / "sound")
+            print(f"{preset.name}: level {np.abs(here).max():.3f}, difference at most {np.abs(here - there).max():.2g}")
+
+
+def measure() -> None:
+    """Prints sizes and times, every one the least of several."""
+    os.environ["JAWARI_NATIVE"] = "0"
+    import numpy as np
+
+    from synth.engine.engine import Engine
+    from synth.instrument.preset import load_preset, playable_range
+    from synth.midi.events import NOTE_ON, make_events
+    from synth.plugin.bankfile import bank
+    from synth.plugin.library import build, with_bank
+    from tests.engine.kit import play
+    from tests.plugin.native import Library
+
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.monotonic()
+        made = build(Path(folder), say=print)
+        print(f"built in {time.monotonic() - begin:.1f} s, {made.stat().st_size / 1e3:.0f} kB")
+        for name in ("tanpura", "fretted-bass", "jawari-harp"):
+            preset = load_preset(name)
+            begin = time.monotonic()
+            data = bank([preset], [44100.0])
+            bank_s = time.monotonic() - begin
+            times: list[list[float]] = [[], [], [], []]
+            for k in range(5):
+                path = Path(folder) / f"{name}-{k}.so"
+                path.write_bytes(with_bank(made, data))
+                stamps = [time.perf_counter()]
+                library = Library(path)
+                stamps.append(time.perf_counter())
+                opened = library.open_own_bank()
+                stamps.append(time.perf_counter())
+                first = opened.engine()
+                stamps.append(time.perf_counter())
+                second = opened.engine()
+                stamps.append(time.perf_counter())
+                for times_of, a, b in zip(times, stamps, stamps[1:], strict=False):
+                    times_of.append(1e3 * (b - a))
+                del first, second
+            loads = "dlopen {:.2f}, open {:.2f}, create {:.2f}, once more {:.2f} ms".format(*map(min, times))
+            low, seconds = playable_range(preset)[0], 6
+            rng = np.random.default_rng(1)
+            rows = [(i * 5000, NOTE_ON, 0, int(rng.integers(low, low + 30)), 100) for i in range(seconds * 8)]
+            events = make_events(rows)
+            python = Engine([preset])
+            python.prepare(44100.0, 256)
+            loads_of: dict[str, list[float]] = {"Python": [], "native": []}
+            for _ in range(3):
+                python.reset()
+                engine = opened.engine()
+                stamps = [time.process_time()]
+                play(python, events, seconds * 44100, 256)
+                stamps.append(time.process_time())
+                engine.play(events, seconds * 44100, 256)
+                stamps.append(time.process_time())
+                for kind, a, b in zip(loads_of, stamps, stamps[1:], strict=False):
+                    loads_of[kind].append(100 * (b - a) / seconds)
+            of = ", ".join(f"{kind} {min(each):.1f} %" for kind, each in loads_of.items())
+            print(f"{name}: bank {len(data) / 1e6:.2f} MB in {bank_s:.1f} s; {loads}; load in blocks of 256: {of}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
