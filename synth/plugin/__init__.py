@@ -1,4 +1,4 @@
-"""The engine without Python: its compiled kernels behind a small C library, banks of presets for it, and plugins made of both.
+"""The engine without Python: its kernels behind a small C library, banks of presets for it, and plugins made of both.
 
 emit, retarget       kernels → one object for the linker, for a level of x86-64; for AArch64
 library, shelf       objects and the C sources (c/) → libjawari.so; the one that is at hand, or is built
@@ -6,6 +6,6 @@ addresses, bankfile  the memory of prepared engines → the bytes of a bank
 description, turtle  what a plugin says of itself; the same as LV2 wants it
 bundle, exporting    CLAP, VST3 and LV2 as hosts look for them; what `synth export` does
 
-In c/: jawari.h is the library's interface, core*, bank and midi are behind it; plugin* is what the formats have in common, and clap*,
-vst3* and lv2* are the formats, each with its interface in *_api.h.
+In c/: jawari.h is the library's interface; core*, bank and midi are behind it; plugin* is what the formats have in common;
+clap*, vst3* and lv2* are the formats, each with its interface in *_api.h.
 """
