@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -9,9 +10,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -51,11 +53,15 @@ class JackServer:
         self.env = os.environ | {"JACK_DEFAULT_SERVER": self.name, "JACK_NO_START_SERVER": "1"} | hide_sound_card()
         self._ended = False
         waits = ["-S", "-t", str(int(1000 * patience_s()))] if sync else []
+        with _alone():
+            self._start(waits)
+
+    def _start(self, waits: list[str]) -> None:
         begun = time.monotonic()
         while True:
             said = ""
             for realtime in (["-R", "-P", "70"], ["-r"]):  # the first needs a permission
-                self._process = _jackd(self.name, *realtime, *waits, frames=frames, rate_hz=rate_hz)
+                self._process = _jackd(self.name, *realtime, *waits, frames=self.frames, rate_hz=self.rate_hz)
                 if _answers(self._process, self.name, self.env):
                     return
                 said = _terminate(self._process)
@@ -85,6 +91,10 @@ class JackServer:
         if self._ended:
             return
         self._ended = True
+        with _alone():
+            self._kill(how)
+
+    def _kill(self, how: signal.Signals) -> None:
         segments = self._segments()
         self._process.send_signal(how)
         _terminate(self._process)
@@ -102,6 +112,15 @@ class JackServer:
             return set()
         paths = {Path(line.split()[-1]) for line in maps if str(SHM) in line}
         return {path for path in paths if path.name.startswith(f"jack-{os.getuid()}-")}
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """No other test starts or ends a server meanwhile: those that start at once spoil the registry that they share, and the
+    clients of one find no server."""
+    with open(Path(tempfile.gettempdir()) / f"jawari-jackd-{os.getuid()}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def _jackd(name: str, *more: str, frames: int = 256, rate_hz: int = 44100) -> subprocess.Popen:

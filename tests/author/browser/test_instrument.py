@@ -1,9 +1,12 @@
 """The drawing: drags by mouse and arrow keys, the scale, notes, the film of the string."""
 
+from contextlib import suppress
+
 import pytest
 from selenium.webdriver.common.keys import Keys
 
 from tests.author.browser.running import PRESETS, Author, Page, state
+from tests.patience import until
 
 
 @pytest.fixture(scope="module")
@@ -125,8 +128,15 @@ def test_a_double_click_puts_a_handle_back(opened):
     page.until(lambda: state(page)["data"]["pluck"]["position"] < 0.4)
     page.until(lambda: page.script("return document.querySelector('.handle.held')") is None)
     page.settle()
-    page.hand().double_click(handle(page, "pluck").find_element("css selector", ".reach")).perform()
-    page.until(lambda: state(page)["data"]["pluck"]["position"] == 0.42)
+
+    def put_back() -> bool:
+        """On a busy machine two clicks may lie too far apart to be a double one."""
+        page.hand().double_click(handle(page, "pluck").find_element("css selector", ".reach")).perform()
+        with suppress(AssertionError):
+            return until(lambda: state(page)["data"]["pluck"]["position"] == 0.42, quiet_s=5.0)
+        return False
+
+    page.until(put_back)
     assert state(page)["data"]["pluck"]["displacement_mm"] == 3.0
     assert page.errors() == []
 
