@@ -1,5 +1,5 @@
 """Imports go one way only: signals, spelling, units, files → native → jit → midi → physics, solver, dsp → instrument →
-engine, research → host, fit → live → drone, author → cli.
+engine, research → host, fit → live → drone, author → plugin → cli.
 """
 
 import ast
@@ -25,8 +25,9 @@ FLOORS = (
     {"instrument"},
     {"engine", "research"},
     {"host", "fit"},
-    {"live", "plugin"},
+    {"live"},
     {"drone", "author"},
+    {"plugin"},
     {"cli"},
     {"__main__"},
 )

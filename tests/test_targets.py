@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from synth.files import targets
-from synth.files.targets import Named, Whole, check_apart, check_target, tidy, write_text, write_whole
+from synth.files import unfinished
+from synth.files.folders import write_folder
+from synth.files.targets import Named, Whole, check_apart, check_target, write_text, write_whole
+from synth.files.unfinished import tidy
 from tests.patience import patience_s
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -131,12 +133,12 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path) -> None:
 
 def test_a_signal_at_any_step_leaves_nothing(tmp_path: Path, monkeypatch) -> None:
     """Also where the file has just been made and nobody holds it yet."""
-    monkeypatch.setattr(targets, "_is_at", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(unfinished, "is_at", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     whole = Whole(tmp_path / "a")
     with pytest.raises(KeyboardInterrupt):
         whole.open()
     assert len(list(tmp_path.iterdir())) == 1
-    targets.discard_unfinished()
+    unfinished.discard_unfinished()
     assert not list(tmp_path.iterdir())
 
 
@@ -191,7 +193,7 @@ def test_what_is_one_file(tmp_path: Path, monkeypatch) -> None:
 
 
 def test_a_folder_that_knows_no_capitals(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(targets, "_knows_no_case", lambda folder: True)
+    monkeypatch.setattr("synth.files.targets._knows_no_case", lambda folder: True)
     with pytest.raises(ValueError, match="are one file"):
         check_apart([], [Named("out", tmp_path / "Take.wav"), Named("other", tmp_path / "take.WAV")])
     monkeypatch.undo()
@@ -226,3 +228,114 @@ def test_a_recording_that_cannot_get_its_name_stays(tmp_path: Path) -> None:
     again.open()
     again.discard()
     assert left.read_bytes() == b"music"
+
+
+# --- folders ---
+
+FOLDER = {"Contents/x86_64-linux/x.so": b"old", "about": b"old"}
+NEW = dict.fromkeys(FOLDER, b"new")
+KILLED_BETWEEN = """
+import os, signal, sys
+from pathlib import Path
+from synth.files.folders import write_folder
+rename, names = os.rename, []
+def killed(old, new):
+    names.append(new)
+    if len(names) == int(sys.argv[2]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    rename(old, new)
+os.rename = killed
+write_folder(Path(sys.argv[1]), {"about": b"new"})
+"""
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_folder_takes_the_place_of_another(tmp_path: Path) -> None:
+    place = tmp_path / "x.vst3"
+    for files in (FOLDER, NEW, {"else": b"other"}):
+        write_folder(place, files, programs=".so")
+        assert contents(place) == files and os.listdir(tmp_path) == ["x.vst3"]
+    write_folder(place, FOLDER, programs=".so")
+    modes = {path.name: path.stat().st_mode & 0o111 != 0 for path in place.rglob("*") if path.is_file()}
+    assert modes == {"x.so": True, "about": False}
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_interrupted_between_two_names_the_old_folder_is_there(step: int, tmp_path: Path, monkeypatch) -> None:
+    place, rename, names = tmp_path / "x.vst3", os.rename, []
+    write_folder(place, FOLDER)
+
+    def interrupted(old, new) -> None:
+        names.append(new)
+        if len(names) == step:
+            raise KeyboardInterrupt
+        rename(old, new)
+
+    monkeypatch.setattr(os, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_folder(place, NEW)
+    assert contents(place) == FOLDER and os.listdir(tmp_path) == ["x.vst3"]
+
+
+@pytest.mark.parametrize("step", [1, 2])
+@pytest.mark.parametrize("name", ["x.vst3", "ṭ" * 60 + ".vst3"])
+def test_what_a_killed_process_has_left_of_a_folder_comes_back(step: int, name: str, tmp_path: Path) -> None:
+    place = tmp_path / name
+    write_folder(place, FOLDER)
+    with process(KILLED_BETWEEN, str(place), str(step)) as killed:
+        assert killed.wait(patience_s()) == -signal.SIGKILL
+    assert (name in os.listdir(tmp_path)) == (step == 1) and len(os.listdir(tmp_path)) == 3 - step
+    write_text(tmp_path / "other", "whatever is written there")
+    assert contents(place) == FOLDER and sorted(os.listdir(tmp_path)) == sorted(["other", name])
+
+
+def test_a_new_folder_stays_where_the_old_one_was_left_by_a_killed_process(tmp_path: Path) -> None:
+    place = tmp_path / "x.vst3"
+    write_folder(place, FOLDER)
+    with process(KILLED_BETWEEN, str(place), "2") as killed:
+        killed.wait(patience_s())
+    place.mkdir()
+    (place / "about").write_bytes(b"by hand")
+    tidy(tmp_path)
+    assert contents(place) == {"about": b"by hand"} and os.listdir(tmp_path) == ["x.vst3"]
+
+
+def test_a_folder_that_is_being_made_is_left_alone(tmp_path: Path, monkeypatch) -> None:
+    place, seen = tmp_path / "x.lv2", []
+    write_folder(place, FOLDER)
+    rename = os.rename
+
+    def look(old, new) -> None:
+        rename(old, new)
+        tidy(tmp_path)  # as another process may
+        seen.append(sorted(os.listdir(tmp_path)))
+
+    monkeypatch.setattr(os, "rename", look)
+    write_folder(place, NEW)
+    assert len(seen[0]) == 1 and len(seen[1]) == 2 and contents(place) == NEW and os.listdir(tmp_path) == ["x.lv2"]
+
+
+def test_a_signal_leaves_no_folder_half_made(tmp_path: Path, monkeypatch) -> None:
+    """A program that is ended has what it had begun removed, at any step."""
+    place, rename = tmp_path / "x.lv2", os.rename
+    write_folder(place, FOLDER)
+
+    def ended(old, new) -> None:
+        monkeypatch.setattr(os, "rename", rename)
+        rename(old, new)
+        unfinished.discard_unfinished()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "rename", ended)
+    with pytest.raises(KeyboardInterrupt):
+        write_folder(place, NEW)
+    assert contents(place) == FOLDER and os.listdir(tmp_path) == ["x.lv2"] and not unfinished.begun
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match=r"x\.lv2"):
+        write_folder(tmp_path / "file" / "x.lv2", FOLDER)

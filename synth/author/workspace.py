@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from synth.files.sources import kind_of, read_file
-from synth.files.targets import tidy
+from synth.files.unfinished import tidy
 from synth.instrument.preset import MOST_BYTES, preset_folder
 
 SUFFIX = ".toml"

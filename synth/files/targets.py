@@ -1,17 +1,13 @@
 """Where results are written: files, which are made beside their place and renamed, and devices and pipes, which are not.
 
-A file that is being made is called `.NAME.jawari-PID-MACHINE-RANDOM.part` and locked by the process that makes it. What a
-killed process leaves has the name but not the lock: the next that writes into the folder takes it away, and nothing else.
+What is made beside its place is locked and named so that what a killed process leaves is found and goes (`unfinished`).
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import hashlib
 import os
-import re
-import secrets
 import stat
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator
@@ -19,14 +15,8 @@ from itertools import count
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-try:
-    import fcntl
-except ImportError:  # a system without such locks: nothing is taken away there
-    fcntl = None  # type: ignore[assignment]
+from synth.files import unfinished
 
-_LEFT = re.compile(r"\..*\.jawari-\d+-([0-9a-f]{8})-[0-9a-f]{8}\.part", re.DOTALL)
-_MARK_BYTES = 48  # of what stands behind the name
-_SHORTEST_LIMIT = 143  # bytes of a file's name, of the file systems that allow the least
 _REMEDIES = {
     errno.ENOSPC: "make room there or write elsewhere",
     errno.EDQUOT: "your quota is used up: make room or write elsewhere",
@@ -182,14 +172,14 @@ class Whole:
     def open(self) -> int:
         """Makes the file; returns `handle`. What killed processes left in the folder goes."""
         with naming(self.path):
-            tidy(self._beside)
+            unfinished.tidy(self._beside)
             mode = _mode_of(self.path)
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
             for number in count(1):
                 partial = self._beside / self._name(number)
                 if not self._kept:
                     self.partial = partial
-                    _unfinished.add(self)
+                    unfinished.begun.add(self)
                 try:
                     self.handle = os.open(partial, flags, self._mode if mode is None else mode)
                 except FileExistsError:  # of a process before, which had the same number
@@ -205,21 +195,12 @@ class Whole:
 
     def _name(self, number: int) -> str:
         kept = f"{os.getpid()}" if number == 1 else f"{os.getpid()}-{number}"
-        mark = kept if self._kept else f"jawari-{os.getpid()}-{_machine()}-{secrets.token_hex(4)}"
-        name = os.fsencode(os.path.basename(self.path))
-        most = _longest_name(self._beside) - _MARK_BYTES - 2
-        return f".{os.fsdecode(name[:most])}.{mark}.part"
+        behind = kept if self._kept else unfinished.mark()
+        return unfinished.partial_name(self._beside, os.path.basename(self.path), behind)
 
     def _is_mine(self) -> bool:
-        """Locks it. Between its making and the lock another may have taken it for left behind."""
-        if fcntl is None or self._kept:
-            return True
-        try:
-            fcntl.flock(self.handle, fcntl.LOCK_EX)
-        except OSError:  # a file system without locks, where nobody can lock it and take it away
-            return True
         assert self.partial is not None
-        return _is_at(self.handle, self.partial)
+        return self._kept or unfinished.lock(self.handle, self.partial)
 
     def settle(self) -> None:
         """What has been written is on the disk: an error that the system keeps back comes now."""
@@ -258,17 +239,7 @@ class Whole:
         if handle >= 0:
             with contextlib.suppress(OSError):
                 os.close(handle)
-        _unfinished.discard(self)
-
-
-#: files that have been begun: a signal may come where nobody holds them yet, or holds them no more
-_unfinished: set[Whole] = set()
-
-
-def discard_unfinished() -> None:
-    """Removes all files that have been begun and not ended, for a program that a signal ends."""
-    for whole in list(_unfinished):
-        whole.discard()
+        unfinished.begun.discard(self)
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object], mode: int = 0o666) -> None:
@@ -293,50 +264,6 @@ def write_text(path: str | os.PathLike[str], text: str, mode: int = 0o666) -> No
     """`write_whole` of text in UTF-8."""
     data = text.encode("utf-8")
     write_whole(path, lambda file: file.write(data), mode)
-
-
-def tidy(folder: str | os.PathLike[str]) -> None:
-    """Takes away what processes of this machine that were killed have left: files that are called so and that nobody has
-    locked. Raises nothing."""
-    if fcntl is None:
-        return
-    with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            found = _LEFT.fullmatch(entry.name)
-            if found is not None and found[1] == _machine():
-                _take_away(Path(folder) / entry.name)
-
-
-def _take_away(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
-        try:
-            if stat.S_ISREG(os.fstat(handle).st_mode):
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if _is_at(handle, path):
-                    path.unlink()
-        finally:
-            os.close(handle)
-
-
-def _is_at(handle: int, path: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(handle), os.lstat(path))
-    except FileNotFoundError:
-        return False
-
-
-def _machine() -> str:
-    """Locks hold on one machine: files of others, in a folder that several share, are left alone."""
-    node = os.uname().nodename if hasattr(os, "uname") else ""
-    return hashlib.blake2b(os.fsencode(node), digest_size=4).hexdigest()
-
-
-def _longest_name(folder: Path) -> int:
-    try:
-        return os.pathconf(folder, "PC_NAME_MAX")
-    except (OSError, ValueError, AttributeError):
-        return _SHORTEST_LIMIT
 
 
 def _mode_of(path: str) -> int | None:
