@@ -1,4 +1,5 @@
-"""The command line: `synth render`, `play`, `drone`, `author`, `export`, `fit`, `devices`, `presets`, `plan`, `simulate`.
+"""The command line: `synth render`, `play`, `drone`, `author`, `export`, `fit`, `body`, `devices`, `presets`, `plan`,
+`simulate`.
 
 Exit codes: 0 done; 1 failed for a reason that lies in the program, or whoever read its output has enough; 2 wrong usage or
 input, or something that could not be written (one line on standard error says what, and what was there before is as it was);
@@ -15,10 +16,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from synth.cli import author, devices, drone, export, fit, plan, play, presets, render, simulate, streams
+from synth.cli import author, bodies, devices, drone, export, fit, plan, play, presets, render, simulate, streams
 from synth.cli.common import Parser
 from synth.cli.kernel_line import compiling_shown, leave_compiling
-from synth.files import targets
+from synth.files import unfinished
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,12 +53,12 @@ def _run(arguments: Sequence[str] | None) -> int:
                 print(f"synth: error: {line}", file=sys.stderr)
             return 2
         except KeyboardInterrupt:
-            targets.discard_unfinished()
+            unfinished.discard_unfinished()
             streams.drop_output()
             print("synth: interrupted", file=sys.stderr)
             return 130
         except _Terminated as end:
-            targets.discard_unfinished()
+            unfinished.discard_unfinished()
             streams.drop_output()
             return 128 + end.number
         finally:
@@ -128,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     author.add(commands)
     export.add(commands)
     fit.add(commands)
+    bodies.add(commands)
     devices.add(commands)
     presets.add(commands)
     plan.add(commands)
