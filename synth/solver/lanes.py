@@ -11,7 +11,8 @@ velocity. What forces f_k during the steps 0 … K − 1 add to the state at the
 
     Σ_k Φ^{K−1−k} κ f_k = κ b_{K−1} + (Φ − a)κ b_{K−2},    b_k = f_k + a b_{k−1} − e b_{k−2},
 
-κ the response of (q, v) to a unit force: two multiplications for a step, and no table.
+κ the response of (q, v) to a unit force: two multiplications for a step, and no table. A kick, what the velocities change by
+at the start of a step, is a force whose response is Φ(0, 1): its κ is (p12, p22), its (Φ − a)κ is (0, −e).
 
 Rows of a block's coefficient array, as `responses.fill_rows` makes them:
 0 … 5 p11, p12, p21, p22, kq, kv of one step (`laws`), 6 a, 7 −e, 8 … 11 Φ^K, 12, 13 (Φ − a)κ.
@@ -66,19 +67,32 @@ def _emit_listed_forces(code: Code, j, count, which, shapes, forces, more):
     return force
 
 
+def _emit_horner(code: Code, trace, minus_det, inputs):
+    """b_{K−2}, b_{K−1} of b_k = f_k + a b_{k−1} − e b_{k−2}, f the K inputs."""
+    older, newer = inputs[0], code.fma(trace, inputs[0], inputs[1])
+    for k in range(2, BLOCK):
+        older, newer = newer, code.fma(trace, newer, code.fma(minus_det, older, inputs[k]))
+    return older, newer
+
+
 def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     """One pass over the modes: K steps forward ("coast", "drive …" or ""), then a look at the K steps after.
 
     Arguments, in order: n, rows (ROWS, ≥n), q, v (≥n,) in place; for "drive" shape (≥n,), forces (K,); for "drive listed"
     count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); for "drive listed and one" these and then those of
-    "drive"; weights (≥n,) for each of `kinds`; an output (≥K,) for each of them: weights · x_{k+1}, x the displacements
-    ("q") or velocities ("v") after each of K free steps.
+    "drive"; for each of these and "coast", where "kicked", too, kick shape (≥n,), kicks (K,); weights (≥n,) for each of
+    `kinds`; an output (≥K,) for each of them: weights · x_{k+1}, x the displacements ("q") or velocities ("v") after each of
+    K free steps.
     """
     b = code.b
+    kicked = motion.endswith(" kicked")
+    motion = motion.removesuffix(" kicked")
     base, length = code.data(1), code.row_length(1)
     at = code.rows(base, length, range(ROWS))
     at_q, at_v = code.data(2), code.data(3)
     place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4, "drive listed and one": 6}[motion]
+    kicks_at = place
+    place += 2 if kicked else 0
     at_w = [code.data(place + p) for p in range(len(kinds))]
     at_out = [code.data(place + len(kinds) + p) for p in range(len(kinds))]
     before = b.block
@@ -102,7 +116,7 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
         force = [code.splat(code.scalar(code.data(5), k)) for k in range(BLOCK)]
     x, y = code.load(at_q, j), code.load(at_v, j)
     trace = minus_det = None
-    if kinds or force:
+    if kinds or force or kicked:
         trace, minus_det = code.load(at[TRACE], j), code.load(at[MINUS_DET], j)
     if motion:
         ahead = [
@@ -110,14 +124,18 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
             for own, cross in ((ADV11, ADV12), (ADV21, ADV22))
         ]
         if force:
-            older, newer = force[0], code.fma(trace, force[0], force[1])
-            for k in range(2, BLOCK):
-                older, newer = newer, code.fma(trace, newer, code.fma(minus_det, older, force[k]))
+            older, newer = _emit_horner(code, trace, minus_det, force)
             if motion == "drive":
                 shape = code.load(code.data(4), j)
                 older, newer = code.times(shape, older), code.times(shape, newer)
             for i, (early, late) in enumerate(((KQ, KQ_LATE), (KV, KV_LATE))):
                 ahead[i] = code.fma(code.load(at[early], j), newer, code.fma(code.load(at[late], j), older, ahead[i]))
+        if kicked:
+            kicks = [code.splat(code.scalar(code.data(kicks_at + 1), k)) for k in range(BLOCK)]
+            shape = code.load(code.data(kicks_at), j)
+            older, newer = (code.times(shape, x) for x in _emit_horner(code, trace, minus_det, kicks))
+            ahead[0] = code.fma(code.load(at[P12], j), newer, ahead[0])
+            ahead[1] = code.fma(code.load(at[P22], j), newer, code.fma(minus_det, older, ahead[1]))
         x, y = ahead
         code.store(x, at_q, j)
         code.store(y, at_v, j)
@@ -181,6 +199,11 @@ coast_qv = _pass("coast", "qv")
 drive = _pass("drive", "")
 drive_listed = _pass("drive listed", "")
 drive_listed_and_one = _pass("drive listed and one", "")
+kick = _pass("coast kicked", "")
+kick_v = _pass("coast kicked", "v")
+drive_kicked = _pass("drive kicked", "")
+drive_listed_kicked = _pass("drive listed kicked", "")
+drive_listed_and_one_kicked = _pass("drive listed and one kicked", "")
 
 
 @intrinsic

@@ -11,8 +11,9 @@ solver's answer.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit, uint8
 
+from synth.jit.entries import kernel
 from synth.solver.vectors import INNER, add, dot
 
 #: w may fall this much below zero, relative to the largest |b|: rounding of one Cholesky solve.
@@ -60,7 +61,15 @@ def natural_residual(a, b, z) -> float:
     return worst
 
 
-@njit(cache=True, nogil=True)
+@kernel(
+    float64[:, ::1],
+    float64[::1],
+    *[uint8[::1]] * 2,
+    float64[::1],
+    float64[:, ::1],
+    int64[::1],
+    answer=int64,
+)
 def solve(a, b, enabled, active, z, factor, index) -> int:
     """Solve the LCP on the enabled indices; z of the others is 0.
 

@@ -1,0 +1,336 @@
+"""Strings that end on a bridge which moves, and the body behind it: what compiled code has of them.
+
+A string keeps the modes φ_j = √(2/L) sin(jπx/L) that it has between rigid ends; at x = L the bridge moves by b:
+
+    u(x, t) = Σ w_j φ_j + (x/L) b,    b = B·β,    c_j = √(2L)(−1)^(j+1)/(jπ), the moments of x/L,
+
+β the motion of the bridge in up to `MOST_COMPONENTS` components, B the string's direction among them. Over one frame H, r
+steps of the line's own, the bridge moves at a constant V = B·Δβ/H. A string knows of it by a kick −c ΔV of its modal
+velocities ẇ = ẏ − c V at the start of the frame, ẏ the whole velocity, which no kick changes; and it pulls at the bridge by
+its mean force over the frame,
+
+    f = −μ Σ c_j (ẏ⁺ − ẏ)_j / H − (T/L)(b + b⁺)/2 + mean of ξ λ,    ξ = x_c/L (less 1 for what rides on the bridge),
+
+which the body's modes are under while they pass the frame exactly. Inside a frame b̈ = 0, so that the work on a string is
+−f Δb and that on the body +f Δb: nothing but the losses changes the sum of all energies. The modes left out move with the
+bridge as one mass μ(L/3 − Σ c²), of a motion that forgets all but `KEPT_BY_THE_REST` of itself from frame to frame.
+
+    coupling   the instrument       coupling_at(address)
+    end        of one line of it    end_at(address)
+
+A line is a string in one direction of its motion. Its modes, contacts and finger are those of `stringmodel`; the one output
+of its model that is in use is the velocity c μ·ẇ.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from synth.native.arrays import f8, i8, u1
+from synth.native.views import opener
+from synth.solver.lanes import BLOCK, P12, P22, ROWS
+from synth.solver.responses import fill_lags, fill_response
+from synth.solver.stringmodel import MOVING, string_model, string_state
+from synth.solver.vectors import FAST, INNER, dot
+
+#: normal, lateral, rocking
+MOST_COMPONENTS = 3
+#: steps of a frame, at most, and only powers of two
+MOST_STEPS = BLOCK
+#: what the modes left out keep of their motion against the bridge from frame to frame (negative: it swings over)
+KEPT_BY_THE_REST = 0.9
+
+#: places in End.numbers: T/L [N/m]; L; ξ under the finger; of any contact, what a unit kick can move the string by there,
+#: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`)
+TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT = range(6)
+N_NUMBERS = 6
+#: places in End.counts: whether its contacts and finger are looked at; contacts that are; whether End.kept is of this block;
+#: modes that move while it is not looked at, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
+#: and counts among the modes left out
+ENGAGED, NEAR, KEPT, APART_MODES = range(4)
+N_COUNTS = 4
+#: rows of End.own and shares: while it is not looked at, while it is
+APART, LOOKED_AT = range(2)
+
+
+class End(NamedTuple):
+    """What a moving end is to one line, its responses over a block of steps or frames, and room for a block's rows."""
+
+    numbers: Annotated[np.ndarray, f8("N_NUMBERS")]
+    counts: Annotated[np.ndarray, i8("N_COUNTS")]
+    kick: Annotated[np.ndarray, f8("modes")]  # −c: what a unit kick does to ẇ
+    pull: Annotated[np.ndarray, f8("modes")]  # μ c
+    flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
+    leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
+    clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
+    share: Annotated[np.ndarray, f8("2")]  # Σ c² of the modes that move
+    own: Annotated[np.ndarray, f8("2, RESPONSE")]  # pull after a unit kick, by frames
+    kicked: Annotated[np.ndarray, f8("contacts, RESPONSE")]  # contacts after a unit kick, by steps, as all that follow
+    pulled: Annotated[np.ndarray, f8("1, contacts, RESPONSE")]  # pull after a unit force at a contact
+    finger_kicked: Annotated[np.ndarray, f8("1, RESPONSE")]
+    finger_pulled: Annotated[np.ndarray, f8("1, RESPONSE")]
+    path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
+    row: Annotated[np.ndarray, f8("BLOCK")]  # free pull
+    u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # of the contacts looked at, then of the finger; without ξ b
+    forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
+    slopes: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what the forces change by with the speed of the end
+    kicks: Annotated[np.ndarray, f8("BLOCK")]
+    pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
+    near: Annotated[np.ndarray, i8("contacts")]
+    matrix: Annotated[np.ndarray, f8("contacts*contacts")]  # of the contacts looked at, the finger taken out
+    kept: Annotated[np.ndarray, f8("2, modes")]  # state of the modes …
+    kept_contacts: Annotated[np.ndarray, f8("contacts + 2")]  # … of contacts and finger as a block begins
+
+
+class Coupling(NamedTuple):
+    """An instrument's bridge and body, constants and state, and what follows from its lines as they now are."""
+
+    frame: float  # H [s]
+    steps: Annotated[np.ndarray, i8("lines")]  # r of each
+    line_model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
+    line_state: Annotated[np.ndarray, i8("lines")]  # … StringState …
+    line_end: Annotated[np.ndarray, i8("lines")]  # … and End
+    direction: Annotated[np.ndarray, f8("lines, components")]  # B
+    body: Annotated[np.ndarray, f8("6, body")]  # p11, p12, p21, p22, kq, kv over a frame, of a force
+    shape: Annotated[np.ndarray, f8("components, body")]  # Ψ
+    gamma: Annotated[np.ndarray, f8("components, components")]  # Γ = Ψ diag(kq) Ψᵀ
+    radiation: Annotated[np.ndarray, f8("channels, body")]  # output of an acceleration
+    body_mass: Annotated[np.ndarray, f8("body")]  # [kg]
+    body_omega: Annotated[np.ndarray, f8("body")]
+    # state
+    p: Annotated[np.ndarray, f8("body")]  # displacements …
+    p_speed: Annotated[np.ndarray, f8("body")]  # … and velocities of the body's modes
+    beta: Annotated[np.ndarray, f8("components")]  # [m]
+    speed: Annotated[np.ndarray, f8("components")]  # V of the frame before [m/s]
+    rest: Annotated[np.ndarray, f8("components")]  # motion of the modes left out, in units of √REST [m/s]
+    held: Annotated[np.ndarray, f8("components")]  # force that what is at rest puts on the bridge, which it is counted from
+    counts: Annotated[np.ndarray, i8("N_COUPLING_COUNTS")]
+    # of the lines as they are: `gather_lines`
+    momentum: Annotated[np.ndarray, f8("components")]  # Σ B μ Σ c ẏ
+    share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
+    rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
+    tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
+    own: Annotated[np.ndarray, f8("2, components, components, RESPONSE")]  # Σ B Bᵀ of End.own; lines apart, lines looked at
+    drag: Annotated[np.ndarray, f8("components, components")]  # A
+    inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
+    answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
+    # room for a block
+    pull: Annotated[np.ndarray, f8("2, components, BLOCK")]  # of the lines that are not looked at, and of those that are
+    kicks: Annotated[np.ndarray, f8("components, BLOCK")]
+    small: Annotated[np.ndarray, f8("9, components")]
+    jacobian: Annotated[np.ndarray, f8("components, components")]
+    newton: Annotated[np.ndarray, f8("components, components")]
+    body_free: Annotated[np.ndarray, f8("2, body")]
+    kept_body: Annotated[np.ndarray, f8("2, body")]
+    kept: Annotated[np.ndarray, f8("4, components")]
+    big: Annotated[np.ndarray, f8("rows*rows")]  # the problem of all contacts and fingers, where forces are held
+    big_compact: Annotated[np.ndarray, f8("rows*rows")]
+    big_factor: Annotated[np.ndarray, f8("rows*rows")]
+    big_rows: Annotated[np.ndarray, f8("3, rows")]
+    big_index: Annotated[np.ndarray, i8("3, rows")]
+    big_marks: Annotated[np.ndarray, u1("2, rows")]
+
+
+#: places in Coupling.counts: frames gone through; of these, those in which something touched or was held, iterations of
+#: these, and frames that held the forces because no iteration ended
+FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES = range(4)
+N_COUPLING_COUNTS = 4
+
+coupling_at, end_at = opener(Coupling), opener(End)
+
+
+def end_moments(length_m: float, modes: int) -> np.ndarray:
+    """c (N,) [m^½]: moments of x/L over the modes √(2/L) sin(jπx/L)."""
+    j = np.arange(1, modes + 1)
+    return math.sqrt(2.0 * length_m) * (-1.0) ** (j + 1) / (j * math.pi)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fill_end(model: int, end: int, scratch_q, scratch_v, spare) -> None:
+    """The responses of a line to its end from its model's rows and End.kick, pull, flight, and its shares. Work space (≥n,)
+    and (2, K)."""
+    m, e = string_model(model), end_at(end)
+    rows, n, kick, all_modes = m.rows, m.rows.shape[1], e.kick, e.flight.shape[1]
+    zero, one = int(np.int64(0)), int(np.int64(1))
+    q, v = scratch_q[:all_modes], scratch_v[:all_modes]
+    for kind in (APART, LOOKED_AT):
+        moving = m.modes if kind == LOOKED_AT else e.counts[APART_MODES]
+        e.share[kind] = 0.0
+        for j in range(all_modes):
+            q[j] = e.flight[P12, j] * kick[j] if j < moving else 0.0
+            v[j] = e.flight[P22, j] * kick[j] if j < moving else 0.0
+            e.share[kind] += kick[j] * kick[j] if j < moving else 0.0
+        fill_response(one, e.flight, q, v, e.pull.reshape(1, all_modes), zero, spare, e.own[kind : kind + 1])
+    q, v, pull = scratch_q[:n], scratch_v[:n], e.pull[:n].reshape(1, n)
+    contacts = m.shapes.shape[0]
+    if contacts:
+        for j in range(n):
+            q[j] = rows[P12, j] * kick[j]
+            v[j] = rows[P22, j] * kick[j]
+        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.kicked)
+        none = m.matrix.reshape(-1)[:0].reshape(0, 0)
+        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fill_finger_end(model: int, state: int, end: int, scratch_q, scratch_v, spare) -> None:
+    """The same of the finger whose weights the state has; `fingers.fill_grip` fills its other responses."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    rows, n = m.rows, m.rows.shape[1]
+    q, v = scratch_q[:n], scratch_v[:n]
+    finger, zero, one = s.finger_weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
+    for j in range(n):
+        q[j] = rows[P12, j] * e.kick[j]
+        v[j] = rows[P22, j] * e.kick[j]
+    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_kicked)
+    for j in range(n):
+        q[j] = rows[4, j] * finger[0, j]
+        v[j] = rows[5, j] * finger[0, j]
+    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, e.finger_pulled)
+
+
+@njit(**INNER)
+def invert(a, out) -> None:
+    """out = a⁻¹ (D, D), D ≤ 3, by Gauss–Jordan with row pivots; `a` is lost."""
+    d = a.shape[0]
+    for i in range(d):
+        for k in range(d):
+            out[i, k] = 1.0 if i == k else 0.0
+    for i in range(d):
+        best = i
+        for k in range(i + 1, d):
+            if abs(a[k, i]) > abs(a[best, i]):
+                best = k
+        for k in range(d):
+            a[i, k], a[best, k] = a[best, k], a[i, k]
+            out[i, k], out[best, k] = out[best, k], out[i, k]
+        factor = 1.0 / a[i, i]
+        for k in range(d):
+            a[i, k] *= factor
+            out[i, k] *= factor
+        for r in range(d):
+            if r != i:
+                factor = a[r, i]
+                for k in range(d):
+                    a[r, k] -= factor * a[i, k]
+                    out[r, k] -= factor * out[i, k]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def gather_responses(coupling: int) -> None:
+    """Coupling.own, share and rest_mass, and what follows from them, as the lines are looked at or not."""
+    c = coupling_at(coupling)
+    d, frame = c.beta.size, c.frame
+    c.own[:] = 0.0
+    c.share[:] = 0.0
+    c.rest_mass[:] = 0.0
+    for line in range(c.line_end.size):
+        e, direction, mu = end_at(c.line_end[line]), c.direction[line], string_model(c.line_model[line]).mu
+        kind = LOOKED_AT if e.counts[ENGAGED] else APART
+        for i in range(d):
+            for k in range(d):
+                both = direction[i] * direction[k]
+                c.share[i, k] += both * mu * e.share[kind]
+                c.rest_mass[i, k] += both * mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.share[kind])
+                for t in range(BLOCK):
+                    c.own[kind, i, k, BLOCK + t] += both * e.own[kind, BLOCK + t]
+    for i in range(d):
+        for k in range(d):
+            moving = c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK] + c.share[i, k]
+            moving += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k]
+            c.drag[i, k] = moving / frame + 0.5 * frame * c.tension[i, k]
+    for i in range(d):
+        for k in range(d):
+            total = 1.0 if i == k else 0.0
+            for r in range(d):
+                total += c.gamma[i, r] * c.drag[r, k] / frame
+            c.jacobian[i, k] = total
+    invert(c.jacobian, c.inverse)
+    for i in range(d):
+        for k in range(d):
+            c.answer[i, k] = 0.0
+            for r in range(d):
+                c.answer[i, k] += c.inverse[i, r] * c.gamma[r, k]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def gather_lines(coupling: int) -> None:
+    """What the bridge sees of its lines, after any of them, its end, or whether it is looked at, has become another."""
+    c = coupling_at(coupling)
+    d = c.beta.size
+    c.momentum[:] = 0.0
+    c.tension[:] = 0.0
+    for line in range(c.line_end.size):
+        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        direction = c.direction[line]
+        momentum = dot(e.pull[: m.modes], s.v[: m.modes])
+        for i in range(d):
+            c.momentum[i] += direction[i] * momentum
+            for k in range(d):
+                both = direction[i] * direction[k]
+                c.tension[i, k] += both * e.numbers[TENSION]
+    gather_responses(coupling)
+    for i in range(d):
+        for k in range(d):
+            c.momentum[i] += c.share[i, k] * c.speed[k]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def energy_of(coupling: int) -> float:
+    """Energy of all strings, their contacts' compliance, fingers' springs excluded, the modes left out and the body [J]."""
+    c = coupling_at(coupling)
+    d = c.beta.size
+    total = 0.0
+    for line in range(c.line_end.size):
+        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        speed, b = 0.0, 0.0
+        for i in range(d):
+            speed += c.direction[line, i] * c.speed[i]
+            b += c.direction[line, i] * c.beta[i]
+        for j in range(m.modes if e.counts[ENGAGED] else e.counts[APART_MODES]):
+            y = s.v[j] - e.kick[j] * speed
+            w = m.omega[j] * s.q[j]
+            total += 0.5 * m.mu * (y * y + w * w)
+        total += 0.5 * e.numbers[TENSION] * b * b
+        for k in range(m.shapes.shape[0]):
+            for i in range(m.shapes.shape[0]):
+                total += 0.5 * s.force[k] * m.residual[k, i] * s.force[i]
+    for i in range(d):
+        total -= c.held[i] * c.beta[i]
+        for k in range(d):
+            total += 0.5 * c.rest[i] * c.rest_mass[i, k] * c.rest[k]
+    for k in range(c.p.size):
+        w = c.body_omega[k] * c.p[k]
+        total += 0.5 * c.body_mass[k] * (c.p_speed[k] * c.p_speed[k] + w * w)
+    return total
+
+
+#: sizes that do not depend on an instrument
+COUPLING_SIZES = {
+    "N_NUMBERS": N_NUMBERS,
+    "N_COUNTS": N_COUNTS,
+    "N_COUPLING_COUNTS": N_COUPLING_COUNTS,
+    "ROWS": ROWS,
+    "BLOCK": BLOCK,
+    "RESPONSE": 2 * BLOCK,
+}
+
+
+@njit(cache=True, nogil=True)
+def look_at(coupling: int, line: int, engaged: int) -> None:
+    """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
+    that is not looked at comes to rest."""
+    c = coupling_at(coupling)
+    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    e.counts[ENGAGED] = engaged
+    if engaged:
+        s.counts[MOVING] = string_model(c.line_model[line]).modes
+        return
+    for j in range(e.counts[APART_MODES], s.counts[MOVING]):
+        s.q[j] = 0.0
+        s.v[j] = 0.0
+    s.counts[MOVING] = e.counts[APART_MODES]

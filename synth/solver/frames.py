@@ -1,0 +1,404 @@
+"""Coupled strings through time, a frame of the bridge after the other: see `coupling`.
+
+In a block of K frames the lines that touch nothing pass over their modes once, as in free flight; those whose contacts or
+finger are looked at take r passes of K steps, r a line's own. A pass gives what the modes would do if the bridge kept its
+speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is decided on D numbers:
+
+    Δβ = (I + ΓA/H)⁻¹ (β_free − β + Γ (F₀ + J(V))),
+
+F₀ the force on the bridge at V = 0 without contacts, J that of the contacts, which take the bridge to move at V. Newton's
+method finds V; whatever root it finds loses no more energy than the losses take and gains none. Where it finds none, the
+contacts of that frame hold one force each (`held_forces`), and the problem has one root.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from synth.solver.coupling import (
+    APART_MODES,
+    ENGAGED,
+    FRAMES,
+    HELD_FRAMES,
+    ITERATIONS,
+    KEPT,
+    KEPT_BY_THE_REST,
+    TOUCHED,
+    coupling_at,
+    end_at,
+    gather_lines,
+    invert,
+    look_at,
+)
+from synth.solver.held_forces import hold_forces
+from synth.solver.lanes import BLOCK, kick, kick_v, padded, project_v
+from synth.solver.line_certificates import look_everywhere, spend
+from synth.solver.line_forces import answer_of_line, drive_line, look_at_line, settle_line, step_line
+from synth.solver.stepwise import fly
+from synth.solver.stringmodel import string_model, string_state
+from synth.solver.vectors import FAST, INNER, add, put
+
+#: iterations after which the forces are held, and how near to a root they end, of the terms of the equation
+MOST_ITERATIONS = 24
+CLOSE = 4e-15
+#: of numbers that tell sets of contacts apart
+_MIX = 1000003
+#: rows of Coupling.small
+FREE, FORCE, BEFORE, V, FROM_CONTACTS, MISSING, STEP, V_FREE, SPARE = range(9)
+
+
+@njit(cache=True, nogil=True)
+def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
+    """Take an instrument through `frames` frames; out (channels, ≥ frames) gets what its body radiates. A status of `lcp`.
+
+    Lines whose End.counts say so are looked at, and others that have contacts as soon as their certificate is used up; a
+    finger that is on goes along its End.path. What the bridge sees of its lines must be as they are (`gather_lines`).
+    """
+    status = int(np.int64(0))
+    blocks = frames // BLOCK
+    for t in range(blocks):
+        _look_apart(coupling, t > 0)
+        status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), t * BLOCK, out))
+    if blocks > 0:
+        _leave_apart(coupling)
+    for t in range(blocks * BLOCK, frames):
+        _look_apart(coupling, False)
+        status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), t, out))
+        _step_apart(coupling)
+    return status
+
+
+@njit(**INNER)
+def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
+    """`_block`, again where a line that was not looked at might have touched something."""
+    c = coupling_at(coupling)
+    _keep(coupling)
+    status = _block(coupling, scratch, frames, at, out)
+    again = True
+    while again:
+        again = False
+        for line in range(c.line_end.size):
+            if string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
+                look_at(coupling, line, int(np.int64(1)))
+                look_everywhere(c.line_end[line])
+                again = True
+        if again:
+            _take_back(coupling)
+            gather_lines(coupling)
+            _sum_apart(coupling)
+            status = _block(coupling, scratch, frames, at, out)
+    return status
+
+
+@njit(**INNER)
+def _keep(coupling: int) -> None:
+    """What a block changes, as it begins."""
+    c = coupling_at(coupling)
+    put(c.kept_body[0], c.p)
+    put(c.kept_body[1], c.p_speed)
+    put(c.kept[0], c.speed)
+    put(c.kept[1], c.beta)
+    put(c.kept[2], c.rest)
+    put(c.kept[3], c.momentum)
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        e.counts[KEPT] = e.counts[ENGAGED]
+        e.pushed[:] = 0.0
+        if e.counts[KEPT]:
+            n = string_model(c.line_model[line]).modes
+            put(e.kept[0], s.q[:n])
+            put(e.kept[1], s.v[:n])
+            contacts = e.leverage.size
+            put(e.kept_contacts, s.force[:contacts])
+            e.kept_contacts[contacts] = s.finger[0].here
+            e.kept_contacts[contacts + 1] = s.finger[0].push
+
+
+@njit(**INNER)
+def _take_back(coupling: int) -> None:
+    """All as the block began."""
+    c = coupling_at(coupling)
+    put(c.p, c.kept_body[0])
+    put(c.p_speed, c.kept_body[1])
+    put(c.speed, c.kept[0])
+    put(c.beta, c.kept[1])
+    put(c.rest, c.kept[2])
+    put(c.momentum, c.kept[3])
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        e.pushed[:] = 0.0
+        if e.counts[KEPT]:
+            n = string_model(c.line_model[line]).modes
+            put(s.q, e.kept[0, :n])
+            put(s.v, e.kept[1, :n])
+            contacts = e.leverage.size
+            put(s.force, e.kept_contacts[:contacts])
+            s.finger[0].here = e.kept_contacts[contacts]
+            s.finger[0].push = e.kept_contacts[contacts + 1]
+
+
+@njit(**INNER)
+def _kicks_of(c, line: int, kicks) -> None:
+    """kicks (K,) of a line's end from those of the bridge."""
+    for k in range(BLOCK):
+        total = 0.0
+        for i in range(c.beta.size):
+            total += c.direction[line, i] * c.kicks[i, k]
+        kicks[k] = total
+
+
+@njit(**INNER)
+def _look_apart(coupling: int, kicked: bool) -> None:
+    """The free pull over K frames of the lines that are not looked at, where kicked after those of the block before."""
+    c = coupling_at(coupling)
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        if e.counts[ENGAGED]:
+            continue
+        n = padded(e.counts[APART_MODES])
+        if kicked:
+            _kicks_of(c, line, e.kicks)
+            kick_v(n, e.flight, s.q, s.v, e.kick, e.kicks, e.pull, e.row)
+        else:
+            project_v(n, e.flight, s.q, s.v, e.pull, e.row)
+    _sum_apart(coupling)
+
+
+@njit(**INNER)
+def _sum_apart(coupling: int) -> None:
+    """Coupling.pull of the lines that are not looked at, from the rows of each."""
+    c = coupling_at(coupling)
+    pull = c.pull[0]
+    for i in range(c.beta.size):
+        for k in range(BLOCK):
+            pull[i, k] = 0.0
+    for line in range(c.line_end.size):
+        e = end_at(c.line_end[line])
+        if not e.counts[ENGAGED]:
+            for i in range(c.beta.size):
+                add(c.direction[line, i], e.row, pull[i])
+
+
+@njit(**INNER)
+def _leave_apart(coupling: int) -> None:
+    """The lines that are not looked at go through the K frames of the last block."""
+    c = coupling_at(coupling)
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        if not e.counts[ENGAGED]:
+            _kicks_of(c, line, e.kicks)
+            kick(padded(e.counts[APART_MODES]), e.flight, s.q, s.v, e.kick, e.kicks)
+
+
+@njit(**INNER)
+def _step_apart(coupling: int) -> None:
+    """The same for one frame."""
+    c = coupling_at(coupling)
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        if not e.counts[ENGAGED]:
+            n = e.counts[APART_MODES]
+            q, v = s.q[:n], s.v[:n]
+            for i in range(c.beta.size):
+                add(c.direction[line, i] * c.kicks[i, 0], e.kick[:n], v)
+            fly(e.flight, q, v)
+
+
+@njit(**INNER)
+def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
+    """K frames, or one, from number `at` of the call on. A line that is looked at takes K steps of its own at a time."""
+    c = coupling_at(coupling)
+    status = int(np.int64(0))
+    for i in range(c.beta.size):
+        for k in range(BLOCK):
+            c.pull[1, i, k] = 0.0
+    for number in range(frames):
+        for line in range(c.line_end.size):
+            end = c.line_end[line]
+            e, steps = end_at(end), c.steps[line]
+            if e.counts[ENGAGED] and number % (BLOCK // steps) == 0:
+                look_at_line(c.line_model[line], c.line_state[line], end)
+                for i in range(c.beta.size):
+                    for k in range(min(BLOCK // steps, BLOCK - number)):
+                        c.pull[1, i, number + k] += c.direction[line, i] * e.row[(k + 1) * steps - 1]
+        status = max(status, _frame(coupling, scratch, number, at, out))
+        for line in range(c.line_end.size):
+            end, steps = c.line_end[line], c.steps[line]
+            if end_at(end).counts[ENGAGED]:
+                if frames == 1:
+                    step_line(c.line_model[line], c.line_state[line], end, steps)
+                elif (number + 1) % (BLOCK // steps) == 0:
+                    drive_line(c.line_model[line], c.line_state[line], end)
+    return status
+
+
+@njit(fastmath=FAST, **INNER)
+def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
+    """Frame `number` of the block, out[:, begin + number]."""
+    c = coupling_at(coupling)
+    d, frame, modes = c.beta.size, c.frame, c.p.size
+    small, free = c.small, c.body_free
+    body, shape = c.body, c.shape
+    for j in range(modes):
+        p, p_speed = c.p[j], c.p_speed[j]
+        free[0, j] = body[0, j] * p + body[1, j] * p_speed
+        free[1, j] = body[2, j] * p + body[3, j] * p_speed
+    per_frame = 1.0 / frame
+    for i in range(d):
+        total = c.momentum[i] - c.pull[0, i, number] - c.pull[1, i, number]
+        for k in range(d):
+            total += (c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]) * c.speed[k]
+            total += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k] * c.rest[k]
+        total *= per_frame
+        for k in range(d):
+            total -= c.tension[i, k] * c.beta[k]
+        small[FORCE, i] = total - c.held[i]
+        total = 0.0
+        for j in range(modes):
+            total += shape[i, j] * free[0, j]
+        small[FREE, i] = total - c.beta[i]
+    for i in range(d):
+        total = 0.0
+        for k in range(d):
+            total += c.inverse[i, k] * small[FREE, k] + c.answer[i, k] * small[FORCE, k]
+        small[V_FREE, i] = total * per_frame
+    status = _bridge_speed(coupling, scratch, number, begin)
+    for i in range(d):
+        total = small[FORCE, i] + small[FROM_CONTACTS, i]
+        for k in range(d):
+            total -= c.drag[i, k] * small[V, k]
+        small[SPARE, i] = total
+    for j in range(modes):
+        force = 0.0
+        for i in range(d):
+            force += shape[i, j] * small[SPARE, i]
+        p_speed = free[1, j] + body[5, j] * force
+        free[0, j] += body[4, j] * force
+        free[1, j] = (p_speed - c.p_speed[j]) * per_frame
+        c.p[j] = free[0, j]
+        c.p_speed[j] = p_speed
+    for channel in range(out.shape[0]):
+        total = 0.0
+        for j in range(modes):
+            total += c.radiation[channel, j] * free[1, j]
+        out[channel, begin + number] = total
+    _settle(coupling, number)
+    for i in range(d):
+        total = 0.0
+        for j in range(modes):
+            total += shape[i, j] * c.p[j]
+        c.beta[i] = total
+    return status
+
+
+@njit(**INNER)
+def _settle(coupling: int, number: int) -> None:
+    """The bridge's speed of this frame acts on lines, pulls and the modes left out."""
+    c = coupling_at(coupling)
+    d, small = c.beta.size, c.small
+    for i in range(d):
+        c.kicks[i, number] = small[V, i] - c.speed[i]
+        c.rest[i] = (1.0 + KEPT_BY_THE_REST) * small[V, i] - KEPT_BY_THE_REST * c.rest[i]
+    for i in range(d):
+        for k in range(d):
+            turn = c.kicks[k, number]
+            for t in range(number, BLOCK):
+                c.pull[0, i, t] += c.own[0, i, k, BLOCK + t - number] * turn
+    for line in range(c.line_end.size):
+        end, steps = c.line_end[line], c.steps[line]
+        e = end_at(end)
+        if e.counts[ENGAGED]:
+            turn, speed, height = _of_line(c, line, small[V])
+            within = number % (BLOCK // steps)
+            settle_line(c.line_model[line], c.line_state[line], end, within * steps, steps, turn, speed, height, e.row)
+            for i in range(d):
+                for t in range(within, min(BLOCK // steps, BLOCK - number + within)):
+                    c.pull[1, i, number + t - within] += c.direction[line, i] * e.row[t]
+    for i in range(d):
+        total = c.pull[0, i, number] + c.pull[1, i, number]
+        for k in range(d):
+            total += c.share[i, k] * small[V, k]
+        c.momentum[i] = total
+    for i in range(d):
+        c.speed[i] = small[V, i]
+    c.counts[FRAMES] += 1
+
+
+@njit(inline="always")
+def _of_line(c, line: int, v):
+    """(kick, speed, height) of a line's end when the bridge goes on at v."""
+    turn, speed, height = 0.0, 0.0, 0.0
+    for i in range(c.beta.size):
+        turn += c.direction[line, i] * (v[i] - c.speed[i])
+        speed += c.direction[line, i] * v[i]
+        height += c.direction[line, i] * c.beta[i]
+    return turn, speed, height
+
+
+@njit(**INNER)
+def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
+    """The frame's V and the contacts' force on the bridge into Coupling.small, all lines' forces with it; status of `lcp`.
+
+    Newton's method from V without contacts on V − V_free − W J(V)/H = 0. While the same contacts press in the same steps the
+    equation is linear: where they do so twice in a row, V is its root.
+    """
+    c = coupling_at(coupling)
+    d, small = c.beta.size, c.small
+    v, contact, missing = small[V], small[FROM_CONTACTS], small[MISSING]
+    for i in range(d):
+        v[i] = small[V_FREE, i]
+    before = 0
+    for iteration in range(MOST_ITERATIONS):
+        status = int(np.int64(0))
+        acts = False
+        pattern = 0
+        for i in range(d):
+            contact[i] = 0.0
+            for k in range(d):
+                c.jacobian[i, k] = 0.0
+        for line in range(c.line_end.size):
+            if end_at(c.line_end[line]).counts[ENGAGED]:
+                turn, speed, height = _of_line(c, line, v)
+                steps = c.steps[line]
+                first, at = number % (BLOCK // steps) * steps, (begin + number) * steps
+                force, slope, mine, bad = answer_of_line(
+                    c.line_model[line], c.line_state[line], c.line_end[line], scratch, first, at, steps, turn, speed, height
+                )
+                status = max(status, bad)
+                pattern = pattern * _MIX + mine
+                if force != 0.0 or slope != 0.0:
+                    acts = True
+                    for i in range(d):
+                        contact[i] += c.direction[line, i] * force
+                        for k in range(d):
+                            c.jacobian[i, k] += c.direction[line, i] * c.direction[line, k] * slope
+        if not acts and iteration == 0:
+            return status
+        c.counts[ITERATIONS] += 1
+        far, size = 0.0, 0.0
+        for i in range(d):
+            pushed = 0.0
+            for k in range(d):
+                pushed += c.answer[i, k] * contact[k] / c.frame
+            missing[i] = v[i] - small[V_FREE, i] - pushed
+            far = max(far, abs(missing[i]))
+            size = max(size, abs(v[i]), abs(small[V_FREE, i]), abs(pushed))
+        if far <= CLOSE * size or (iteration > 0 and pattern == before):
+            c.counts[TOUCHED] += 1
+            return status
+        before = pattern
+        # I − W J′/H
+        for i in range(d):
+            for k in range(d):
+                total = 1.0 if i == k else 0.0
+                for r in range(d):
+                    total -= c.answer[i, r] * c.jacobian[r, k] / c.frame
+                c.newton[i, k] = total
+        invert(c.newton, c.jacobian)
+        for i in range(d):
+            for k in range(d):
+                v[i] -= c.jacobian[i, k] * missing[k]
+    c.counts[TOUCHED] += 1
+    c.counts[HELD_FRAMES] += 1
+    return hold_forces(coupling, number, begin, small[V_FREE], v, contact)

@@ -1,0 +1,145 @@
+"""A frame of coupled strings whose contacts hold one force each: one problem of all contacts and fingers, which has a root.
+
+Asked for where the iteration of `frames` finds none. String and obstacle are kept apart at the end of the frame only. With z
+the held forces the bridge goes at V = V₀ + W Gᵀz/H, W = (I + ΓA/H)⁻¹Γ, row i of G being (ξ − pull/H)_i B, and
+
+    0 ≤ b + (Θ + G W Gᵀ) z  ⊥  z ≥ 0,
+
+b the gaps at V₀, Θ what the forces do to the gaps of their own lines: symmetric and positive semidefinite. A finger is a
+row of either sign, eliminated before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from synth.solver.coupling import ENGAGED, FINGER_LEVERAGE, NEAR, coupling_at, end_at
+from synth.solver.lanes import BLOCK
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.lcp import pivot
+from synth.solver.stepwise import finger_blend, finger_target
+from synth.solver.stringmodel import string_model, string_state
+
+
+@njit(inline="always")
+def _sum_of(response, steps: int) -> float:
+    """What a force held over the steps has done at their end."""
+    total = 0.0
+    for t in range(steps):
+        total += response[BLOCK + t]
+    return total
+
+
+@njit(inline="always")
+def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
+    """Rows of all contacts (fingers = 0) or fingers (1) behind `count`: line and row, G and b; how many there are then."""
+    frame = c.frame
+    d = c.beta.size
+    for line in range(c.line_end.size):
+        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        if not e.counts[ENGAGED]:
+            continue
+        steps = c.steps[line]
+        first, at = number % (BLOCK // steps) * steps, (begin + number) * steps
+        if fingers and s.finger[0].on == 0:
+            continue
+        turn, speed, height = 0.0, 0.0, 0.0
+        for i in range(d):
+            turn += c.direction[line, i] * (v0[i] - c.speed[i])
+            speed += c.direction[line, i] * v0[i]
+            height += c.direction[line, i] * c.beta[i]
+        contacts = m.shapes.shape[0]
+        for i in range(1 if fingers else e.counts[NEAR]):
+            row = e.u[contacts] if fingers else e.u[i]
+            kicked = e.finger_kicked[0] if fingers else e.kicked[e.near[i]]
+            pulled = e.finger_pulled[0] if fingers else e.pulled[0, e.near[i]]
+            lever = e.numbers[FINGER_LEVERAGE] if fingers else e.leverage[e.near[i]]
+            gap = row[first + steps - 1] + kicked[BLOCK + steps - 1] * turn + lever * (height + speed * frame)
+            if fingers:
+                finger = s.finger[0]
+                blend, _ = finger_blend(EXACT_HOLD, frame, finger.stiffness, finger.resistance)
+                before, after = e.path[at], e.path[at + steps]
+                target = finger_target(EXACT_HOLD, frame, finger.stiffness, finger.resistance, before, after, finger.here)
+                gap -= target / blend
+            else:
+                gap -= s.eta[e.near[i]]
+            c.big_index[0, count] = line
+            c.big_index[1, count] = i
+            c.big_rows[0, count] = lever - _sum_of(pulled, steps) / frame
+            c.big_rows[1, count] = gap
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
+    """Forces of a frame, the same in each of its steps, into the lines' End.forces; a status of `lcp`.
+
+    number, begin: of the frame in its block, of the block's first frame in the call; v0 (D,) speed of the bridge without any
+    force here, v (D,) out: with them, force (D,) out: their mean on the bridge.
+    """
+    c = coupling_at(coupling)
+    d = c.beta.size
+    contacts = _lay_out(c, v0, number, begin, int(np.int64(0)), int(np.int64(0)))
+    rows = _lay_out(c, v0, number, begin, int(np.int64(1)), contacts)
+    lines, numbers, g, b, z = c.big_index[0], c.big_index[1], c.big_rows[0], c.big_rows[1], c.big_rows[2]
+    a = c.big[: rows * rows].reshape(rows, rows)
+    for i in range(rows):
+        line, steps = lines[i], c.steps[lines[i]]
+        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        for k in range(i + 1):
+            total = 0.0
+            for p in range(d):
+                for q in range(d):
+                    total += c.direction[line, p] * c.answer[p, q] * c.direction[lines[k], q]
+            total *= g[i] * g[k]
+            if lines[k] == line:
+                if i < contacts:
+                    total += _sum_of(m.lags[e.near[numbers[i]], e.near[numbers[k]]], steps)
+                elif k < contacts:
+                    total += _sum_of(s.grip_contacts[e.near[numbers[k]]], steps)
+                else:
+                    finger = s.finger[0]
+                    total += _sum_of(s.grip_own[0], steps)
+                    total += finger_blend(EXACT_HOLD, c.frame, finger.stiffness, finger.resistance)[1]
+            a[i, k] = a[k, i] = total
+    for f in range(contacts, rows):
+        for i in range(rows):
+            if i < contacts or i > f:
+                factor = a[i, f] / a[f, f]
+                for k in range(rows):
+                    a[i, k] -= factor * a[f, k]
+                b[i] -= factor * b[f]
+    compact = c.big_compact[: contacts * contacts].reshape(contacts, contacts)
+    factors = c.big_factor[: contacts * contacts].reshape(contacts, contacts)
+    marks = c.big_marks
+    for i in range(contacts):
+        marks[0, i] = 1
+        marks[1, i] = 0
+        for k in range(contacts):
+            compact[i, k] = a[i, k]
+    zero = int(np.int64(0))
+    status, _, _ = pivot(compact, b[:contacts], marks[0, :contacts], marks[1, :contacts], z, factors, c.big_index[2], zero)
+    for f in range(rows - 1, contacts - 1, -1):
+        total = b[f]
+        for k in range(rows):
+            if k < contacts or k > f:
+                total += a[f, k] * z[k]
+        z[f] = -total / a[f, f]
+    for i in range(d):
+        force[i] = 0.0
+    for i in range(rows):
+        e, m = end_at(c.line_end[lines[i]]), string_model(c.line_model[lines[i]])
+        row = numbers[i] if i < contacts else m.shapes.shape[0]
+        steps = c.steps[lines[i]]
+        first = number % (BLOCK // steps) * steps
+        for t in range(steps):
+            e.forces[row, first + t] = z[i]
+        for k in range(d):
+            force[k] += c.direction[lines[i], k] * g[i] * z[i]
+    for i in range(d):
+        v[i] = v0[i]
+        for k in range(d):
+            v[i] += c.answer[i, k] * force[k] / c.frame
+    return status

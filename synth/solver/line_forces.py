@@ -1,0 +1,319 @@
+"""Contacts and finger of one line over the steps of a frame, in which its end moves at a given speed: forces, and how they
+change with that speed. See `coupling` and `frames`.
+
+As in `blocks` and `fingers` every row (a contact looked at, the finger) is what free flight makes of it plus sums over the
+forces; here it also has the kick at the start of the frame, and ξ times the motion of the end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from synth.solver.blocks import look
+from synth.solver.coupling import FINGER_LEVERAGE, LOOKED_AT, NEAR, end_at
+from synth.solver.lanes import (
+    BLOCK,
+    add_late,
+    drive_kicked,
+    drive_listed_and_one_kicked,
+    drive_listed_kicked,
+    kick,
+    project_q,
+    project_qv,
+    project_v,
+)
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.lcp import SOLVED, pivot, substitute
+from synth.solver.stepwise import finger_blend, finger_target, fly, push_modes
+from synth.solver.stringmodel import scratch_of, string_model, string_state
+from synth.solver.vectors import INNER, add
+
+#: of numbers that tell sets of contacts apart
+_MIX = 1000003
+
+
+@njit(**INNER)
+def look_at_line(model: int, state: int, end: int) -> None:
+    """The free rows of a line's contacts, finger and pull over K steps from its state, and the matrix of its contacts."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    n, contacts = m.rows.shape[1], m.shapes.shape[0]
+    several = int(np.int64(0))
+    for c in range(contacts):
+        if e.clearance[c] <= 0.0:
+            e.near[several] = c
+            several += 1
+    e.counts[NEAR] = several
+    finger = s.finger[0]
+    look(n, m.rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
+    if finger.on:
+        project_q(n, m.rows, s.q, s.v, s.finger_weights[:n], e.u[contacts])
+    if several % 2 == 1:
+        project_qv(n, m.rows, s.q, s.v, m.shapes[e.near[several - 1]], e.pull, e.u[several - 1], e.row)
+    else:
+        project_v(n, m.rows, s.q, s.v, e.pull, e.row)
+    matrix = e.matrix[: several * several].reshape(several, several)
+    for i in range(several):
+        for d in range(several):
+            matrix[i, d] = m.lags[e.near[i], e.near[d], BLOCK]
+    if finger.on:
+        _, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
+        total = s.grip_own[0, BLOCK] + compliance
+        for i in range(several):
+            for d in range(several):
+                matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+    for k in range(BLOCK):
+        e.kicks[k] = 0.0
+        for i in range(contacts + 1):
+            e.forces[i, k] = 0.0
+
+
+@njit(**INNER)
+def answer_of_line(
+    model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float, speed: float, height: float
+) -> tuple[float, float, int, int]:
+    """Forces of a frame's `steps` steps, number `first` of the block on: (mean force on the bridge, its slope, a number that
+    says which contacts press in which steps, status).
+
+    turn, speed: what the end's speed changes by at the start, and becomes [m/s]; height: where it is at the start [m]; at:
+    number of the frame's first step along End.path. The slope is that of the force by the speed, with the contacts that
+    press as they are.
+    """
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    several, fingered = e.counts[NEAR], s.finger[0].on != 0
+    if several == 1 and not fingered:
+        force, slope, pattern = _one_contact(m, s, e, first, steps, turn, speed, height)
+        return force, slope, pattern, SOLVED
+    if several == 0 and not fingered:
+        return 0.0, 0.0, 0, SOLVED
+    return _contacts_and_finger(m, s, e, scratch, first, at, steps, turn, speed, height)
+
+
+@njit(inline="always")
+def _one_contact(m, s, e, first: int, steps: int, turn: float, speed: float, height: float):
+    c = e.near[0]
+    lags, kicked, pulled = m.lags[c, c], e.kicked[c], e.pulled[0, c]
+    lever, dt = e.leverage[c], m.dt
+    stiffness, share, per_frame = 1.0 / lags[BLOCK], 1.0 / steps, 1.0 / (steps * dt)
+    u, forces, slopes = e.u[0], e.forces[0], e.slopes[0]
+    force, slope, pattern = 0.0, 0.0, 0
+    for t in range(steps):
+        way = dt * (t + 1)
+        gap = u[first + t] + kicked[BLOCK + t] * turn + lever * (height + speed * way) - s.eta[c]
+        moved = kicked[BLOCK + t] + lever * way
+        for i in range(t):
+            gap += lags[BLOCK + t - i] * forces[first + i]
+            moved += lags[BLOCK + t - i] * slopes[first + i]
+        pressed, change = 0.0, 0.0
+        if gap < 0.0:
+            pressed, change = -gap * stiffness, -moved * stiffness
+            pattern |= 1 << t
+        forces[first + t], slopes[first + t] = pressed, change
+        reach = lever * share - pulled[BLOCK + steps - 1 - t] * per_frame
+        force += reach * pressed
+        slope += reach * change
+    return force, slope, pattern
+
+
+@njit(inline="always")
+def _contacts_and_finger(
+    m, s, e, scratch: int, first: int, at: int, steps: int, turn: float, speed: float, height: float
+):  # fmt: skip
+    w = scratch_of(scratch)
+    several, contacts, dt = e.counts[NEAR], m.shapes.shape[0], m.dt
+    near, lags, grip, grip_own = e.near, m.lags, s.grip_contacts, s.grip_own[0]
+    gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
+    forces, slopes = e.forces, e.slopes
+    finger = s.finger[0]
+    fingered = finger.on != 0
+    share, per_frame = 1.0 / steps, 1.0 / (steps * dt)
+    for i in range(several + 1):
+        if i == several and not fingered:
+            break
+        row = e.u[i] if i < several else e.u[contacts]
+        kicked = e.kicked[near[i]] if i < several else e.finger_kicked[0]
+        lever = e.leverage[near[i]] if i < several else e.numbers[FINGER_LEVERAGE]
+        eta = s.eta[near[i]] if i < several else 0.0
+        for t in range(steps):
+            way = dt * (t + 1)
+            gaps[i, t] = row[first + t] + kicked[BLOCK + t] * turn + lever * (height + speed * way) - eta
+            moves[i, t] = kicked[BLOCK + t] + lever * way
+        for t in range(steps, BLOCK):
+            gaps[i, t] = moves[i, t] = 0.0
+    matrix = e.matrix[: several * several].reshape(several, several)
+    enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
+    for i in range(several):
+        enabled[i] = 1
+        active[i] = 0
+    total, per_blend, keep = 1.0, 0.0, 0.0
+    here, here_slope = finger.here, 0.0
+    if fingered:
+        blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
+        total, per_blend, keep = grip_own[BLOCK] + compliance, 1.0 / blend, finger.resistance / dt
+    force, slope, pattern, status, held = 0.0, 0.0, 0, SOLVED, int(np.int64(0))
+    for t in range(steps):
+        push, push_slope = 0.0, 0.0
+        if fingered:
+            before, after = e.path[at + t], e.path[at + t + 1]
+            target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, before, after, here)
+            push = (target * per_blend - gaps[several, t]) / total
+            push_slope = (keep * here_slope * per_blend - moves[several, t]) / total
+        touching = False
+        for i in range(several):
+            b[i] = gaps[i, t] + (grip[near[i], BLOCK] * push if fingered else 0.0)
+            touching = touching or b[i] < 0.0
+            forces[i, first + t] = slopes[i, first + t] = 0.0
+        if touching:
+            bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
+            status = max(status, bad)
+            for i in range(several):
+                forces[i, first + t] = z[i]
+                b[i] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
+            if held > 0:  # how they change while the same ones press
+                substitute(b, held, w.factor, w.order, z)
+                for i in range(several):
+                    slopes[i, first + t] = z[i]
+        if fingered:
+            for i in range(several):
+                share_of_it = grip[near[i], BLOCK] / total
+                push -= share_of_it * forces[i, first + t]
+                push_slope -= share_of_it * slopes[i, first + t]
+            forces[contacts, first + t], slopes[contacts, first + t] = push, push_slope
+            add_late(gaps[several], grip_own, t, push)
+            add_late(moves[several], grip_own, t, push_slope)
+            reach = e.numbers[FINGER_LEVERAGE] * share - e.finger_pulled[0, BLOCK + steps - 1 - t] * per_frame
+            force += reach * push
+            slope += reach * push_slope
+        for i in range(several):
+            c = near[i]
+            if fingered:
+                add_late(gaps[i], grip[c], t, push)
+                add_late(moves[i], grip[c], t, push_slope)
+            pressed, change = forces[i, first + t], slopes[i, first + t]
+            if pressed > 0.0:
+                pattern = pattern * _MIX + i * BLOCK + t + 1
+                for d in range(several):
+                    add_late(gaps[d], lags[near[d], c], t, pressed)
+                    add_late(moves[d], lags[near[d], c], t, change)
+                if fingered:
+                    add_late(gaps[several], grip[c], t, pressed)
+                    add_late(moves[several], grip[c], t, change)
+                reach = e.leverage[c] * share - e.pulled[0, c, BLOCK + steps - 1 - t] * per_frame
+                force += reach * pressed
+                slope += reach * change
+        if fingered:
+            here, here_slope = gaps[several, t], moves[several, t]
+    return force, slope, pattern, status
+
+
+@njit(**INNER)
+def settle_line(
+    model: int, state: int, end: int, first: int, steps: int, turn: float, speed: float, height: float, pull
+) -> None:
+    """A frame of a line is decided: its kick and forces act on the rows of later steps, and on its pull at the ends of
+    this and later frames of the block, pull (K,)."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    several, contacts, fingered = e.counts[NEAR], m.shapes.shape[0], s.finger[0].on != 0
+    near = e.near
+    e.kicks[first] = turn
+    frame = first // steps
+    for k in range(BLOCK):
+        pull[k] = e.own[LOOKED_AT, BLOCK + k - frame] * turn if k >= frame else 0.0
+    for i in range(several):
+        add_late(e.u[i], e.kicked[near[i]], first, turn)
+    if fingered:
+        add_late(e.u[contacts], e.finger_kicked[0], first, turn)
+    for i in range(several):
+        c = near[i]
+        for t in range(steps):
+            force = e.forces[i, first + t]
+            if force != 0.0:
+                e.pushed[1] += force
+                for d in range(several):
+                    add_late(e.u[d], m.lags[near[d], c], first + t, force)
+                if fingered:
+                    add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
+                _add_pull(e.pulled[0, c], first + t, steps, force, pull)
+        s.force[c] = e.forces[i, first + steps - 1]
+    if fingered:
+        for t in range(steps):
+            force = e.forces[contacts, first + t]
+            e.pushed[0] += abs(force)
+            for d in range(several):
+                add_late(e.u[d], s.grip_contacts[near[d]], first + t, force)
+            add_late(e.u[contacts], s.grip_own[0], first + t, force)
+            _add_pull(e.finger_pulled[0], first + t, steps, force, pull)
+        finger = s.finger[0]
+        finger.push = e.forces[contacts, first + steps - 1]
+        finger.here = e.u[contacts, first + steps - 1] + e.numbers[FINGER_LEVERAGE] * (height + speed * steps * m.dt)
+
+
+@njit(inline="always")
+def _add_pull(response, late: int, steps: int, force: float, pull) -> None:
+    """What a force in step `late` of the block has done to the pull at the end of each frame."""
+    end = steps - 1
+    for frame in range(BLOCK // steps):
+        if end >= late:
+            pull[frame] += response[BLOCK + end - late] * force
+        end += steps
+
+
+@njit(inline="always")
+def _pressed(e, several: int) -> int:
+    """Move the rows that have a force, and their numbers, to the front; returns how many."""
+    count = int(np.int64(0))
+    for i in range(several):
+        any_force = False
+        for k in range(BLOCK):
+            any_force = any_force or e.forces[i, k] != 0.0
+        if any_force:
+            if count < i:
+                e.near[count] = e.near[i]
+                for k in range(BLOCK):
+                    e.forces[count, k] = e.forces[i, k]
+            count += 1
+    return count
+
+
+@njit(**INNER)
+def drive_line(model: int, state: int, end: int) -> bool:
+    """The modes go through K steps with all that acts on them; whether anything touched."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    n, contacts = m.rows.shape[1], m.shapes.shape[0]
+    rows, q, v = m.rows, s.q, s.v
+    pressed = _pressed(e, e.counts[NEAR])
+    if s.finger[0].on != 0:
+        touch, pushes = s.finger_weights[:n], e.forces[contacts]
+        if pressed == 0:
+            drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.kicks)
+        else:
+            drive_listed_and_one_kicked(
+                n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes, e.kick, e.kicks
+            )  # fmt: skip
+    elif pressed == 0:
+        kick(n, rows, q, v, e.kick, e.kicks)
+    elif pressed == 1:
+        drive_kicked(n, rows, q, v, m.shapes[e.near[0]], e.forces[0], e.kick, e.kicks)
+    else:
+        drive_listed_kicked(n, rows, q, v, pressed, e.near, m.shapes, e.forces, e.kick, e.kicks)
+    return pressed > 0
+
+
+@njit(**INNER)
+def step_line(model: int, state: int, end: int, steps: int) -> bool:
+    """The same for the first `steps` steps of the block only."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    n, contacts = m.modes, m.shapes.shape[0]
+    q, v = s.q[:n], s.v[:n]
+    kq, kv = m.rows[4, :n], m.rows[5, :n]
+    touched = False
+    add(e.kicks[0], e.kick[:n], v)
+    for t in range(steps):
+        fly(m.rows, q, v)
+        for i in range(e.counts[NEAR]):
+            if e.forces[i, t] != 0.0:
+                push_modes(q, v, kq, kv, m.shapes[e.near[i]], e.forces[i, t])
+                touched = True
+        if s.finger[0].on != 0:
+            push_modes(q, v, kq, kv, s.finger_weights, e.forces[contacts, t])
+    return touched
