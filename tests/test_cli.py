@@ -94,7 +94,10 @@ WRONG = [
     ([], "COMMAND"),
     (["sing"], "invalid choice"),
     (["render"], "IN.mid"),
-    (["render", DRONE, "-p", "tampura"], "'tampura' is not one of fretted-bass, jawari-harp, tanpura (perhaps tanpura?)"),
+    (
+        ["render", DRONE, "-p", "tampura"],
+        "'tampura' is not one of fretted-bass, jawari-harp, steel-guitar, tanpura (perhaps tanpura?)",
+    ),
     (["render", DRONE, "--map", "1=Fretted-Bas"], "(perhaps fretted-bass?)"),
     (["render", DRONE, "--fallback", "harp"], "(perhaps jawari-harp?)"),
     (["render", DRONE, "-p", "tanpura", "--set", "pluk.position=0.3"], "no such key (perhaps pluck?)"),

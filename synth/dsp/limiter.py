@@ -29,6 +29,13 @@ RELEASE_S = 0.15
 WINDOW = LOOKAHEAD + 1
 _WEIGHTS = np.hanning(WINDOW + 2)[1:-1] / np.hanning(WINDOW + 2)[1:-1].sum()
 
+#: what the counters of a state are, and how large each may be
+MOST_COUNTS = (
+    ("place in the delay", LOOKAHEAD - 1),
+    ("place in the rings", WINDOW - 1),
+    ("number of frames until release", 2 * WINDOW),
+)
+
 # A remaining reduction of −140 dB counts as none, so that the limiter returns to a bitwise delay.
 _RELEASED = 1e-7
 
@@ -64,11 +71,7 @@ def limiter_state(channels: int) -> LimiterState:
 def limiter_problem(state: LimiterState, ceiling: float) -> str | None:
     """What keeps :func:`limit` from going on below ``ceiling`` from a state of this shape, in words; None: nothing does."""
     place, ring, active = (int(count) for count in state.counters)
-    for name, value, most in (
-        ("place in the delay", place, LOOKAHEAD - 1),
-        ("place in the rings", ring, WINDOW - 1),
-        ("number of frames until release", active, 2 * WINDOW),
-    ):
+    for (name, most), value in zip(MOST_COUNTS, (place, ring, active), strict=True):
         if not 0 <= value <= most:
             return f"the {name} must lie between 0 and {most}, got {value}"
     if not np.isfinite(state.delay).all():

@@ -55,6 +55,14 @@ TOO_FAR = 10.0
 @njit(**CORE)
 def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
     """What is decided about an awake string at the start of quantum k of the span."""
+    follow_quantum(core, s, k)
+    if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
+        _check(core, thread, s)
+
+
+@njit(**CORE)
+def follow_quantum(core: int, s: int, k: int) -> None:
+    """A string's bend and the height of its obstacle in quantum k of the span."""
     state, shared = state_of(core), shared_of(core)
     me = state.sounding[s]
     follow(core, s)
@@ -62,8 +70,6 @@ def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
     height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if me.bend != bend or me.height != height:
         _follow_controls(core, s, bend, height)
-    if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
-        _check(core, thread, s)
 
 
 @njit(**CORE)
@@ -100,12 +106,12 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
             if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
                 finger_done(core, thread, s)
     fade(core, s, start, frames)
-    if not (_moves_like_a_string(core, s) and _sounds(core, s, start)):
+    if not (moves_like_a_string(core, s) and _sounds(core, s, start)):
         _silence(core, s, start)
 
 
 @njit(**CORE)
-def _moves_like_a_string(core: int, s: int) -> bool:
+def moves_like_a_string(core: int, s: int) -> bool:
     """Whether displacement and velocity are finite and within `TOO_FAR`."""
     me, string = state_of(core).sounding[s], string_of(core, s)
     model = bank_of(core).models[me.model]
@@ -169,15 +175,31 @@ def make_steps(core: int, thread: int, s: int, steps: int) -> None:
     fingered = me.phase != NO_FINGER
     string.finger[0].on = 1 if fingered else 0
     if fingered:
-        follow = shared_of(core).excitation[bank_of(core).strings[s].part, FOLLOW]
-        if follow != 0 and me.phase == DRAW:
-            call_back(follow, core, thread, s, steps)
-        else:
-            _follow_path(core, thread, s, steps)
-        me.finger_step += steps
+        _step_along_path(core, thread, s, steps)
     if advance(model_address(core, s), shared_of(core).string_at[s], thread, steps, int(np.int64(1))) != SOLVED:
         me.unsolved += 1
     me.mode_steps += max(moved, string.counts[MOVING]) * steps
+
+
+@njit(**CORE)
+def _step_along_path(core: int, thread: int, s: int, steps: int) -> None:
+    """Scratch.path: where the finger is before its next steps and after each of them; it has gone there."""
+    me = state_of(core).sounding[s]
+    follow = shared_of(core).excitation[bank_of(core).strings[s].part, FOLLOW]
+    if follow != 0 and me.phase == DRAW:
+        call_back(follow, core, thread, s, steps)
+    else:
+        _follow_path(core, thread, s, steps)
+    me.finger_step += steps
+
+
+@njit(**CORE)
+def make_path(core: int, thread: int, s: int, steps: int, path) -> None:
+    """The same into `path` (≥ steps + 1,)."""
+    _step_along_path(core, thread, s, steps)
+    scratch = scratch_of(thread)
+    for t in range(steps + 1):
+        path[t] = scratch.path[t]
 
 
 @njit(**CORE)

@@ -11,15 +11,18 @@ from threadpoolctl import threadpool_limits
 
 from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
 from synth.engine import layout
-from synth.engine.layout import FADE, QUANTUM, SPAN, SPAN_STEPS, STEP, WORK_ON, Bank, Shared, State
+from synth.engine.bridges import Bridges, SharedBody
+from synth.engine.layout import FADE, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
 from synth.engine.team import N_WORDS
 from synth.engine.voices.channels import power_up
-from synth.instrument.compile import CompiledPart, CompiledString, Position
+from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction
 from synth.instrument.preset import Preset, at_note
+from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate, record, whole_lines
 from synth.native.views import table, words
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
+from synth.solver.coupling import end_moments
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.responses import make_rows
 from synth.solver.stringmodel import Coefficients, Scratch, StringModel, StringState, make_scratch, make_string, state_sizes
@@ -30,11 +33,13 @@ OUTPUTS = 2
 
 
 class Built(NamedTuple):
-    """A Bank and, for each of its models, the string as compiled and over whole frames behind the decimator."""
+    """A Bank and, for each of its models, the string as compiled and over whole frames behind the decimator; what strings
+    share."""
 
     bank: Bank
     models: list[StringModel]
     flights: list[StringModel]
+    bodies: list[SharedBody]
 
 
 class _Lists:
@@ -51,24 +56,40 @@ class _Lists:
         self.taps: list[np.ndarray] = []
         self.compiled: list[StringModel] = []
         self.flights: list[StringModel] = []
+        self.bodies: list[SharedBody] = []
+        self.leverage: list[np.ndarray] = []
         self._tap_places: dict[int, tuple[int, int]] = {}
-        self._line = self._row = self._fade = 0
+        self._line = self._row = self._fade = self._levers = 0
 
     def part(self, part: CompiledPart, channel: int, together: bool) -> None:
         """A part with its strings and buses; `together`: they are one instrument."""
         preset, p = part.preset, len(self.parts)
         first_position, first_bus = len(self.positions), len(self.buses)
         bus_of: dict[int, int] = {}
+        body = {"body": -1, "bus": -1, "output_bound": 0.0}
+        together = together or part.body is not None
+        if part.body is not None:
+            left, _ = self._bus(p, 1), self._bus(p, 1)
+            bus_of = {1: left, **{string.factor: left for string in part.strings}}
+            body = {"body": len(self.bodies), "bus": left, "output_bound": part.body.swinging_bound}
+            self.bodies.append(SharedBody(len(self.instruments), part.body))
         for number, string in enumerate(part.strings):
             if not (together and number):
-                last = len(self.strings) + (len(part.strings) if together else 1)
+                lines = len(part.strings) * (1 if preset.polarisation is None else 2)
+                last = len(self.strings) + (lines if together else 1)
                 own = {"first_string": len(self.strings), "end_string": last, "together": int(together)}
-                self.instruments.append(record(layout.INSTRUMENT, **own))
+                self.instruments.append(record(layout.INSTRUMENT, **own, **body))
             for factor in (string.factor, 1):
                 if factor not in bus_of:
                     bus_of[factor] = self._bus(p, factor)
-            self._string(p, preset, string, bus_of)
+            two = preset.polarisation is not None
+            heard = None if part.body is None else (part.body, number * (1 + two))
+            self._string(p, preset, string, bus_of, heard, two, False)
+            if heard is not None and preset.polarisation is not None:
+                across = second_direction(preset.polarisation, string)
+                self._string(p, preset, across, bus_of, (heard[0], heard[1] + 1), False, True)
         pluck, output = preset.pluck, preset.output
+        angle = 0.0 if preset.polarisation is None else math.radians(preset.polarisation.pluck_deg)
         self.parts.append(
             record(
                 layout.PART,
@@ -88,6 +109,9 @@ class _Lists:
                 finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
                 finger_loss=pluck.finger_loss,
                 pressure_bend=1e-2 * preset.mapping.pressure_cents,
+                stereo=int(part.body is not None),
+                pluck_first=math.cos(angle),
+                pluck_second=math.sin(angle),
             )
         )
 
@@ -103,7 +127,16 @@ class _Lists:
         self._line += whole_lines(size + self.span * QUANTUM * factor)
         return len(self.buses) - 1
 
-    def _string(self, p: int, preset: Preset, string: CompiledString, bus_of: dict[int, int]) -> None:
+    def _string(
+        self,
+        p: int,
+        preset: Preset,
+        string: CompiledString,
+        bus_of: dict[int, int],
+        heard: tuple[Soundboard, int] | None,
+        has_second: bool,
+        is_second: bool,
+    ) -> None:
         factor, index = string.factor, len(self.strings)
         self.strings.append(
             record(
@@ -119,25 +152,36 @@ class _Lists:
                 draw_s=string.draw_s,
                 release_s=string.release_s,
                 row=self._row,
-                direct_bus=bus_of[1] if factor > 1 else -1,
+                direct_bus=bus_of[1] if factor > 1 and heard is None else -1,
                 direct=index * self.span * QUANTUM,
                 fade=self._fade,
                 pressure_height=1e-6 * at_note(preset.mapping.pressure_um, string.open_note),
+                open_model=len(self.models),
+                second=index + 1 if has_second else -1,
+                of_first=int(is_second),
+                second_models=len(string.positions) if has_second else 0,
             )
         )
         self._row += whole_lines(self.span * QUANTUM * factor)
         self._fade += FADE * factor
         for position in string.positions:
             place = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(self.models)}
-            self.positions.append(record(layout.POSITION, **place))
-            self._model(preset, position, factor)
+            if not is_second:
+                self.positions.append(record(layout.POSITION, **place))
+            self._model(preset, position, factor, heard)
 
-    def _model(self, preset: Preset, position: Position, factor: int) -> None:
+    def _model(self, preset: Preset, position: Position, factor: int, heard: tuple[Soundboard, int] | None) -> None:
         n, c = position.omega.size, position.eta.size
         uses_q, uses_v = _uses(preset)
         bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
         if uses_v:
             bound = math.sqrt(float(np.sum(position.wv**2)))
+        weights = np.array([position.wq, position.wv])
+        if heard is not None:  # no output of its own: what its pull at the bridge makes of a body that swings with it
+            body, line = heard
+            omega = position.omega[: position.own]
+            pull = position.mu * end_moments(position.length_m, position.own) * omega**2
+            weights[0, : position.own] = np.abs(pull) * body.heard(omega, line)
         static = lift = 0.0
         if c:
             bent = position.shapes[0] / (position.mu * position.omega**2)
@@ -147,6 +191,7 @@ class _Lists:
         self.models.append(
             record(
                 layout.MODEL,
+                string=len(self.strings) - 1,
                 n=n,
                 own=position.own,
                 contacts=c,
@@ -160,8 +205,11 @@ class _Lists:
                 output_bound=bound,
                 static_response=static,
                 lift_output=lift,
+                leverage=self._levers,
             )
         )
+        self.leverage.append(position.leverage)
+        self._levers += position.leverage.size
         model = make_string(
             self.law,
             1.0 / (self.rate_hz * factor),
@@ -172,7 +220,7 @@ class _Lists:
             position.shapes,
             position.eta,
             position.residual,
-            np.array([position.wq, position.wv]),
+            weights,
             on_q=1,
             restitution=self.restitution,
             certified=self.law == EXACT_HOLD and c >= CERTIFY_FROM,
@@ -191,7 +239,7 @@ class _Lists:
 def _uses(preset: Preset) -> tuple[bool, bool]:
     """Whether the output is of the displacement, and of the velocity."""
     kind = preset.output.kind
-    return kind != "velocity", kind in ("velocity", "pickup")
+    return kind not in ("velocity", "body"), kind in ("velocity", "pickup")
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -229,6 +277,7 @@ def build_bank(
         "buses": len(lists.buses),
         "bindings": len(bindings),
         "taps": sum(t.size for t in lists.taps),
+        "leverage": sum(each.size for each in lists.leverage),
     }
     bank = allocate(
         Bank,
@@ -246,7 +295,8 @@ def build_bank(
         bound=np.searchsorted([row[0] for row in by_controller], np.arange(129)).astype(np.int64),
     )
     np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
-    return Built(bank, lists.compiled, lists.flights)
+    np.concatenate([np.zeros(0), *lists.leverage], out=bank.leverage)
+    return Built(bank, lists.compiled, lists.flights, lists.bodies)
 
 
 def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
@@ -276,6 +326,8 @@ def _state_sizes(bank: Bank, span: int) -> dict[str, int]:
         "strings": strings.size,
         "parts": bank.parts.size,
         "buses": buses.size,
+        "instruments": bank.instruments.size,
+        "bodies": int((bank.instruments["body"] >= 0).sum()),
         "fades": _end(strings["fade"], FADE * strings["factor"]),
         "string_rows": _end(strings["row"], span * QUANTUM * strings["factor"]),
         "lines": _end(buses["off"], buses["n_taps"] + span * QUANTUM * buses["factor"]),
@@ -320,10 +372,10 @@ class Strings:
     """
 
     def __init__(self, built: Built) -> None:
-        positions, models = built.bank.positions, built.models
+        models, string_of_model = built.models, built.bank.models["string"]
         sizes = []
         for s in range(built.bank.strings.size):
-            own = [models[m] for m in positions["model"][positions["string"] == s]]
+            own = [models[m] for m in np.flatnonzero(string_of_model == s)]
             most = (max(model.modes for model in own), max(model.eta.size for model in own))
             sizes.append(state_sizes(*most, OUTPUTS))
         self.states = Pool(StringState, sizes)
@@ -331,11 +383,12 @@ class Strings:
         self.models = models
         self._kept = built  # what the tables point to
         self._models = np.zeros((len(models), 3, words(StringModel)), np.int64)
-        for m, s in zip(positions["model"], positions["string"], strict=True):
+        for m, s in enumerate(string_of_model):
             altered = _with_its_own(models[m], self.coefficients.items[s])
             for variant, model in ((layout.PLAIN, models[m]), (layout.ALTERED, altered), (layout.FLIGHT, built.flights[m])):
                 self._models[m, variant] = table(model)
         self._states = [table(state) for state in self.states.items]
+        self.bridges = Bridges(built.bank, built.bodies)
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them."""
@@ -343,11 +396,13 @@ class Strings:
         for m in range(self._models.shape[0]):
             shared.model_at[m] = [first + m * per_model[0] + variant * per_model[1] for variant in range(3)]
         shared.string_at[:] = [each.ctypes.data for each in self._states]
+        self.bridges.point(shared)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that changes, by name."""
         kinds = (("string", self.states), ("own", self.coefficients))
-        return {f"{kind}.{name}": array for kind, pool in kinds for name, array in pool.flat.items()}
+        pooled = {f"{kind}.{name}": array for kind, pool in kinds for name, array in pool.flat.items()}
+        return pooled | self.bridges.arrays()
 
     def reset(self) -> None:
         """Nothing sounds."""
@@ -362,10 +417,10 @@ def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     return model._replace(**taken)
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int], strings: Strings) -> Shared:
+def new_shared(bank: Bank, span: int, entries: tuple[int, int, int], strings: Strings) -> Shared:
     """Work arrays for spans of so many quanta; `tasks.entries`."""
     shared = allocate(Shared, _state_sizes(bank, span))
-    shared.task[WORK_ON], shared.task[STEP] = entries
+    shared.task[WORK_ON], shared.task[STEP], shared.task[TOGETHER] = entries
     strings.point(shared)
     return shared
 

@@ -74,7 +74,8 @@ class Chains:
         self.placed: list[Placed] = []
         self._chains = np.zeros((len(of_parts) + 1, 2), np.int64)
         sizes = {"f": 0, "i": 0}
-        for row, (chain, channels) in enumerate([*((chain, 1) for chain in of_parts), (last, 2)]):
+        of_part = (2 if preset.coupled else 1 for preset in parts)
+        for row, (chain, channels) in enumerate([*zip(of_parts, of_part, strict=True), (last, 2)]):
             self._chains[row, 0] = len(self.placed)
             for link, made in chain:
                 rest = link.effect.at_rest(made, channels)

@@ -219,7 +219,8 @@ class Engine:
         self.rate_hz = rate_hz
         self.max_block = max_block
         if prebuilt.found().path is None:
-            kernel_helpers.compile_all("synth.engine.warmup:kernels")
+            listed = "coupled_kernels" if any(preset.coupled for preset in self.parts) else "kernels"
+            kernel_helpers.compile_all(f"synth.engine.warmup:{listed}")
         cache: dict[tuple, CompiledPart] = {}
         compiled = []
         only = [None] * len(self.parts) if self._only_notes is None else self._only_notes
@@ -282,7 +283,7 @@ class Engine:
         self._excitations = Excitations(self.parts)
         self._origin = snapshot.origin_of(built, self._settings, self._own_kinds())
         self._strings = Strings(built)
-        self._shared: Shared = new_shared(bank, self._settings.span, entries(), self._strings)
+        self._shared: Shared = new_shared(bank, self._settings.span, entries(bool(built.bodies)), self._strings)
         self._excitations.point(self._shared)
         self._scratch = new_scratch(bank)
         self._thread_table = table(self._scratch)
@@ -396,7 +397,7 @@ class Engine:
     @property
     def strings_sounding(self) -> int:
         self._prepared()
-        return int(self._state.sounding["awake"].sum())
+        return int((self._state.sounding["awake"] - self._state.sounding["idle"]).sum())
 
     @property
     def notes_unplayed(self) -> int:
@@ -523,7 +524,7 @@ class Engine:
         return EngineReport(
             float(state.meters[layout.PEAK]),
             0.0 if limiter is None else largest_reduction_db(LimiterState(*limiter)),
-            int(state.sounding["awake"].sum()),
+            self.strings_sounding,
             int(counters[layout.MOST_AWAKE]),
             int(counters[layout.N_NOTES]),
             tuple(unplayed),

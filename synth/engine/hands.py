@@ -6,7 +6,7 @@ from numba import njit
 
 from synth.engine.coefficients import CUT_S
 from synth.engine.core import bank_of, shared_of, state_of
-from synth.engine.instruments import awake_strings
+from synth.engine.instruments import played_strings
 from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, UNTIL, WORK_ON, Bank, Settings, Shared, State
 from synth.engine.strings import damp, let_go, pluck
 from synth.engine.voices.voice_table import CUT, GO_ON, LET_GO, PLUCK, SLUR, Voices
@@ -23,7 +23,10 @@ def perform(core: int, thread: int, action: int, place: int, velocity: int) -> N
     elif action == PLUCK or action == SLUR:
         _pluck(core, thread, place, float(velocity), action == SLUR)
     elif action == CUT:
+        second = bank_of(core).strings[place].second
         state_of(core).sounding[place].phase = NO_FINGER
+        if second >= 0:
+            state_of(core).sounding[second].phase = NO_FINGER
         damp(core, place, CUT_S)
     elif action == LET_GO:
         let_go(core, place)
@@ -36,16 +39,17 @@ def _go_on(core: int, thread: int, s: int) -> None:
     me = state_of(core).sounding[s]
     if me.awake and me.reached < shared.task[UNTIL]:
         i = bank_of(core).strings[s].instrument
-        before = awake_strings(core, i)
+        before = played_strings(core, i)
         call_back(shared.task[WORK_ON], core, thread, i, 0)
-        state_of(core).counters[AWAKE] -= before - awake_strings(core, i)  # had blown up
+        state_of(core).counters[AWAKE] -= before - played_strings(core, i)  # had blown up
     me.reached = shared.task[UNTIL]
 
 
 @njit(**CORE)
 def _pluck(core: int, thread: int, k: int, velocity: float, legato: bool) -> None:
     position, state = bank_of(core).positions[k], state_of(core)
-    if not state.sounding[position.string].awake:
+    me = state.sounding[position.string]
+    if not me.awake or me.idle:
         state.counters[AWAKE] += 1
         state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
     pluck(core, thread, position.string, position.model, velocity, legato)

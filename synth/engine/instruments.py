@@ -27,12 +27,12 @@ def is_awake(core: int, i: int) -> bool:
 
 
 @njit(**CORE)
-def awake_strings(core: int, i: int) -> int:
-    """How many of its strings are."""
+def played_strings(core: int, i: int) -> int:
+    """How many of its strings are, and not only because they share a bridge with others."""
     instrument, sounding = bank_of(core).instruments[i], state_of(core).sounding
     count = 0
     for s in range(instrument.first_string, instrument.end_string):
-        count += sounding[s].awake
+        count += sounding[s].awake - sounding[s].idle
     return count
 
 

@@ -39,6 +39,7 @@ SLEEP_BELOW = 1e-5
 
 MODEL = np.dtype(
     [
+        ("string", "i8"),
         ("n", "i8"),
         ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
@@ -52,6 +53,7 @@ MODEL = np.dtype(
         ("output_bound", "f8"),  # |output| ≤ bound · √Σ(v² + ω²q²)
         ("static_response", "f8"),  # displacement of the first contact under 1 N, at rest
         ("lift_output", "f8"),  # output of the state at rest under 1 N at the first contact
+        ("leverage", "i8"),  # where those of its contacts begin in Bank.leverage
     ],
     align=True,
 )
@@ -73,12 +75,26 @@ STRING = np.dtype(
         ("direct", "i8"),  # where its outputs of a span at the output rate begin
         ("fade", "i8"),  # where what still fades begins
         ("pressure_height", "f8"),  # obstacle raised by full pressure [m]
+        ("open_model", "i8"),  # of its first position
+        ("second", "i8"),  # the line that is its other direction; −1: there is none
+        ("of_first", "i8"),  # 1: it is another's second; nobody plays it but with that one
+        ("second_models", "i8"),  # how many models later those of the second are
     ],
     align=True,
 )
 
 #: what is one task for threads: strings from `first_string` on, which share something where they are `together`
-INSTRUMENT = np.dtype([("first_string", "i8"), ("end_string", "i8"), ("together", "i8")], align=True)
+INSTRUMENT = np.dtype(
+    [
+        ("first_string", "i8"),
+        ("end_string", "i8"),
+        ("together", "i8"),
+        ("body", "i8"),  # number of its body; −1: its strings do not move each other
+        ("bus", "i8"),  # of what that radiates: left, and the next one right
+        ("output_bound", "f8"),  # |output| ≤ bound · √(2 energy)
+    ],
+    align=True,
+)
 
 POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True)
 
@@ -108,6 +124,9 @@ PART = np.dtype(
         ("finger_stiffness", "f8"),
         ("finger_loss", "f8"),
         ("pressure_bend", "f8"),  # tension at full pressure [semitones]
+        ("stereo", "i8"),  # its buses are two, left and right
+        ("pluck_first", "f8"),  # share of a pluck in the first direction of strings that have two, …
+        ("pluck_second", "f8"),  # … and in the second
     ],
     align=True,
 )
@@ -138,6 +157,7 @@ class Bank(NamedTuple):
     bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]  # by controller
     bound: Annotated[np.ndarray, i8("129")]  # where each controller's bindings begin
     taps: Annotated[np.ndarray, f8("taps")]  # ordered by phase
+    leverage: Annotated[np.ndarray, f8("leverage")]  # of every model's contacts by the motion of the saddle
 
 
 class Settings(NamedTuple):
@@ -160,6 +180,7 @@ NO_FINGER, PRESS, DRAW = range(3)
 SOUNDING = np.dtype(
     [
         ("awake", "i8"),
+        ("idle", "i8"),  # awake only because it shares a bridge with what is played
         ("model", "i8"),
         ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
@@ -228,6 +249,8 @@ PART_STATE = np.dtype(
         ("right", "f8"),
         ("dc_in", "f8"),
         ("dc_out", "f8"),
+        ("dc_in_right", "f8"),
+        ("dc_out_right", "f8"),
         ("hand", "f8"),
         ("height", "f8"),
         ("still", "i8"),  # nothing rings in its filters any more
@@ -308,8 +331,8 @@ class Effects(NamedTuple):
 WHOLE, BEGIN, STRETCH = range(3)
 #: places in Shared.task: one of these; number of the span's first quantum; quanta; frame of the quantum up to which a
 #: stretch goes; addresses of what does it, `tasks.entries`; of what decides about an event, and of the table it sees
-TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, HANDLE, VOICES = range(8)
-N_TASK = 8
+TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, TOGETHER, HANDLE, VOICES = range(9)
+N_TASK = 9
 
 
 #: addresses of what begins an excitation, of what its hand follows, of its constants (`instrument.excitations`)
@@ -325,13 +348,18 @@ class Shared(NamedTuple):
     queue: Annotated[np.ndarray, i8("strings")]  # instruments at work
     model_at: Annotated[np.ndarray, i8("models, 3")]  # addresses of every StringModel, see below
     string_at: Annotated[np.ndarray, i8("strings")]  # addresses of every StringState
+    coupling_at: Annotated[np.ndarray, i8("instruments")]  # addresses of every Coupling; 0: it has none
+    end_at: Annotated[np.ndarray, i8("strings")]  # addresses of the End of every string of those; else 0
     excitation: Annotated[np.ndarray, i8("parts, 3")]  # of every part whose hand does not pluck, see below; else 0
     team: Annotated[np.ndarray, i8("N_WORDS")]  # control words of the workers, see `team`
     rows: Annotated[np.ndarray, f8("string_rows")]  # outputs of every string, from STRING.row
     direct: Annotated[np.ndarray, f8("strings*frames")]  # its outputs in flight, from STRING.direct
+    radiated: Annotated[np.ndarray, f8("bodies, 2, frames")]  # of every body, left and right
+    radiated_frames: Annotated[np.ndarray, i8("bodies, 2")]  # from where to where of the span they are there
     bends: Annotated[np.ndarray, f8("span, 16")]  # smoothed, per quantum
     heights: Annotated[np.ndarray, f8("span, parts")]
     mono: Annotated[np.ndarray, f8("frames")]
+    pair: Annotated[np.ndarray, f8("frames, 2")]
     frame: Annotated[np.ndarray, f8("frames")]
     phases: Annotated[np.ndarray, f8("phases")]  # a line split by the decimator
     mix: Annotated[np.ndarray, f8("frames, 2")]

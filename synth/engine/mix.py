@@ -31,6 +31,9 @@ def mix_span(core: int, start: int, quanta: int) -> None:
     for p in range(bank.parts.size):
         part = bank.parts[p]
         mono[:] = 0.0
+        if part.stereo:
+            _add_stereo_part(core, p, start, frames, mix)
+            continue
         for b in range(part.first_bus, part.end_bus):
             _add_bus(core, b, frames, mono)
         _add_part(core, p, start, mono, mix)
@@ -67,6 +70,15 @@ def _gather_rows(core: int) -> None:
             _add_row(core, fixed.direct_bus, me.direct_from, shared.direct[begin:end])
         me.row_from = me.row_to = 0
         me.direct_from = me.direct_to = 0
+    for i in range(bank.instruments.size):
+        instrument = bank.instruments[i]
+        if instrument.body >= 0:
+            there = shared.radiated_frames[instrument.body]
+            if there[1] > there[0]:
+                for channel in range(2):
+                    row = shared.radiated[instrument.body, channel, there[0] : there[1]]
+                    _add_row(core, instrument.bus + channel, there[0], row)
+            there[0] = there[1] = 0
 
 
 @njit(**CORE)
@@ -101,15 +113,73 @@ def _add_bus(core: int, b: int, frames: int, mono) -> None:
 
 
 @njit(**CORE)
+def _levels(core: int, p: int) -> tuple[float, float]:
+    """Where the levels of a part go, left and right."""
+    state, settings = state_of(core), settings_of(core)
+    channel = state.channels[state.part_state[p].channel]
+    level = channel.volume * channel.expression * state.parameters[p, GAIN] * settings.gain
+    angle = 0.25 * math.pi * (1.0 + channel.pan)
+    return level * math.sqrt(2.0) * math.cos(angle), level * math.sqrt(2.0) * math.sin(angle)
+
+
+@njit(**CORE)
+def _add_stereo_part(core: int, p: int, start: int, frames: int, mix) -> None:
+    """The same of a part whose two buses are left and right; panning is balance."""
+    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
+    me = state.part_state[p]
+    to_left, to_right = _levels(core, p)
+    share, pole = settings.smoothing, settings.dc
+    pair, mono = shared.pair[:frames], shared.mono[:frames]
+    for channel in range(2):
+        mono[:] = 0.0
+        _add_bus(core, bank.parts[p].first_bus + channel, frames, mono)
+        for i in range(frames):
+            pair[i, channel] = mono[i]
+    for begin in range(0, frames, QUANTUM):
+        x = pair[begin : begin + QUANTUM]
+        flat = x.reshape(-1)
+        at = (start + begin) % RING
+        stem = state.stems[p, at : at + QUANTUM]
+        silent = _is_silent(flat)
+        if me.still and silent and _settled(me.left, to_left, share) and _settled(me.right, to_right, share):
+            stem[:] = 0.0
+            continue
+        run_chain(core, p, flat, 2)
+        for i in range(QUANTUM):
+            left = x[i, 0] - me.dc_in + pole * me.dc_out
+            right = x[i, 1] - me.dc_in_right + pole * me.dc_out_right
+            me.dc_in, me.dc_in_right = x[i, 0], x[i, 1]
+            me.dc_out, me.dc_out_right = left, right
+            me.left += share * (to_left - me.left)
+            me.right += share * (to_right - me.right)
+            stem[i, 0] = me.left * left
+            stem[i, 1] = me.right * right
+        loud = stem.reshape(-1)
+        if not dot(loud, loud) <= BLOWN_UP * BLOWN_UP:
+            _silence_part(core, p, pair[begin:].reshape(-1), stem)
+            continue
+        for i in range(QUANTUM):
+            mix[begin + i, 0] += stem[i, 0]
+            mix[begin + i, 1] += stem[i, 1]
+        me.still = 0
+        high = max(abs(me.dc_out), abs(me.dc_out_right), abs(me.dc_in), abs(me.dc_in_right))
+        if silent and high < STILL_BELOW and chain_is_silent(core, p):
+            reset_chain(core, p)
+            me.dc_in = me.dc_out = me.dc_in_right = me.dc_out_right = 0.0
+            me.still = 1
+
+
+@njit(**CORE)
+def _settled(now: float, target: float, share: float) -> bool:
+    return now + share * (target - now) == now
+
+
+@njit(**CORE)
 def _add_part(core: int, p: int, start: int, mono, mix) -> None:
     """Effects, high-pass, level and panning of one part."""
     state, settings = state_of(core), settings_of(core)
     me = state.part_state[p]
-    channel = state.channels[me.channel]
-    level = channel.volume * channel.expression * state.parameters[p, GAIN] * settings.gain
-    angle = 0.25 * math.pi * (1.0 + channel.pan)
-    to_left = level * math.sqrt(2.0) * math.cos(angle)
-    to_right = level * math.sqrt(2.0) * math.sin(angle)
+    to_left, to_right = _levels(core, p)
     share, pole = settings.smoothing, settings.dc
     for begin in range(0, mono.size, QUANTUM):
         x = mono[begin : begin + QUANTUM]
@@ -118,7 +188,7 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
         stem = state.stems[p, at : at + QUANTUM]
         silent = _is_silent(x)
         left, right, before, high = me.left, me.right, me.dc_in, me.dc_out
-        settled = left + share * (to_left - left) == left and right + share * (to_right - right) == right
+        settled = _settled(left, to_left, share) and _settled(right, to_right, share)
         if me.still and silent and settled:
             stem[:] = 0.0
             continue
@@ -163,7 +233,7 @@ def _silence_part(core: int, p: int, mono, stem) -> None:
         state.quiet[b] = bus.n_taps
     reset_chain(core, p)
     me.left = me.right = settings.gain
-    me.dc_in = me.dc_out = 0.0
+    me.dc_in = me.dc_out = me.dc_in_right = me.dc_out_right = 0.0
     me.still = 1
     me.silenced += 1
 

@@ -156,7 +156,7 @@ def _quantum_with_events(core: int, thread: int, start: int) -> None:
     _run_instruments(core, thread, 1)
     awake = 0
     for s in range(state.sounding.size):
-        awake += state.sounding[s].awake
+        awake += state.sounding[s].awake - state.sounding[s].idle
         state.sounding[s].reached = 0
     state.counters[AWAKE] = awake
     shared.task[TASK], shared.task[UNTIL] = STRETCH, 0

@@ -25,6 +25,7 @@ import numpy as np
 from synth.engine.bank import Built
 from synth.engine.layout import Settings, State
 from synth.native.arrays import fields
+from synth.solver.coupling import Coupling, End
 from synth.solver.stringmodel import Coefficients, StringState
 
 MAGIC = b"jawarist"
@@ -43,11 +44,15 @@ def origin_of(built: Built, settings: Settings, kinds: bytes) -> bytes:
     """(16 bytes) what tells banks, models, settings, `kinds` of law, effects and excitations, and layouts apart."""
     arrays = [
         (name, str(dtype), len(shape))
-        for kind in (State, StringState, Coefficients)
+        for kind in (State, StringState, Coefficients, End, Coupling)
         for name, (dtype, shape) in fields(kind).items()
     ]
     digest = hashlib.blake2b(repr((settings, kinds, arrays, sys.byteorder)).encode(), digest_size=_ORIGIN)
     everything: list[Any] = [built.bank, *built.models]  # flights follow from the models and the rate
+    for shared in built.bodies:
+        digest.update(repr(shared.instrument).encode())
+        for value in vars(shared.body).values():
+            digest.update(np.asarray(value).tobytes())
     for each in everything:
         for name, value in each._asdict().items():
             if name == "step":  # an address

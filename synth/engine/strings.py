@@ -8,6 +8,7 @@ from numba import njit
 
 from synth.engine.coefficients import rest_state, set_rest
 from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state_of, string_of
+from synth.engine.ends import add_end_speed, bridge_under, on_bridge
 from synth.engine.expression import bend_of, height_of, pluck_place, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.layout import (
@@ -21,10 +22,12 @@ from synth.engine.layout import (
     PLUCK_WIDTH,
     PRESS,
     RELEASE,
+    UNTIL,
 )
 from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.native.views import call_back
+from synth.solver.coupling import FINGER_LEVERAGE, end_at
 from synth.solver.stringmodel import CERTAIN, FREE, MOVING, string_model
 from synth.solver.vectors import dot
 from synth.units import LN_1000
@@ -72,6 +75,33 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
 
 
 @njit(**CORE)
+def _join(core: int, thread: int, s: int, model_index: int) -> None:
+    """A string that nobody plays begins on the given model; those that share its bridge wake with it, open."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    me = state.sounding[s]
+    if me.awake == 0:
+        instrument = bank.instruments[bank.strings[s].instrument]
+        for other in range(instrument.first_string, instrument.end_string):
+            idle = state.sounding[other]
+            if other != s:
+                idle.channel = me.channel
+            model = bank.strings[other].open_model
+            if other == s:
+                model = model_index
+            elif other == bank.strings[s].second:
+                model = model_index + bank.strings[s].second_models
+            wake(core, thread, other, model)
+            idle.idle = 1
+            idle.reached = shared.task[UNTIL]
+    me.idle = 0
+    me.stolen = 0
+    _lift_hand(core, s)
+    settle(core, s)
+    if me.model != model_index:
+        change_model(core, thread, s, model_index)
+
+
+@njit(**CORE)
 def _forget_forces(core: int, s: int) -> None:
     """A law of its own is not told the forces of another model's contacts; the kernels' laws only begin to look there."""
     if string_model(shared_of(core).model_at[state_of(core).sounding[s].model, PLAIN]).step != 0:
@@ -83,6 +113,7 @@ def sleep(core: int, s: int) -> None:
     """The string is silent: it costs nothing until it is touched."""
     me, string = state_of(core).sounding[s], string_of(core, s)
     me.awake = 0
+    me.idle = 0
     me.level = 0.0
     me.stolen = 0
     me.phase = NO_FINGER
@@ -97,8 +128,20 @@ def take_hold(
     """A finger takes hold of the string where it now is, for so many seconds; returns its displacement there [m].
 
     distance from the saddle and width [m]; stiffness [N/m] and resistance [N s/m] of what is between the string and the
-    finger's path.
+    finger's path. A string that moves in two directions is held in both, in the second one where it is.
     """
+    second = bank_of(core).strings[s].second
+    if second >= 0:
+        there = _take_hold(core, second, distance, width, stiffness, resistance, seconds)
+        state_of(core).sounding[second].finger_to = there
+    return _take_hold(core, s, distance, width, stiffness, resistance, seconds)
+
+
+@njit(**CORE)
+def _take_hold(
+    core: int, s: int, distance: float, width: float, stiffness: float, resistance: float, seconds: float
+) -> float:
+    """`take_hold` of one direction."""
     bank, settings, string = bank_of(core), settings_of(core), string_of(core, s)
     me = state_of(core).sounding[s]
     fixed = bank.strings[s]
@@ -123,6 +166,10 @@ def take_hold(
     # whole output frames, so that it lets go at the same instant at every internal rate
     me.finger_steps = max(2, round(min(seconds, MOST_HOLD_S) * settings.rate_hz)) * fixed.factor
     here = dot(weights[:n], string.q[:n])
+    if on_bridge(core, s):
+        leverage = x / model.length
+        end_at(shared_of(core).end_at[s]).numbers[FINGER_LEVERAGE] = leverage
+        here += leverage * bridge_under(core, s)[0]
     me.finger_from = here
     finger.here = here
     finger.push = 0.0
@@ -140,9 +187,18 @@ def excite(core: int, thread: int, s: int, velocity: float, sounding: bool) -> N
         call_back(shared.excitation[part, BEGIN_HOLD], core, thread, s, int(velocity))
     else:
         _draw(core, s, velocity)
-    state_of(core).sounding[s].phase = DRAW
+    _begin_phase(core, s, DRAW)
     if sounding:
         damp(core, s, FINGER_S)
+
+
+@njit(**CORE)
+def _begin_phase(core: int, s: int, phase: int) -> None:
+    """The finger that has taken hold begins its way, in all directions of the string."""
+    state, second = state_of(core), bank_of(core).strings[s].second
+    state.sounding[s].phase = phase
+    if second >= 0:
+        state.sounding[second].phase = phase
 
 
 @njit(**CORE)
@@ -160,7 +216,11 @@ def _draw(core: int, s: int, velocity: float) -> None:
     width = _finger_width(1e-3 * parameters[PLUCK_WIDTH], part.width_ratio, strength, distance)
     take_hold(core, s, distance, width, part.finger_stiffness, part.finger_loss * fixed.impedance, fixed.draw_s)
     force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT], strength, part.velocity_exponent)
-    me.finger_to = _drawn_by(force, distance, model.length, model.tension)
+    drawn = _drawn_by(force, distance, model.length, model.tension)
+    me.finger_to = drawn
+    if fixed.second >= 0:
+        me.finger_to = part.pluck_first * drawn
+        state.sounding[fixed.second].finger_to = part.pluck_second * drawn
 
 
 @njit(**CORE)
@@ -176,12 +236,23 @@ def press(core: int, s: int, target: int, velocity: float) -> None:
     stiffness = part.finger_stiffness * 20.0  # the fret is behind this finger
     take_hold(core, s, new.length, 0.004, stiffness, part.finger_loss * fixed.impedance, PRESS_S)
     me.finger_to = new.rest_height - old.rest_height * new.length / old.length
-    me.phase = PRESS
+    _begin_phase(core, s, PRESS)
+    if fixed.second >= 0:
+        state.sounding[fixed.second].pending_model = target + fixed.second_models
 
 
 @njit(**CORE)
 def change_model(core: int, thread: int, s: int, target: int) -> None:
-    """Carry the motion of a sounding string over to another speaking length.
+    """Carry the motion of a sounding string over to another speaking length, in all of its directions."""
+    fixed = bank_of(core).strings[s]
+    _change_model(core, thread, s, target)
+    if fixed.second >= 0:
+        _change_model(core, thread, fixed.second, target + fixed.second_models)
+
+
+@njit(**CORE)
+def _change_model(core: int, thread: int, s: int, target: int) -> None:
+    """Carry the motion of a string in one direction over to another speaking length.
 
     Both models end at the saddle. With ξ counted from there, φ_j = √(2/L)(−1)^(j+1) sin(jπξ/L), and the new coordinates
     are the projections of the displacement (in the new rest line's frame, absolute positions kept) and of the velocity.
@@ -190,6 +261,9 @@ def change_model(core: int, thread: int, s: int, target: int) -> None:
     """
     bank, scratch, string = bank_of(core), scratch_of(thread), string_of(core, s)
     me = state_of(core).sounding[s]
+    end_speed = bridge_under(core, s)[1] if on_bridge(core, s) else 0.0
+    if end_speed != 0.0:  # what is carried over is the whole velocity
+        add_end_speed(core, s, end_speed)
     old, new = bank.models[me.model], bank.models[target]
     n_old, n_new = old.own, new.own
     l_old, l_new = old.length, new.length
@@ -244,6 +318,8 @@ def change_model(core: int, thread: int, s: int, target: int) -> None:
         string.q[j] = scratch.q[j] if j < n_new else 0.0
         string.v[j] = scratch.v[j] if j < n_new else 0.0
     me.model = target
+    if end_speed != 0.0:
+        add_end_speed(core, s, -end_speed)
     _forget_forces(core, s)
     string.counts[MOVING] = new.n
     me.phase = NO_FINGER
@@ -255,14 +331,15 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
     """A note begins on string s at a model (position): wake or re-pluck, change fret where needed."""
     bank, state = bank_of(core), state_of(core)
     me = state.sounding[s]
-    sounding = me.awake != 0
+    sounding = me.awake != 0 and me.idle == 0
     if sounding and me.flying:
         touch_down(core, thread, s)
-    if not sounding:
+    if not sounding and on_bridge(core, s):
+        _join(core, thread, s, target)
+    elif not sounding:
         wake(core, thread, s, target)
-    elif me.hand != 0.0:
-        me.hand = 0.0
-        me.stale = 1
+    else:
+        _lift_hand(core, s)
     if me.model != target:
         if bank.models[target].length < bank.models[me.model].length:
             press(core, s, target, 0.0 if legato else velocity)
@@ -276,13 +353,25 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
 @njit(**CORE)
 def damp(core: int, s: int, seconds: float) -> None:
     """The hand lies on the string: every mode decays by 60 dB in `seconds` at the latest."""
-    state = state_of(core)
-    me = state.sounding[s]
-    if me.awake:
-        hand = LN_1000 / seconds
-        if hand != me.hand:
-            me.hand = hand
-            me.stale = 1
+    _lay_hand(core, s, LN_1000 / seconds)
+
+
+@njit(**CORE)
+def _lift_hand(core: int, s: int) -> None:
+    _lay_hand(core, s, 0.0)
+
+
+@njit(**CORE)
+def _lay_hand(core: int, s: int, hand: float) -> None:
+    """Extra σ of a string that sounds, in all of its directions."""
+    state, second = state_of(core), bank_of(core).strings[s].second
+    for direction in range(2):
+        line = s if direction == 0 else second
+        if line >= 0:
+            me = state.sounding[line]
+            if me.awake and hand != me.hand:
+                me.hand = hand
+                me.stale = 1
 
 
 @njit(**CORE)
@@ -308,7 +397,6 @@ def finger_done(core: int, thread: int, s: int) -> None:
         if me.pending_velocity > 0.0:
             excite(core, thread, s, me.pending_velocity, True)
             return
-    elif me.hand != 0.0:
-        me.hand = 0.0
-        me.stale = 1
+    else:
+        _lift_hand(core, s)
     let_go(core, s)

@@ -6,8 +6,9 @@ import numpy as np
 
 from synth.engine.advance import advance_string, begin_quantum, make_steps
 from synth.engine.core import bank_of, shared_of, state_of
-from synth.engine.layout import BEGIN, QUANTA, QUANTUM, STRETCH, TASK, UNTIL
+from synth.engine.layout import BEGIN, QUANTA, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL
 from synth.jit.entries import entry
+from synth.native.views import call_back
 
 
 def _work_on(core: int, thread: int, i: int, _: int) -> None:
@@ -15,7 +16,9 @@ def _work_on(core: int, thread: int, i: int, _: int) -> None:
     task, sounding = shared_of(core).task, state_of(core).sounding
     instrument = bank_of(core).instruments[i]
     first, end, kind = instrument.first_string, instrument.end_string, task[TASK]
-    if kind == BEGIN:
+    if instrument.body >= 0:
+        call_back(task[TOGETHER], core, thread, i, 0)
+    elif kind == BEGIN:
         for s in range(first, end):
             if sounding[s].awake:
                 begin_quantum(core, thread, s, int(np.int64(0)))  # a literal would compile it once more
@@ -35,10 +38,16 @@ def _work_on(core: int, thread: int, i: int, _: int) -> None:
                     advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
 
 
-def entries() -> tuple[int, int]:
-    """Addresses of `_work_on` (core, thread, i, –) and `make_steps` (core, thread, s, steps), compiled on first use.
+def entries(coupled: bool) -> tuple[int, int, int]:
+    """Addresses of `_work_on` (core, thread, i, –), `make_steps` (core, thread, s, steps) and, where strings share a bridge,
+    `together.work_together` (core, thread, i, –), else 0; compiled on first use.
 
-    Called by address: every function that contains the kernels takes seconds to compile, so none but `make_steps` does, and
+    Called by address: every function that contains the kernels takes seconds to compile, so none but the last two do, and
     neither `process` nor the loop of a worker contains `_work_on`.
     """
-    return entry(_work_on, 4).address, entry(make_steps, 4).address
+    together = 0
+    if coupled:
+        from synth.engine.together import work_together
+
+        together = entry(work_together, 4).address
+    return entry(_work_on, 4).address, entry(make_steps, 4).address, together

@@ -34,3 +34,10 @@ def kernels() -> list[tuple[Any, tuple[Any, ...]]]:
         (advance, words[5]),
         (advance_string, words[5]),
     ]
+
+
+def coupled_kernels() -> list[tuple[Any, tuple[Any, ...]]]:
+    """The same for one whose strings share a bridge."""
+    from synth.solver.frames import advance_frames
+
+    return [(advance_frames, (*(types.int64,) * 3, types.Array(types.float64, 2, "A"))), *kernels()]

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.instrument.plan import KEPT, StringPlan, plan_string, scene_kind
+from synth.instrument.plan import KEPT, StringPlan, choose_factor, plan_string, scene_kind
 from synth.instrument.preset import (
     BridgeObstacle,
     FretsObstacle,
     PointsObstacle,
+    Polarisation,
     Preset,
     PresetError,
     StringTable,
@@ -30,6 +31,7 @@ from synth.instrument.preset import (
     in_file_words,
     playable_range,
 )
+from synth.instrument.soundboard import Soundboard, soundboard, step_count
 from synth.physics.modes import (
     decay_rates,
     force_weights,
@@ -71,6 +73,7 @@ class Position:
     rest_height_m: float  # of the fret it is stopped at, below the open string's line
     output_rest: float  # output of that line
     own: int  # the string's own modes; those behind them are lumped (`physics.tail`)
+    leverage: np.ndarray  # (C,) of a contact by the motion of the saddle: x/L, less 1 for what rides on the bridge
 
 
 @dataclass(frozen=True)
@@ -91,10 +94,11 @@ class CompiledString:
 
 @dataclass(frozen=True)
 class CompiledPart:
-    """A preset ready to sound at one output rate."""
+    """A preset ready to sound at one output rate. body: what its strings share, if they do."""
 
     preset: Preset
     strings: tuple[CompiledString, ...]
+    body: Soundboard | None = None
 
 
 def string_notes(table: StringTable) -> range:
@@ -259,6 +263,8 @@ def output_weights(preset: Preset, string: String, open_length_m: float, n: int)
     output = preset.output
     x = string.length_m - output_distance(preset, string, open_length_m)
     zero = np.zeros(n)
+    if output.kind == "body":
+        return zero, zero
     if output.kind == "force":
         return force_weights(string, x, n), zero
     shape = mode_shapes(string.length_m, np.array([x]), n)[0]
@@ -276,7 +282,7 @@ def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, h
     slope = height_m / string.length_m
     if preset.output.kind == "force":
         return -string.tension_n * slope
-    if preset.output.kind in ("velocity", "pickup"):
+    if preset.output.kind in ("velocity", "pickup", "body"):
         return 0.0
     return slope * output_distance(preset, string, open_length_m)
 
@@ -370,6 +376,7 @@ def compile_position(
         rest_height_m,
         gain * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
         n,
+        positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
     )
 
 
@@ -458,8 +465,16 @@ def compile_preset(
     """
     made = {} if made is None else made
     strings = []
-    for number, note in wanted_notes(preset, only_notes):
+    ends = wanted_notes(preset, only_notes)
+    for number, note in ends:
         wanted = None if every_fret or only_notes is None else frozenset(only_notes)
+        if preset.coupled and wanted is not None:
+            wanted |= {note}  # open, it sounds with the others
+        own_rate_hz = internal_rate_hz
+        if preset.coupled:
+            own_rate_hz = _rate_on_a_bridge(
+                preset, preset.string[number], note, quality, rate_hz, scheme, internal_rate_hz, note_hz
+            )
         key = id(preset), number, note, wanted
         if key not in made:
             made[key] = compile_string(
@@ -469,25 +484,75 @@ def compile_preset(
                 quality=quality,
                 rate_hz=rate_hz,
                 scheme=scheme,
-                internal_rate_hz=internal_rate_hz,
+                internal_rate_hz=own_rate_hz,
                 note_hz=note_hz,
                 only_notes=wanted,
             )
         strings.append(made[key])
         if progress is not None:
             progress(len(strings))
-    return CompiledPart(preset, tuple(strings))
+    body = None
+    if preset.coupled and ends:
+        body = soundboard(preset, [(preset.string[number], note) for number, note in ends], rate_hz)
+    return CompiledPart(preset, tuple(strings), body)
+
+
+def _rate_on_a_bridge(
+    preset: Preset,
+    table: StringTable,
+    note: int,
+    quality: str,
+    rate_hz: float,
+    scheme: str,
+    internal_rate_hz: float | None,
+    note_hz: np.ndarray | None,
+) -> float:
+    """The internal rate of a string that shares a bridge [Hz]: what it wants, in steps that divide a block evenly."""
+    if scheme != "exact-hold":
+        raise PresetError(f"{preset.name}: strings that share a body are exact-hold's, got {scheme}; leave body.mode out")
+    try:
+        opened, below = open_string(preset, table, note, note_hz)
+        frequency, kind = note_frequency(preset, table, note, note_hz), string_kind(preset, opened, below)
+        return step_count(choose_factor(frequency, kind, quality, rate_hz, internal_rate_hz)[0]) * rate_hz
+    except ValueError as error:
+        raise PresetError(f"{preset.name}: string {table.name or midi_to_note(note)}: {error}") from None
+
+
+def second_direction(across: Polarisation, string: CompiledString) -> CompiledString:
+    """A string's motion at right angles to its first: its own modes, detuned and damped, which touch nothing."""
+    ratio = 2.0 ** (across.detuning_cents / 1200.0)
+    positions = []
+    for each in string.positions:
+        n, law = each.own, law_of(each.plan.scheme)
+        omega, sigma, none = ratio * each.omega[:n], across.loss_ratio * each.sigma[:n], np.zeros((0, 0))
+        positions.append(
+            replace(
+                each,
+                omega=omega,
+                sigma=sigma,
+                coef=coefficients(law, omega, sigma, each.mu, 1.0 / each.plan.rate_hz),
+                shapes=np.zeros((0, n)),
+                eta=np.zeros(0),
+                residual=none,
+                matrix=none,
+                wq=each.wq[:n],
+                wv=each.wv[:n],
+                q_rest=np.zeros(n),
+                leverage=np.zeros(0),
+            )
+        )
+    return replace(string, positions=tuple(positions))
 
 
 def wanted_notes(preset: Preset, only_notes: Set[int] | None) -> list[tuple[int, int]]:
-    """(number of its table, open note) of every string that one of the notes is played on; None: of all."""
+    """(number of its table, open note) of every string that one of the notes is played on; None: of all. Where strings share
+    a body, all of them as soon as one is played."""
     neck = fret_count(preset)
-    return [
-        (number, note)
-        for number, table in enumerate(preset.string)
-        for note in string_notes(table)
-        if only_notes is None or any(n in only_notes for n in range(note, note + neck + 1))
-    ]
+    every = [(number, note) for number, table in enumerate(preset.string) for note in string_notes(table)]
+    if only_notes is None:
+        return every
+    played = [(number, note) for number, note in every if any(n in only_notes for n in range(note, note + neck + 1))]
+    return every if preset.coupled and played else played
 
 
 def describe_plan(

@@ -197,6 +197,9 @@ class StringTable(Table):
     stiffness_law: Literal["sqrt", "linear"] = "sqrt"
     cents: float = Field(0.0, ge=-200.0, le=200.0)
     gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
+    #: where on the bridge it ends, from its middle; which way it moves when it is plucked, from the normal of the body
+    place_mm: Annotated[Scaled, _range(-500.0, 500.0)] = 0.0
+    angle_deg: Annotated[Scaled, _range(-90.0, 90.0)] = 0.0
     measured_frequencies_hz: Annotated[tuple[float, ...], _each(0.1, 1e6)] = ()
     measured_decay_rates: Annotated[tuple[float, ...], _each(1e-9, 1e7)] = ()
 
@@ -308,6 +311,16 @@ class Pluck(Table):
         return self.width_mm if self.width_hard_mm is None else self.width_hard_mm
 
 
+class Polarisation(Table):
+    """The second direction in which strings move that share a body, at right angles to the first."""
+
+    #: how much higher it is tuned, and how much faster it decays
+    detuning_cents: float = Field(0.0, ge=-50.0, le=50.0)
+    loss_ratio: float = Field(1.0, ge=0.1, le=10.0)
+    #: direction of the pluck from that of the string
+    pluck_deg: float = Field(30.0, ge=-90.0, le=90.0)
+
+
 class Damping(Table):
     """The hand on the string after a note ends."""
 
@@ -319,7 +332,7 @@ class Damping(Table):
 class Output(Table):
     """What is heard."""
 
-    kind: Literal["force", "displacement", "velocity", "pickup"] = "force"
+    kind: Literal["force", "displacement", "velocity", "pickup", "body"] = "force"
     #: from the saddle, as a share of the open length; 0 is the saddle itself
     position: float = Field(0.0, ge=0.0, lt=1.0)
     #: pickup: distance of the magnet from the string at rest, and length of string it sees
@@ -335,11 +348,28 @@ class BodyMode(Table):
     gain_db: float = Field(ge=-120.0, le=60.0)
 
 
-class Body(Table):
-    """Measured resonances of the body, added to the direct sound."""
+class MovingMode(Table):
+    """One mode of the body that the strings share by their bridge."""
 
+    frequency_hz: float = Field(ge=5.0, le=20000.0)
+    q: float = Field(gt=0.5, le=10000.0)
+    #: at the point of the bridge from which `place_mm` of the strings is counted
+    mass_kg: float = Field(ge=1e-4, le=1000.0)
+    #: how the bridge moves with it: normal to the body, along it across the strings, and rocking per metre of place
+    shape: Annotated[tuple[float, ...], _each(-100.0, 100.0)] = Field((1.0,), min_length=1, max_length=3)
+    #: how much of its acceleration is heard, of either sign, and from where (−1 left … 1 right)
+    radiation: float = Field(1.0, ge=-1000.0, le=1000.0)
+    pan: float = Field(0.0, ge=-1.0, le=1.0)
+
+
+class Body(Table):
+    """What the strings are fixed to: a filter on their sound (`resonance`), or modes that move with them (`mode`)."""
+
+    #: level of the direct sound beside the filter's resonances
     direct_db: float = Field(0.0, ge=-120.0, le=24.0)
     resonance: tuple[BodyMode, ...] = ()
+    #: modes of the body that the strings drive by the bridge, and that drive them
+    mode: tuple[MovingMode, ...] = Field((), max_length=256)
 
 
 class Mapping_(Table):
@@ -373,6 +403,8 @@ class Preset(Table):
     pluck: Pluck
     #: what the hand does at the start of a note, where it does not pluck
     excitation: Annotated[SerializeAsAny[ExcitationTable], BeforeValidator(as_excitation)] | None = None
+    #: strings move in two directions
+    polarisation: Polarisation | None = None
     damping: Damping = Damping()
     output: Output = Output()
     body: Body = Body()
@@ -393,6 +425,46 @@ class Preset(Table):
         if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
             raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
         return self
+
+    @model_validator(mode="after")
+    def _body_that_moves_is_heard(self) -> Preset:
+        if bool(self.body.mode) != (self.output.kind == "body"):
+            raise ValueError(
+                'output.kind = "body" and [[body.mode]] need each other: strings that share a body are heard through it'
+            )
+        if self.body.mode and self.body.resonance:
+            raise ValueError("body.resonance filters strings whose ends do not move: leave it out beside [[body.mode]]")
+        return self
+
+    @model_validator(mode="after")
+    def _a_body_has_one_level(self) -> Preset:
+        for number, table in enumerate(self.string):
+            if self.body.mode and table.gain_db != 0.0:
+                raise ValueError(
+                    f"string.{number}.gain_db has no meaning where strings share a body, which alone is heard: leave it out"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _two_directions_need_a_body(self) -> Preset:
+        if self.polarisation is not None and not self.body.mode:
+            raise ValueError("polarisation: only strings that share a body move in two directions; give [[body.mode]]")
+        if self.polarisation is not None and self.excitation is not None and self.excitation.kind != "pluck":
+            raise ValueError('polarisation: only a pluck has a direction; leave it out, or take excitation.kind = "pluck"')
+        return self
+
+    @property
+    def coupled(self) -> bool:
+        """Whether its strings share a bridge and a body that move."""
+        return bool(self.body.mode)
+
+    @property
+    def on_rigid_ends(self) -> Preset:
+        """The same strings, each by itself: what is heard of coupled ones is then their force on the saddle."""
+        if not self.coupled:
+            return self
+        output = self.output.model_copy(update={"kind": "force"})
+        return self.model_copy(update={"output": output, "body": Body(), "polarisation": None})
 
     def with_setting(self, key: str, value: str) -> Preset:
         """The preset with one value replaced: `key` is a path such as ``pluck.position`` or ``string.0.notes``.

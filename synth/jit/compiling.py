@@ -38,6 +38,7 @@ ENTRIES = {
         "dsp.decimator:split_taps",
         "engine.tasks:_work_on",
         "engine.advance:make_steps",
+        "engine.together:work_together",
         "dsp.limiter_effect:_process",
         "dsp.limiter_effect:_silent",
         "engine.hands:_respond",

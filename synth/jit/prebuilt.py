@@ -20,6 +20,12 @@ from synth.jit.kernel_sources import sources_id, users_cache
 from synth.native.processors import level
 
 NAME = "libjawari.so"
+_PACKAGE = __name__.partition(".")[0] + "."
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """What a plain function is called in the library: module:function, modules of this package from below it."""
+    return f"{function.__module__.removeprefix(_PACKAGE)}:{function.__qualname__}"
 
 
 def places() -> list[Path]:
@@ -107,11 +113,9 @@ class Found:
 
     def address(self, function: Callable[..., Any]) -> int | None:
         """Of a plain function as compiled there, None: it is not in there."""
-        package = __name__.partition(".")[0] + "."
-        if self._library is None or not function.__module__.startswith(package):
+        if self._library is None or not function.__module__.startswith(_PACKAGE):
             return None
-        name = f"{function.__module__.removeprefix(package)}:{function.__qualname__}"
-        return self._library.jawari_kernel(name.encode())
+        return self._library.jawari_kernel(name_of(function).encode())
 
 
 @functools.cache

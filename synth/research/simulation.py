@@ -138,6 +138,7 @@ import numpy as np
 from numba.core.event import install_timer
 from threadpoolctl import threadpool_limits
 
+import synth
 from synth.files.targets import Named, check_apart, check_target
 from synth.instrument.plan import WALL_RESTITUTION, plan_string, plan_wall, scene_kind
 from synth.research import methods
@@ -431,7 +432,7 @@ def _result(scene: Scene, outcome: Outcome) -> Result:
     if scene.kept is not None:
         start = "resumed"
     metadata = {
-        "version": _version(),
+        "version": synth.__version__,
         "scheme": law,
         "restitution": case.scheme.restitution if law.startswith(("moreau-jean", "wall")) else None,
         "residual_compliance": law in ("exact-hold", "event-driven") and bool(np.any(scene.residual)),
@@ -489,15 +490,6 @@ def _tail(scene: Scene) -> str:
     if scene.tail is not None:
         return "lumped"
     return "static" if scene.case.scheme.name in ("exact-hold", "event-driven") and np.any(scene.residual) else "none"
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("jawari")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 __all__ = [

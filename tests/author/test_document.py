@@ -25,7 +25,12 @@ def doc(server: Server) -> Iterator[Doc]:
 
 def test_the_session(server: Server) -> None:
     session = server.get("/api/session")
-    assert [row["name"] for row in session["presets"] if row["embedded"]] == ["fretted-bass", "jawari-harp", "tanpura"]
+    assert [row["name"] for row in session["presets"] if row["embedded"]] == [
+        "fretted-bass",
+        "jawari-harp",
+        "steel-guitar",
+        "tanpura",
+    ]
     assert session["rate_hz"] == 44100 and session["quality"] == "standard" and session["opened"] is None
     assert [row["id"] for row in session["outputs"]] == ["browser", "server"]
     assert session["outputs"][0]["available"]

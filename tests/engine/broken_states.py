@@ -20,8 +20,9 @@ import numpy as np
 
 from synth.engine import snapshot
 from synth.engine.engine import Engine
-from synth.instrument.preset import load_preset
+from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, make_events
+from tests.engine.kit import SHARED
 
 RATE_HZ = 44100.0
 #: a case that takes longer hangs [s]
@@ -33,10 +34,10 @@ _NASTY_NUMBERS = (
 )  # fmt: skip
 
 
-def band(scheme: str, program_map: Any = None) -> Engine:
-    """A tanpura string or two and a bass, prepared."""
+def band(scheme: str, first: Preset | None = None, program_map: Any = None) -> Engine:
+    """A tanpura string or two, or another preset, and a bass, prepared."""
     made = Engine(
-        [load_preset("tanpura"), load_preset("fretted-bass")],
+        [first or load_preset("tanpura"), load_preset("fretted-bass")],
         quality="draft",
         scheme=scheme,
         only_notes=[{43, 48}, {28, 33, 35, 40}],
@@ -111,6 +112,7 @@ def _one_number(rng: np.random.Generator, data: bytearray, at: int, dtype: np.dt
 def _change_numbers(rng: np.random.Generator, data: bytearray, where: dict[str, tuple[int, int, np.dtype]]) -> str:
     filled = [name for name, (_, size, _) in where.items() if size]
     crowded = ["sounding", "sounding", "sounding", "channels", "part_state", "counters", "pending", "effect_counts"]
+    crowded.append("end.counts")
     names = []
     for _ in range(int(rng.choice([1, 1, 1, 2, 5]))):
         name = str(rng.choice([n for n in crowded if n in filled] if rng.random() < 0.5 else filled))
@@ -155,7 +157,7 @@ def broken(rng: np.random.Generator, state: bytes, where: dict[str, tuple[int, i
 
 
 def main(count: int, seed: int, first: int = 0) -> None:
-    engines = [band("exact-hold"), band("moreau-jean")]
+    engines = [band("exact-hold"), band("moreau-jean"), band("exact-hold", SHARED)]
     states = [[(made, state) for state in moments(made)] for made in engines]
     pool = [each for of_engine in states for each in of_engine]
     counts: collections.Counter[str] = collections.Counter()

@@ -107,6 +107,31 @@ NECK = preset(
 #: its G string alone, heard as the force on the bridge
 ONE_NECK = preset("one-neck", wound("G2", 6.69), obstacle=NECK_OBSTACLE, output='kind = "force"\ngain_db = -24', polyphony=1)
 
+#: two strings over two frets, on a bridge that moves with a body, each in two directions; notes 43…45 and 48…50
+SHARED = preset(
+    "shared",
+    wound("G2", 6.69) + wound("C3", 3.76) + "place_mm = 12\n",
+    obstacle='kind = "frets"\ncount = 2\nheights_mm = [-0.7, -0.9]',
+    polyphony=2,
+    output='kind = "body"\ngain_db = -40',
+    more="""
+[[body.mode]]
+frequency_hz = 120
+q = 20
+mass_kg = 0.6
+shape = [1.0, 0.1, 2.0]
+pan = -0.5
+[[body.mode]]
+frequency_hz = 300
+q = 30
+mass_kg = 0.3
+shape = [0.9, -0.2, -3.0]
+[polarisation]
+detuning_cents = 0.5
+pluck_deg = 40
+""",
+)
+
 
 def engine(*parts: Preset, quality: str = "standard", limiter: bool = False, **more) -> Engine:
     """An engine that is prepared."""

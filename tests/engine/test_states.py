@@ -20,7 +20,7 @@ from synth.midi.events import BEND, NOTE_ON
 from synth.solver.stringmodel import CLOCK, MOVING
 from tests.patience import compiling_s
 
-from .kit import BRIDGE, FREE, NECK, engine, play, preset, steel
+from .kit import BRIDGE, FREE, NECK, SHARED, engine, play, preset, steel
 
 NOTES = [(0, NOTE_ON, 0, 43, 100), (50, BEND, 0, 3000), (300, NOTE_ON, 0, 48, 90)]
 
@@ -40,6 +40,16 @@ def place(made: Engine, name: str, index: tuple[int, ...] = (0,), field: str | N
             return at if field is None else at + array.dtype.fields[field][1]
         at += 0 if other == "pending" else array.nbytes
     raise KeyError(name)
+
+
+def refuses(made: Engine, name: str, index: tuple[int, ...], field: str | None, value: float, said: str) -> None:
+    """Its own state with another number in it, and stays as it was."""
+    mine = made.get_state()
+    kind = made._changing()[name].dtype
+    new = np.array(value).astype(kind if field is None else kind[field]).tobytes()
+    with pytest.raises(ValueError, match=said):
+        made.set_state(sealed(mine, place(made, name, index, field), new))
+    assert made.get_state() == mine
 
 
 def test_foreign_and_broken_states_are_refused():
@@ -79,13 +89,13 @@ def test_foreign_and_broken_states_are_refused():
         ("sounding", (0,), "row_to", 64, r"sounding.row_to\[0\] must lie between 0 and 0"),
         ("sounding", (0,), "hand", np.nan, r"sounding.hand\[0\] must lie between"),
         ("sounding", (1,), "finger_steps", 2**60, r"sounding.finger_steps\[1\] must lie between 1 and"),
-        ("channels", (3,), "master", 4, "channels.master are not those of zones of 0 and 0 members"),
+        ("channels", (3,), "master", 4, "channels.master are not those of the zones"),
         ("counters", (layout.NOW,), None, 10**15, "frames are computed"),
         ("counters", (layout.PENDING,), None, 1, "1 events wait, 0 are there"),
         ("string.q", (0,), None, np.nan, r"string.q\[0\] must lie between"),
-        ("string.counts", (MOVING,), None, 0, r"string.counts\[0, 0\] must lie between 1.0 and"),
-        ("string.counts", (MOVING,), None, 10**6, r"string.counts\[0, 0\] must lie between 1.0 and"),
-        ("string.counts", (CLOCK,), None, -1, r"string.counts\[0, 1\] must lie between 0.0 and"),
+        ("string.counts", (MOVING,), None, 0, r"string.counts\[0\] must lie between 1 and"),
+        ("string.counts", (MOVING,), None, 10**6, r"string.counts\[0\] must lie between 0 and"),
+        ("string.counts", (CLOCK,), None, -1, r"string.counts\[1\] must lie between 0 and"),
         ("string.finger", (0,), "on", 2, r"string.finger.on\[0\] must lie between 0 and 1, got 2"),
         ("string.looked", (0,), None, 2, r"string.looked\[0\] must lie between 0 and 1, got 2"),
         ("effect_counts", (0,), None, 64, "limiter: the place in the delay must lie between 0 and 63, got 64"),
@@ -98,12 +108,36 @@ def test_foreign_and_broken_states_are_refused():
 def test_each_number_of_a_state_is_looked_at(name, index, field, value, said):
     made = engine(BRIDGE, limiter=True)
     play(made, NOTES, 401)
-    mine = made.get_state()
-    kind = made._changing()[name].dtype
-    new = np.array(value).astype(kind if field is None else kind[field]).tobytes()
-    with pytest.raises(ValueError, match=said):
-        made.set_state(sealed(mine, place(made, name, index, field), new))
-    assert made.get_state() == mine
+    refuses(made, name, index, field, value, said)
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "field", "value", "said"),
+    [
+        ("sounding", (2,), "awake", 0, "sounding.awake of strings that share a bridge differ"),
+        ("sounding", (0,), "idle", 2, r"sounding.idle\[0\] must lie between 0 and 1, got 2"),
+        ("sounding", (5,), "idle", 1, "sounding.idle of a string that shares no bridge"),
+        ("sounding", (1,), "model", 0, r"sounding.model\[1\] is 0, which is of another string"),
+        ("sounding", (0,), "pending_model", 3, r"sounding.pending_model\[0\] is 3, which is of another string"),
+        ("sounding", (0,), "finger_step", 1, r"sounding.finger_step\[0\] is 1, which are no whole frames"),
+        ("end.counts", (0,), None, 2, r"end.counts\[0\] must lie between 0 and 1, got 2"),
+        ("end.counts", (1,), None, 1000, r"end.counts\[1\] must lie between 0 and \d\d?, got 1000"),
+        ("end.counts", (2,), None, -1, r"end.counts\[2\] must lie between 0 and 1, got -1"),
+        ("end.counts", (3,), None, 10**4, r"end.counts\[3\] must lie between 0 and \d+, got 10000"),
+        ("end.kick", (0,), None, np.nan, r"end.kick\[0\] must lie between"),
+        ("body.0.counts", (1,), None, -1, r"body.0.counts\[1\] must lie between 0 and"),
+        ("body.0.p", (0,), None, np.inf, r"body.0.p\[0\] must lie between"),
+    ],
+)
+def test_each_number_of_strings_that_share_a_bridge_is_looked_at(name, index, field, value, said):
+    made = engine(SHARED, FREE)
+    play(made, [(0, NOTE_ON, 0, 43, 100), (3000, NOTE_ON, 0, 44, 100)], 3041)
+    assert made._state.sounding["phase"][0] == layout.PRESS
+    refuses(made, name, index, field, value, said)
+
+
+def test_an_idle_string_is_awake():
+    refuses(engine(SHARED), "sounding", (0,), "idle", 1, r"sounding\.idle of a string that is not awake")
 
 
 def test_broken_states_are_refused_or_no_harm():

@@ -16,11 +16,14 @@ from typing import Any
 Row = tuple[float, str, int, Any, int, float]
 Scene = dict[str, Any]
 
-PRESETS = ("tanpura", "fretted-bass", "jawari-harp")
+PRESETS = ("tanpura", "fretted-bass", "jawari-harp", "steel-guitar")
 QUALITIES = ("draft", "standard", "fine", "reference")
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 #: keys that show a preset's strings at the costs of its low ones
-KEYS = {"tanpura": (36, 43, 48, 48), "fretted-bass": (28, 38, 45, 31), "jawari-harp": (33, 40, 52, 45)}
+KEYS = {"tanpura": (36, 43, 48, 48), "fretted-bass": (28, 38, 45, 31), "jawari-harp": (33, 40, 52, 45),
+        "steel-guitar": (40, 47, 57, 43)}  # fmt: skip
+#: whose strings share a body, which one law knows
+COUPLED = ("steel-guitar",)
 
 
 def scenes() -> list[Scene]:
@@ -83,7 +86,7 @@ def _qualities() -> list[Scene]:
         events = [*note(0.0, first, 120, 0.12), *note(0.02, second, 70, 0.3), *note(0.06, third, 100, 0.03),
                   *note(0.13, first, 90, 0.1), *note(0.17, fourth, 40, 0.1)]  # fmt: skip
         for quality in QUALITIES:
-            for law in LAWS:
+            for law in LAWS if preset not in COUPLED else LAWS[:1]:
                 seconds = 0.12 if quality == "reference" else 0.2
                 options = {"quality": quality, "scheme": law, "only_notes": [sorted(set(KEYS[preset]))], "every_fret": False}
                 found.append(engine(f"{preset}-{quality}-{law}", preset, seconds, events, options=options))
@@ -99,7 +102,12 @@ def _hands() -> list[Scene]:
     hammer = [row(0.0, "on", 0, 28, 100), row(0.07, "on", 0, 31, 20), row(0.1, "on", 0, 33, 127), row(0.16, "off", 0, 33),
               row(0.2, "on", 0, 30, 60), row(0.25, "off", 0, 30)]  # fmt: skip
     redraw = [each for i in range(9) for each in note(0.03 * i, 48, 30 + 12 * i, 0.02)]
+    strum = [*(row(0.015 * i, "on", 0, key, 110) for i, key in enumerate((40, 47, 52, 56, 59, 64))),
+             *sweep("bend", 0.1, 0.1, [0, 2000, 5000, 8000]), row(0.22, "on", 0, 59, 127),
+             row(0.3, "off", 0, 40)]  # fmt: skip
     return [
+        engine("strummed-guitar", "steel-guitar", 0.5, strum),
+        engine("dense-guitar", "steel-guitar", 0.4, phrase(5, tuple(range(40, 76)), 24, 0.4), options={"threads": 2}),
         engine("dense-harp", "jawari-harp", 0.5, phrase(1, harp, 60, 0.5)),
         engine("dense-harp-fine", "jawari-harp", 0.25, phrase(2, harp, 16, 0.25), options={"quality": "fine"}),
         engine("dense-bass", "fretted-bass", 0.5, phrase(3, bass, 40, 0.5)),

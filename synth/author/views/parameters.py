@@ -52,7 +52,10 @@ from synth.instrument.preset import (
     BodyMode,
     BridgeObstacle,
     FretsObstacle,
+    MovingMode,
     NutMode,
+    Output,
+    Polarisation,
     Preset,
     StringTable,
     Table,
@@ -76,6 +79,7 @@ OBSTACLE_OF_KIND: dict[str, dict[str, Any]] = {
 NEW_ITEMS: dict[type[Table], dict[str, float]] = {
     NutMode: {"frequency_hz": 150.0, "q": 1.0, "mass_kg": 1.0},
     BodyMode: {"frequency_hz": 200.0, "q": 20.0, "gain_db": -12.0},
+    MovingMode: {"frequency_hz": 200.0, "q": 25.0, "mass_kg": 0.6},
 }
 #: pairs of which one stands in place of the other, and pairs that go together
 INSTEAD = (
@@ -113,6 +117,8 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
         path = f"{prefix}.{name}" if prefix else name
         value = getattr(table, name)
         inner, metadata = _unwrapped(field.annotation, field.metadata)
+        if _is_of_the_other_kind(preset, value, inner):
+            continue
         if isinstance(value, Table) and get_origin(inner) is not tuple:
             yield from _of_table(preset, type(value), path, value)
             continue
@@ -120,6 +126,15 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
         if isinstance(value, tuple) and value and isinstance(value[0], Table):
             for index, item in enumerate(value):
                 yield from _of_table(preset, type(item), f"{path}.{index}", item)
+
+
+def _is_of_the_other_kind(preset: Preset, value: Any, inner: Any) -> bool:
+    """Whether a table that is not there can only be where strings share a body, or only where they do not: that is begun in
+    the file, as several keys need each other."""
+    absent = value is None or value == ()
+    of_bodies = inner is Polarisation or get_args(inner)[:1] == (MovingMode,)
+    of_others = get_args(inner)[:1] == (BodyMode,)
+    return absent and ((of_bodies and not preset.coupled) or (of_others and preset.coupled))
 
 
 def _unwrapped(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
@@ -178,7 +193,9 @@ def _control(
         labels = CHOICES[kind, name]
         entry.update(kind="choice")
         entry["choices"] = [
-            {"value": value, "label": labels[value], "edits": [{"path": path, "value": value}]} for value in get_args(inner)
+            {"value": value, "label": labels[value], "edits": [{"path": path, "value": value}]}
+            for value in get_args(inner)
+            if kind is not Output or (value == "body") == preset.coupled
         ]
     elif inner is bool:
         entry.update(kind="flag")

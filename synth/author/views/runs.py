@@ -75,7 +75,8 @@ def run(
 
 
 def _seen(preset: Preset) -> Preset:
-    """The preset with the string's displacement as its output, no body and no effects."""
+    """The preset with the string's displacement as its output, on ends that do not move, and no effects."""
+    preset = preset.on_rigid_ends
     at = SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
     output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": 0.0})
     return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})

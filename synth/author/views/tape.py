@@ -98,11 +98,16 @@ class Piece:
 
 
 class Taped(Engine):
-    """An engine with the one string of a place."""
+    """An engine with the one string of a place, its ends at rest."""
 
     def __init__(self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ) -> None:
         super().__init__(
-            [place.preset], quality=quality, limiter=False, economy=False, only_notes=[{place.note}], every_fret=False
+            [place.preset.on_rigid_ends],
+            quality=quality,
+            limiter=False,
+            economy=False,
+            only_notes=[{place.note}],
+            every_fret=False,
         )
         self.place = place
         self.prepare(rate_hz, PIECE)
@@ -116,9 +121,10 @@ class Taped(Engine):
         contacts = max(position.eta.size for position in string.positions)
         modes = max(position.omega.size for position in string.positions)
         sizes = {"steps": steps, "contacts": max(1, contacts), "shots": shots, "cap": modes}
-        self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=entries()[1])
-        # behind the tables that the engine made: it looks no further than their end
-        self._core = np.concatenate([self._core, table(self.tape)])
+        self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=entries(coupled=False)[1])
+        # behind the tables that the engine made, which looks no further than their end; its voices lead there, too
+        before, self._core = self._core, np.concatenate([self._core, table(self.tape)])
+        self._voices[self._voices == before.ctypes.data] = self._core.ctypes.data
         self._taped_steps = entry(_taped_steps, 4)
         self._shared.task[STEP] = self._taped_steps.address
 

@@ -15,11 +15,13 @@ from synth.instrument.preset import (
     Damping,
     FretsObstacle,
     Mapping_,
+    MovingMode,
     NoObstacle,
     NutMode,
     Output,
     Pluck,
     PointsObstacle,
+    Polarisation,
     Preset,
     StringTable,
     Table,
@@ -61,6 +63,7 @@ GROUPS = {
     "damping": "damping",
     "output": "output",
     "body": "output",
+    "polarisation": "pluck",
     "mapping": "mapping",
 }
 
@@ -81,6 +84,9 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "Remarks", "The author's notes: what was tried, what is still to do. Nothing reads them but people."
         ),
         "string": Words("Strings", "One table for each string, or one for a range of notes with a string for every note."),
+        "polarisation": Words(
+            "Second direction", "Strings that share a body may move at right angles to their first direction, too."
+        ),
         "nut": Words(
             "Resonances of the nut end",
             "What holds the string gives way at its resonances. A narrow one takes the energy of notes near it (a dead "
@@ -205,6 +211,20 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "cents": Words("Fine tuning", "Of this string alone, by its tension.", "cents", (-50.0, 50.0), 0.1),
         "gain_db": Words("Level", "Of this string in the mix; it changes nothing of its motion.", "dB", (-12.0, 12.0), 0.1),
+        "place_mm": Words(
+            "Place on the bridge",
+            "From its middle, of strings that share a body: where that rocks.",
+            "mm",
+            (-40.0, 40.0),
+            0.5,
+        ),
+        "angle_deg": Words(
+            "Direction at the bridge",
+            "Of the string's first direction from the body's normal, of strings that share a body.",
+            "°",
+            (-45.0, 45.0),
+            1.0,
+        ),
         "measured_frequencies_hz": Words(
             "Measured partials",
             "Frequencies of partials 1, 2, … as measured on a real string, moved with its tuning; behind the last one the "
@@ -400,8 +420,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Output: {
         "kind": Words(
             "What is heard",
-            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, or a magnetic "
-            "pickup over it.",
+            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, a magnetic "
+            "pickup over it, or the body that all strings share.",
             setup=True,
         ),
         "position": Words(
@@ -445,6 +465,48 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "Resonances of the body",
             "Measured peaks of the body's mobility, added to the direct sound; each colours and rings.",
         ),
+        "mode": Words(
+            "Modes of the body",
+            "What all strings drive by their bridge, and what drives them: they beat, decay in two stages and ring with "
+            "each other. They are heard through it alone, so that what is heard must be the body.",
+        ),
+    },
+    MovingMode: {
+        "frequency_hz": Words("Mode", "Where the body swings by itself.", "Hz", (60.0, 4000.0), 0.5),
+        "q": Words("Q", "How narrow it is, and how long it rings: to −60 dB in 2.2·Q/f seconds.", "", (10.0, 60.0), 0.5),
+        "mass_kg": Words(
+            "Mass at the bridge",
+            "What the strings have to move: the lighter, the louder, the shorter the notes near it, and the more they stray "
+            "from their pitch.",
+            "kg",
+            (0.1, 3.0),
+            0.01,
+        ),
+        "shape": Words(
+            "Motion of the bridge",
+            "Up and down, along the body across the strings, and rocking per metre from the bridge's middle.",
+        ),
+        "radiation": Words(
+            "Radiation", "How much of its acceleration is heard; below 0, against the others.", "", (-2.0, 2.0), 0.1
+        ),
+        "pan": Words("Heard from", "−1 left, 1 right.", "", (-1.0, 1.0), 0.1),
+    },
+    Polarisation: {
+        "detuning_cents": Words(
+            "Second direction, detuned",
+            "How much higher a string's motion at right angles is than its first: the two beat with each other.",
+            "cents",
+            (0.0, 3.0),
+            0.1,
+        ),
+        "loss_ratio": Words("Second direction, loss", "How much faster it decays by itself.", "×", (0.8, 2.0), 0.05),
+        "pluck_deg": Words(
+            "Direction of the pluck",
+            "From the string's first direction: 0 gives the body all at once, 90 little, for long.",
+            "°",
+            (0.0, 60.0),
+            1.0,
+        ),
     },
     BodyMode: {
         "frequency_hz": Words("Peak", "Frequency of the resonance's maximum.", "Hz", (60.0, 5000.0), 1.0),
@@ -485,6 +547,7 @@ CHOICES: dict[tuple[type[Table], str], dict[str, str]] = {
         "displacement": "displacement",
         "velocity": "velocity",
         "pickup": "magnetic pickup",
+        "body": "body",
     },
 }
 OBSTACLES = {"none": "nothing", "bridge": "tanpura bridge", "points": "points", "frets": "frets"}

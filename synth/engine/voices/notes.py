@@ -30,7 +30,7 @@ def note_on(voices: int, c: int, note: int, velocity: int) -> None:
     position = me.positions[chosen]
     voice = me.sounding[position.string]
     go_on(voices, position.string)
-    if not voice.awake or voice.stolen:
+    if not voice.awake or voice.idle or voice.stolen:
         make_room(voices)
     legato = legato_on(voices, c) and voice.held != 0 and voice.awake != 0 and voice.model != position.model
     if voice.held and voice.awake and not legato and (voice.note != note or voice.channel != c):

@@ -17,7 +17,7 @@ def make_room(voices: int) -> None:
     quietest = -1
     for s in range(me.sounding.size):
         voice = me.sounding[s]
-        if voice.awake and not voice.stolen:
+        if voice.awake and not voice.idle and not voice.stolen:
             sounding += 1
             if quietest < 0:
                 quietest = s

@@ -44,10 +44,10 @@ def test_what_is_typed_is_taken_undone_and_saved(page, folder):
     page.keys("z", held=CONTROL)
     page.until(lambda: not state(page)["dirty"])
     page.until(lambda: value_of(page, "pluck.position") == 0.42)
-    set_value(page, "pluck.width_mm", 9)
+    set_value(page, "pluck.width_mm", 13.25)  # a text that stands nowhere else in the file
     page.keys("s", held=CONTROL)
     page.until(lambda: not state(page)["dirty"])
-    assert load_preset(str(folder / "mine.toml")).pluck.width_mm == 9.0
+    assert load_preset(str(folder / "mine.toml")).pluck.width_mm == 13.25
     assert page.errors() == []
 
 

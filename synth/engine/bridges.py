@@ -1,0 +1,107 @@
+"""Bridges and bodies of an engine, and the ends of the strings on them: what changes, and where the core finds it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from synth.engine.layout import QUANTUM, Bank, Shared
+from synth.instrument.soundboard import Soundboard
+from synth.native.arrays import Pool, allocate
+from synth.native.views import table
+from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS, Coupling, End
+from synth.solver.lanes import padded
+
+#: what a block works with and no block leaves behind
+END_ROOM = ("path", "row", "u", "forces", "slopes", "kicks", "near", "matrix", "kept", "kept_contacts")
+COUPLING_ROOM = (
+    "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
+    "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
+)  # fmt: skip
+#: …and what is constant, or an address
+COUPLING_FIXED = (
+    "steps", "line_model", "line_state", "line_end", "direction", "body", "shape", "gamma", "radiation", "body_mass",
+    "body_omega",
+)  # fmt: skip
+
+
+class SharedBody(NamedTuple):
+    """A body and the instrument whose strings share it."""
+
+    instrument: int
+    body: Soundboard
+
+
+class Bridges:
+    """Every Coupling of an engine and the Ends of its strings. As long as it plays, this must stay where it is.
+
+    strings     numbers of the strings that end on a bridge, in their order
+    couplings   Coupling of each body
+    ends        Pool of End, by place in `strings`
+    """
+
+    def __init__(self, bank: Bank, bodies: Sequence[SharedBody]) -> None:
+        self.strings: list[int] = []
+        self._of_body: list[range] = []
+        sizes = []
+        for shared in bodies:
+            instrument = bank.instruments[shared.instrument]
+            mine = range(int(instrument["first_string"]), int(instrument["end_string"]))
+            self._of_body.append(mine)
+            for s in mine:
+                own = bank.models[bank.models["string"] == s]
+                path = QUANTUM * MOST_STEPS + 1
+                modes, contacts = padded(int(own["n"].max())), int(own["contacts"].max())
+                sizes.append(COUPLING_SIZES | {"modes": modes, "contacts": contacts, "path": path})
+                self.strings.append(s)
+        self.ends = Pool(End, sizes)
+        self.couplings = []
+        for shared, mine in zip(bodies, self._of_body, strict=True):
+            body, lines = shared.body, len(mine)
+            rows = lines + sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
+            components, modes = body.shape.shape
+            extents = {"lines": lines, "components": components, "body": modes, "channels": 2, "rows": rows}
+            self.couplings.append(
+                allocate(
+                    Coupling,
+                    COUPLING_SIZES | extents,
+                    frame=body.frame_s,
+                    steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
+                    direction=np.ascontiguousarray(body.direction),
+                    body=np.ascontiguousarray(body.steps),
+                    shape=np.ascontiguousarray(body.shape),
+                    gamma=np.ascontiguousarray((body.shape * body.steps[4]) @ body.shape.T),
+                    radiation=np.ascontiguousarray(body.radiation),
+                    body_mass=body.mass.copy(),
+                    body_omega=body.omega.copy(),
+                )
+            )
+        self.instruments = [shared.instrument for shared in bodies]
+        self._ends = [table(end) for end in self.ends.items]
+        self._couplings = [table(coupling) for coupling in self.couplings]
+
+    def point(self, shared: Shared) -> None:
+        """Put the addresses where the core looks for them; those of the strings' states are there."""
+        for s, end in zip(self.strings, self._ends, strict=True):
+            shared.end_at[s] = end.ctypes.data
+        for i, mine, coupling, at in zip(self.instruments, self._of_body, self.couplings, self._couplings, strict=True):
+            shared.coupling_at[i] = at.ctypes.data
+            coupling.line_state[:] = shared.string_at[mine.start : mine.stop]
+            coupling.line_end[:] = shared.end_at[mine.start : mine.stop]
+
+    @property
+    def room(self) -> dict[str, np.ndarray]:
+        """Of the ends, what carries nothing from block to block."""
+        return {name: self.ends.flat[name] for name in END_ROOM}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that changes, by name."""
+        ends = {f"end.{name}": array for name, array in self.ends.flat.items() if name not in END_ROOM}
+        out = dict(ends) if self.strings else {}
+        for number, coupling in enumerate(self.couplings):
+            for name, value in coupling._asdict().items():
+                if isinstance(value, np.ndarray) and name not in COUPLING_ROOM + COUPLING_FIXED:
+                    out[f"body.{number}.{name}"] = value
+        return out

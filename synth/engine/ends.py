@@ -1,0 +1,80 @@
+"""The moving end of a string: what it is to the model that sounds, and how the bridge moves under it."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from synth.engine.coefficients import damping
+from synth.engine.core import bank_of, model_address, model_of, scratch_of, settings_of, shared_of, state_of, string_of
+from synth.engine.layout import CORE, NO_FINGER, PLAIN
+from synth.solver.coupling import APART_MODES, LENGTH, TENSION, coupling_at, end_at, fill_end, fill_finger_end
+from synth.solver.lanes import PAD
+from synth.solver.laws import EXACT_HOLD, step_coefficients
+from synth.solver.line_certificates import fill_reach
+from synth.solver.responses import fill_rows
+from synth.solver.stringmodel import string_model
+
+
+@njit(**CORE)
+def on_bridge(core: int, s: int) -> bool:
+    """Whether string s shares a bridge with others."""
+    return shared_of(core).end_at[s] != 0
+
+
+@njit(**CORE)
+def bridge_under(core: int, s: int) -> tuple[float, float]:
+    """Where the bridge is under a string [m], and how fast it has moved in the last frame [m/s]."""
+    i = bank_of(core).strings[s].instrument
+    coupling = coupling_at(shared_of(core).coupling_at[i])
+    line = s - bank_of(core).instruments[i].first_string
+    height, speed = 0.0, 0.0
+    for k in range(coupling.beta.size):
+        height += coupling.direction[line, k] * coupling.beta[k]
+        speed += coupling.direction[line, k] * coupling.speed[k]
+    return height, speed
+
+
+@njit(**CORE)
+def add_end_speed(core: int, s: int, speed: float) -> None:
+    """Add c · speed to the modal velocities of a string, c the moments of x/L of the model that it has now."""
+    string = string_of(core, s)
+    model = bank_of(core).models[state_of(core).sounding[s].model]
+    moment = math.sqrt(2.0 * model.length) / math.pi
+    for j in range(model.own):
+        string.v[j] += (moment if j % 2 == 0 else -moment) / (j + 1.0) * speed
+
+
+@njit(**CORE)
+def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
+    """What its end is to a string whose finger, or (model_too) whose coefficients have become others."""
+    shared, scratch = shared_of(core), scratch_of(thread)
+    me = state_of(core).sounding[s]
+    plain, address = string_model(shared.model_at[me.model, PLAIN]), model_address(core, s)
+    end = end_at(shared.end_at[s])
+    if model_too:
+        fixed = bank_of(core).models[me.model]
+        moment = math.sqrt(2.0 * fixed.length) / math.pi
+        for j in range(end.kick.size):
+            c = (moment if j % 2 == 0 else -moment) / (j + 1.0) if j < fixed.own else 0.0
+            end.kick[j] = -c
+            end.pull[j] = fixed.mu * c
+        bend_ratio = 2.0 ** (me.bend / 12.0)
+        end.numbers[TENSION] = fixed.tension * bend_ratio * bend_ratio / fixed.length
+        end.numbers[LENGTH] = fixed.length
+        # by whole vectors: what is behind the last one rests
+        end.counts[APART_MODES] = fixed.n if fixed.n <= fixed.audible else max(1, fixed.audible // PAD) * PAD
+        for k in range(fixed.contacts):
+            end.leverage[k] = bank_of(core).leverage[fixed.leverage + k]
+        model = model_of(core, s)
+        n, frame = plain.modes, 1.0 / settings_of(core).rate_hz
+        for j in range(n):
+            scratch.sigma[j] = damping(plain.sigma[j], me.hand, model.omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+        end.flight[:6, n:] = 0.0
+        step_coefficients(EXACT_HOLD, model.omega[:n], scratch.sigma[:n], plain.mu, frame, end.flight)
+        fill_rows(end.flight)
+        fill_end(address, shared.end_at[s], scratch.q, scratch.v, scratch.spare)
+        fill_reach(address, shared.end_at[s])
+    if me.phase != NO_FINGER:
+        fill_finger_end(address, shared.string_at[s], shared.end_at[s], scratch.q, scratch.v, scratch.spare)

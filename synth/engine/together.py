@@ -1,0 +1,260 @@
+"""Strings that share a bridge through time: an instrument goes frame by frame, all of its strings together."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from synth.engine.advance import follow_quantum, make_path, moves_like_a_string
+from synth.engine.coefficients import refresh, rest_state
+from synth.engine.core import bank_of, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.ends import refresh_end
+from synth.engine.layout import (
+    BEGIN,
+    BLOWN_UP,
+    CHECK_EVERY,
+    CORE,
+    FIRST_QUANTUM,
+    NO_FINGER,
+    PLAIN,
+    QUANTA,
+    QUANTUM,
+    SLEEP_BELOW,
+    STRETCH,
+    TASK,
+    UNTIL,
+)
+from synth.engine.strings import finger_done, sleep
+from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines, look_at
+from synth.solver.frames import advance_frames
+from synth.solver.lcp import SOLVED
+from synth.solver.line_certificates import certify_line
+from synth.solver.stringmodel import string_model
+from synth.solver.vectors import dot
+
+
+def work_together(core: int, thread: int, i: int, _: int) -> None:
+    """`tasks._work_on` of an instrument whose strings share a bridge."""
+    task, sounding = shared_of(core).task, state_of(core).sounding
+    instrument = bank_of(core).instruments[i]
+    first, end, kind = instrument.first_string, instrument.end_string, task[TASK]
+    _find_models(core, i)
+    if kind == BEGIN:
+        if sounding[first].awake:
+            _begin_quantum(core, thread, i, int(np.int64(0)))
+    elif kind == STRETCH:
+        begin, until = sounding[first].reached, task[UNTIL]
+        for s in range(first, end):
+            sounding[s].reached = until
+        if sounding[first].awake and begin < until:
+            _advance(core, thread, i, begin, until - begin)
+    else:
+        for k in range(task[QUANTA]):
+            if sounding[first].awake:
+                _begin_quantum(core, thread, i, k)
+            if sounding[first].awake:
+                _advance(core, thread, i, k * QUANTUM, int(np.int64(QUANTUM)))
+
+
+@njit(**CORE)
+def _find_models(core: int, i: int) -> None:
+    """Addresses of the models that the lines now have, for the solver."""
+    instrument, coupling = bank_of(core).instruments[i], coupling_at(shared_of(core).coupling_at[i])
+    for s in range(instrument.first_string, instrument.end_string):
+        coupling.line_model[s - instrument.first_string] = model_address(core, s)
+
+
+@njit(**CORE)
+def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
+    """What is decided about an instrument that is awake at the start of quantum k of the span."""
+    bank, state = bank_of(core), state_of(core)
+    instrument = bank.instruments[i]
+    for s in range(instrument.first_string, instrument.end_string):
+        if not bank.strings[s].of_first:
+            follow_quantum(core, s, k)
+        elif state.sounding[s].bend != state.sounding[s - 1].bend:
+            state.sounding[s].bend = state.sounding[s - 1].bend
+            state.sounding[s].stale = 1
+    if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY != 0:
+        return
+    fingered = False
+    for s in range(instrument.first_string, instrument.end_string):
+        me = state.sounding[s]
+        if me.stale:
+            return
+        fingered = fingered or me.phase != NO_FINGER
+    if not fingered and _falls_asleep(core, thread, i):
+        return
+    _certify_lines(core, thread, i)
+
+
+@njit(**CORE)
+def _falls_asleep(core: int, thread: int, i: int) -> bool:
+    """Levels of an instrument's strings; whether it is silent, and sleeps."""
+    bank, state = bank_of(core), state_of(core)
+    instrument = bank.instruments[i]
+    coupling, scratch = coupling_at(shared_of(core).coupling_at[i]), scratch_of(thread)
+    swinging = 0.0
+    for m in range(coupling.p.size):
+        w = coupling.body_omega[m] * coupling.p[m]
+        swinging += coupling.body_mass[m] * (coupling.p_speed[m] * coupling.p_speed[m] + w * w)
+    loudest = instrument.output_bound * math.sqrt(swinging)
+    for s in range(instrument.first_string, instrument.end_string):
+        me, string = state.sounding[s], string_of(core, s)
+        plain = string_model(shared_of(core).model_at[me.model, PLAIN])
+        n = plain.modes
+        rest_state(core, me, scratch.q)
+        me.level = 0.0
+        for j in range(n):
+            q, v = string.q[j] - scratch.q[j], string.v[j] / plain.omega[j]
+            me.level += plain.weights[0, j] * math.sqrt(q * q + v * v)
+        loudest += me.level
+    if loudest < SLEEP_BELOW:
+        sleep_together(core, i)
+        return True
+    return False
+
+
+@njit(**CORE)
+def _certify_lines(core: int, thread: int, i: int) -> None:
+    """Strings that are certain to touch nothing for a while are not looked at; others that may touch something are."""
+    instrument, shared = bank_of(core).instruments[i], shared_of(core)
+    changed = False
+    for s in range(instrument.first_string, instrument.end_string):
+        line, end = s - instrument.first_string, end_at(shared.end_at[s])
+        if model_of(core, s).eta.size > 0:
+            near = certify_line(shared.coupling_at[i], line, scratch_of(thread).q)
+            engaged = 1 if near > 0 or state_of(core).sounding[s].phase != NO_FINGER else 0
+            if engaged != end.counts[ENGAGED]:
+                look_at(shared.coupling_at[i], line, engaged)
+                changed = True
+    if changed:
+        gather_lines(shared.coupling_at[i])
+
+
+@njit(**CORE)
+def sleep_together(core: int, i: int) -> None:
+    """The instrument is silent: it costs nothing until one of its strings is touched."""
+    bank, coupling = bank_of(core), coupling_at(shared_of(core).coupling_at[i])
+    for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
+        sleep(core, s)
+    coupling.p[:] = 0.0
+    coupling.p_speed[:] = 0.0
+    coupling.beta[:] = 0.0
+    coupling.speed[:] = 0.0
+    coupling.rest[:] = 0.0
+    coupling.momentum[:] = 0.0
+
+
+@njit(**CORE)
+def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
+    """Frames of an instrument that is awake, from frame `begin` of the span."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    instrument = bank.instruments[i]
+    address = shared.coupling_at[i]
+    out = shared.radiated[instrument.body]
+    _place(core, i, begin, frames)
+    done = int(np.int64(0))
+    while done < frames:
+        count = _refresh_lines(core, thread, i, frames - done)
+        if advance_frames(address, thread, count, out[:, begin + done :]) != SOLVED:
+            state.sounding[instrument.first_string].unsolved += 1
+        done += count
+        for s in range(instrument.first_string, instrument.end_string):
+            me = state.sounding[s]
+            engaged = end_at(shared.end_at[s]).counts[ENGAGED]
+            me.mode_steps += model_of(core, s).modes * count * (bank.strings[s].factor if engaged else 1)
+            if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
+                if bank.strings[s].of_first:  # the first direction, just before, has decided for both
+                    me.phase = NO_FINGER
+                else:
+                    finger_done(core, thread, s)
+    if not _sounds(core, i, begin, frames):
+        for channel in range(2):
+            for t in range(begin, begin + frames):
+                out[channel, t] = 0.0
+        state.sounding[instrument.first_string].silenced += 1
+        for s in range(instrument.first_string, instrument.end_string):
+            string = string_of(core, s)
+            string.force[:] = 0.0
+            string.finger[0].here = 0.0
+            string.finger[0].push = 0.0
+        sleep_together(core, i)
+
+
+@njit(**CORE)
+def _place(core: int, i: int, begin: int, frames: int) -> None:
+    """Frames of the span that are about to be there; what lies between them and earlier ones is nothing."""
+    shared, number = shared_of(core), bank_of(core).instruments[i].body
+    there = shared.radiated_frames[number]
+    if there[0] == there[1]:
+        there[0] = begin
+    else:
+        for channel in range(2):
+            for t in range(there[1], begin):
+                shared.radiated[number, channel, t] = 0.0
+    there[1] = begin + frames
+
+
+@njit(**CORE)
+def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
+    """Bring all lines in line with what has been done to them; how many frames they go on so, at most so many."""
+    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    instrument, coupling = bank.instruments[i], coupling_at(shared.coupling_at[i])
+    changed = False
+    count = frames
+    for s in range(instrument.first_string, instrument.end_string):
+        me, end = state.sounding[s], end_at(shared.end_at[s])
+        engaged, changed_it = end.counts[ENGAGED], me.stale != 0
+        if me.stale:
+            whole = me.stale == 1
+            refresh(core, thread, s)
+            refresh_end(core, thread, s, whole)
+            changed = True
+        fingered = me.phase != NO_FINGER
+        contacts = bank.models[me.model].contacts
+        line = s - instrument.first_string
+        coupling.line_model[line] = model_address(core, s)
+        if changed_it and contacts > 0:
+            engaged = 1 if certify_line(shared.coupling_at[i], line, scratch_of(thread).q) > 0 else 0
+        if fingered:
+            engaged = 1
+        elif contacts == 0:
+            engaged = 0
+        if end.counts[ENGAGED] != engaged or changed_it:
+            look_at(shared.coupling_at[i], line, engaged)
+            changed = True
+        string_of(core, s).finger[0].on = 1 if fingered else 0
+        if fingered:
+            count = min(count, (me.finger_steps - me.finger_step) // bank.strings[s].factor)
+    for s in range(instrument.first_string, instrument.end_string):
+        if state.sounding[s].phase != NO_FINGER:
+            make_path(core, thread, s, count * bank.strings[s].factor, end_at(shared.end_at[s]).path)
+    if changed:
+        for d in range(coupling.held.size):
+            coupling.held[d] = 0.0
+        for s in range(instrument.first_string, instrument.end_string):
+            me = state.sounding[s]
+            if me.lift > 0.0:
+                pressing = end_at(shared.end_at[s]).leverage[0] * me.lift
+                for d in range(coupling.held.size):
+                    coupling.held[d] += coupling.direction[s - instrument.first_string, d] * pressing
+        gather_lines(shared.coupling_at[i])
+    return count
+
+
+@njit(**CORE)
+def _sounds(core: int, i: int, begin: int, frames: int) -> bool:
+    """Whether strings move like strings, and what the body has given is finite and below `BLOWN_UP`."""
+    bank, shared = bank_of(core), shared_of(core)
+    instrument = bank.instruments[i]
+    for s in range(instrument.first_string, instrument.end_string):
+        if not moves_like_a_string(core, s):
+            return False
+    for channel in range(2):
+        row = shared.radiated[instrument.body, channel, begin : begin + frames]
+        if not dot(row, row) <= BLOWN_UP * BLOWN_UP:
+            return False
+    return True

@@ -1,0 +1,87 @@
+"""From a preset's `[[body.mode]]` to the arrays of `solver.coupling`: what strings share that end on one bridge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from synth.instrument.preset import Preset, PresetError, StringTable, at_note
+from synth.solver.coupling import MOST_COMPONENTS, MOST_STEPS
+from synth.solver.laws import EXACT_HOLD, coefficients
+from synth.units import db_to_gain
+
+#: ΩH/2 up to which the ramp's share of a body mode is made up for
+_FARTHEST = 0.45 * math.pi
+
+
+@dataclass(frozen=True)
+class Soundboard:
+    """The modes of a body over frames of the output rate: M modes, D components of the bridge's motion, lines of strings.
+
+    A mode is counted per unit of its motion; forces come to it, and its motion to the bridge, by its shape.
+    """
+
+    frame_s: float
+    omega: np.ndarray  # (M,)
+    sigma: np.ndarray  # (M,)
+    mass: np.ndarray  # (M,) [kg]
+    steps: np.ndarray  # (6, M) coefficients of a frame, of a force
+    shape: np.ndarray  # (D, M)
+    radiation: np.ndarray  # (2, M) left, right: output of an acceleration
+    direction: np.ndarray  # (lines, D); of strings that move in two directions one after the other
+
+    def heard(self, omega: np.ndarray, line: int) -> np.ndarray:
+        """(N,) output, on the louder side, of a steady force of 1 N at these angular frequencies at a line's end."""
+        w = omega[:, None]
+        swing = -(w**2) / (self.mass * (self.omega**2 - w**2 + 2j * self.sigma * w)) * (self.direction[line] @ self.shape)
+        return np.abs(swing @ self.radiation.T).max(axis=1)
+
+    @property
+    def swinging_bound(self) -> float:
+        """|output| ≤ bound · √(Σ m (ṗ² + Ω²p²)) of modes that swing freely."""
+        loudest = np.abs(self.radiation).max(axis=0)
+        return float(np.sqrt(np.sum((loudest * self.omega) ** 2 / self.mass)))
+
+
+def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: float) -> Soundboard:
+    """The body of a preset whose strings, (table, open note) each, end on its bridge.
+
+    A mode at half the output rate or above is left out. The ramp of the bridge's motion, which takes sinc²(ΩH/2) off what a
+    mode is given and gives, is made up for in the shapes.
+    """
+    frame = 1.0 / rate_hz
+    modes = [mode for mode in preset.body.mode if mode.frequency_hz < 0.45 * rate_hz]
+    if not modes:
+        raise PresetError(f"{preset.name}: body.mode: no mode lies below {0.45 * rate_hz:g} Hz; give one, or a higher rate")
+    components = max(len(mode.shape) for mode in modes)
+    omega = np.array([2.0 * math.pi * mode.frequency_hz for mode in modes])
+    sigma = omega / (2.0 * np.array([mode.q for mode in modes]))
+    mass = np.array([mode.mass_kg for mode in modes])
+    shape = np.zeros((components, len(modes)))
+    for m, mode in enumerate(modes):
+        shape[: len(mode.shape), m] = mode.shape
+    half = np.minimum(0.5 * omega * frame, _FARTHEST)
+    shape /= np.sinc(half / math.pi) ** 2
+    steps = coefficients(EXACT_HOLD, omega, sigma, 1.0, frame)
+    steps[4:] /= mass
+    pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in modes]))
+    heard = db_to_gain(preset.output.gain_db) * np.array([mode.radiation for mode in modes])
+    radiation = math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
+    angles = (0.0,) if preset.polarisation is None else (0.0, 0.5 * math.pi)
+    rows = [direction_of(table, note, components, turned) for table, note in ends for turned in angles]
+    direction = np.array(rows).reshape(len(rows), components)
+    return Soundboard(frame, omega, sigma, mass, steps, shape, radiation, direction)
+
+
+def direction_of(table: StringTable, note: int, components: int, turned: float = 0.0) -> list[float]:
+    """How a string takes part in the bridge's components: its angle, turned on by [rad], and its place for the rocking."""
+    angle = math.radians(at_note(table.angle_deg, note)) + turned
+    parts = (math.cos(angle), math.sin(angle), 1e-3 * at_note(table.place_mm, note) * math.cos(angle))
+    return list(parts[: min(components, MOST_COMPONENTS)])
+
+
+def step_count(wanted: int) -> int:
+    """Internal steps of a frame for a string that wants so many: a power of two, at most `MOST_STEPS`."""
+    return min(MOST_STEPS, 1 << max(0, math.ceil(math.log2(wanted))))
