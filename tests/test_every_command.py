@@ -36,13 +36,14 @@ PLAY = ["play", "--device", "nowhere", "--record", "out.wav", "--play", "s.mid",
 NO_DEVICE = "nowhere|there is no audio output"
 AUTHOR = ["author", "my.toml", "--no-browser"]
 FIT = ["fit", "note.wav", "-p", "my.toml", "-o", "new.toml"]
+BODY = ["body", "fit", "bridge.csv", "-o", "new.toml"]
 DEVICES = ["devices"]
 PRESETS = ["presets", "show", "my.toml"]
 PLAN = ["plan", "my.toml", "C3", "--quality", "draft"]
 SIMULATE = ["simulate", "case.toml", "-o", "out.npz"]
 GOOD = {
-    "render": RENDER, "drone": DRONE, "play": PLAY, "author": AUTHOR, "fit": FIT, "devices": DEVICES, "presets": PRESETS,
-    "plan": PLAN, "simulate": SIMULATE,
+    "render": RENDER, "drone": DRONE, "play": PLAY, "author": AUTHOR, "fit": FIT, "body": BODY, "devices": DEVICES,
+    "presets": PRESETS, "plan": PLAN, "simulate": SIMULATE,
 }  # fmt: skip
 CONDITIONS = (
     "output is input", "full disk", "closed stdin", "closed stdout", "closed stderr", "SIGHUP", "odd names",
@@ -115,6 +116,8 @@ def _overwriting() -> Iterator[Cell]:
     yield cell("fit", ["fit", "note.wav", "-p", "my.toml", "-o", "note.wav"])
     yield cell("fit", ["fit", "note.wav", "-p", "my.toml", "-o", "link.toml"], link=("link.toml", "note.wav"))
     yield cell("fit", ["fit", "note.wav", "-p", "my.toml", "-o", "link.toml"], link=("link.toml", "my.toml"), hard=True)
+    yield cell("body", ["body", "fit", "bridge.csv", "-o", "bridge.csv"])
+    yield cell("body", ["body", "fit", "bridge.csv", "-o", "link.toml"], link=("link.toml", "bridge.csv"))
     yield cell("simulate", ["simulate", "case.toml", "-o", "case.toml"])
     yield cell("simulate", ["simulate", "case.toml", "-o", "modes.npz"], "would overwrite case modes.npz")
 
@@ -132,9 +135,10 @@ def _full() -> Iterator[Cell]:
     yield cell("drone", replaced(DRONE, out_wav="old.flac"), r"old\.flac: File too large", largest=1000)
     yield cell("drone", replaced(DRONE, out_wav="-"), "standard output: No space left on device", out="/dev/full")
     yield cell("fit", replaced(FIT, new_toml="old.toml"), r"old\.toml: File too large", largest=1000)
+    yield cell("body", replaced(BODY, new_toml="old.toml"), r"old\.toml: File too large", largest=300)
     yield cell("simulate", replaced(SIMULATE, out_npz="old.npz"), r"old\.npz: File too large", largest=1000)
-    for command in ("fit", "devices", "presets", "plan"):
-        arguments = FIT[:2] if command == "fit" else GOOD[command]
+    for command in ("fit", "body", "devices", "presets", "plan"):
+        arguments = {"fit": FIT[:2], "body": BODY[:3]}.get(command, GOOD[command])
         yield cell(command, arguments, "standard output: No space left on device", out="/dev/full")
     yield cell("author", AUTHOR, "standard output: No space left on device", out="/dev/full")
     yield cell("presets", ["--help"], "standard output: No space left on device", out="/dev/full")
@@ -142,7 +146,8 @@ def _full() -> Iterator[Cell]:
 
 def _closed() -> Iterator[Cell]:
     """What writes files does so; a command whose result is text has failed where nobody can read that."""
-    made = {"render": ("out.wav",), "drone": ("out.wav",), "fit": ("new.toml",), "simulate": ("out.npz",)}
+    made = {"render": ("out.wav",), "drone": ("out.wav",), "fit": ("new.toml",), "body": ("new.toml",)}
+    made["simulate"] = ("out.npz",)
     for command, arguments in GOOD.items():
         for number, name in enumerate(("stdin", "stdout", "stderr")):
             if command == "play":
@@ -172,6 +177,11 @@ def _odd() -> Iterator[Cell]:
                 0,
                 ("NEW" + toml[-200:],),
             ),
+            "body": (
+                ["body", "fit", "-oNEW" + toml[-200:], "--json", "--", "bridge" + f"{odd}.csv"[-200:]],
+                0,
+                ("NEW" + toml[-200:],),
+            ),
             "presets": (["presets", "check", "--", toml], 0, ()),
             "plan": (["plan", "--quality", "draft", "--", toml, "C3"], 0, ()),
             "simulate": (["simulate", "-o" + odd + ".npz", "--json", "--", "case-" + toml[-200:]], 0, (odd + ".npz",)),
@@ -198,8 +208,9 @@ def _deleted() -> Iterator[Cell]:
         made = tuple(word for word in arguments if word in ("out.wav", "new.toml", "out.npz")) if command != "play" else ()
         code, says = (2, NO_DEVICE) if command == "play" else (0, "")
         yield Cell(command, "deleted folder", whole, code, says, made, how={"gone": True})
-    for command, arguments in (("render", RENDER), ("drone", DRONE), ("play", PLAY), ("fit", FIT), ("simulate", SIMULATE)):
-        relative = ["HERE/" + word if word in ("s.mid", "my.toml", "note.wav", "case.toml") else word for word in arguments]
+    for command in ("render", "drone", "play", "fit", "body", "simulate"):
+        read = ("s.mid", "my.toml", "note.wav", "case.toml", "bridge.csv")
+        relative = ["HERE/" + word if word in read else word for word in GOOD[command]]
         name = next(word for word in relative if word in ("out.wav", "new.toml", "out.npz"))
         yield Cell(command, "deleted folder", relative, 2, f"{name}: the directory . has been deleted", how={"gone": True})
     yield Cell("author", "deleted folder", ["author", "--no-browser"], 2, "current directory has been", how={"gone": True})
@@ -214,10 +225,10 @@ def _hung_up() -> Iterator[Cell]:
             yield Cell("render", "SIGHUP", long, 128 + signalled["signal"], how=signalled)
     long = ["drone", "-o", "old.wav", "--duration", "86400", *CHEAP]
     yield Cell("drone", "SIGHUP", long, 129, how={"signal": signal.SIGHUP, "at": ".old.wav.*"})
-    for command in ("fit", "devices", "presets", "plan", "simulate"):
+    for command in ("fit", "body", "devices", "presets", "plan", "simulate"):
         how = {"signal": signal.SIGHUP, "at": "write"}
         # with its file there already, as whole as it will be
-        makes = {"fit": ("new.toml",), "simulate": ("out.npz",)}.get(command, ())
+        makes = {"fit": ("new.toml",), "body": ("new.toml",), "simulate": ("out.npz",)}.get(command, ())
         yield Cell(command, "SIGHUP", GOOD[command], 129, makes=makes, how=how)
     yield Cell("author", "SIGHUP", AUTHOR, 0, "http://", how={"signal": signal.SIGHUP})
 
@@ -278,6 +289,10 @@ def prepared(tmp_path_factory) -> dict[str, Path]:
     time_s = np.arange(11025) / 22050
     n = np.arange(1, 20)[:, None]
     partials = np.exp(-time_s * (3 + n)) * np.sin(2 * np.pi * 110 * n * np.sqrt(1 + 1e-4 * n * n) * time_s) / n
+    hz = np.linspace(50.0, 500.0, 200)
+    mobility = 1j * hz / (120.0**2 - hz**2 + 4j * hz) + 1j * hz / (310.0**2 - hz**2 + 9j * hz)
+    rows = "".join(f"{f:.6g},{y.real:.6g},{y.imag:.6g}\n" for f, y in zip(hz, mobility, strict=True))
+    (folder / "bridge.csv").write_text("frequency_hz,y11_re,y11_im\n" + rows)
     soundfile.write(folder / "note.wav", 0.2 * partials.sum(axis=0), 22050)
     for old in ("old.wav", "old.flac", "old.raw", "old.toml", "old.npz"):
         (folder / old).write_bytes(b"from before")
@@ -289,13 +304,14 @@ def prepared(tmp_path_factory) -> dict[str, Path]:
         (odd / f"{name}.toml").write_text(preset, encoding="utf-8")
         (odd / ("case-" + f"{name}.toml"[-200:])).write_text(case)
         shutil.copy(folder / "note.wav", odd / ("odd" + f"{name}.wav"[-200:]))
+        shutil.copy(folder / "bridge.csv", odd / ("bridge" + f"{name}.csv"[-200:]))
     return {"plain": folder, "odd": odd}
 
 
 @pytest.fixture(scope="module")
 def server(prepared, tmp_path_factory) -> Iterator[ForkServer]:
     env = {**os.environ, **hide_sound_card(), "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": ""}
-    warm = [[*arguments] for arguments in (RENDER, DRONE, FIT, PLAN, SIMULATE)]
+    warm = [[*arguments] for arguments in (RENDER, DRONE, FIT, BODY, PLAN, SIMULATE)]
     folder = tmp_path_factory.mktemp("warm")
     shutil.copytree(prepared["plain"], folder, dirs_exist_ok=True)
     with ForkServer(env, warm, folder) as running:

@@ -21,6 +21,7 @@ from synth.cli.common import (
     rate,
     seconds_or,
 )
+from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches, read
 
 if TYPE_CHECKING:
     from synth.drone.cycle import Cycle
@@ -40,43 +41,22 @@ def add(commands: Any) -> None:
         "keys that tune and change it while it sounds. It never repeats, and the same --seed gives the same drone.",
     )
     tuning = parser.add_argument_group("tuning")
-    tuning.add_argument(
-        "--sa", default="C3", metavar="NOTE|HZ", help="the middle strings' Sa, G2 to F3 or hertz (default C3)"
-    )
-    tuning.add_argument(
-        "--first",
-        default="Pa",
-        metavar="SWARA",
-        help="first string: Pa (default), Ma, Ni, komal-Ni, …, a ratio (3/2), or none",
-    )
-    tuning.add_argument(
-        "--strings", type=number(int, 4, 5), default=4, metavar="4|5", help="5: one more after the first, see --second"
-    )
-    tuning.add_argument("--second", metavar="SWARA", help="the fifth string's swara (default Ni)")
+    add_strings(tuning)
     tuning.add_argument(
         "--tuning", choices=("just", "equal"), default="just", help="just intonation (default) or equal steps"
-    )
-    tuning.add_argument(
-        "--cents", type=_numbers, default=(), metavar="C,…", help="tune every string by so many cents: --cents=-2,0,2,0"
     )
 
     cycle = parser.add_argument_group("playing")
     tempo = cycle.add_mutually_exclusive_group()
     tempo.add_argument("--cycle", type=number(float, 1, 60, " s"), metavar="SEC", help="duration of a cycle (default 5.5)")
     tempo.add_argument("--bpm", type=number(float, 3, 300), metavar="N", help="or strokes per minute")
-    cycle.add_argument(
-        "--spacing", type=_numbers, default=(), metavar="G,…", help="relative gaps after each string (default 1,1,1,1.6)"
-    )
-    cycle.add_argument(
-        "--human", type=number(float, 0, 1), default=0.4, metavar="X", help="how much strokes vary, 0 to 1 (default 0.4)"
-    )
+    add_hand(cycle)
     cycle.add_argument(
         "--velocity", type=number(float, 1, 127), default=64.0, metavar="N", help="mean velocity (default 64)"
     )
     cycle.add_argument(
         "--jiva", type=number(float, 0, 50, " µm"), metavar="UM", help="height of the thread (default 3): the buzz"
     )
-    cycle.add_argument("--seed", type=number(int, 0, 2**32 - 1), default=0, metavar="N", help="of the variation (default 0)")
     cycle.add_argument("-p", "--preset", default="tanpura", metavar="PRESET", help="a tanpura of your own (.toml)")
 
     out = parser.add_argument_group("to a file")
@@ -124,13 +104,6 @@ def add(commands: Any) -> None:
     parser.set_defaults(run=_drone)
 
 
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be numbers with commas between them, got {text!r}") from None
-
-
 def _drone(options: argparse.Namespace) -> int:
     _check(options)
     _check_files(options)
@@ -150,8 +123,7 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError("--format belongs to a file; give -o FILE, or leave it out")
     if options.record is not None and not options.record.lower().endswith(".wav"):
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
-    if options.second is not None and options.strings == 4:
-        raise ValueError("--second is the fifth string's swara; add --strings 5")
+    check_strings(options)
     if options.fade is not None and options.fade > _duration(options):
         raise ValueError(f"--fade must not be longer than --duration {_duration(options):g} s, got {options.fade:g} s")
 
@@ -189,23 +161,9 @@ def _fade(options: argparse.Namespace) -> float:
 def _strings(options: argparse.Namespace) -> Strings:
     """The preset, tuned. Raises ValueError naming the option."""
     from synth.drone.pegs import Pegs, tuned
-    from synth.drone.swara import frequency_of, ratio_of
     from synth.instrument.preset import load_preset
 
-    def read(option: str, text: str, reader: Any) -> Any:
-        try:
-            return reader(text)
-        except ValueError as error:
-            raise ValueError(f"--{option}: {error}") from None
-
-    pegs = Pegs(
-        read("preset", options.preset, load_preset),
-        read("sa", options.sa, frequency_of),
-        None if options.first.strip().lower() == "none" else read("first", options.first, ratio_of),
-        read("second", options.second or "Ni", ratio_of) if options.strings == 5 else None,
-        options.tuning == "equal",
-        options.cents,
-    )
+    pegs = Pegs(read("preset", options.preset, load_preset), **pitches(options), equal=options.tuning == "equal")
     return tuned(pegs, options.jiva)
 
 

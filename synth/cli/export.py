@@ -7,9 +7,13 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, warner
+from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, number, warner
+from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
+
+if TYPE_CHECKING:
+    from synth.plugin.droning import DroneSettings
 
 FORMATS = ("clap", "vst3", "lv2")
 #: sample rates that hosts have, and a bank can be made for [Hz]
@@ -43,9 +47,21 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
     parser.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
+    drone = parser.add_argument_group("a drone", "that the plugin plays by itself, at its own pace or in beats of the host")
+    drone.add_argument("--drone", action="store_true", help="of a tanpura, as `synth drone` plays it")
+    add_strings(drone)
+    drone.add_argument("--equal", action="store_true", help="equal steps in the place of just intonation")
+    drone.add_argument(
+        "--cycle", type=number(float, 1, 60, " s"), default=5.5, metavar="SEC", help="duration of a cycle (default 5.5)"
+    )
+    drone.add_argument(
+        "--beats", type=number(int, 1, 64), default=8, metavar="N", help="quarter notes that it takes in beats (default 8)"
+    )
+    add_hand(drone)
+    defaults = {action.dest: action.default for action in drone._group_actions}
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("--json", action="store_true", help="report as JSON")
-    parser.set_defaults(run=_export)
+    parser.set_defaults(run=_export, of_drone=defaults)
 
 
 def _rates(text: str) -> tuple[int, ...]:
@@ -70,6 +86,7 @@ def _export(options: argparse.Namespace) -> int:
 
     bundle.require_system()
     kinds = _formats(options)
+    drone = _drone(options)
     from synth.plugin.exporting import Export, export
 
     wanted = Export(
@@ -81,6 +98,7 @@ def _export(options: argparse.Namespace) -> int:
         rates_hz=options.rates,
         tuning=options.tuning,
         keyboard=options.kbm,
+        drone=drone,
     )
 
     def targets(name: str) -> dict[str, Path]:
@@ -98,6 +116,21 @@ def _export(options: argparse.Namespace) -> int:
     elif not options.quiet:
         print("\n".join(report.lines()))
     return 0
+
+
+def _drone(options: argparse.Namespace) -> DroneSettings | None:
+    """What the options of a drone say; None: there is to be none. Raises ValueError."""
+    if not options.drone:
+        for name, default in options.of_drone.items():
+            if name != "drone" and getattr(options, name) != default:
+                raise ValueError(f"--{name} belongs to a drone; add --drone, or leave it out")
+        return None
+    from synth.drone.cycle import Cycle
+    from synth.plugin.droning import DroneSettings
+
+    check_strings(options)
+    cycle = Cycle(options.cycle, options.spacing, options.human, seed=options.seed)
+    return DroneSettings(**pitches(options), equal=options.equal, cycle=cycle, beats=options.beats)
 
 
 def _formats(options: argparse.Namespace) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -121,6 +122,36 @@ class Cycle:
             raise ValueError(f"--spacing needs one number for each of the {strings} strings, got {len(spacing)}")
         return tuple(gap / math.fsum(spacing) for gap in spacing)
 
+    def variation(self, stroke: int, place: float, least_gap: float) -> Variation:
+        """How the stroke of a number strays, which stands at a place of the grid [cycles since the first]; least_gap: the
+        smallest of `gaps`."""
+        seed, human = self.seed, self.human
+        grown = human * min(1.0, place / SETTLED_AFTER)
+        stray = wander(seed, place)
+        return Variation(
+            grown * (stray + JITTER * least_gap * bell(seed, TIME, stroke)),
+            grown * stray,
+            1.0 + LOUDER * human * bell(seed, VELOCITY, stroke),
+            FARTHER * human * bell(seed, POSITION, stroke),
+            1.0 + WIDER * human * bell(seed, WIDTH, stroke),
+        )
+
+
+class Variation(NamedTuple):
+    """How the hand strays at a stroke: `sway` from the grid, of which `wander` is the grid's own [cycles]; velocity and
+    width are so many times their means, the place of plucking is so much farther [of the string]."""
+
+    sway: float
+    wander: float
+    louder: float
+    farther: float
+    wider: float
+
+
+def places(gaps: Sequence[float]) -> tuple[float, ...]:
+    """Where in the cycle each string is plucked, 0 to 1, of the gaps that follow them."""
+    return tuple(math.fsum(gaps[:string]) for string in range(len(gaps)))
+
 
 class Drone:
     """The player: `events(until)` gives what happens before a frame of the stream, each event once.
@@ -147,7 +178,7 @@ class Drone:
         self.paused = False
         self.strokes = 0
         self._gaps = cycle.gaps(len(strings.keys))
-        self._places = tuple(math.fsum(self._gaps[:i]) for i in range(len(self._gaps)))
+        self._places = places(self._gaps)
         self._given = self._last = start
         self._anchor_s = start / self.rate_hz + LEAD_S  # time of the grid's cycle `_anchor`
         self._anchor = 0.0
@@ -199,7 +230,7 @@ class Drone:
         gaps = cycle.gaps(len(self.strings.keys))
         due = self._due_s(self.strokes, jitter=False)
         self.cycle, self._gaps = cycle, gaps
-        self._places = tuple(math.fsum(gaps[:i]) for i in range(len(gaps)))
+        self._places = places(gaps)
         self._begin_at(due)
 
     def pause(self, paused: bool) -> None:
@@ -232,10 +263,8 @@ class Drone:
         """When a stroke is due [s of the stream]."""
         cycle = self._cycle_of(stroke)
         due = self._anchor_s + (cycle - self._anchor) * self.cycle.cycle_s
-        stray = wander(self.cycle.seed, cycle)
-        if jitter:
-            stray += JITTER * min(self._gaps) * bell(self.cycle.seed, TIME, stroke)
-        return due + self.cycle.human * min(1.0, cycle / SETTLED_AFTER) * stray * self.cycle.cycle_s
+        strays = self.cycle.variation(stroke, cycle, min(self._gaps))
+        return due + (strays.sway if jitter else strays.wander) * self.cycle.cycle_s
 
     def _cycle_of(self, stroke: int) -> float:
         whole, string = divmod(stroke, len(self._places))
@@ -249,10 +278,10 @@ class Drone:
     def _stroke(self, frame: int) -> list[tuple]:
         cycle, number = self.cycle, self.strokes
         keys, pluck = self.strings.keys, self.strings.preset.pluck
-        seed, human = cycle.seed, cycle.human
-        velocity = round(cycle.velocity * (1.0 + LOUDER * human * bell(seed, VELOCITY, number)))
-        place = pluck.position + FARTHER * human * bell(seed, POSITION, number)
-        width = pluck.width_mm * (1.0 + WIDER * human * bell(seed, WIDTH, number))
+        strays = cycle.variation(number, self._cycle_of(number), min(self._gaps))
+        velocity = round(cycle.velocity * strays.louder)
+        place = pluck.position + strays.farther
+        width = pluck.width_mm * strays.wider
         rows: list[tuple] = []
         if number:
             rows.append((frame, NOTE_OFF, 0, keys[(number - 1) % len(keys)], 64, 0.0))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, njit
+from numba import carray, int64, njit
 
 from synth.engine.layout import CORE
+from synth.jit.entries import entry, kernel
 from synth.live import exchange as d
 from synth.live.exchange import exchange_of
 from synth.live.render_block import render_block, tick
@@ -22,7 +22,7 @@ _CONTINUE = 0
 
 
 def _portaudio(_input: int, output: int, count: int, times: int, flags: int, address: int) -> int:
-    """PaStreamCallback; `address` of the Exchange is its userData."""
+    """PaStreamCallback, its arguments as words; `address` of the Exchange is its userData."""
     now = monotonic_ns()
     exchange = exchange_of(address)
     words = exchange.words
@@ -75,13 +75,15 @@ def _copy_ready(address: int, out) -> None:
     _convert(exchange.ready[at % size : at % size + first], out[:first])
     _convert(exchange.ready[: there - first], out[first:there])
     if there < out.shape[0]:
-        out[there:] = np.float32(0.0)
+        for i in range(there, out.shape[0]):
+            for k in range(out.shape[1]):
+                out[i, k] = np.float32(0.0)
         words[d.XRUNS] += 1
         words[d.LATE_OURS] += 1
     store(words, d.AHEAD_TAKEN, at + there)
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64)
 def render_ahead(address: int) -> None:
     """Keep Exchange.ahead_frames of sound ready until Exchange.words[ENDING]."""
     exchange = exchange_of(address)
@@ -95,13 +97,12 @@ def render_ahead(address: int) -> None:
             nap(pause_ns)
             continue
         render_block(address, 0, block)
-        first = min(block, size - at % size)
-        exchange.ready[at % size : at % size + first] = exchange.mix[:first]
-        exchange.ready[: block - first] = exchange.mix[first:block]
+        for i in range(block):
+            exchange.ready[(at + i) % size, 0] = exchange.mix[i, 0]
+            exchange.ready[(at + i) % size, 1] = exchange.mix[i, 1]
         store(words, d.AHEAD, at + block)
 
 
-@cache
 def portaudio_callback() -> Any:
-    """The compiled callback; to be kept as long as a stream uses its address."""
-    return cfunc("int32(int64, int64, uint64, int64, uint64, int64)", cache=True)(_portaudio)
+    """The compiled callback, by its `.address`."""
+    return entry(_portaudio, 6, answers=True)

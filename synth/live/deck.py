@@ -96,7 +96,7 @@ class Deck(Uncopied):
         self._blocks_seen = 0
         self._thread: threading.Thread | None = None
         if ahead:
-            render_ahead.compile("void(int64)")
+            render_ahead.ready()
         self._warm_up()
         self._exchange, self._table = d.new_exchange(
             *engine.addresses,

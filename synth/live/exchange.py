@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import boolean, float64, from_dtype, int64, njit
 
 from synth.engine.layout import CORE
+from synth.jit.entries import kernel
 from synth.midi.events import EVENT
 from synth.midi.events import copy_event as _copy_event
 from synth.native.arrays import LINE_F8, allocate, f8, i8, struct
@@ -170,7 +171,7 @@ def stems_of(address: int, frames: int):
     return exchange.stems[: exchange.parts * frames * 2].reshape((exchange.parts, frames, 2))
 
 
-@njit("boolean(int64, int64, int64, int64, int64, int64, float64)", cache=True, nogil=True)
+@kernel(*[int64] * 6, float64, answer=boolean)
 def push_arrival(address: int, time_ns: int, kind: int, channel: int, a: int, b: int, value: float) -> bool:
     """Put an event that came at a time into the ring; False: it is full."""
     exchange = exchange_of(address)
@@ -183,7 +184,7 @@ def push_arrival(address: int, time_ns: int, kind: int, channel: int, a: int, b:
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, from_dtype(EVENT)[::1], answer=int64)
 def push_score(address: int, events) -> int:
     """Put as many of these events (absolute frames, ascending) into the ring as there is room for; how many."""
     exchange = exchange_of(address)
@@ -195,7 +196,7 @@ def push_score(address: int, events) -> int:
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, from_dtype(EVENT)[::1], answer=int64)
 def pop_log(address: int, events) -> int:
     """Take events out of the log into an array; how many."""
     exchange = exchange_of(address)
@@ -207,7 +208,7 @@ def pop_log(address: int, events) -> int:
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel(int64, float64[:, ::1], answer=int64)
 def pop_tape(address: int, out) -> int:
     """Take frames off the tape into an array (n, 2); how many."""
     exchange = exchange_of(address)

@@ -5,15 +5,15 @@ A message at offset k of a period is played at frame k of that period: to the sa
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, cfunc, njit, types
+from numba import carray, int64, njit, types, uint8
 from numba.extending import intrinsic
 
 from synth.engine.layout import CORE
+from synth.jit.entries import entry, kernel
 from synth.live import exchange as d
 from synth.live.exchange import exchange_of, stems_of
 from synth.live.render_block import render_block, tick
@@ -111,10 +111,10 @@ _decoded = njit(**CORE)(decode)
 
 
 def _process(count: int, address: int) -> int:
-    """JackProcessCallback; `address` of a Jack is its argument."""
+    """JackProcessCallback; `address` of a Jack is its argument. `count` has 32 bits, behind which C leaves what it likes."""
     now = monotonic_ns()
     jack = jack_of(address)
-    frames = int(count)
+    frames = count & _MASK
     add(jack.words, PERIODS, 1)
     left = _samples(address, jack.out_left, frames)
     right = _samples(address, jack.out_right, frames)
@@ -230,7 +230,7 @@ def _keep(address: int, data) -> None:
     send(jack.wake)
 
 
-@njit("int64(int64, uint8[::1])", cache=True, nogil=True)
+@kernel(int64, uint8[::1], answer=int64)
 def pop_exclusive(address: int, out) -> int:
     """The next system-exclusive message, from its F0 to its F7, into an array of EXCLUSIVE bytes: how many it has; 0:
     there is none. For one thread only."""
@@ -265,7 +265,7 @@ def _hush(_text: int) -> None:
 
 
 class Callbacks(NamedTuple):
-    """Compiled; to be kept as long as JACK uses their addresses."""
+    """Compiled; each has its `.address`."""
 
     process: Any
     xrun: Any
@@ -273,12 +273,10 @@ class Callbacks(NamedTuple):
     hush: Any
 
 
-@cache
+#: (function, words that it takes, whether it answers) of each
+CALLED = ((_process, 2, True), (_xrun, 1, True), (_shutdown, 3, False), (_hush, 1, False))
+
+
 def callbacks() -> Callbacks:
-    """Compiled on first use."""
-    return Callbacks(
-        cfunc("int32(uint32, int64)", cache=True)(_process),
-        cfunc("int32(int64)", cache=True)(_xrun),
-        cfunc("void(int32, int64, int64)", cache=True)(_shutdown),
-        cfunc("void(int64)", cache=True)(_hush),
-    )
+    """From the native library, or compiled on first use."""
+    return Callbacks(*(entry(*each) for each in CALLED))

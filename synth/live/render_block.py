@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from numba import int64, njit
 
 from synth.engine.core import state_of
 from synth.engine.layout import CORE, SPARE
 from synth.engine.process import process
+from synth.jit.entries import kernel
 from synth.live import exchange as d
 from synth.live.exchange import copy_event, exchange_of, stems_of
 from synth.midi.events import NOTE_ON
@@ -69,7 +70,7 @@ def tick(address: int, played: int, delay: int, now_ns: int) -> None:
     store(words, d.CLOCK, changes + 2)
 
 
-@njit("int64(int64, int64)", cache=True, nogil=True)
+@kernel(int64, int64, answer=int64)
 def frame_at(address: int, time_ns: int) -> int:
     """Frame of the stream at which an event that arrives at a time sounds (the engine's latency follows)."""
     exchange = exchange_of(address)

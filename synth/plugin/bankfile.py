@@ -6,8 +6,10 @@ A bank is the memory of prepared engines: what is constant, what an engine begin
 addresses. Each preset is a part, which the programs 0, 1, … of every channel choose. All numbers are little-endian.
 
     header        HEADER
-    presets       PRESET each; then parameters, PARAMETER each; functions, FUNCTION each; rates, RATE each
-    per rate      its block: constants, core and thread as they begin, RELOCATION each
+    presets       PRESET each; then live parameters and the numbers of the setup, PARAMETER each; functions, FUNCTION each;
+                  rates, RATE each; the recipe, by which `rebuild` makes a bank with another setup; and the drone of a plugin
+                  that plays one by itself, as `droning` has it
+    per rate      its block: constants, core and thread as they begin, RELOCATION each, the limits of a state (`limits`)
 
 A checksum (CRC-32) covers header and tables, another each block. Where the library looks into an engine's memory, it finds
 the places in PLACES of the rate.
@@ -19,12 +21,14 @@ import hashlib
 import sys
 import zlib
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from synth.engine import arguments, layout, team
 from synth.engine.bank import new_scratch
+from synth.engine.bridges import COUPLING_FIXED, COUPLING_ROOM
 from synth.engine.core import CORE_PARTS
 from synth.engine.engine import Engine
 from synth.engine.parameters import Parameter
@@ -32,15 +36,21 @@ from synth.engine.voices.voice_table import Voices
 from synth.instrument.preset import Preset
 from synth.jit.entries import entered
 from synth.jit.kernel_sources import sources_id
+from synth.jit.prebuilt import name_of
 from synth.native.arrays import fields
+from synth.plugin import library, recipe
 from synth.plugin.addresses import CONSTANT, CORE, THREAD, TO_FUNCTION, Memory, pointers, word_of
-from synth.plugin.description import DescribedPreset, describe
-from synth.plugin.emit import name_of, names
+from synth.plugin.description import DescribedPreset, curve_of, describe
+from synth.plugin.droning import PluginDrone
+from synth.plugin.emit import names
+from synth.plugin.limits import AHEAD, limits_in
+from synth.plugin.setup import SetupNumber
+from synth.solver.coupling import Coupling, End
 from synth.solver.stringmodel import Scratch, StringModel, StringState
 
 MAGIC = b"JAWARIBK"
 #: of this layout; a change of what HEADER … RATE mean is another version
-VERSION = 1
+VERSION = 2
 RATES = (44100.0, 48000.0, 88200.0, 96000.0)
 MOST_RATES = 32
 #: of `Engine`, what is not the bank's
@@ -68,6 +78,12 @@ HEADER = np.dtype(
         ("parameters_at", "<u8"),
         ("functions_at", "<u8"),
         ("rates_at", "<u8"),
+        ("setup_at", "<u8"),
+        ("recipe_at", "<u8"),
+        ("drone_at", "<u8"),  # 0: there is none
+        ("setup", "<u4"),
+        ("recipe", "<u4"),  # bytes
+        ("drone", "<u8"),  # bytes
     ]
 )
 PRESET = np.dtype([("id", "S72"), ("name", "S96"), ("description", "S256"), ("lowest", "<i4"), ("highest", "<i4")])
@@ -113,6 +129,14 @@ PLACES = (
     "note",
     "channel",
     "still",
+    # what an engine takes over from the one before it (core_follow.c)
+    "channels",
+    "tuning",
+    "zones",
+    "part_channel",
+    "part_left",
+    "part_right",
+    "part_height",
 )
 RATE = np.dtype(
     [
@@ -136,6 +160,13 @@ RATE = np.dtype(
         ("sounding_end", "<u8"),  # … to here
         ("thread_table", "<u8"),  # in the thread's
         ("pitch", "<u8"),  # of every key, among the constants
+        ("limits_at", "<u8"),  # in the block
+        ("limits", "<u8"),
+        ("conditions_at", "<u8"),
+        ("conditions", "<u8"),
+        ("names_at", "<u8"),
+        ("names", "<u8"),
+        ("ahead", AHEAD),
         ("places", PLACE, (len(PLACES),)),
     ]
 )
@@ -146,19 +177,23 @@ def bank(
     rates_hz: Sequence[float] = RATES,
     *,
     name: str | None = None,
+    drone: PluginDrone | None = None,
     progress: Callable[[int, int], None] | None = None,
     **options: Any,
 ) -> bytes:
     """The bank of these presets for these sample rates [Hz].
 
-    name      what several are called together (`description.describe`). options: as of `Engine` (quality, mpe, note_hz, …)
+    name      what several are called together (`description.describe`). drone: on the only preset, which is its
+              `strings.preset`. options: as of `Engine` (quality, mpe, note_hz, …)
     progress  called with (strings that are compiled, all there are for all rates) after each
     Raises ValueError (PresetError among them) for what cannot be played, lies outside of the library or has no such name,
     TypeError for what is of another kind.
     """
     if sys.byteorder != "little":
         raise ValueError("banks are made on little-endian machines")
-    about = describe(presets, name)
+    about = describe(presets, name, () if drone is None else drone.parameters())
+    if drone is not None and list(presets) != [drone.strings.preset]:
+        raise ValueError("a bank with a drone holds its preset alone")
     rates = sorted({arguments.rate(rate) for rate in rates_hz})
     if not 1 <= len(rates) <= MOST_RATES:
         raise ValueError(f"a bank is made for 1 to {MOST_RATES} sample rates, got {len(rates)}")
@@ -181,6 +216,9 @@ def bank(
         _parameters(about.parameters),
         np.array([(_text(each, FUNCTION, "name"),) for each in functions], FUNCTION),
         rows,
+        _parameters(about.setup),
+        np.frombuffer(recipe.written(presets, name, options), np.uint8),
+        np.frombuffer(b"" if drone is None else drone.table(), np.uint8),
     )
     return _file(about.id, about.name, tables, blocks)
 
@@ -196,7 +234,7 @@ def _of_all(progress: Callable[[int, int], None], done: int, rates: int) -> Call
 
 
 def _file(id: str, name: str, tables: tuple[np.ndarray, ...], blocks: list[bytes]) -> bytes:
-    presets, parameters, functions, rows = tables
+    presets, parameters, functions, rows, setup, kept, score = tables
     places, end = [], HEADER.itemsize
     for each in tables:
         places.append(_up(end, _LINE))
@@ -219,11 +257,16 @@ def _file(id: str, name: str, tables: tuple[np.ndarray, ...], blocks: list[bytes
         "parameters": len(parameters),
         "functions": len(functions),
         "rates": len(rows),
+        "setup": len(setup),
+        "recipe": kept.size,
+        "drone": score.size,
     }
     for key, value in given.items():
         header[key] = value
-    for key, place in zip(("presets_at", "parameters_at", "functions_at", "rates_at"), places, strict=True):
-        header[key] = place
+    for key, place in zip(("presets", "parameters", "functions", "rates", "setup", "recipe", "drone"), places, strict=True):
+        header[f"{key}_at"] = place
+    if not score.size:
+        header["drone_at"] = 0
     out = bytearray(at)
     for place, each in zip(places, tables, strict=True):
         out[place : place + each.nbytes] = each.tobytes()
@@ -251,12 +294,12 @@ def _preset(preset: DescribedPreset) -> np.ndarray:
     return np.array([(*texts, preset.lowest_note, preset.highest_note)], PRESET)
 
 
-def _parameters(parameters: Sequence[Parameter]) -> np.ndarray:
+def _parameters(parameters: Sequence[Parameter | SetupNumber]) -> np.ndarray:
     rows = []
     for each in parameters:
         texts = (_text(getattr(each, field), PARAMETER, field) for field in ("id", "name", "unit"))
-        numbers = each.minimum, each.maximum, each.default, each.smoothing_s
-        rows.append((each.part, each.index, layout.PARAMETER_CURVES[each.index], 0, *numbers, *texts))
+        smoothing = each.smoothing_s if isinstance(each, Parameter) else 0.0
+        rows.append((each.part, each.index, curve_of(each), 0, each.minimum, each.maximum, each.default, smoothing, *texts))
     return np.array(rows, PARAMETER)
 
 
@@ -290,6 +333,11 @@ def _block(engine: Engine, functions: list[str]) -> tuple[bytes, np.ndarray]:
     row["core_at"], row["core_stored"], row["core"] = put(core.stored), len(core.stored), core.size
     row["thread_at"], row["thread_stored"], row["thread"] = put(thread.stored), len(thread.stored), thread.size
     row["relocations_at"], row["relocations"] = put(relocations.tobytes()), len(relocations)
+    limits = limits_in(memory, sounding[0], engine)
+    for name in ("limits", "conditions", "names"):
+        table = getattr(limits, name)
+        row[f"{name}_at"], row[name] = put(table.tobytes()), len(table)
+    row["ahead"] = limits.ahead
     out.extend(bytes(_up(len(out), PAGE) - len(out)))
     row["rate_hz"], row["latency"] = engine.rate_hz, engine.latency_samples
     row["tail"] = round(engine.tail_seconds * engine.rate_hz)
@@ -318,10 +366,21 @@ def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
                 memory.add(CONSTANT, value)
     _add_tables(memory, engine)
     begin = memory.end(CORE)
+    bridges = strings.bridges
     changing = [*state, *strings.arrays().values()]
     for array in sorted(changing, key=lambda each: not each.view(np.uint8).any()):
         memory.add(CORE, array)
     end = memory.end(CORE)
+    if bridges.strings:
+        for array in bridges.room.values():
+            memory.add(CORE, array, content=np.zeros_like(array))
+    for coupling in bridges.couplings:
+        for name in COUPLING_ROOM:
+            array = getattr(coupling, name)
+            memory.add(CORE, array, content=np.zeros_like(array))
+        for name in COUPLING_FIXED:
+            if name not in _COUPLING_POINTS:
+                memory.add(CONSTANT, getattr(coupling, name))
     for name, array in shared._asdict().items():
         if name not in _SHARED_POINTS:
             memory.add(CORE, array, content=np.zeros_like(array))
@@ -333,11 +392,15 @@ def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
 
 #: words of the arrays of Shared that are addresses
 _SHARED_POINTS: dict[str, Callable[[np.ndarray], Sequence[int]]] = {
-    "task": lambda task: (layout.WORK_ON, layout.STEP, layout.HANDLE, layout.VOICES),
+    "task": lambda task: (layout.WORK_ON, layout.STEP, layout.TOGETHER, layout.HANDLE, layout.VOICES),
     "model_at": lambda array: range(array.size),
     "string_at": lambda array: range(array.size),
     "excitation": lambda array: range(array.size),
+    "coupling_at": lambda array: range(array.size),
+    "end_at": lambda array: range(array.size),
 }
+#: arrays of a Coupling that hold addresses; the core itself puts those of the models there
+_COUPLING_POINTS = ("line_model", "line_state", "line_end")
 
 
 def _add_tables(memory: Memory, engine: Engine) -> None:
@@ -358,6 +421,15 @@ def _add_tables(memory: Memory, engine: Engine) -> None:
     for table in strings._states:
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, StringState), content=content)
+    for table in strings.bridges._ends:
+        content = table.copy()
+        memory.add(CORE, table, points=pointers(content, End), content=content)
+    for table, coupling in zip(strings.bridges._couplings, strings.bridges.couplings, strict=True):
+        content = table.copy()
+        memory.add(CORE, table, points=pointers(content, Coupling), content=content)
+        memory.add(CORE, coupling.line_model, content=np.zeros_like(coupling.line_model))
+        for array in (coupling.line_state, coupling.line_end):
+            memory.add(CORE, array, points=range(array.size), content=array.copy())
     for table, placed in zip(engine._effect_tables, engine._chains.placed, strict=True):
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, type(placed.made), type(placed.at_rest)), content=content)
@@ -414,5 +486,32 @@ def _places(memory: Memory, engine: Engine) -> np.ndarray:
         "silenced_parts": field(state.part_state, "silenced"),
         "programs": field(state.channels, "program"),
         "parameters": words(state.parameters, count=len(state.parameters), stride=8 * layout.N_PARAMETERS),
+        "channels": words(state.channels, count=state.channels.nbytes // 8),
+        "tuning": words(state.tuning, count=state.tuning.size),
+        "zones": words(state.zones, count=state.zones.size),
+        "part_channel": field(state.part_state, "channel"),
+        "part_left": field(state.part_state, "left"),
+        "part_right": field(state.part_state, "right"),
+        "part_height": field(state.part_state, "height"),
     }
     return np.array([found[name] for name in PLACES], PLACE)
+
+
+def recipe_of(path: Path) -> tuple[int, recipe.Recipe]:
+    """Checksum of the bank in a file, which may stand behind a plugin, and its recipe. Raises OSError, and ValueError where
+    there is none."""
+    whole = path.read_bytes()
+    begin = int.from_bytes(whole[-16:-8], "little") if whole[-8:] == library.FOOT else 0
+    data = whole[begin:]
+    if len(data) < HEADER.itemsize or data[: len(MAGIC)] != MAGIC:
+        raise ValueError(f"{path}: holds no bank; export it again")
+    header = np.frombuffer(data, HEADER, 1)[0]
+    if header["version"] != VERSION:
+        raise ValueError(f"{path}: its bank is of version {header['version']}, this program's {VERSION}; export it again")
+    blank = header.copy()
+    blank["checksum"] = 0
+    end = int(header["tables_end"])
+    if zlib.crc32(data[HEADER.itemsize : end], zlib.crc32(blank.tobytes())) != header["checksum"]:
+        raise ValueError(f"{path}: its bank was changed (the checksum is wrong); export it again")
+    at, size = int(header["recipe_at"]), int(header["recipe"])
+    return int(header["checksum"]), recipe.read(data[at : at + size])

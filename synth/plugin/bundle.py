@@ -8,17 +8,13 @@ lv2     NAME.lv2/ with ID.so, manifest.ttl, ID.ttl and more  ~/.lv2
 
 from __future__ import annotations
 
-import glob
 import os
 import platform
-import shutil
-import stat
 import sys
-import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 
-from synth.files.targets import check_folder, naming, write_whole
+from synth.files.folders import write_folder
+from synth.files.targets import check_folder, write_whole
 from synth.plugin import turtle
 from synth.plugin.description import Description
 
@@ -79,63 +75,7 @@ def write(kind: str, path: Path, library: bytes, description: Description) -> No
     else:  # whose texts name the library by an IRI: an id needs no escapes
         name = f"{description.id}.so"
         files = {name: library, **{each: text.encode() for each, text in turtle.texts(description, name).items()}}
-    _write_folder(path, files)
-
-
-def _write_folder(path: Path, files: Mapping[str, bytes]) -> None:
-    """A folder with these files in the place of whatever folder is there."""
-    with naming(path):
-        _tidy(path)
-        made = Path(tempfile.mkdtemp(prefix=_prefix(path) + f"{os.getpid()}.", suffix=".part", dir=path.parent))
-        try:
-            new = made / "new"
-            for name, data in files.items():
-                file = new / name
-                file.parent.mkdir(parents=True, exist_ok=True)
-                file.write_bytes(data)
-                if name.endswith(".so"):
-                    file.chmod(file.stat().st_mode | (stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH) & ~_umask())
-            if path.exists():
-                os.rename(path, made / "old")
-            os.rename(new, path)
-        finally:  # also where it was interrupted between the two
-            _put_back(made, path)
-            shutil.rmtree(made, ignore_errors=True)
-
-
-def _prefix(path: Path) -> str:
-    return f".{path.name[:100]}.jawari-{platform.node()[:50]}-"
-
-
-def _put_back(made: Path, path: Path) -> None:
-    """What was there before, where nothing has come into its place."""
-    if not path.exists() and (made / "old").exists():
-        os.rename(made / "old", path)
-
-
-def _tidy(path: Path) -> None:
-    """Take away what killed processes of this machine have left of this folder; what was there before comes back."""
-    for left in path.parent.glob(f"{glob.escape(_prefix(path))}*.part"):
-        number = left.name.removeprefix(_prefix(path)).partition(".")[0]
-        if number.isdecimal() and not _runs(int(number)):
-            _put_back(left, path)
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _runs(process_id: int) -> bool:
-    try:
-        os.kill(process_id, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        pass
-    return True
-
-
-def _umask() -> int:
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask
+    write_folder(path, files, programs=".so")
 
 
 def _foreign(kind: str, path: Path) -> str | None:

@@ -1,4 +1,4 @@
-"""What a plugin says of itself: who it is, its presets and their live parameters.
+"""What a plugin says of itself: who it is, its presets, their live parameters and their setup.
 
 The same for the tables of a bank (`bankfile`) and for what stands beside a plugin (`turtle`).
 """
@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from synth.engine import layout
 from synth.engine.parameters import Parameter, parameters_of
 from synth.instrument.preset import NAME_PATTERN, Preset, playable_range
+from synth.plugin.setup import SetupNumber, setup_of
 
 #: of a preset's title, as many as a bank holds
 TITLE_BYTES = 95
@@ -27,17 +29,41 @@ class DescribedPreset:
 
 
 @dataclass(frozen=True)
+class OwnParameter:
+    """A parameter that is no preset's. curve: as of `layout.PARAMETER_CURVES`; texts: what its values 0, 1, … are called;
+    whole: whole numbers, as those with texts are anyway."""
+
+    id: str
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    default: float
+    curve: int
+    texts: tuple[str, ...] = ()
+    whole: bool = False
+
+    @property
+    def stepped(self) -> bool:
+        return self.whole or bool(self.texts)
+
+
+@dataclass(frozen=True)
 class Description:
-    """id, name: of all together, of one preset alone its own.  parameters: live ones, those of the first preset first."""
+    """id, name: of all together, of one preset alone its own.  parameters: live ones, those of the first preset first;
+    setup: numbers that are compiled in, likewise; own: parameters that are no preset's (of a drone)."""
 
     id: str
     name: str
     presets: tuple[DescribedPreset, ...]
     parameters: tuple[Parameter, ...]
+    setup: tuple[SetupNumber, ...]
+    own: tuple[OwnParameter, ...] = ()
 
 
-def describe(presets: Sequence[Preset], name: str | None = None) -> Description:
+def describe(presets: Sequence[Preset], name: str | None = None, own: Sequence[OwnParameter] = ()) -> Description:
     """Presets in one plugin, called `name` (as presets are: small letters, digits, hyphens); one alone has its own name.
+    own: parameters of the drone that plays on the only one, and tunes it.
 
     Raises ValueError for no preset, more than 128 (MIDI programs), two of one name, and names that cannot be.
     """
@@ -56,7 +82,13 @@ def describe(presets: Sequence[Preset], name: str | None = None) -> Description:
     )
     title = described[0].name if len(described) == 1 and name == names[0] else name
     parameters = tuple(parameter for part, preset in enumerate(presets) for parameter in parameters_of(part, preset))
-    return Description(name, title, described, parameters)
+    setup = tuple(number for part, preset in enumerate(presets) for number in setup_of(part, preset, bool(own)))
+    return Description(name, title, described, parameters, setup, tuple(own))
+
+
+def curve_of(parameter: Parameter | SetupNumber) -> int:
+    """How a knob best runs through its range: LINEAR, RATIO or SQUARE of `engine.layout`."""
+    return parameter.curve if isinstance(parameter, SetupNumber) else layout.PARAMETER_CURVES[parameter.index]
 
 
 def _titles(presets: Sequence[Preset]) -> list[str]:

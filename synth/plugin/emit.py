@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from synth.jit.prebuilt import name_of
 from synth.native import processors
 from synth.plugin import retarget
 
@@ -30,7 +31,6 @@ LANES: Mapping[str, int] = {"x86-64-v3": 4, "x86-64-v4": 8}
 LEVELS = tuple(LANES)
 #: what is made on x86-64 for others (`retarget`)
 FOREIGN = ("aarch64",)
-_PACKAGE = "synth."
 
 
 class EmitError(ValueError):
@@ -40,11 +40,6 @@ class EmitError(ValueError):
 def table_symbol(level: str) -> str:
     """The one symbol that an object has."""
     return "jawari_kernels_" + level.replace("-", "_")
-
-
-def name_of(function: Callable[..., Any]) -> str:
-    """What a kernel is called in the table: module:function, modules of this package from below it."""
-    return f"{function.__module__.removeprefix(_PACKAGE)}:{function.__qualname__}"
 
 
 def names() -> list[str]:
@@ -82,24 +77,33 @@ def _settings(level: str) -> dict[str, str]:
 
 
 def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
-    """(function, int64 that it takes, whether it answers): what banks name."""
+    """(function, int64 that it takes, whether it answers): what banks name, and what PortAudio, JACK and the page's views
+    call."""
+    from synth.author.views.tape import _taped_steps
     from synth.dsp.body_effect import BODY
     from synth.dsp.delay_effect import DELAY
     from synth.dsp.limiter_effect import LIMITER
     from synth.engine.advance import make_steps
     from synth.engine.hands import _respond
     from synth.engine.tasks import _work_on
+    from synth.engine.together import work_together
     from synth.engine.voices.policy import decide
+    from synth.live.callback import _portaudio
+    from synth.live.jackcallback import CALLED
 
     effects = [row for each in (BODY, DELAY, LIMITER) for row in ((each.process, 4, False), (each.silent, 1, True))]
-    return [(_work_on, 4, False), (make_steps, 4, False), (_respond, 5, False), (decide, 1, False), *effects]
+    engine: list[Any] = [(each, 4, False) for each in (_work_on, make_steps, work_together)]
+    engine += [(_respond, 5, False), (decide, 1, False)]
+    return [*engine, *effects, (_taped_steps, 4, False), (_portaudio, 6, True), *CALLED]
 
 
 def _called_with_arrays() -> list[tuple[Any, tuple[Any, ...]]]:
     """(function, types of its arguments): what C and Python call."""
     from numba import int64
 
-    import synth.engine.engine  # noqa: F401  (with which all of an engine's kernels are known)
+    import synth.engine.engine  # with these all kernels of an engine and of a live session are known
+    import synth.live.deck
+    import synth.live.jackcallback  # noqa: F401
     from synth.engine.team import _take
     from synth.jit.entries import KERNELS
     from synth.native.denormals import enable_ftz, restore

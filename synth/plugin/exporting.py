@@ -12,6 +12,7 @@ from synth.files.targets import Named, check_apart
 from synth.host.parts import files_read, load_presets
 from synth.plugin import bundle
 from synth.plugin.description import Description, describe
+from synth.plugin.droning import DroneSettings
 
 #: told how many strings are prepared, of how many
 Progress = Callable[[int, int], None]
@@ -19,8 +20,8 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Export:
-    """What goes into a plugin. presets: names or files; every: those that come with the program instead; the rest as the
-    options of `synth export` are called."""
+    """What goes into a plugin. presets: names or files; every: those that come with the program instead; drone: what it
+    plays by itself, on the only preset; the rest as the options of `synth export` are called."""
 
     presets: tuple[str, ...]
     every: bool = False
@@ -30,6 +31,7 @@ class Export:
     rates_hz: tuple[int, ...] = (44100, 48000, 88200, 96000)
     tuning: str | None = None
     keyboard: str | None = None
+    drone: DroneSettings | None = None
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,16 @@ def export(
     before is then as it was, or the new one is whole.
     """
     names = _every_preset() if wanted.every else list(wanted.presets)
-    presets = load_presets(names, wanted.settings)
-    description = describe([presets[name] for name in dict.fromkeys(names)], wanted.name)
+    presets = list(load_presets(names, wanted.settings).values())
+    drone, name = None, wanted.name
+    if wanted.drone is not None:
+        if len(presets) != 1:
+            raise ValueError(f"--drone makes a plugin of one preset, got {len(presets)}; leave the others out")
+        if wanted.tuning is not None or wanted.keyboard is not None:
+            raise ValueError("--drone tunes its strings by --sa and --first; leave --tuning and --kbm out")
+        drone = wanted.drone.on(presets[0])
+        presets, name = [drone.strings.preset], name or f"{presets[0].name}-drone"
+    description = describe(presets, name, () if drone is None else drone.parameters())
     paths = dict(targets(description.id))
     _judge(wanted, names, paths, make_folders)
     note_hz = None
@@ -91,13 +101,14 @@ def export(
                 f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin cannot; map every key, or retune it "
                 "in the music program (MTS)"
             )
-    from synth.plugin import bankfile, library, shelf
+    from synth.plugin import bankfile, library, python_record, shelf
 
     native = shelf.native_library(say)
     bank = bankfile.bank(
-        [presets[name] for name in dict.fromkeys(names)],
+        presets,
         wanted.rates_hz,
-        name=wanted.name,
+        name=name,
+        drone=drone,
         quality=wanted.quality,
         note_hz=note_hz,
         progress=progress,
@@ -107,6 +118,7 @@ def export(
         if make_folders:
             path.parent.mkdir(parents=True, exist_ok=True)
         bundle.write(kind, path, whole, description)
+    python_record.write()
     return _report(wanted, description, paths, len(whole) - len(bank), len(bank))
 
 

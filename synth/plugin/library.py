@@ -17,9 +17,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import synth
 from synth.jit.kernel_sources import sources_id
 from synth.plugin.emit import LEVELS, EmitError, emit
 
@@ -109,7 +109,7 @@ def build(
         script = place / "exported.map"
         script.write_text("{ global: " + " ".join(f"{name};" for name in EXPORTED) + " local: *; };\n")
         defined = [f"-DJAWARI_HAS_{level.replace('-', '_')}=1" for level in levels]
-        defined += [f'-DJAWARI_VERSION="{_version()}"', f'-DJAWARI_KERNELS="{kernels_version()}"']
+        defined += [f'-DJAWARI_VERSION="{synth.__version__}"', f'-DJAWARI_KERNELS="{kernels_version()}"']
         defined += [f'-DJAWARI_SOURCES="{sources_version()}"']
         objects = []
         for source in sorted(SOURCES.glob("*.c")):  # first: a compiler that fails does so at once
@@ -159,13 +159,6 @@ def _without_bank(data: bytes) -> bytes:
         return data
     begin = int.from_bytes(data[-len(FOOT) - 8 : -len(FOOT)], "little")
     return data[:begin]
-
-
-def _version() -> str:
-    try:
-        return version("jawari")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _run(command: Sequence[str]) -> None:

@@ -88,8 +88,15 @@ int main(int n, char **given) {
             jawari_reset(engine);
         if (block % 40 == 30) {
             int64_t size = jawari_save(engine, kept, sizeof kept);
-            if (size < 0 || jawari_load(engine, kept, (size_t)size, why) != 0)
+            int32_t elsewhere;
+            watched = 0; /* what is saved is read by another thread */
+            jawari_sound *sound = size < 0 ? NULL : jawari_read(bank, kept, (size_t)size, &elsewhere, why);
+            watched = 1;
+            if (sound == NULL || jawari_take_up(engine, sound) != 0)
                 return 2;
+            watched = 0;
+            jawari_forget(sound);
+            watched = 1;
         }
     }
     watched = 0;

@@ -6,11 +6,13 @@ import ctypes as c
 from typing import Any
 
 NOTE_ON, NOTE_OFF, NOTE_CHOKE, NOTE_END, NOTE_EXPRESSION, PARAM_VALUE = range(6)
-MIDI, MIDI_SYSEX = 10, 11
+TRANSPORT, MIDI, MIDI_SYSEX = 9, 10, 11
+HAS_TEMPO, HAS_BEATS, IS_PLAYING = 1 << 0, 1 << 1, 1 << 4
+BEAT = 1 << 31
 TUNING, BRIGHTNESS, PRESSURE = 2, 5, 6
 ERROR, CONTINUE, CONTINUE_IF_NOT_QUIET, TAIL, SLEEP = range(5)
-STEPPED, BYPASS, AUTOMATABLE, ENUM = 1 << 0, 1 << 4, 1 << 5, 1 << 16
-RESCAN_VALUES = 1
+STEPPED, READONLY, BYPASS, AUTOMATABLE, ENUM = 1 << 0, 1 << 3, 1 << 4, 1 << 5, 1 << 16
+RESCAN_VALUES, RESCAN_TEXT = 1, 2
 INVALID_ID = 0xFFFFFFFF
 EXTENSIONS = (
     "clap.audio-ports",
@@ -45,6 +47,20 @@ Note = struct("Note", ("header", Header), *_ADDRESS, ("velocity", c.c_double))
 Expression = struct("Expression", ("header", Header), ("expression", c.c_int32), *_ADDRESS, ("value", c.c_double))
 ParamValue = struct(
     "ParamValue", ("header", Header), ("param_id", c.c_uint32), ("cookie", Pointer), *_ADDRESS, ("value", c.c_double)
+)
+Transport = struct(
+    "Transport",
+    ("header", Header),
+    ("flags", c.c_uint32),
+    ("song_pos_beats", c.c_int64),
+    ("song_pos_seconds", c.c_int64),
+    ("tempo", c.c_double),
+    ("tempo_inc", c.c_double),
+    *((name, c.c_int64) for name in ("loop_start_beats", "loop_end_beats", "loop_start_seconds", "loop_end_seconds")),
+    ("bar_start", c.c_int64),
+    ("bar_number", c.c_int32),
+    ("tsig_num", c.c_uint16),
+    ("tsig_denom", c.c_uint16),
 )
 Midi = struct("Midi", ("header", Header), ("port", c.c_uint16), ("data", c.c_uint8 * 3))
 Sysex = struct("Sysex", ("header", Header), ("port", c.c_uint16), ("buffer", Pointer), ("length", c.c_uint32))
@@ -222,3 +238,10 @@ def sysex(time: int, data: bytes) -> Any:
     event = Sysex(_header(MIDI_SYSEX, c.sizeof(Sysex), time), 0, c.addressof(buffer), len(data))
     event.kept = buffer
     return event
+
+
+def transport(time: int, playing: bool, beat: float | None, tempo: float | None) -> Any:
+    """Where the host is; None: it does not say."""
+    flags = (HAS_TEMPO if tempo is not None else 0) | (HAS_BEATS if beat is not None else 0) | (IS_PLAYING if playing else 0)
+    header = _header(TRANSPORT, c.sizeof(Transport), time)
+    return Transport(header, flags, round((beat or 0.0) * BEAT), 0, tempo or 0.0)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.patience import patience_s
 from tests.plugin import clapabi as abi
 from tests.plugin.claphost import Host, Instance
 from tests.plugin.claplists import Realtime
@@ -55,7 +57,8 @@ class Fuzz:
     def run(self, actions: int, events: int | None = None) -> Report:
         """So many actions; more until there were so many events."""
         kinds = [name.removeprefix("do_") for name in dir(self) if name.startswith("do_")]
-        weights = [{"block": 200, "run": 40, "flush": 10, "reset": 4, "create": 2}.get(kind, 3) for kind in kinds]
+        often = {"block": 200, "run": 40, "transport": 20, "flush": 10, "reset": 4, "create": 2}
+        weights = [often.get(kind, 3) for kind in kinds]
         report = self.report
         while report.actions < actions or (events is not None and report.events < events):
             if not self.instances:
@@ -113,10 +116,19 @@ class Fuzz:
             )
         if pick < 0.98:
             return abi.midi(time, *(rng.getrandbits(8) for _ in range(3)))
+        if pick < 0.982:
+            return self._transport(time)
         if pick < 0.99:
             key = rng.randint(26, 57)
             return abi.sysex(time, bytes((0xF0, 0x7F, 0x7F, 8, 2, 0, 1, key, key, rng.getrandbits(7), 0, 0xF7)))
         return abi.sysex(time, rng.randbytes(rng.randint(0, 64)))
+
+    def _transport(self, time: int) -> Any:
+        """Where a host may be, or one that has gone mad."""
+        rng = self.random
+        tempo = rng.choice((None, *_ODD, 1e-9, 1e9, rng.uniform(20.0, 300.0), 120.0, 120.0))
+        beat = rng.choice((None, 0.0, rng.uniform(-9.0, 9.0), rng.uniform(-1e9, 1e9), 2.0**31, rng.uniform(0.0, 500.0)))
+        return abi.transport(time, rng.random() < 0.7, beat, tempo)
 
     def _data(self) -> tuple[int, int]:
         return self.random.getrandbits(7), self.random.getrandbits(7)
@@ -175,6 +187,10 @@ class Fuzz:
         if self.random.random() < 0.1 and self._ready(instance):
             self._heard(instance.process(self._events(instance, 64, 12_000), 64))
 
+    def do_transport(self, instance: Instance) -> None:
+        """Of the blocks that follow; some hosts have none."""
+        instance.transport = self._transport(0) if self.random.random() < 0.9 else None
+
     def do_flush(self, instance: Instance) -> None:
         instance.flush(self._events(instance, 1, 8))
 
@@ -216,8 +232,24 @@ class Fuzz:
         if taken != right:
             self.host.violation(f"a state that was {'right' if right else 'wrong'} was {'taken' if taken else 'refused'}")
 
+    def do_rest(self, instance: Instance) -> None:
+        """Blocks without anything, as long as another setup is being made; nothing where there is no Python."""
+        turned = any(not info.flags & (abi.READONLY | abi.AUTOMATABLE) for info in instance.params)
+        if not turned or not self._ready(instance):
+            return
+        begun = time.monotonic()
+        while any("being made" in instance.text(info.id, instance.value(info.id)) for info in instance.params):
+            self._heard(instance.process([], 64))
+            if time.monotonic() - begun > patience_s():
+                self.host.violation("a setup that does not come")
+                return
+        for _ in range(self.random.randint(0, 30)):
+            self._heard(instance.process([], 64))
+
     def do_ask(self, instance: Instance) -> None:
         for info in instance.read_params():
+            if not info.flags & abi.AUTOMATABLE:  # its text says what is done about it just now
+                continue
             text = instance.text(info.id, instance.value(info.id))
             if instance.text(info.id, instance.number(info.id, text)) != text:
                 self.host.violation(f"{text!r} is not what it stands for")

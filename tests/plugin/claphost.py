@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from tests.plugin.clapabi import (
+    AUTOMATABLE,
     BYPASS,
     CONTINUE,
     CONTINUE_IF_NOT_QUIET,
@@ -36,6 +37,8 @@ from tests.plugin.clapabi import (
     NOTE_END,
     NOTE_ON,
     PARAM_VALUE,
+    READONLY,
+    RESCAN_TEXT,
     RESCAN_VALUES,
     SLEEP,
     STEPPED,
@@ -162,6 +165,7 @@ class Instance:
         self.host = host
         self.restarts = self.process_requests = self.callbacks = self.rescans = self.latency_changes = self.flushes = 0
         self.lent_tasks = 0
+        self.transport: Any = None  # of the blocks that follow
         self.ordered = True  # as the specification wants events; a test may have it otherwise
         self.logged: list[str] = []
         self.ended: list[tuple[int, int, int, int]] = []
@@ -242,8 +246,9 @@ class Instance:
 
         def rescan(_: int, flags: int) -> None:
             self._must(self._is_main(), "params.rescan off the main thread")
-            self._must(flags == RESCAN_VALUES, f"params.rescan of {flags}: nothing else changes in this plugin")
-            self.rescans += 1
+            known = flags in (RESCAN_VALUES, RESCAN_TEXT)
+            self._must(known, f"params.rescan of {flags}: nothing else changes in this plugin")
+            self.rescans += flags == RESCAN_VALUES
 
         def clear(_: int, identity: int, flags: int) -> None:
             self._must(self._is_main(), "params.clear off the main thread")
@@ -477,7 +482,7 @@ class Instance:
         block = Process(
             self._steady,
             frames,
-            None,
+            None if self.transport is None else c.addressof(self.transport),
             None,
             c.addressof(buffer),
             0,
@@ -580,6 +585,8 @@ class Instance:
             self._must(info.minimum <= info.initial <= info.maximum, f"{info.name}: its default is outside of its range")
             self._must(info.minimum < info.maximum, f"{info.name}: its range is empty")
             self._must(info.id != INVALID_ID and bool(info.name), f"parameter {k} without an id or a name")
+            both = info.flags & READONLY and info.flags & AUTOMATABLE
+            self._must(not both, f"{info.name}: automated, and cannot be set")
             if info.flags & BYPASS:
                 fits = info.flags & STEPPED and (info.minimum, info.maximum) == (0.0, 1.0)
                 self._must(bool(fits), "a bypass that is not 0 or 1")
@@ -618,6 +625,10 @@ class Instance:
     @property
     def latency(self) -> int:
         return self._on_main("latency", self.ext["clap.latency"].get)
+
+    def on_main_thread(self) -> None:
+        """What the plugin has asked to be called for."""
+        self._on_main("on_main_thread", self.plugin.on_main_thread, self.address)
 
     def close(self) -> None:
         if self.stage == "closed":

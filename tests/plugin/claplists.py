@@ -10,7 +10,7 @@ from typing import Any
 from tests.plugin.clapabi import Pointer, struct
 
 #: bytes for an event in a list of realtime.c, which all have
-STRIDE = 64
+STRIDE = 128
 _LIST_HEAD = (("self", Pointer), ("first", Pointer))
 FastInput = struct(
     "FastInput",

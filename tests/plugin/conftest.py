@@ -8,18 +8,26 @@ from pathlib import Path
 
 import pytest
 
-# the truth is what Numba compiles: the engine in Python must not be the library itself
-os.environ["JAWARI_NATIVE"] = "0"
-
 from synth.instrument.preset import load_preset
 from synth.jit.kernel_cache import cache_folder
 from synth.plugin import library as native_library
 from synth.plugin.bankfile import bank
 
-from . import songs
+from . import songs, vst3host
 from .native import Library
 
 PRESETS = ("tanpura", "fretted-bass", "jawari-harp")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_python():
+    """Plugins are by themselves: where they may start Python to change a setup, the test says so."""
+    before = os.environ.get("JAWARI_PYTHON")
+    os.environ["JAWARI_PYTHON"] = "0"
+    yield
+    os.environ.pop("JAWARI_PYTHON")
+    if before is not None:
+        os.environ["JAWARI_PYTHON"] = before
 
 
 @pytest.fixture(scope="session")
@@ -60,8 +68,32 @@ def bank_files(tmp_path_factory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="session")
+def guitar_file(tmp_path_factory) -> Path:
+    """A bank at 44.1 kHz of the guitar, whose strings share a body. It takes 20 MB and some seconds: for few tests."""
+    path = tmp_path_factory.mktemp("guitar") / "steel-guitar.jawari"
+    path.write_bytes(bank([load_preset("steel-guitar")], [44100.0]))
+    return path
+
+
+@pytest.fixture(scope="session")
 def exported(library_file, tmp_path_factory) -> Path:
     """A plugin of two small presets at 44.1 and 48 kHz, as `songs` plays it."""
     path = tmp_path_factory.mktemp("exported") / "collection.so"
     path.write_bytes(native_library.with_bank(library_file, bank(songs.PRESETS, songs.RATES_HZ)))
     return path
+
+
+@pytest.fixture(scope="module")
+def factory(exported: Path):
+    """What a VST3 host finds in that plugin."""
+    made = vst3host.Factory(exported)
+    yield made
+    assert made.release() == 0
+
+
+@pytest.fixture
+def instance(factory: vst3host.Factory):
+    """A VST3 instance."""
+    made = vst3host.Instance(factory)
+    yield made
+    made.close()

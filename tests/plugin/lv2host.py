@@ -13,6 +13,7 @@ EVENTS, LEFT, RIGHT, LATENCY, ENABLED, FIRST_PARAMETER = range(6)
 
 MIDI_EVENT = "http://lv2plug.in/ns/ext/midi#MidiEvent"
 CHUNK = "http://lv2plug.in/ns/ext/atom#Chunk"
+ATOM, TIME = "http://lv2plug.in/ns/ext/atom#", "http://lv2plug.in/ns/ext/time#"
 SEQUENCE = "http://lv2plug.in/ns/ext/atom#Sequence"
 
 _MAP = c.CFUNCTYPE(c.c_uint32, c.c_void_p, c.c_char_p)
@@ -95,6 +96,14 @@ class Instance:
         found.connect_port(self._handle, ENABLED, self.enabled.ctypes.data)
         found.connect_port(self._handle, LATENCY, self.latency.ctypes.data)
 
+    def outputs(self, after: int, count: int) -> np.ndarray:
+        """What the control outputs hold that come after so many parameters; not numbers before the first block."""
+        held = np.full(count, np.nan, np.float32)
+        for k in range(count):
+            self._d.connect_port(self._handle, FIRST_PARAMETER + after + k, held[k:].ctypes.data)
+        self._held = held
+        return held
+
     def _print(self, _: int, kind: int, form: bytes, first: bytes, second: bytes) -> int:
         assert form == b"%s: %s\n", form
         self.logged.append(f"{first.decode()}: {second.decode()}")
@@ -108,15 +117,25 @@ class Instance:
     def activate(self) -> None:
         self._d.activate(self._handle)
 
-    def run(self, frames: int, messages: Iterable[tuple[int, bytes]] = (), *, sequence: bytes | None = None) -> np.ndarray:
-        """(frames, 2) float32 of a block with MIDI messages (frame, bytes), or with a sequence as it stands."""
+    def position(self, frame: int, **said: float) -> tuple[int, int, bytes]:
+        """A message (frame, kind, bytes) that says where the host is: names of time:…, floats or whole numbers."""
+        body = np.uint32([0, self.urid(TIME + "Position")]).tobytes()
+        for name, value in said.items():
+            kind = "Long" if isinstance(value, int) else "Double"
+            data = (np.int64 if isinstance(value, int) else np.float64)(value).tobytes()
+            body += np.uint32([self.urid(TIME + name), 0, len(data), self.urid(ATOM + kind)]).tobytes() + data
+        return frame, self.urid(ATOM + "Object"), body
+
+    def run(self, frames: int, messages: Iterable[tuple] = (), *, sequence: bytes | None = None) -> np.ndarray:
+        """(frames, 2) float32 of a block with MIDI messages (frame, bytes), those of `position`, or with a sequence as it
+        stands."""
         if sequence is None:
             body = b"".join(
                 np.int64(frame).tobytes()
-                + np.uint32([len(data), self.urid(MIDI_EVENT)]).tobytes()
+                + np.uint32([len(data), kind[0] if kind else self.urid(MIDI_EVENT)]).tobytes()
                 + data
                 + bytes(-len(data) % 8)
-                for frame, data in messages
+                for frame, *kind, data in messages
             )
             sequence = np.uint32([len(body) + 8, self.urid(SEQUENCE), 0, 0]).tobytes() + body
         room = np.zeros(len(sequence) // 8 + 1, np.int64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import subprocess
 import sys
 import textwrap
@@ -98,6 +99,26 @@ def test_a_library_finds_the_bank_behind_its_own_end(library_file, small, tmp_pa
     second.close()
     with pytest.raises(Refused, match="there is no bank in"):
         Library(library_file).open_own_bank()
+
+
+def test_a_library_that_was_named_from_a_folder_finds_its_bank_from_another(library_file, small, tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "own.so").write_bytes(with_bank(library_file, small))
+    (tmp_path / "there" / "link.so").symlink_to("own.so")
+    program = """
+        import os, sys
+        from pathlib import Path
+        from tests.plugin.native import Library
+        for name in ("./there/own.so", "there/../there/link.so"):
+            os.chdir(sys.argv[1])
+            loaded = Library(name)
+            os.chdir("/")
+            print(loaded.presets(loaded.open_own_bank().address))
+    """
+    command = [sys.executable, "-c", textwrap.dedent(program), str(tmp_path)]
+    path = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, capture_output=True, text=True, cwd="/", env=path, check=False)
+    assert done.stdout == "1\n1\n", done.stderr
 
 
 def test_what_a_bank_is_not_made_of_is_refused():

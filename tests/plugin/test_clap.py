@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes as c
+import math
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from synth.instrument.preset import load_preset
 from synth.midi.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM, TUNING, make_events
+from synth.native.processors import cores
 from synth.plugin.description import describe
 from synth.plugin.library import compiler, with_bank
 from tests.engine.kit import FREE
@@ -136,8 +138,9 @@ def test_a_page_of_knobs_for_each_preset(host: Host) -> None:
 def test_parameters_are_the_presets_and_the_plugins_own(host: Host) -> None:
     with host.instance() as made:
         assert [info.name for info in made.params[-2:]] == [b"Program", b"Bypass"]
-        assert {info.module for info in made.params[:-2]} == {preset.name.encode() for preset in PARTS}
-        assert all(info.flags & abi.AUTOMATABLE for info in made.params)
+        modules = {preset.name.encode() + behind for preset in PARTS for behind in (b"", b"/Setup")}
+        assert {info.module for info in made.params[:-2]} == modules
+        assert all(bool(info.flags & abi.AUTOMATABLE) != info.module.endswith(b"/Setup") for info in made.params)
         assert made.values() == {info.id: info.initial for info in made.params}
         with host.instance() as other:
             assert [info.id for info in other.params] == [info.id for info in made.params]
@@ -317,7 +320,7 @@ def test_threads_of_the_host(clap: Path, pool: str, monkeypatch: pytest.MonkeyPa
     with Host(clap, pool=pool) as host:
         made = started(host)
         np.testing.assert_array_equal(hear(made, rows, 22_000), truth(reference(), rows, 22_000))
-        assert (made.lent_tasks > 0) == (pool != "refuses")
+        assert (made.lent_tasks > 0) == (pool != "refuses" and cores() > 1)
 
 
 def test_threads_of_its_own(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -326,7 +329,7 @@ def test_threads_of_its_own(host: Host, monkeypatch: pytest.MonkeyPatch) -> None
     made = host.instance()
     there = set(os.listdir("/proc/self/task"))
     assert made.activate(44100.0)
-    assert len(set(os.listdir("/proc/self/task")) - there) == 2
+    assert len(set(os.listdir("/proc/self/task")) - there) == min(3, cores()) - 1
     made.start()
     np.testing.assert_array_equal(hear(made, rows, 22_000), truth(reference(), rows, 22_000))
 
@@ -548,7 +551,8 @@ def test_a_performance_goes_on_from_its_state(host: Host) -> None:
     later["frame"] -= 10_000
     np.testing.assert_array_equal(hear(first, rows[rows["frame"] < 10_000], 10_000, (100,)), expected[:10_000])
     data = first.save()
-    for into in (host.instance(), started(host)):  # loaded while inactive, and while it plays something else
+    faded = math.ceil(0.003 * 44100)  # what an instance played before
+    for into, begin in ((host.instance(), 0), (started(host), faded)):  # loaded while inactive, and while it plays
         if into.stage == "inactive":
             assert into.load(data)
             assert into.values() == first.values()
@@ -558,7 +562,7 @@ def test_a_performance_goes_on_from_its_state(host: Host) -> None:
             hear(into, CHORD, 5000)
             assert into.load(data)
             assert into.values() == first.values() and into.process_requests == 1
-        np.testing.assert_array_equal(hear(into, later, 30_000), expected[10_000:])
+        np.testing.assert_array_equal(hear(into, later, 30_000)[begin:], expected[10_000 + begin :])
     first.close()
 
 
@@ -569,6 +573,8 @@ def borders(sound: np.ndarray, size: int, host: Host, states: list[bytes]) -> li
         places.setdefault(sound[k * size : (k + 1) * size].tobytes(), k)
     other, out = started(host), []
     for data in states:
+        other.reset()
+        hear(other, [], 1024)  # what sounded before has faded
         assert other.load(data)
         after = hear(other, [], 4 * size)
         k = places.get(after[:size].tobytes())

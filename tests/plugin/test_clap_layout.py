@@ -26,6 +26,7 @@ TWINS = {
     "clap_event_note": "Note",
     "clap_event_note_expression": "Expression",
     "clap_event_param_value": "ParamValue",
+    "clap_event_transport": "Transport",
     "clap_event_midi": "Midi",
     "clap_event_midi_sysex": "Sysex",
     "clap_input_events": "InputEvents",

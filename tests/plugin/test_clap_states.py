@@ -64,7 +64,7 @@ def test_values_are_kept(silent: Instance) -> None:
     rng = np.random.default_rng(0)
     wanted = {}
     for info in silent.params:
-        value = float(rng.uniform(info.minimum, info.maximum))
+        value = info.initial if info.flags & abi.READONLY else float(rng.uniform(info.minimum, info.maximum))
         wanted[info.id] = round(value) if info.flags & abi.STEPPED else value
     silent.flush([abi.param(0, identity, value) for identity, value in wanted.items()])
     data = silent.save()
@@ -129,8 +129,8 @@ def test_what_is_no_state_is_refused_and_changes_nothing(host: Host) -> None:
     assert made.load(data + b"padding of a host")
 
 
-def test_sound_that_is_damaged_or_of_another_rate_is_left_out(host: Host) -> None:
-    """The values are taken, and what sounded goes on."""
+def test_sound_that_is_damaged_is_refused(host: Host) -> None:
+    """Even where the state's own checksum is right; values stay, and what sounded goes on."""
     made = host.instance()
     made.activate(44100.0)
     made.start()
@@ -144,16 +144,63 @@ def test_sound_that_is_damaged_or_of_another_rate_is_left_out(host: Host) -> Non
     other.activate(44100.0)
     other.start()
     hear(other, CHORD, 3000)
-    for _ in range(20):
+    before = other.values()
+    # all but the two numbers by which it may be another version's, or of another bank
+    places = [*range(first, first + 8), *(first + rng.integers(48, len(made_sound(kept)), 30)).tolist()]
+    for place in places:
         sound = bytearray(kept[SOUND])
-        sound[int(rng.integers(first, len(sound)))] ^= 1 << int(rng.integers(8))
-        assert other.load(written((VALUES, kept[VALUES]), (SOUND, bytes(sound))))
+        sound[place] ^= 1 << int(rng.integers(8))
+        assert not other.load(written(values(free__output_gain=0.5), (SOUND, bytes(sound)))), place
+        assert "was changed since it was saved" in other.logged[-1] and other.values() == before
         np.testing.assert_array_equal(hear(other, [], 300), truth(engine, [], 300))
-    third = host.instance()
-    third.activate(48000.0)
-    third.start()
-    assert third.load(written(*kept.items()))
-    assert not hear(third, [], 2000).any()
+
+
+def test_a_forged_sound_is_refused(host: Host) -> None:
+    """Both checksums right, one number wrong: the frames that are computed are no whole quanta."""
+    made = host.instance()
+    made.activate(44100.0)
+    made.start()
+    hear(made, CHORD, 3200)
+    kept = sections_of(made.save())
+    sound = bytearray(kept[SOUND])
+    at = len(sound) - len(made_sound(kept))
+    place = sound.index(struct.pack("<q", 3200), at + 80)
+    sound[place : place + 8] = struct.pack("<q", -100000)
+    sound[at + 12 : at + 16] = struct.pack("<I", zlib.crc32(bytes(sound[at + 16 :])))
+    before = made.values()
+    assert not made.load(written((VALUES, kept[VALUES]), (SOUND, bytes(sound))))
+    assert "counters must lie between 0 and" in made.logged[-1] and made.values() == before
+    assert made.load(written((VALUES, kept[VALUES]), (SOUND, kept[SOUND])))
+
+
+def test_sound_of_another_rate_is_left_out(host: Host) -> None:
+    made = host.instance()
+    made.activate(44100.0)
+    made.start()
+    hear(made, [(10, NOTE_ON, 0, 48, 100)], 3000)
+    other = host.instance()
+    other.activate(48000.0)
+    other.start()
+    assert other.load(made.save())
+    assert not hear(other, [], 2000).any()
+
+
+def test_sound_of_another_version_is_left_out(host: Host) -> None:
+    """The values are taken, and what sounded goes on."""
+    made = host.instance()
+    gain = parameter_id(made, 0, GAIN)
+    made.activate(44100.0)
+    made.start()
+    engine = reference()
+    truth(engine, CHORD, 3000)
+    hear(made, CHORD, 3000)
+    kept = sections_of(made.save())
+    sound = bytearray(kept[SOUND])
+    at = len(sound) - len(made_sound(kept))
+    sound[at + 8] += 1
+    assert made.load(written(values(free__output_gain=1.0), (SOUND, bytes(sound))))
+    assert made.value(gain) == 1.0
+    np.testing.assert_array_equal(hear(made, [], 300), truth(engine, [], 300))
 
 
 def test_a_state_of_another_plugin_with_nothing_in_common_is_refused(host: Host) -> None:
@@ -164,9 +211,13 @@ def test_a_state_of_another_plugin_with_nothing_in_common_is_refused(host: Host)
     other = values(elsewhere__output_gain=0.1, program=1.0, bypass=1.0)
     assert not made.load(written((BANK, b"elsewhere"), other))
     assert "another plugin (elsewhere" in made.logged[-1] and made.values() == before
-    assert made.load(written((BANK, b"elsewhere"), values(free__output_gain=0.25)))
-    assert made.value(gain) == 0.25
+    program = made.params[-2].id
+    made.flush([abi.param(0, program, 2.0)])
+    # where there is something in common, all but the program: it numbers the other's presets
+    assert made.load(written((BANK, b"elsewhere"), values(free__output_gain=0.25, program=1.0, bypass=1.0)))
+    assert (made.value(gain), made.value(program), made.value(made.params[-1].id)) == (0.25, 0.0, 1.0)
     assert made.load(written((BANK, b"collection"), other))  # of its own, as it was when it had another preset
+    assert made.value(program) == 1.0
 
 
 def test_what_was_loaded_sounds_after_a_reset(host: Host) -> None:

@@ -166,43 +166,6 @@ def test_interrupted_it_leaves_what_was_there(export: Export) -> None:
     assert export.files() == before
 
 
-FOLDER = {"Contents/x86_64-linux/x.so": b"old"}
-
-
-def test_interrupted_between_two_names_the_old_one_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    place, rename, names = tmp_path / "x.vst3", os.rename, []
-    bundle._write_folder(place, FOLDER)
-
-    def interrupted(old, new) -> None:
-        names.append(new)
-        if len(names) == 2:
-            raise KeyboardInterrupt
-        rename(old, new)
-
-    monkeypatch.setattr(os, "rename", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        bundle._write_folder(place, {name: b"new" for name in FOLDER})
-    assert [path.read_bytes() for path in tmp_path.rglob("*.so")] == [b"old"]
-    assert os.listdir(tmp_path) == ["x.vst3"]
-
-
-def test_what_a_killed_export_left_is_put_back_or_taken_away(tmp_path: Path) -> None:
-    place = tmp_path / "x.vst3"
-    bundle._write_folder(place, FOLDER)
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    left = tmp_path / f"{bundle._prefix(place)}{ended.pid}.abc.part"
-    left.mkdir()
-    place.rename(left / "old")  # killed between the two names
-    bundle._tidy(place)
-    assert os.listdir(tmp_path) == ["x.vst3"] and (place / next(iter(FOLDER))).read_bytes() == b"old"
-    busy = tmp_path / f"{bundle._prefix(place)}{os.getpid()}.abc.part"
-    busy.mkdir()
-    bundle._write_folder(place, {name: b"new" for name in FOLDER})
-    assert sorted(os.listdir(tmp_path)) == sorted(["x.vst3", busy.name])
-    assert (place / next(iter(FOLDER))).read_bytes() == b"new"
-
-
 def test_names_of_any_letters(export: Export) -> None:
     odd = "ṭāṇpūrā 弦"
     export("tanpura", "-o", f"{odd}.vst3", *CHEAP)

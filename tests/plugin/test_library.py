@@ -22,11 +22,22 @@ ROOT = Path(__file__).resolve().parents[2]
 #: of the C library and libm; who adds one looks whether a block may call it
 KNOWN = set(
     """
-    bcmp calloc ceil close cos dladdr eventfd exp exp2 expm1 floor fmax fmin fprintf free fstat getenv llround log
-    log10 lrint malloc memchr memcmp memcpy memmove memset mmap munmap nanosleep open posix_memalign pow pread
+    bcmp calloc ceil clock_gettime close cos dladdr eventfd exp exp2 expm1 floor fmax fmin fprintf free fstat getenv
+    llrint llround log log10 lrint malloc memchr memcmp memcpy memmove memset mmap munmap nanosleep open
+    posix_memalign pow pread
     pthread_create pthread_join pthread_mutex_destroy pthread_mutex_init pthread_mutex_lock pthread_mutex_unlock
-    pthread_once pthread_sigmask read realloc round sched_yield sigfillset sin sincos snprintf sqrt stderr strcmp
-    strerror strlen strncmp strspn strtol sysconf vsnprintf write
+    pthread_once pthread_sigmask read realloc realpath round sched_getaffinity sched_yield sigfillset sin sincos snprintf
+    sqrt stderr strcmp strerror strlen strncmp strspn strtol sysconf vsnprintf write
+    """.split()
+)
+#: the same, of what starts Python for another setup, which no block does
+KNOWN |= set(
+    """
+    access atoi clock_gettime dlsym fcntl geteuid kill pipe2 poll posix_spawn posix_spawn_file_actions_adddup2
+    posix_spawn_file_actions_destroy posix_spawn_file_actions_init posix_spawnattr_destroy posix_spawnattr_init
+    posix_spawnattr_setflags posix_spawnattr_setsigdefault posix_spawnattr_setsigmask pthread_attr_destroy
+    pthread_attr_init pthread_attr_setinheritsched pthread_attr_setstacksize realpath secure_getenv sigemptyset stat
+    strchr strrchr strstr waitid waitpid
     """.split()
 )
 #: of the compiler's own
@@ -198,6 +209,30 @@ def test_a_block_allocates_locks_and_opens_nothing(library_file, bank_files, tmp
     assert built.returncode == 0, built.stderr
     done = subprocess.run([str(program), str(bank_files["all"])], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "0 2 1\n"), (done.stdout, done.stderr)
+
+
+def test_who_copies_what_sounds_for_a_host_that_saves(tmp_path):
+    """The thread that asks for it, beside the audio thread, as long as that holds; else the audio thread itself."""
+    program, place = tmp_path / "savebeside", native_library.SOURCES
+    sources = [Path(__file__).with_name("savebeside.c"), place / "checksum.c", place / "drone_score.c"]
+    sources += sorted(place.glob("plugin*.c"))
+    made = [*native_library.compiler(), "-std=gnu11", "-O1", f"-I{place}", "-o", program, *sources, "-lpthread", "-lm"]
+    built = subprocess.run(list(map(str, made)), capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([str(program)], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "saving\naudio\n"), (done.stdout, done.stderr)
+
+
+@pytest.mark.slow
+def test_the_core_plays_on_aarch64():
+    """As far from here as two C libraries' sines may bring it, in a processor that is made believe."""
+    if shutil.which("qemu-aarch64") is None:
+        pytest.skip("qemu-aarch64 is not installed (apt-get install qemu-user)")
+    if native_library.zig() is None:
+        pytest.skip("there is no compiler for AArch64 (pip install ziglang)")
+    tool = Path(__file__).resolve().parents[2] / "tools" / "native_library.py"
+    done = subprocess.run([sys.executable, str(tool), "--aarch64"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_header_is_c_and_c_plus_plus(tmp_path):

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from synth.plugin import turtle
+from synth.plugin.bankfile import bank
 from synth.plugin.description import describe
+from tests.patience import until
 
 from . import lv2host as host
 from .songs import PRESETS, RATES_HZ, Song, random_song, truth
@@ -21,7 +23,8 @@ from .vst3host import blocks
 ABOUT = describe(PRESETS)
 FRAMES = 12000
 #: what the ports hold as turtle.py has it; the last is the program
-DEFAULTS = [*(parameter.default for parameter in ABOUT.parameters), 0.0]
+DEFAULTS = [*(parameter.default for parameter in (*ABOUT.parameters, *ABOUT.setup)), 0.0]
+SETUP = slice(len(ABOUT.parameters), -1)
 
 
 @pytest.fixture(scope="module")
@@ -111,19 +114,21 @@ def test_a_port_moved_back_means_the_initial_value_itself(make):
 
 @pytest.mark.parametrize("when", ["before", "while it plays"])
 def test_a_state_goes_on_where_it_was_taken(make, when):
-    song, middle = a_song(5, 100), FRAMES // 2
+    song, middle, fading = a_song(5, 100), FRAMES // 2, 0
     first, second = make(48000.0), make(48000.0)
     before = played(first, song, (100,), 0, middle)
     state = first.save()
     if when == "while it plays":
         second.run(1000, [(3, bytes([0x90, 48, 127]))])
+        fading = 144  # what it played: 3 ms of it
     second.controls[:] = first.controls  # as hosts do it, which keep the ports themselves
     assert second.restore(state) == 0
     if when == "before":
         second.activate()
     after = played(second, song, (100,), middle)
     expected = truth(PRESETS, 48000.0, song).astype(np.float32)
-    np.testing.assert_array_equal(np.concatenate([before, after]), expected)
+    np.testing.assert_array_equal(before, expected[:middle])
+    np.testing.assert_array_equal(after[fading:], expected[middle + fading :])
 
 
 def test_what_is_no_state_changes_nothing(make):
@@ -205,12 +210,60 @@ def test_sequences_that_lie_do_no_harm(make):
     assert np.abs(instance.run(1024, sequence=head + note)).max() > 0.0
 
 
+def test_the_setup_is_shown(make):
+    """What is played, whatever is wished of a plugin that is by itself."""
+    instance = make()
+    played = instance.outputs(len(DEFAULTS), len(ABOUT.setup))
+    for wished in (1.0, np.nan, DEFAULTS[SETUP]):
+        instance.controls[SETUP] = wished
+        instance.run(64)
+        np.testing.assert_array_equal(played, np.float32(DEFAULTS[SETUP]))
+
+
+def test_another_setup_is_made_for_a_port_that_moves(make, tmp_path, monkeypatch):
+    """A program in the place of Python, which gives the bank as it was: its bank is played, and said to be."""
+    made, program = tmp_path / "made", tmp_path / "python"
+    made.write_bytes(bank(PRESETS, [44100.0]))
+    copied = 'mkdir -p "$(dirname "$6")"; umask 077; cp'
+    program.write_text(f'#!/bin/sh\n{copied} {made} "$6"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("JAWARI_PYTHON", str(program))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    instance = make()
+    played = instance.outputs(len(DEFAULTS), len(ABOUT.setup))
+    place = len(ABOUT.parameters) + [number.id for number in ABOUT.setup].index("string.gauge")
+    instance.controls[place] = 1.5
+    until(lambda: instance.run(64) is not None and played[place - len(ABOUT.parameters)] == 1.5)
+    program.write_text("#!/bin/sh\necho the strings are gone\n")
+    instance.controls[place] = 1.25
+    until(lambda: instance.run(64) is not None and instance.logged)
+    assert instance.logged[0].endswith("the strings are gone")
+    assert played[place - len(ABOUT.parameters)] == 1.5
+
+
 def test_ports_are_as_many_as_the_library_has():
     text = turtle.texts(ABOUT, "collection.so")["collection.ttl"]
     indices = [int(each) for each in re.findall(r"lv2:index (\d+)", text)]
-    assert indices == list(range(host.FIRST_PARAMETER + len(DEFAULTS)))
+    assert indices == list(range(host.FIRST_PARAMETER + len(DEFAULTS) + len(ABOUT.setup)))
     symbols = re.findall(r"\]?\s*lv2:symbol \"([^\"]+)\"", text)
-    assert len(set(symbols)) == len(symbols) and all(re.fullmatch(r"[a-z][a-z0-9_]*", each) for each in symbols)
+    assert len(set(symbols)) == len(symbols) and all(re.fullmatch(r"[a-zA-Z][a-zA-Z0-9_]*", each) for each in symbols)
+    assert {"free_output_gain", "G_free"} <= set(symbols) and ABOUT.presets[0].id == "free"
+
+
+def test_symbols_of_ids_that_look_alike_differ_and_do_not_depend_on_the_order():
+    ids = ("a-b", "a_b", "a__b", "A-b", "p-1", "1", "g", "output-gain")
+    said = []
+    for order in (ids, ids[::-1]):
+        presets = tuple(dataclasses.replace(ABOUT.presets[0], id=each) for each in order)
+        rows = [dataclasses.replace(row, part=k) for k in range(len(order)) for row in ABOUT.parameters if row.part == 0]
+        setup = [dataclasses.replace(row, part=k) for k in range(len(order)) for row in ABOUT.setup if row.part == 0]
+        about = dataclasses.replace(ABOUT, presets=presets, parameters=tuple(rows), setup=tuple(setup))
+        text = turtle.texts(about, "collection.so")
+        symbols = re.findall(r"\]?\s*lv2:symbol \"([^\"]+)\"", text["collection.ttl"])
+        assert all(re.fullmatch(r"[a-zA-Z][a-zA-Z0-9_]*", each) for each in symbols)
+        assert len(set(symbols)) == len(symbols) > len(ids) * 6
+        said.append(set(symbols))
+    assert said[0] == said[1] and {"a_b_output_gain", "a_b_string_gauge", "G_a_b", "S_a_b"} <= said[0]
 
 
 def test_names_in_the_texts_are_of_one_thing_each():
@@ -223,7 +276,7 @@ def test_names_in_the_texts_are_of_one_thing_each():
     assert presets == re.findall(r"^<(.*)>\n\ta pset:Preset", said["manifest.ttl"], re.MULTILINE)
     groups = re.findall(r"^<(.*)>\n\ta pg:InputGroup", said["collection.ttl"], re.MULTILINE)
     names = [*presets, *groups, f"{turtle.uri(kind)}#state"]
-    assert len(names) == 7 == len(set(names))
+    assert len(names) == 9 == len(set(names))
 
 
 def run(*command: str, bundles: Path) -> subprocess.CompletedProcess:

@@ -68,6 +68,28 @@ class _Data(c.Structure):
     )
 
 
+class Context(c.Structure):
+    """What a host says of its transport."""
+
+    _fields_ = (
+        ("state", c.c_uint32),
+        ("rate", c.c_double),
+        *((name, c.c_int64) for name in ("project_samples", "system_time", "continuous_samples")),
+        *((name, c.c_double) for name in ("project_music", "bar_music", "cycle_start", "cycle_end", "tempo")),
+        *((name, c.c_int32) for name in ("numerator", "denominator")),
+        ("chord", c.c_uint8 * 4),
+        ("smpte", c.c_int32),
+        ("frame_rate", c.c_uint32 * 2),
+        ("to_clock", c.c_int32),
+    )
+
+
+def context(playing: bool, beat: float | None, tempo: float | None) -> Context:
+    """None: the host does not say."""
+    state = playing << 1 | (beat is not None) << 9 | (tempo is not None) << 10
+    return Context(state=state, project_music=beat or 0.0, tempo=tempo or 0.0)
+
+
 class ParameterInfo(c.Structure):
     _fields_ = (
         ("id", c.c_uint32),
@@ -271,6 +293,7 @@ class Block:
 
     events: list[tuple[int, bytes]] = field(default_factory=list)
     points: dict[int, list[tuple[int, float]]] = field(default_factory=dict)
+    context: Context | None = None
 
 
 class Instance:
@@ -320,6 +343,7 @@ class Instance:
             outputs=c.addressof(bus) if heard else None,
             changes=changes.address,
             events=events.address,
+            context=None if block.context is None else c.addressof(block.context),
         )
         assert self.processor.call(_PROCESS, c.c_int32, (P, c.addressof(data))) == expected
         assert np.isnan(sound[:, frames]).all(), "written beyond the block"

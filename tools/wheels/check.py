@@ -11,6 +11,22 @@ from pathlib import Path
 
 #: rendered twice with the library, then by Numba
 SONG = ("drone.mid", "-p", "tanpura", "--end", "0.05")
+#: a live session as far as it goes without a device: what PortAudio and JACK would call, and events in and out
+LIVE = """
+from synth import Engine, load_preset
+from synth.live.callback import portaudio_callback
+from synth.live.deck import Deck
+from synth.live.jackcallback import callbacks
+from synth.midi.events import NOTE_ON, make_events
+engine = Engine([load_preset("tanpura")])
+engine.prepare(44100.0, 512)
+deck = Deck(engine, record=True, ahead=2)
+assert portaudio_callback().address and all(each.address for each in callbacks())
+assert deck.send(NOTE_ON, 0, 48, 100) and deck.schedule(make_events([(0, NOTE_ON, 0, 43, 100)])) == 1
+deck.start_ahead()
+deck.close()
+assert len(deck.drain_events()) and deck.at(deck.now_ns()) > 0
+"""
 #: of the environment, what would lead to another package, library or kernels
 _LEADS_AWAY = ("PYTHON", "JAWARI_", "NUMBA_", "XDG_", "VIRTUAL_ENV")
 
@@ -41,14 +57,21 @@ class Installed:
 
     def synth(self, *arguments: str, **environment: str) -> tuple[str, float]:
         """What `synth` says, and how long it takes [s]. Raises Broken where it fails."""
-        command = [str(self.folder / "venv" / "bin" / "synth"), *arguments]
+        return self._run("synth", *arguments, **environment)
+
+    def python(self, program: str) -> float:
+        """How long a program takes [s]. Raises Broken where it fails."""
+        return self._run("python", "-c", program)[1]
+
+    def _run(self, name: str, *arguments: str, **environment: str) -> tuple[str, float]:
+        command = [str(self.folder / "venv" / "bin" / name), *arguments]
         begin = time.perf_counter()
         done = subprocess.run(
             command, cwd=self.folder, env={**self.environment, **environment}, capture_output=True, text=True, check=False
         )
         taken = time.perf_counter() - begin
         if done.returncode != 0:
-            raise Broken(f"synth {' '.join(arguments)} ends with {done.returncode}:\n{done.stderr}")
+            raise Broken(f"{name} {' '.join(arguments)} ends with {done.returncode}:\n{done.stderr}")
         return done.stdout + done.stderr, taken
 
     def kernels(self) -> list[Path]:
@@ -75,6 +98,10 @@ def check(wheel: Path, songs: Path, folder: Path) -> list[str]:
     told.append(
         f"from the start of the process to the end of 0.05 s of sound: {times[0]}, then {times[1]}; nothing compiled"
     )
+    taken = installed.python(LIVE)
+    if installed.kernels():
+        raise Broken("a live session compiles kernels")
+    told.append(f"a live session is ready after {taken:.2f} s; nothing compiled")
     plugins = folder / "plugins"
     plugins.mkdir()
     installed.synth("export", "tanpura", "-f", "all", "-o", str(plugins / "tanpura"))

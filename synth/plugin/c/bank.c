@@ -12,6 +12,7 @@
 #include <unistd.h>
 #include "checksum.h"
 #include "core.h"
+#include "drone_score.h"
 
 struct bank_header {
     char magic[8];
@@ -21,7 +22,9 @@ struct bank_header {
     uint8_t uid[16];
     char id[72], name[96];
     uint32_t presets, parameters, functions, rates;
-    uint64_t presets_at, parameters_at, functions_at, rates_at;
+    uint64_t presets_at, parameters_at, functions_at, rates_at, setup_at, recipe_at, drone_at;
+    uint32_t setup, recipe;
+    uint64_t drone;
 };
 struct bank_preset {
     char id[72], name[96], description[256];
@@ -36,15 +39,19 @@ struct bank_function {
     char name[96];
 };
 
-_Static_assert(sizeof(struct bank_header) == 296, "as bankfile.HEADER");
+_Static_assert(sizeof(struct bank_header) == 336, "as bankfile.HEADER");
 _Static_assert(sizeof(struct bank_preset) == 432, "as bankfile.PRESET");
 _Static_assert(sizeof(struct bank_parameter) == 208, "as bankfile.PARAMETER");
-_Static_assert(sizeof(struct bank_rate) == 160 + 24 * PLACES, "as bankfile.RATE");
+_Static_assert(sizeof(struct bank_rate) == 240 + 24 * PLACES, "as bankfile.RATE");
 _Static_assert(sizeof(struct bank_relocation) == 24, "as addresses.RELOCATION");
+
+_Static_assert(sizeof(struct bank_limit) == 72, "as limits.LIMIT");
+_Static_assert(sizeof(struct bank_condition) == 24, "as limits.CONDITION");
+_Static_assert(sizeof(struct bank_name) == 40, "as limits.NAME");
 
 static const char MAGIC[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
 static const char FOOT[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'F', 'T'};
-enum { VERSION = 1, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
+enum { VERSION = 2, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
 /* larger than any bank: sums of two do not overflow */
 #define MOST_BYTES ((uint64_t)1 << 40)
 /* of an engine; that of the largest preset takes some megabytes */
@@ -91,13 +98,15 @@ static bool check_tables(const struct bank_header *h, uint64_t room, const char 
                  h->kernels, jawari_kernels_version());
         return false;
     }
-    if (h->presets < 1 || h->presets > MOST_PRESETS || h->parameters > MOST_PARAMETERS || h->functions > MOST_FUNCTIONS ||
+    if (h->presets < 1 || h->presets > MOST_PRESETS || h->parameters > MOST_PARAMETERS || h->setup > MOST_PARAMETERS || h->functions > MOST_FUNCTIONS ||
         h->rates < 1 || h->rates > MOST_RATES)
         return refuse(why, path, "it counts what cannot be");
     if (!fits(h->presets_at, h->presets, sizeof(struct bank_preset), h->tables_end) ||
         !fits(h->parameters_at, h->parameters, sizeof(struct bank_parameter), h->tables_end) ||
+        !fits(h->setup_at, h->setup, sizeof(struct bank_parameter), h->tables_end) ||
         !fits(h->functions_at, h->functions, sizeof(struct bank_function), h->tables_end) ||
-        !fits(h->rates_at, h->rates, sizeof(struct bank_rate), h->tables_end))
+        !fits(h->rates_at, h->rates, sizeof(struct bank_rate), h->tables_end) ||
+        (h->drone_at && !fits(h->drone_at, h->drone, 1, h->tables_end)))
         return refuse(why, path, "a table lies outside of it");
     return true;
 }
@@ -109,11 +118,14 @@ static bool check_rate(const struct bank_header *h, const struct bank_rate *r, d
         return false;
     if (!fits(r->constants_at, r->constants, 1, r->size) || !fits(r->core_at, r->core_stored, 1, r->size) ||
         !fits(r->thread_at, r->thread_stored, 1, r->size) ||
-        !fits(r->relocations_at, r->relocations, sizeof(struct bank_relocation), r->size))
+        !fits(r->relocations_at, r->relocations, sizeof(struct bank_relocation), r->size) ||
+        !fits(r->limits_at, r->limits, sizeof(struct bank_limit), r->size) ||
+        !fits(r->conditions_at, r->conditions, sizeof(struct bank_condition), r->size) ||
+        !fits(r->names_at, r->names, sizeof(struct bank_name), r->size))
         return false;
     if (r->core_stored > r->core || r->core > MOST_MEMORY || r->thread_stored > r->thread || r->thread > MOST_MEMORY)
         return false;
-    if (r->sounding % 8 != 0 || r->sounding > r->sounding_end || r->sounding_end > r->core)
+    if (r->sounding % 8 != 0 || r->sounding_end % 8 != 0 || r->sounding > r->sounding_end || r->sounding_end > r->core)
         return false;
     if (!fits(r->thread_table, 1, 8, r->thread) || !fits(r->pitch, 128, 8, r->constants))
         return false;
@@ -126,26 +138,49 @@ static bool check_rate(const struct bank_header *h, const struct bank_rate *r, d
     const struct bank_place *places = r->places;
     if (places[PLACE_AWAKE].count != places[PLACE_NOTE].count || places[PLACE_AWAKE].count != places[PLACE_CHANNEL].count)
         return false;
-    return places[PLACE_PROGRAMS].count == 16 && places[PLACE_PARAMETERS].count == h->presets;
+    return places[PLACE_TUNING].count == 128 && places[PLACE_PROGRAMS].count == 16 &&
+           places[PLACE_PARAMETERS].count == h->presets;
+}
+
+/* A table of parameters, from number `first` of all on. */
+static bool read_parameters(jawari_bank *bank, uint32_t first, uint32_t count, uint64_t at, const char *path, char *why) {
+    const struct bank_parameter *table = (const void *)(bank->data + at);
+    for (uint32_t k = 0; k < count; k++) {
+        const struct bank_parameter *p = &table[k];
+        if (!ended(p->id, sizeof p->id) || !ended(p->name, sizeof p->name) || !ended(p->unit, sizeof p->unit))
+            return refuse(why, path, "a name in it has no end");
+        if (p->part < 0 || p->part >= bank->presets || p->index < 0 || p->index >= 64 || p->curve < JAWARI_LINEAR ||
+            p->curve > JAWARI_SQUARE || !(p->minimum <= p->initial && p->initial <= p->maximum) || !isfinite(p->minimum) ||
+            !isfinite(p->maximum) || !isfinite(p->smoothing_s))
+            return refuse(why, path, "a parameter in it cannot be");
+        bank->parameter[first + k] = (jawari_parameter){p->part,    p->index,   p->curve,   p->id,         p->name, p->unit,
+                                                        p->minimum, p->maximum, p->initial, p->smoothing_s};
+    }
+    return true;
 }
 
 /* Fills in what is read of the tables. */
 static bool read_tables(jawari_bank *bank, const char *path, char *why) {
     const struct bank_header *h = (const void *)bank->data;
     const struct bank_preset *presets = (const void *)(bank->data + h->presets_at);
-    const struct bank_parameter *parameters = (const void *)(bank->data + h->parameters_at);
     const struct bank_function *functions = (const void *)(bank->data + h->functions_at);
     bank->rate = (const void *)(bank->data + h->rates_at);
     bank->presets = (int32_t)h->presets;
     bank->parameters = (int32_t)h->parameters;
+    bank->setup = (int32_t)h->setup;
     bank->rates = (int32_t)h->rates;
     bank->functions = (int32_t)h->functions;
     bank->id = h->id;
     bank->name = h->name;
     bank->uid = h->uid;
     bank->checksum = h->checksum;
+    if (h->drone_at) {
+        bank->drone = (const void *)(bank->data + h->drone_at);
+        if (!drone_score_fits(bank->drone, h->drone, h->presets))
+            return refuse(why, path, "the drone in it cannot be");
+    }
     bank->preset = calloc(h->presets, sizeof *bank->preset);
-    bank->parameter = calloc(h->parameters + 1, sizeof *bank->parameter);
+    bank->parameter = calloc((size_t)h->parameters + h->setup + 1, sizeof *bank->parameter);
     bank->function = calloc(h->functions + 1, sizeof *bank->function);
     bank->sound = calloc(h->rates, sizeof *bank->sound);
     if (!bank->preset || !bank->parameter || !bank->function || !bank->sound) {
@@ -158,17 +193,9 @@ static bool read_tables(jawari_bank *bank, const char *path, char *why) {
             return refuse(why, path, "a name in it has no end");
         bank->preset[k] = (jawari_preset){p->id, p->name, p->description, p->lowest, p->highest};
     }
-    for (uint32_t k = 0; k < h->parameters; k++) {
-        const struct bank_parameter *p = &parameters[k];
-        if (!ended(p->id, sizeof p->id) || !ended(p->name, sizeof p->name) || !ended(p->unit, sizeof p->unit))
-            return refuse(why, path, "a name in it has no end");
-        if (p->part < 0 || p->part >= bank->presets || p->index < 0 || p->index >= 64 || p->curve < JAWARI_LINEAR ||
-            p->curve > JAWARI_SQUARE || !(p->minimum <= p->initial && p->initial <= p->maximum) || !isfinite(p->minimum) ||
-            !isfinite(p->maximum) || !isfinite(p->smoothing_s))
-            return refuse(why, path, "a parameter in it cannot be");
-        bank->parameter[k] = (jawari_parameter){p->part,    p->index,   p->curve,   p->id,         p->name, p->unit,
-                                                p->minimum, p->maximum, p->initial, p->smoothing_s};
-    }
+    if (!read_parameters(bank, 0, h->parameters, h->parameters_at, path, why) ||
+        !read_parameters(bank, h->parameters, h->setup, h->setup_at, path, why))
+        return false;
     for (uint32_t k = 0; k < h->functions; k++) {
         if (!ended(functions[k].name, sizeof functions[k].name))
             return refuse(why, path, "a name in it has no end");
@@ -271,10 +298,24 @@ jawari_bank *jawari_open(const char *path, char *why) {
     return bank;
 }
 
-jawari_bank *jawari_open_own(char *why) {
+/* The file from which the library was loaded; NULL: the system does not say. It may have been named from a folder that the
+ * program leaves later: where that is from the root on is asked while it is loaded. */
+static char *own_path;
+
+__attribute__((constructor)) static void find_own_path(void) {
     Dl_info info;
     /* any object of the library's; of a function the standard knows no such pointer */
-    if (dladdr(MAGIC, &info) == 0 || info.dli_fname == NULL) {
+    if (dladdr(MAGIC, &info) != 0 && info.dli_fname != NULL)
+        own_path = realpath(info.dli_fname, NULL);
+}
+
+__attribute__((destructor)) static void forget_own_path(void) {
+    free(own_path);
+    own_path = NULL;
+}
+
+jawari_bank *jawari_open_own(char *why) {
+    if (own_path == NULL) {
         core_say(why, "the system does not say from which file the library was loaded");
         return NULL;
     }
@@ -282,7 +323,7 @@ jawari_bank *jawari_open_own(char *why) {
     if (own != NULL)
         own->holds++;
     else
-        own = jawari_open(info.dli_fname, why);
+        own = jawari_open(own_path, why);
     jawari_bank *bank = own;
     pthread_mutex_unlock(&holding);
     return bank;
@@ -336,7 +377,8 @@ const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why)
         if (!(fabs(r->rate_hz - rate_hz) < 0.5))
             continue;
         if (!atomic_load(&bank->sound[k])) {
-            if (crc32_of(0, bank->data + r->at, r->size) != r->checksum || !check_relocations(bank, r)) {
+            if (crc32_of(0, bank->data + r->at, r->size) != r->checksum || !check_relocations(bank, r) ||
+                !core_limits_fit(r, bank->data + r->at)) {
                 core_say(why, "the bank of %s was changed (the checksum for %g Hz is wrong); export it again", bank->name, rate_hz);
                 return NULL;
             }
@@ -352,6 +394,7 @@ const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why)
     return NULL;
 }
 
+const struct drone_score *bank_drone(const jawari_bank *bank) { return bank->drone; }
 int32_t jawari_presets(const jawari_bank *bank) { return bank == NULL ? 0 : bank->presets; }
 const jawari_preset *jawari_preset_of(const jawari_bank *bank, int32_t k) {
     return bank == NULL || k < 0 || k >= bank->presets ? NULL : &bank->preset[k];
@@ -368,3 +411,8 @@ int32_t jawari_parameters(const jawari_bank *bank) { return bank == NULL ? 0 : b
 const jawari_parameter *jawari_parameter_of(const jawari_bank *bank, int32_t k) {
     return bank == NULL || k < 0 || k >= bank->parameters ? NULL : &bank->parameter[k];
 }
+int32_t jawari_setup_numbers(const jawari_bank *bank) { return bank == NULL ? 0 : bank->setup; }
+const jawari_parameter *jawari_setup_number_of(const jawari_bank *bank, int32_t k) {
+    return bank == NULL || k < 0 || k >= bank->setup ? NULL : &bank->parameter[bank->parameters + k];
+}
+uint32_t jawari_bank_checksum(const jawari_bank *bank) { return bank == NULL ? 0 : bank->checksum; }

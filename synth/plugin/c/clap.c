@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "clap_private.h"
 
@@ -17,11 +16,26 @@ enum { WORTH_HELPING = 4, MOST_LENT = 16 };
 
 /* ---- an instance ---- */
 
-static void say(const clap_instance *m, const char *why) {
+static void log_as(const clap_instance *m, int32_t severity, const char *why) {
     if (m->host_log && m->host_log->log)
-        m->host_log->log(m->host, CLAP_LOG_ERROR, why);
+        m->host_log->log(m->host, severity, why);
     else
         fprintf(stderr, "jawari: %s\n", why);
+}
+
+static void say(const clap_instance *m, const char *why) { log_as(m, CLAP_LOG_ERROR, why); }
+
+void clap_remark(const clap_instance *m) {
+    char why[JAWARI_WHY];
+    if (plugin_remark(m->p, why))
+        log_as(m, CLAP_LOG_WARNING, why);
+}
+
+/* In a thread of the plugin's own: what is to be done on the main one is asked for. */
+static void setup_changed(void *of) {
+    const clap_instance *m = of;
+    if (m->host->request_callback)
+        m->host->request_callback(m->host);
 }
 
 static bool instance_init(const clap_plugin_t *self) {
@@ -44,6 +58,7 @@ static bool instance_init(const clap_plugin_t *self) {
     for (uint32_t k = 0; k < plugin_parameters(m->p); k++)
         m->told[k] = plugin_value(m->p, k);
     m->told_latency = -1;
+    plugin_when_changed(m->p, setup_changed, m);
     return true;
 }
 
@@ -60,16 +75,14 @@ static bool instance_activate(const clap_plugin_t *self, double sample_rate, uin
     clap_instance *m = me(self);
     int32_t threads = plugin_wanted_threads();
     bool pool = m->host_pool && m->host_pool->request_exec;
-    if (threads == 0 && pool) {
-        long processors = sysconf(_SC_NPROCESSORS_ONLN);
-        threads = processors < 1 ? 1 : processors > MOST_LENT ? MOST_LENT : (int32_t)processors;
-    }
-    m->lent = pool && threads > 1;
+    if (threads == 0 && pool)
+        threads = MOST_LENT;
     char why[JAWARI_WHY];
-    if (!plugin_activate(m->p, sample_rate, threads, m->lent, why)) {
+    if (!plugin_activate(m->p, sample_rate, threads, pool, why)) {
         say(m, why);
         return false;
     }
+    m->lent = pool && plugin_threads(m->p) > 1;
     clap_forget_notes(m);
     bool known = m->told_latency < 0 || m->told_latency == plugin_latency(m->p);
     if (!known && m->host_latency && m->host_latency->changed)
@@ -104,6 +117,7 @@ static clap_process_status instance_process(const clap_plugin_t *self, const cla
     const clap_input_events_t *in = process->in_events;
     uint32_t count = in && in->size && in->get ? in->size(in) : 0;
     m->last_time = 0;
+    clap_transport(m, 0, process->transport);
     for (uint32_t i = 0; i < count; i++)
         clap_hear(m, in->get(in, i), process->out_events);
     m->frames = (int32_t)process->frames_count;
@@ -127,7 +141,12 @@ static const void *instance_extension(const clap_plugin_t *self, const char *id)
     return clap_extension(id);
 }
 
-static void instance_on_main_thread(const clap_plugin_t *self) { (void)self; }
+static void instance_on_main_thread(const clap_plugin_t *self) {
+    const clap_instance *m = me(self);
+    clap_remark(m);
+    if (m->host_params && m->host_params->rescan)
+        m->host_params->rescan(m->host, CLAP_PARAM_RESCAN_TEXT);
+}
 
 /* ---- what there is in this file: one plugin, its bank's ---- */
 

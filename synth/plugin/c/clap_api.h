@@ -34,6 +34,7 @@ enum {
     CLAP_EVENT_NOTE_END = 3,
     CLAP_EVENT_NOTE_EXPRESSION = 4,
     CLAP_EVENT_PARAM_VALUE = 5,
+    CLAP_EVENT_TRANSPORT = 9,
     CLAP_EVENT_MIDI = 10,
     CLAP_EVENT_MIDI_SYSEX = 11
 };
@@ -64,6 +65,27 @@ typedef struct clap_event_param_value {
     int16_t port_index, channel, key;
     double value;
 } clap_event_param_value_t;
+
+enum { /* clap_event_transport.flags */
+    CLAP_TRANSPORT_HAS_TEMPO = 1 << 0,
+    CLAP_TRANSPORT_HAS_BEATS_TIMELINE = 1 << 1,
+    CLAP_TRANSPORT_IS_PLAYING = 1 << 4
+};
+#define CLAP_BEATTIME_FACTOR ((int64_t)1 << 31)
+
+typedef struct clap_event_transport {
+    clap_event_header_t header;
+    uint32_t flags;
+    int64_t song_pos_beats; /* in units of 1 / CLAP_BEATTIME_FACTOR */
+    int64_t song_pos_seconds;
+    double tempo; /* beats a minute */
+    double tempo_inc;
+    int64_t loop_start_beats, loop_end_beats;
+    int64_t loop_start_seconds, loop_end_seconds;
+    int64_t bar_start;
+    int32_t bar_number;
+    uint16_t tsig_num, tsig_denom;
+} clap_event_transport_t;
 
 typedef struct clap_event_midi {
     clap_event_header_t header;
@@ -105,7 +127,7 @@ enum { CLAP_PROCESS_ERROR = 0, CLAP_PROCESS_CONTINUE = 1, CLAP_PROCESS_SLEEP = 4
 typedef struct clap_process {
     int64_t steady_time;
     uint32_t frames_count;
-    const void *transport;
+    const struct clap_event_transport *transport; /* NULL: the host has none */
     const clap_audio_buffer_t *audio_inputs;
     clap_audio_buffer_t *audio_outputs;
     uint32_t audio_inputs_count, audio_outputs_count;
@@ -194,11 +216,12 @@ typedef struct clap_plugin_note_ports {
 #define CLAP_EXT_PARAMS "clap.params"
 enum {
     CLAP_PARAM_IS_STEPPED = 1 << 0,
+    CLAP_PARAM_IS_READONLY = 1 << 3,
     CLAP_PARAM_IS_BYPASS = 1 << 4,
     CLAP_PARAM_IS_AUTOMATABLE = 1 << 5,
     CLAP_PARAM_IS_ENUM = 1 << 16
 };
-enum { CLAP_PARAM_RESCAN_VALUES = 1 };
+enum { CLAP_PARAM_RESCAN_VALUES = 1, CLAP_PARAM_RESCAN_TEXT = 2 };
 typedef struct clap_param_info {
     clap_id id;
     uint32_t flags;
@@ -288,7 +311,7 @@ typedef struct clap_plugin_remote_controls {
 } clap_plugin_remote_controls_t;
 
 #define CLAP_EXT_LOG "clap.log"
-enum { CLAP_LOG_ERROR = 3 };
+enum { CLAP_LOG_WARNING = 2, CLAP_LOG_ERROR = 3 };
 typedef struct clap_host_log {
     void (*log)(const clap_host_t *host, int32_t severity, const char *text);
 } clap_host_log_t;

@@ -1,4 +1,5 @@
 /* clap_events.c: what a CLAP host says, and what it is told. */
+#include <math.h>
 #include <string.h>
 
 #include "clap_private.h"
@@ -146,6 +147,13 @@ static void change(clap_instance *m, const clap_event_param_value_t *event, bool
     m->told[k] = plugin_value(m->p, (uint32_t)k);
 }
 
+void clap_transport(clap_instance *m, uint32_t time, const clap_event_transport_t *transport) {
+    const uint32_t flags = transport ? transport->flags : 0;
+    const bool timed = flags & CLAP_TRANSPORT_HAS_TEMPO, placed = flags & CLAP_TRANSPORT_HAS_BEATS_TIMELINE;
+    const double beat = placed ? (double)transport->song_pos_beats / (double)CLAP_BEATTIME_FACTOR : (double)NAN;
+    plugin_transport(m->p, time, flags & CLAP_TRANSPORT_IS_PLAYING, beat, timed ? transport->tempo : (double)NAN);
+}
+
 static void hear_midi(clap_instance *m, const clap_event_midi_t *event) {
     uint8_t status = event->data[0];
     if (status < 0x80 || status >= 0xF0 || event->port_index != 0)
@@ -160,6 +168,7 @@ void clap_hear(clap_instance *m, const clap_event_header_t *event, const clap_ou
     const clap_event_note_t *note = (const void *)event;
     const clap_event_note_expression_t *expression = (const void *)event;
     const clap_event_param_value_t *value = (const void *)event;
+    const clap_event_transport_t *transport = (const void *)event;
     const clap_event_midi_t *midi = (const void *)event;
     const clap_event_midi_sysex_t *sysex = (const void *)event;
     address a;
@@ -189,6 +198,10 @@ void clap_hear(clap_instance *m, const clap_event_header_t *event, const clap_ou
     case CLAP_EVENT_PARAM_VALUE:
         if (event->size >= sizeof *value)
             change(m, value, true);
+        return;
+    case CLAP_EVENT_TRANSPORT:
+        if (event->size >= sizeof *transport)
+            clap_transport(m, event->time, transport);
         return;
     case CLAP_EVENT_MIDI:
         if (event->size >= sizeof *midi)

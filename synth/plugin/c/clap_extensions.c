@@ -59,11 +59,12 @@ static bool params_info(const clap_plugin_t *self, uint32_t index, clap_param_in
     if (!q)
         return false;
     uint32_t stepped = q->stepped ? CLAP_PARAM_IS_STEPPED : 0, bypass = q->bypass ? CLAP_PARAM_IS_BYPASS : 0;
-    uint32_t chosen = q->stepped && !q->bypass ? CLAP_PARAM_IS_ENUM : 0;
-    *info = (clap_param_info_t){.id = q->stable_id, .flags = CLAP_PARAM_IS_AUTOMATABLE | stepped | bypass | chosen,
+    uint32_t chosen = q->program || q->texts[0] ? CLAP_PARAM_IS_ENUM : 0;
+    uint32_t turned = q->fixed ? CLAP_PARAM_IS_READONLY : q->setup ? 0 : CLAP_PARAM_IS_AUTOMATABLE;
+    *info = (clap_param_info_t){.id = q->stable_id, .flags = turned | stepped | bypass | chosen,
                                 .min_value = q->minimum, .max_value = q->maximum, .default_value = q->initial};
     name(info->name, sizeof info->name, q->name);
-    name(info->module, sizeof info->module, q->group);
+    snprintf(info->module, sizeof info->module, "%s%s", q->group, q->setup ? "/Setup" : "");
     return true;
 }
 
@@ -90,21 +91,42 @@ static void params_flush(const clap_plugin_t *self, const clap_input_events_t *i
 
 static const clap_plugin_params_t PARAMS = {params_count, params_info, params_value, params_text, params_number, params_flush};
 
-/* A page of knobs for every preset. */
-static uint32_t pages_count(const clap_plugin_t *self) { return (uint32_t)jawari_presets(plugin_bank(me(self)->p)); }
+/* Whether it is neither a preset's, nor of its setup, nor of every plugin: a drone's. */
+static bool is_drones(const plugin *p, uint32_t k) {
+    const plugin_parameter *q = plugin_parameter_of(p, k);
+    return q && q->part < 0 && !q->program && !q->bypass;
+}
+
+/* The drone's first parameter, or the end. */
+static uint32_t first_of_drone(const plugin *p) {
+    uint32_t k = 0;
+    while (k < plugin_parameters(p) && !is_drones(p, k))
+        k++;
+    return k;
+}
+
+/* A page of knobs for every preset, and one for a drone. */
+static uint32_t pages_count(const clap_plugin_t *self) {
+    const plugin *p = me(self)->p;
+    return (uint32_t)jawari_presets(plugin_bank(p)) + (first_of_drone(p) < plugin_parameters(p));
+}
 
 static bool pages_get(const clap_plugin_t *self, uint32_t index, clap_remote_controls_page_t *page) {
     const jawari_bank *bank = plugin_bank(me(self)->p);
-    if (index >= (uint32_t)jawari_presets(bank))
+    const plugin *p = me(self)->p;
+    if (index >= pages_count(self))
         return false;
+    const bool drone = index == (uint32_t)jawari_presets(bank);
     *page = (clap_remote_controls_page_t){.page_id = index};
-    const char *title = jawari_preset_of(bank, (int32_t)index)->name;
+    const char *title = drone ? "Drone" : jawari_preset_of(bank, (int32_t)index)->name;
     name(page->section_name, sizeof page->section_name, title);
     name(page->page_name, sizeof page->page_name, title);
     uint32_t filled = 0;
     for (int32_t k = 0; k < jawari_parameters(bank) && filled < CLAP_REMOTE_CONTROLS_COUNT; k++)
         if (jawari_parameter_of(bank, k)->part == (int32_t)index)
             page->param_ids[filled++] = plugin_parameter_of(me(self)->p, (uint32_t)k)->stable_id;
+    for (uint32_t k = first_of_drone(p); drone && is_drones(p, k) && filled < CLAP_REMOTE_CONTROLS_COUNT; k++)
+        page->param_ids[filled++] = plugin_parameter_of(p, k)->stable_id;
     while (filled < CLAP_REMOTE_CONTROLS_COUNT)
         page->param_ids[filled++] = CLAP_INVALID_ID;
     return true;
@@ -165,6 +187,7 @@ static bool state_load(const clap_plugin_t *self, const clap_istream_t *stream) 
             m->host_log->log(m->host, CLAP_LOG_ERROR, why);
         return false;
     }
+    clap_remark(m);
     atomic_store(&m->loaded, true);
     if (m->host_params && m->host_params->rescan)
         m->host_params->rescan(m->host, CLAP_PARAM_RESCAN_VALUES);

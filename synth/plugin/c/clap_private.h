@@ -48,11 +48,16 @@ typedef struct clap_instance {
 /* Extensions by their id, NULL. */
 const void *clap_extension(const char *id);
 
+/* Logs what there is to be said of the setup. */
+void clap_remark(const clap_instance *m);
+
 /* One event of a block, or of a flush: then only values are taken. */
 void clap_hear(clap_instance *m, const clap_event_header_t *event, const clap_output_events_t *out);
 void clap_flush(clap_instance *m, const clap_input_events_t *in, const clap_output_events_t *out);
 /* After a block of so many frames: what the host is to be told. */
 void clap_tell(clap_instance *m, uint32_t frames, const clap_output_events_t *out);
+/* The host's transport at a frame; NULL: it has none. */
+void clap_transport(clap_instance *m, uint32_t time, const clap_event_transport_t *transport);
 void clap_forget_notes(clap_instance *m);
 /* The block that is at hand. */
 void clap_compute(clap_instance *m);

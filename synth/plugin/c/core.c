@@ -82,7 +82,9 @@ jawari_engine *jawari_create(jawari_bank *bank, double rate_hz, int32_t threads,
     engine->block = bank->data + r->at;
     engine->token = -1;
     const int32_t strings = (int32_t)r->places[PLACE_AWAKE].count;
-    engine->threads = threads < 1 ? 1 : threads > CORE_MOST_THREADS ? CORE_MOST_THREADS : threads;
+    /* more threads than processors, and the block's own would wait for its turn */
+    const int32_t processors = core_processors();
+    engine->threads = threads < 1 ? 1 : threads > processors ? processors : threads;
     if (engine->threads > strings)
         engine->threads = strings;
     engine->fade_frames = (int32_t)ceil(FADE_S * r->rate_hz);
@@ -218,45 +220,53 @@ void jawari_process_float(jawari_engine *engine, const jawari_event *events, int
     atomic_store(&engine->working, false);
 }
 
-void core_begin_anew(jawari_engine *engine) {
-    const struct bank_rate *r = engine->rate;
-    const uint64_t stored = r->core_stored < r->sounding   ? r->sounding
+void core_first(const struct bank_rate *r, const uint8_t *block, uint8_t *state) {
+    const uint64_t stored = r->core_stored < r->sounding       ? r->sounding
                             : r->core_stored > r->sounding_end ? r->sounding_end
                                                                : r->core_stored;
-    memcpy(engine->memory + r->sounding, engine->block + r->core_at + r->sounding, stored - r->sounding);
-    memset(engine->memory + stored, 0, r->sounding_end - stored);
+    memcpy(state, block + r->core_at + r->sounding, stored - r->sounding);
+    memset(state + (stored - r->sounding), 0, r->sounding_end - stored);
+}
+
+void core_begin_anew(jawari_engine *engine) {
+    core_first(engine->rate, engine->block, engine->memory + engine->rate->sounding);
     *core_word(engine, PLACE_UNTIL, 0) = 0;
     engine->quiet = 0;
 }
 
-void jawari_reset(jawari_engine *engine) {
-    if (engine->touched) {
-        /* what would have come, ever quieter; with what was fading already */
-        const int32_t frames = engine->fade_frames;
-        double *into = engine->fade;
-        int32_t left = engine->fade_end - engine->fade_at;
-        memmove(into, into + 2 * engine->fade_at, (size_t)left * 2 * sizeof *into);
-        memset(into + 2 * left, 0, (size_t)(frames - left) * 2 * sizeof *into);
-        for (int32_t done = 0, n; done < frames; done += n) {
-            n = chunk(frames - done);
-            run(engine, 0, n);
-            for (int32_t i = 0; i < n; i++) {
-                const double share = 1.0 - (double)(done + i + 1) / (double)frames;
-                for (int32_t side = 0; side < 2; side++) {
-                    double *x = &into[2 * (done + i) + side];
-                    *x = (*x + engine->mix[2 * i + side]) * share;
-                }
+void core_fade_out(jawari_engine *engine) {
+    if (!engine->touched)
+        return;
+    /* what would have come, ever quieter; with what was fading already */
+    const int32_t frames = engine->fade_frames;
+    double *into = engine->fade;
+    int32_t left = engine->fade_end - engine->fade_at;
+    memmove(into, into + 2 * engine->fade_at, (size_t)left * 2 * sizeof *into);
+    memset(into + 2 * left, 0, (size_t)(frames - left) * 2 * sizeof *into);
+    for (int32_t done = 0, n; done < frames; done += n) {
+        n = chunk(frames - done);
+        run(engine, 0, n);
+        for (int32_t i = 0; i < n; i++) {
+            const double share = 1.0 - (double)(done + i + 1) / (double)frames;
+            for (int32_t side = 0; side < 2; side++) {
+                double *x = &into[2 * (done + i) + side];
+                *x = (*x + engine->mix[2 * i + side]) * share;
             }
         }
-        engine->fade_at = 0;
-        engine->fade_end = frames;
     }
+    engine->fade_at = 0;
+    engine->fade_end = frames;
+}
+
+void jawari_reset(jawari_engine *engine) {
+    core_fade_out(engine);
     core_begin_anew(engine);
 }
 
 /* ---- looked at ---- */
 
 double jawari_rate(const jawari_engine *engine) { return engine->rate->rate_hz; }
+int32_t jawari_threads(const jawari_engine *engine) { return engine->threads; }
 int32_t jawari_latency(const jawari_engine *engine) { return (int32_t)engine->rate->latency; }
 int64_t jawari_tail(const jawari_engine *engine) { return engine->rate->tail; }
 

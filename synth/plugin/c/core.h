@@ -73,7 +73,21 @@ enum {
     PLACE_NOTE,
     PLACE_CHANNEL,
     PLACE_STILL,
+    /* what an engine takes over from the one before it (core_follow.c) */
+    PLACE_CHANNELS,
+    PLACE_TUNING,
+    PLACE_ZONES,
+    PLACE_PART_CHANNEL,
+    PLACE_PART_LEFT,
+    PLACE_PART_RIGHT,
+    PLACE_PART_HEIGHT,
     PLACES
+};
+
+/* a limiter that looks ahead, see bankfile's AHEAD; window 0: there is none */
+struct bank_ahead {
+    uint32_t delay, required, counters, frames, channels, window;
+    double ceiling;
 };
 
 struct bank_rate {
@@ -86,6 +100,10 @@ struct bank_rate {
     uint64_t relocations_at, relocations;
     uint64_t sounding, sounding_end;
     uint64_t thread_table, pitch;
+    uint64_t limits_at, limits;
+    uint64_t conditions_at, conditions;
+    uint64_t names_at, names;
+    struct bank_ahead ahead;
     struct bank_place places[PLACES];
 };
 
@@ -96,6 +114,27 @@ struct bank_relocation {
     uint32_t region, to;
 };
 
+/* Of a state, words that must lie within bounds, where conditions are met; see limits.py. Places count from where a state
+ * begins. */
+enum { LIMIT_NONE = 0xFFFFFFFFu };
+enum { LIMIT_INTEGER, LIMIT_NUMBER, LIMIT_BYTE, LIMIT_KINDS };
+struct bank_limit {
+    int64_t low, high;
+    uint32_t at, stride, count, counted, skip;
+    uint32_t above, above_stride, below, below_stride;
+    uint32_t condition, conditions;
+    uint32_t multiple, kind, name;
+};
+
+struct bank_condition {
+    int64_t low, high;
+    uint32_t at, stride;
+};
+
+struct bank_name {
+    char name[40];
+};
+
 struct jawari_bank {
     int64_t holds;       /* guarded by bank.c */
     void *map;           /* of the file's pages, from the one on which the bank begins */
@@ -103,17 +142,25 @@ struct jawari_bank {
     const uint8_t *data; /* the bank */
     const char *id, *name;
     const uint8_t *uid;
-    int32_t presets, parameters, rates, functions;
+    int32_t presets, parameters, setup, rates, functions;
     jawari_preset *preset;
-    jawari_parameter *parameter;
+    jawari_parameter *parameter; /* live ones, then the setup */
     const struct bank_rate *rate;
     core_function **function;
     atomic_bool *sound;  /* of each rate, whether its block's checksum was found right */
+    const struct drone_score *drone; /* NULL: it has none */
     uint32_t checksum;   /* of header and tables, which hold those of the blocks: tells banks apart */
 };
 
 /* The record of a rate whose block can be used; NULL with `why`. */
 const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why);
+
+/* ---- limits of a state (core_check.c) ---- */
+
+/* Whether the limits of a block look at nothing but what a state holds. */
+bool core_limits_fit(const struct bank_rate *r, const uint8_t *block);
+/* Whether an engine can go on from a state, all that sounds, of this rate; false with what is wrong. */
+bool core_within_limits(const struct bank_rate *r, const uint8_t *block, const uint8_t *state, char *why);
 
 /* ---- an engine (core.c) ---- */
 
@@ -154,9 +201,15 @@ static inline int64_t *core_word(const jawari_engine *engine, int place, uint64_
 
 /* Nothing sounds, everything is as when it was made; what fades goes on to. */
 void core_begin_anew(jawari_engine *engine);
+/* All that sounds as it is before anything does. */
+void core_first(const struct bank_rate *r, const uint8_t *block, uint8_t *state);
+/* What sounds begins to fade; the next blocks add that to what they compute. */
+void core_fade_out(jawari_engine *engine);
 
 /* ---- threads (core_threads.c) ---- */
 
+/* Processors that the calling thread may use, and with it those that it starts. */
+int32_t core_processors(void);
 /* As many workers as there are threads beside the caller's; fewer where there are none to be had. */
 void core_start_workers(jawari_engine *engine);
 void core_end_workers(jawari_engine *engine);

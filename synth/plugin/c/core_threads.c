@@ -25,6 +25,12 @@ static void *live(void *given) {
     return NULL;
 }
 
+int32_t core_processors(void) {
+    cpu_set_t mine;
+    const long count = sched_getaffinity(0, sizeof mine, &mine) == 0 ? CPU_COUNT(&mine) : sysconf(_SC_NPROCESSORS_ONLN);
+    return count < 1 ? 1 : count > CORE_MOST_THREADS ? CORE_MOST_THREADS : (int32_t)count;
+}
+
 void core_start_workers(jawari_engine *engine) {
     if (engine->threads < 2)
         return;

@@ -99,10 +99,18 @@ typedef struct jawari_parameter {
 JAWARI_API int32_t jawari_parameters(const jawari_bank *bank);
 JAWARI_API const jawari_parameter *jawari_parameter_of(const jawari_bank *bank, int32_t k);
 
+/* Numbers of the presets' setup, which were compiled in: lengths, threads, action. They are shown and not set; a bank that has
+ * others is made by Python. `index`: among those of its preset; `initial`: the value. The k-th, NULL beyond. */
+JAWARI_API int32_t jawari_setup_numbers(const jawari_bank *bank);
+JAWARI_API const jawari_parameter *jawari_setup_number_of(const jawari_bank *bank, int32_t k);
+
+/* What tells a bank's contents from others'. */
+JAWARI_API uint32_t jawari_bank_checksum(const jawari_bank *bank);
+
 /* ---- engine -------------------------------------------------------------------------------------------------------- */
 
-/* An engine for one of the bank's rates, silent. threads: how many compute, the caller of jawari_process included; they change
- * no sample. Refused: a rate that the bank does not have (`why` lists those that it has), no memory. */
+/* An engine for one of the bank's rates, silent. threads: how many compute, the caller of jawari_process included, at most as
+ * many as there are strings and as the calling thread may use processors; they change no sample. Refused: a rate that the bank does not have (`why` lists those that it has), no memory. */
 JAWARI_API jawari_engine *jawari_create(jawari_bank *bank, double rate_hz, int32_t threads, char *why);
 
 /* NULL is nothing. */
@@ -146,6 +154,8 @@ JAWARI_API void jawari_process_float(jawari_engine *engine, const jawari_event *
 JAWARI_API void jawari_reset(jawari_engine *engine);
 
 JAWARI_API double jawari_rate(const jawari_engine *engine);
+/* How many threads compute. [any] */
+JAWARI_API int32_t jawari_threads(const jawari_engine *engine);
 /* Frames from an event to the moment the string feels it. [any] */
 JAWARI_API int32_t jawari_latency(const jawari_engine *engine);
 /* Frames to −60 dB of the string that rings longest. [any] */
@@ -161,6 +171,12 @@ JAWARI_API int32_t jawari_program(const jawari_engine *engine, int32_t channel);
 JAWARI_API double jawari_pitch(const jawari_engine *engine, int32_t key);
 /* Whether a string sounds for this note of this channel. [audio] */
 JAWARI_API int32_t jawari_sounding(const jawari_engine *engine, int32_t channel, int32_t note);
+
+/* Let an engine that is silent go on with what was set in another, of another bank of the same presets: channels, parameters,
+ * tunings; nothing that sounds. [audio] of both */
+JAWARI_API void jawari_follow(jawari_engine *engine, const jawari_engine *from);
+/* Whether an event is on its way to the strings. [audio] */
+JAWARI_API int32_t jawari_waiting(const jawari_engine *engine);
 
 typedef struct jawari_report {
     double peak;               /* since the reset, 1: full scale */
@@ -179,13 +195,27 @@ JAWARI_API size_t jawari_most_saved(const jawari_engine *engine);
 /* All that sounds, into `room` bytes; how many it takes, −1 where it does not fit. An engine of the same bank, rate and library
  * goes on from there bit for bit. [audio] */
 JAWARI_API int64_t jawari_save(const jawari_engine *engine, void *data, size_t room);
-/* Go on from there; 0, or −1 where the bytes were changed, cut off, or come from another bank, rate or version: the engine then
- * goes on from where it was. [audio] */
+
+typedef struct jawari_sound jawari_sound;
+
+/* What was saved, read and looked at: an engine can go on from it. It keeps the bank, and is to be forgotten. NULL where the
+ * bytes were changed or cut off, hold a number that no engine of this bank can go on from, even where their checksum is right,
+ * or come from elsewhere (*elsewhere is 1 then, else 0): another bank, another version, a rate that this bank does not have. */
+JAWARI_API jawari_sound *jawari_read(jawari_bank *bank, const void *data, size_t size, int32_t *elsewhere, char *why);
+/* The sample rate of what was saved [Hz]; 0: the bytes are none. */
+JAWARI_API double jawari_saved_rate(const void *data, size_t size);
+/* NULL is nothing. */
+JAWARI_API void jawari_forget(jawari_sound *sound);
+/* Go on from there; 0, or −1 and nothing changed where it comes from another bank or rate. Where nothing sounded, what comes is
+ * bit for bit what would have come then. What sounded is faded as by jawari_reset: for 3 ms that comes on top, then it is the
+ * same bits. [audio] */
+JAWARI_API int32_t jawari_take_up(jawari_engine *engine, const jawari_sound *sound);
+/* All of this at once; 0, or −1 and the engine goes on from where it was. Not beside [audio], nor on its thread. */
 JAWARI_API int32_t jawari_load(jawari_engine *engine, const void *data, size_t size, char *why);
 
 /* ---- threads of the host ------------------------------------------------------------------------------------------- */
 
-/* A host that has threads of its own may lend them: it calls jawari_help(engine, k), 1 ≤ k < the `threads` of jawari_create, from
+/* A host that has threads of its own may lend them: it calls jawari_help(engine, k), 1 ≤ k < jawari_threads(engine), from
  * as many threads as it likes while one is in jawari_process [audio]; each returns when that block is done, has not begun, or
  * another thread helps as k. An engine that is helped has no threads of its own: jawari_lend says so before its first block, and
  * ends those that there are. */

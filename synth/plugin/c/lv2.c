@@ -1,7 +1,7 @@
 /* lv2.c: the plugin as LV2.
  *
  * Ports, as turtle.py writes them for the hosts: events in, left, right, latency, enabled, then a control for each parameter but
- * bypass, in the plugin's order. A control holds for a block: who wants it finer cuts blocks, as LV2 hosts do. What a control port
+ * bypass, in the plugin's order, and for each of the setup an output that shows what is played. A control holds for a block: who wants it finer cuts blocks, as LV2 hosts do. What a control port
  * holds is a float: it is taken over only when it moves, and a parameter's initial value is meant where its float is given.
  */
 #include <math.h>
@@ -10,8 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lv2_api.h"
-#include "plugin.h"
+#include "lv2_private.h"
 
 enum { EVENTS, LEFT, RIGHT, LATENCY, ENABLED, FIRST_PARAMETER };
 
@@ -23,11 +22,14 @@ typedef struct lv2 {
     double rate;
     const LV2_Log_Log *log; /* NULL: the host has none */
     LV2_URID error, midi, chunk, state;
+    lv2_time time;
     const LV2_Atom_Sequence *events;
     float *left_right[2];
     float *latency;
     const float *enabled;
     const float **port; /* of each parameter, and what it held last */
+    float **played;     /* of each of the setup, which are `setups` from number `first_setup` on */
+    uint32_t first_setup, setups;
     float *held;
 } lv2;
 
@@ -54,11 +56,19 @@ static bool switch_on(lv2 *me, double rate, char *why) {
     return plugin_activate(me->plugin, rate, threads ? threads : 1, false, why);
 }
 
+/* In a thread of the plugin's own: why another setup cannot be had. */
+static void setup_changed(void *of) {
+    const lv2 *me = of;
+    char why[JAWARI_WHY];
+    if (plugin_remark(me->plugin, why)) complain(me->log, me->error, why);
+}
+
 static void cleanup(LV2_Handle instance) {
     lv2 *me = instance;
     if (!me) return;
     plugin_free(me->plugin);
     free(me->port);
+    free(me->played);
     free(me->held);
     free(me);
 }
@@ -82,16 +92,20 @@ static LV2_Handle instantiate(const LV2_Descriptor *of, double rate, const char 
             me->bypass = k;
         else
             me->parameters++;
+        if (plugin_parameter_of(me->plugin, k)->setup && me->setups++ == 0) me->first_setup = k;
     }
-    me->port = calloc(me->parameters + 1u, sizeof *me->port);
-    me->held = calloc(me->parameters + 1u, sizeof *me->held);
-    if (!me->port || !me->held || !switch_on(me, rate, why)) goto failed;
-    for (uint32_t k = 0; k < me->parameters; k++) me->held[k] = (float)plugin_value(me->plugin, k);
-    me->rate = rate;
+    me->played = calloc(me->setups + 1u, sizeof *me->played);
     me->log = log;
     me->error = error;
+    plugin_when_changed(me->plugin, setup_changed, me);
+    me->port = calloc(me->parameters + 1u, sizeof *me->port);
+    me->held = calloc(me->parameters + 1u, sizeof *me->held);
+    if (!me->port || !me->played || !me->held || !switch_on(me, rate, why)) goto failed;
+    for (uint32_t k = 0; k < me->parameters; k++) me->held[k] = (float)plugin_value(me->plugin, k);
+    me->rate = rate;
     me->midi = map->map(map->handle, LV2_MIDI__MidiEvent);
     me->chunk = map->map(map->handle, LV2_ATOM__Chunk);
+    lv2_time_map(&me->time, map);
     char key[256];
     snprintf(key, sizeof key, "%s#state", descriptor.URI);
     me->state = map->map(map->handle, key);
@@ -111,7 +125,11 @@ static void connect_port(LV2_Handle instance, uint32_t port, void *at) {
     case LATENCY: me->latency = at; break;
     case ENABLED: me->enabled = at; break;
     default:
-        if (port - FIRST_PARAMETER < me->parameters) me->port[port - FIRST_PARAMETER] = at;
+        port -= FIRST_PARAMETER;
+        if (port < me->parameters)
+            me->port[port] = at;
+        else if (port - me->parameters < me->setups)
+            me->played[port - me->parameters] = at;
     }
 }
 
@@ -147,7 +165,10 @@ static void events(lv2 *me) {
         const LV2_Atom_Event *event = (const LV2_Atom_Event *)(const void *)at;
         const size_t size = event->body.size, room = (size_t)(end - at) - sizeof *event;
         if (size > room) return;
-        if (event->body.type == me->midi) plugin_midi(me->plugin, event->frames, at + sizeof *event, size);
+        if (event->body.type == me->midi)
+            plugin_midi(me->plugin, event->frames, at + sizeof *event, size);
+        else
+            lv2_time_hear(&me->time, me->plugin, event->frames, &event->body);
         const size_t padded = (size + 7u) & ~(size_t)7u; /* events begin at multiples of eight bytes */
         if (padded > room) return;
         at += sizeof *event + padded;
@@ -161,6 +182,8 @@ static void run(LV2_Handle instance, uint32_t frames) {
     controls(me);
     events(me);
     plugin_process(me->plugin, (int32_t)frames, me->left_right, NULL);
+    for (uint32_t k = 0; k < me->setups; k++)
+        if (me->played[k]) *me->played[k] = (float)plugin_played(me->plugin, me->first_setup + k);
     me->ran = true;
 }
 
@@ -191,9 +214,9 @@ static LV2_State_Status restore(LV2_Handle instance, LV2_State_Retrieve_Function
     if (!data) return LV2_STATE_ERR_NO_PROPERTY;
     if (type != me->chunk) return LV2_STATE_ERR_BAD_TYPE;
     char why[JAWARI_WHY] = "";
-    if (plugin_load(me->plugin, data, size, why)) return LV2_STATE_SUCCESS;
-    complain(me->log, me->error, why);
-    return LV2_STATE_ERR_UNKNOWN;
+    const bool loaded = plugin_load(me->plugin, data, size, why);
+    if (!loaded || plugin_remark(me->plugin, why)) complain(me->log, me->error, why);
+    return loaded ? LV2_STATE_SUCCESS : LV2_STATE_ERR_UNKNOWN;
 }
 
 static const void *extension_data(const char *uri) {

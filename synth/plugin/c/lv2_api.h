@@ -59,6 +59,35 @@ typedef struct LV2_Atom_Sequence {
     uint32_t pad;
 } LV2_Atom_Sequence;
 
+/* ---- objects, and the host's time as one ---- */
+
+#define LV2_ATOM__Object "http://lv2plug.in/ns/ext/atom#Object"
+#define LV2_ATOM__Blank "http://lv2plug.in/ns/ext/atom#Blank" /* as older hosts call it */
+#define LV2_ATOM__Float "http://lv2plug.in/ns/ext/atom#Float"
+#define LV2_ATOM__Double "http://lv2plug.in/ns/ext/atom#Double"
+#define LV2_ATOM__Int "http://lv2plug.in/ns/ext/atom#Int"
+#define LV2_ATOM__Long "http://lv2plug.in/ns/ext/atom#Long"
+#define LV2_TIME__Position "http://lv2plug.in/ns/ext/time#Position"
+#define LV2_TIME__bar "http://lv2plug.in/ns/ext/time#bar"
+#define LV2_TIME__barBeat "http://lv2plug.in/ns/ext/time#barBeat"
+#define LV2_TIME__beat "http://lv2plug.in/ns/ext/time#beat"
+#define LV2_TIME__beatUnit "http://lv2plug.in/ns/ext/time#beatUnit"
+#define LV2_TIME__beatsPerBar "http://lv2plug.in/ns/ext/time#beatsPerBar"
+#define LV2_TIME__beatsPerMinute "http://lv2plug.in/ns/ext/time#beatsPerMinute"
+#define LV2_TIME__speed "http://lv2plug.in/ns/ext/time#speed"
+
+typedef struct LV2_Atom_Object {
+    LV2_Atom atom;
+    uint32_t id;
+    LV2_URID otype;
+} LV2_Atom_Object;
+
+typedef struct LV2_Atom_Property {
+    LV2_URID key;
+    uint32_t context;
+    LV2_Atom value; /* what it holds follows, filled up to a multiple of eight bytes */
+} LV2_Atom_Property;
+
 /* ---- state ---- */
 
 #define LV2_STATE__interface "http://lv2plug.in/ns/ext/state#interface"

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "plugin_private.h"
+#include "plugin_rebuild.h"
 
 enum { MOST_THREADS = 16 };
 
@@ -37,32 +37,60 @@ static void describe_own(plugin *p, uint32_t k, const char *id, const char *name
     q->maximum = maximum;
     q->stepped = true;
     q->curve = JAWARI_LINEAR;
+    q->part = -1;
+}
+
+/* A parameter of a preset. */
+static void describe_preset(plugin *p, uint32_t k, const jawari_parameter *from) {
+    const jawari_preset *preset = jawari_preset_of(p->bank, from->part);
+    plugin_parameter *q = &p->parameters[k];
+    char id[2 * sizeof q->id];
+    snprintf(id, sizeof id, "%s/%s", preset->id, from->id);
+    plugin_copy_text(q->id, sizeof q->id, id);
+    plugin_copy_text(q->name, sizeof q->name, from->name);
+    plugin_copy_text(q->group, sizeof q->group, preset->name);
+    plugin_copy_text(q->unit, sizeof q->unit, from->unit);
+    q->stable_id = stable_id_of(q->id);
+    q->minimum = from->minimum;
+    q->maximum = from->maximum;
+    q->initial = from->initial;
+    q->curve = from->curve;
+    q->part = from->part;
+}
+
+static void describe_drone(plugin *p, uint32_t k, const struct drone_parameter *from) {
+    plugin_parameter *q = &p->parameters[k];
+    describe_own(p, k, from->id, from->name, from->maximum);
+    plugin_copy_text(q->group, sizeof q->group, "Drone");
+    plugin_copy_text(q->unit, sizeof q->unit, from->unit);
+    q->minimum = from->minimum;
+    q->initial = from->initial;
+    q->stepped = from->stepped != 0;
+    q->curve = from->curve;
+    for (int text = 0; text < DRONE_TEXTS && *from->texts[0]; text++)
+        q->texts[text] = from->texts[text];
 }
 
 static bool describe(plugin *p, char *why) {
     for (uint32_t k = 0; k < p->of_presets; k++) {
         const jawari_parameter *from = jawari_parameter_of(p->bank, (int32_t)k);
-        const jawari_preset *preset = jawari_preset_of(p->bank, from->part);
-        plugin_parameter *q = &p->parameters[k];
         p->targets[k] = (plugin_target){from->part, from->index};
-        char id[2 * sizeof q->id];
-        snprintf(id, sizeof id, "%s/%s", preset->id, from->id);
-        plugin_copy_text(q->id, sizeof q->id, id);
-        plugin_copy_text(q->name, sizeof q->name, from->name);
-        plugin_copy_text(q->group, sizeof q->group, preset->name);
-        plugin_copy_text(q->unit, sizeof q->unit, from->unit);
-        q->stable_id = stable_id_of(q->id);
-        q->minimum = from->minimum;
-        q->maximum = from->maximum;
-        q->initial = from->initial;
-        q->curve = from->curve;
+        describe_preset(p, k, from);
     }
-    uint32_t k = p->of_presets;
+    for (uint32_t k = p->of_presets; plugin_is_setup(p, k); k++) {
+        describe_preset(p, k, jawari_setup_number_of(p->bank, (int32_t)(k - p->of_presets)));
+        p->parameters[k].setup = true;
+    }
+    uint32_t k = p->of_presets + p->setups;
     p->program = -1;
     if (jawari_presets(p->bank) > 1) {
         p->program = k;
+        p->parameters[k].program = true;
         describe_own(p, k++, "program", "Program", jawari_presets(p->bank) - 1);
     }
+    p->drone.first = k;
+    for (uint32_t i = 0; p->drone.score && i < DRONE_PARAMETERS; i++)
+        describe_drone(p, k++, drone_parameter_of(p->drone.score, i));
     p->bypass = k;
     describe_own(p, k, "bypass", "Bypass", 1.0);
     p->parameters[k].bypass = true;
@@ -96,7 +124,9 @@ plugin *plugin_new(char *why) {
     p->latency = -1;
     p->threads = 1;
     p->of_presets = (uint32_t)jawari_parameters(bank);
-    p->count = p->of_presets + (jawari_presets(bank) > 1 ? 2 : 1);
+    p->setups = (uint32_t)jawari_setup_numbers(bank);
+    p->drone.score = bank_drone(bank);
+    p->count = p->of_presets + p->setups + (jawari_presets(bank) > 1 ? 2 : 1) + (p->drone.score ? DRONE_PARAMETERS : 0);
     /* every value may have to be told, the program to every channel, and all notes be let go */
     p->before = (int32_t)p->count + PLUGIN_CHANNELS + PLUGIN_LETTING_GO;
     p->parameters = calloc(p->count, sizeof *p->parameters);
@@ -105,7 +135,9 @@ plugin *plugin_new(char *why) {
     p->sent = calloc(p->count, sizeof *p->sent);
     p->events = calloc(room_for_events(p), sizeof *p->events);
     p->sorting = calloc(PLUGIN_EVENTS, sizeof *p->sorting);
-    bool made = p->parameters && p->targets && p->values && p->sent && p->events && p->sorting;
+    p->drone.room = p->drone.score ? plugin_drone_room((int32_t)room_for_events(p)) : 0;
+    p->drone.events = calloc((size_t)p->drone.room + 1, sizeof *p->drone.events);
+    bool made = p->parameters && p->targets && p->values && p->sent && p->events && p->sorting && p->drone.events;
     if (!made && why)
         snprintf(why, JAWARI_WHY, "there is not enough memory for another instance");
     if (!made || !describe(p, why)) {
@@ -114,6 +146,14 @@ plugin *plugin_new(char *why) {
     }
     for (uint32_t k = 0; k < p->count; k++)
         plugin_store(p, k, p->parameters[k].initial);
+    if (!plugin_rebuild_new(p)) {
+        if (why)
+            snprintf(why, JAWARI_WHY, "there is not enough memory for another instance");
+        plugin_free(p);
+        return NULL;
+    }
+    for (uint32_t k = 0; k < p->count; k++)
+        p->parameters[k].fixed = p->parameters[k].setup && !plugin_rebuild_possible(p);
     plugin_begin_anew(p, 0);
     return p;
 }
@@ -121,6 +161,7 @@ plugin *plugin_new(char *why) {
 void plugin_message_free(plugin_message *m) {
     if (!m)
         return;
+    jawari_forget(m->read);
     free(m->sound.sent);
     free(m->sound.bytes);
     free(m);
@@ -140,6 +181,7 @@ void plugin_free(plugin *p) {
     plugin_deactivate(p);
     plugin_sweep(p);
     plugin_message_free(atomic_exchange(&p->incoming, NULL));
+    plugin_rebuild_free(p);
     pthread_mutex_destroy(&p->guard);
     jawari_close(p->bank);
     free(p->parameters);
@@ -148,6 +190,7 @@ void plugin_free(plugin *p) {
     free(p->sent);
     free(p->events);
     free(p->sorting);
+    free(p->drone.events);
     free(p);
 }
 
@@ -194,8 +237,11 @@ void plugin_store(plugin *p, uint32_t k, double value) {
 }
 
 void plugin_set(plugin *p, uint32_t k, double value) {
-    if (k < p->count && isfinite(value))
-        plugin_store(p, k, plugin_kept(&p->parameters[k], value));
+    if (k >= p->count || !isfinite(value) || p->parameters[k].fixed)
+        return;
+    plugin_store(p, k, plugin_kept(&p->parameters[k], value));
+    if (p->parameters[k].setup)
+        plugin_rebuild_wish(p);
 }
 
 /* ---- sound on and off ---- */
@@ -214,27 +260,29 @@ int32_t plugin_wanted_threads(void) {
 bool plugin_activate(plugin *p, double rate_hz, int32_t threads, bool host_threads, char *why) {
     plugin_deactivate(p);
     threads = threads < 1 ? 1 : threads > MOST_THREADS ? MOST_THREADS : threads;
-    jawari_engine *engine = jawari_create(p->bank, rate_hz, threads, why);
+    jawari_engine *engine = plugin_rebuild_create(p, rate_hz, threads, host_threads, why);
     if (!engine)
         return false;
-    if (host_threads)
-        jawari_lend(engine);
     pthread_mutex_lock(&p->guard);
     plugin_sweep(p);
     p->engine = engine;
-    p->threads = threads;
+    p->threads = jawari_threads(engine);
     p->latency = jawari_latency(engine);
     p->tail = jawari_tail(engine);
     p->gain_step = 1.0 / (0.005 * rate_hz);
     /* memory that is written for the first time is fetched from the system: now, not by the audio thread */
     memset(p->events, 0, room_for_events(p) * sizeof *p->events);
     memset(p->sorting, 0, PLUGIN_EVENTS * sizeof *p->sorting);
+    memset(p->drone.events, 0, (size_t)p->drone.room * sizeof *p->drone.events);
     plugin_begin_anew(p, INT64_MAX / 2);
+    p->drone.rate = rate_hz;
     pthread_mutex_unlock(&p->guard);
+    plugin_rebuild_begin(p);
     return true;
 }
 
 void plugin_deactivate(plugin *p) {
+    plugin_rebuild_end(p);
     pthread_mutex_lock(&p->guard);
     jawari_engine *engine = p->engine;
     p->engine = NULL;

@@ -1,8 +1,10 @@
 /* plugin.h: what CLAP, VST3 and LV2 have in common: an engine behind a host's rules. Private to the plugin.
  *
  * An instance knows the values of all parameters whether it is active or not, gathers the events of a block, and keeps a state
- * that later versions read. Parameters are numbered 0 … plugin_parameters() − 1: those of the presets (jawari_parameter), then
- * the plugin's own: "program" (which preset channel 1 to 16 plays; only where there are several) and, the last, "bypass".
+ * that later versions read. Parameters are numbered 0 … plugin_parameters() − 1: those of the presets (jawari_parameter), those of
+ * their setup (jawari_setup_number_of), which are changed where Python is there and are no events, then the plugin's own: "program"
+ * (which preset channel 1 to 16 plays; only where there are several), those of the drone, where the bank has one, and, the last,
+ * "bypass".
  */
 #ifndef JAWARI_PLUGIN_H
 #define JAWARI_PLUGIN_H
@@ -21,8 +23,13 @@ typedef struct plugin_parameter {
     char unit[16];
     double minimum, maximum, initial;
     int32_t curve;      /* JAWARI_LINEAR, … */
+    int32_t part;       /* number of the preset; −1: the plugin's own */
     bool stepped;       /* whole numbers */
     bool bypass;
+    bool program;
+    const char *texts[3]; /* of the values 0, 1, …; NULL: its values are numbers */
+    bool setup;         /* a number of the setup: heard some seconds later, not to be automated */
+    bool fixed;         /* it can only be shown */
 } plugin_parameter;
 
 /* ---- any thread but audio ---- */
@@ -44,13 +51,19 @@ bool plugin_active(const plugin *p);
 int32_t plugin_latency(const plugin *p);
 /* Frames from the last event until it has rung out: the latency is part of it. [any] while active */
 int64_t plugin_tail(const plugin *p);
-int32_t plugin_threads(const plugin *p); /* how many compute, as asked for; 1 while not active. [any] */
+int32_t plugin_threads(const plugin *p); /* how many compute; 1 while not active. [any] */
 /* How many threads the variable JAWARI_THREADS asks for, 1 to 16; 0: it says nothing. */
 int32_t plugin_wanted_threads(void);
 
 /* The value that was set last. [any] */
 double plugin_value(const plugin *p, uint32_t k);
-/* A value as a host shows it ("12.5 mm", "tanpura", "on"), and back; false for what is no value. [any] */
+/* The value that is played: of the setup another one, as long as its bank is not there. [any] */
+double plugin_played(const plugin *p, uint32_t k);
+/* Called, in a thread of the plugin's own, when texts of the setup have become others. To be set before it is first active. */
+void plugin_when_changed(plugin *p, void (*call)(void *), void *whose);
+/* What there is to be said of the setup, once: a sentence; false: nothing. */
+bool plugin_remark(plugin *p, char *why);
+/* A value as a host shows it ("12.5 mm", "tanpura", "on"), and back; false for what is no value. [any but audio] */
 bool plugin_text(const plugin *p, uint32_t k, double value, char *text, size_t room);
 bool plugin_number(const plugin *p, uint32_t k, const char *text, double *value);
 /* A number of six significant digits, and the one at the start of a text (where it ends; NULL: there is none), with a point in
@@ -66,10 +79,11 @@ void plugin_set(plugin *p, uint32_t k, double value);
 /* The state: values of all parameters by id, and what sounds if it is active. Allocated with malloc, to be freed by the caller;
  * NULL: no memory. May be called beside [audio]. */
 void *plugin_save(plugin *p, size_t *size);
-/* Taken over at the start of the next block. Values that this plugin does not have are passed over, those that the state does
- * not have get their initial value, and what sounds is left out where it comes from another bank, rate or version. False, with
- * `why` and nothing changed, for what is no state, and for that of another plugin which has no value for any preset of this one.
- * May be called beside [audio]. */
+/* Taken over at the start of the next block; what sounds then fades within 3 ms. Values that this plugin does not have are passed
+ * over, those that the state does not have get their initial value, and so does the program where another plugin saved it, which
+ * numbers other presets. What sounds is left out where it comes from another bank, rate or version. False, with `why` and nothing
+ * changed, for what is no state or holds what no engine can go on from, and for that of another plugin which has no value for any
+ * preset of this one. May be called beside [audio]. */
 bool plugin_load(plugin *p, const void *data, size_t size, char *why);
 
 /* ---- audio thread ---- */
@@ -78,6 +92,9 @@ bool plugin_load(plugin *p, const void *data, size_t size, char *why);
 void plugin_midi(plugin *p, int64_t frame, const uint8_t *bytes, size_t size);
 void plugin_event(plugin *p, const jawari_event *event);
 void plugin_change(plugin *p, int64_t frame, uint32_t k, double value); /* a parameter, sample-accurate */
+
+/* What the host says of its transport, from this frame on: place in quarter notes, tempo in those a minute; NaN: not known. */
+void plugin_transport(plugin *p, int64_t frame, bool playing, double beat, double tempo);
 
 /* A note by its velocity 0 … 1, which becomes 1 … 127. */
 void plugin_note_on(plugin *p, int64_t frame, int32_t channel, int32_t key, double velocity);

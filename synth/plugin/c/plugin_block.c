@@ -1,8 +1,8 @@
-/* plugin_block.c: what the audio thread does. No lock, no allocation, no system call. */
+/* plugin_block.c: what the audio thread does. No lock, no allocation; no system call but to wake who sees to a wish of the setup. */
 #include <math.h>
 #include <string.h>
 
-#include "plugin_private.h"
+#include "plugin_rebuild.h"
 
 enum { PEDAL = 64, BRIGHTNESS = 74, ALL_NOTES_OFF = 123 };
 /* What is softer than this is not heard any more (−120 dBFS), and for how many frames after the last string. */
@@ -23,21 +23,25 @@ void plugin_begin_anew(plugin *p, int64_t quiet) {
     p->sent[p->bypass] = plugin_value(p, (uint32_t)p->bypass);
     p->bypassed = p->sent[p->bypass] > 0.0;
     p->gain = p->bypassed ? 0.0 : 1.0;
+    plugin_drone_begin(p);
 }
 
 void plugin_copy_sound(const plugin *p, plugin_sound *sound) {
     memcpy(sound->sent, p->sent, p->count * sizeof *p->sent);
     sound->pitches = p->pitches;
+    sound->drone = p->drone.place;
+    sound->has_drone = p->drone.score != NULL;
     sound->size = jawari_save(p->engine, sound->bytes, sound->room);
 }
 
 static void take_over(plugin *p, plugin_message *m) {
     const plugin_sound *sound = &m->sound;
-    if (sound->size > 0 && jawari_load(p->engine, sound->bytes, (size_t)sound->size, NULL) == 0) {
+    if (jawari_take_up(p->engine, m->read) == 0) {
         double bypass = p->sent[p->bypass];
         memcpy(p->sent, sound->sent, p->count * sizeof *p->sent);
         p->sent[p->bypass] = bypass;
         p->pitches = sound->pitches;
+        plugin_drone_take(p, sound->has_drone ? &sound->drone : NULL);
         p->quiet = 0;
     }
     m->next = atomic_load(&p->spent);
@@ -55,7 +59,9 @@ static void begin(plugin *p) {
     if (p->in_block)
         return;
     begin_turn(p);
-    if (p->engine && atomic_load_explicit(&p->incoming, memory_order_relaxed)) {
+    if (!p->engine || !plugin_rebuild_take(p))
+        return;
+    if (atomic_load_explicit(&p->incoming, memory_order_relaxed)) {
         plugin_message *m = atomic_exchange(&p->incoming, NULL);
         if (m)
             take_over(p, m);
@@ -142,8 +148,13 @@ static void gather(plugin *p, const jawari_event *event) {
     put(p, event);
 }
 
+void plugin_put(plugin *p, const jawari_event *event) {
+    begin(p);
+    put(p, event);
+}
+
 void plugin_event(plugin *p, const jawari_event *event) {
-    if (event->kind != PLUGIN_BYPASS)
+    if (event->kind < PLUGIN_BYPASS)
         gather(p, event);
 }
 
@@ -198,6 +209,10 @@ static int32_t tell(const plugin *p, int64_t frame, uint32_t k, double value, ja
         events[0] = (jawari_event){frame, PLUGIN_BYPASS, 0, value > 0.0, 0, 0.0};
         return 1;
     }
+    if ((int64_t)k != p->program) {
+        events[0] = (jawari_event){frame, PLUGIN_DRONE, 0, (int32_t)(k - p->drone.first), 0, value};
+        return 1;
+    }
     for (int32_t c = 0; c < PLUGIN_CHANNELS; c++)
         events[c] = (jawari_event){frame, JAWARI_PROGRAM, c, (int32_t)value, 0, 0.0};
     return PLUGIN_CHANNELS;
@@ -218,6 +233,10 @@ static void put_value(plugin *p, int64_t frame, uint32_t k, double value) {
 void plugin_change(plugin *p, int64_t frame, uint32_t k, double value) {
     if (k >= p->count || !isfinite(value))
         return;
+    if (plugin_is_setup(p, k)) {
+        plugin_set(p, k, value);
+        return;
+    }
     begin(p);
     double before = plugin_value(p, k);
     if (before != p->sent[k]) /* set by another thread, and heard until this frame */
@@ -248,7 +267,7 @@ static jawari_event *tell_what_was_set(plugin *p) {
         let_all_go(first -= PLUGIN_LETTING_GO, 0);
     for (uint32_t k = p->late ? 0 : p->count; k-- > 0;) {
         double value = plugin_value(p, k);
-        if (value == p->sent[k])
+        if (value == p->sent[k] || plugin_is_setup(p, k))
             continue;
         jawari_event events[PLUGIN_CHANNELS];
         int32_t count = tell(p, 0, k, value, events);
@@ -323,12 +342,17 @@ void plugin_process(plugin *p, int32_t frames, float *const left_right[2], doubl
         past += PLUGIN_LETTING_GO;
     }
     int32_t count = (int32_t)(past - events);
+    if (p->drone.score) {
+        count = plugin_drone_play(p, events, count, frames);
+        events = p->drone.events;
+    }
     bool concerned = leave_out_bypassed(p, events, count);
     const int64_t before = dropped(p);
     if (wide)
         jawari_process(p->engine, events, count, frames, wide[0], wide[1]);
     else
         jawari_process_float(p->engine, events, count, frames, narrow[0], narrow[1]);
+    plugin_rebuild_mix(p, frames, narrow, wide);
     if (concerned || p->gain < 1.0)
         fade(p, events, count, frames, narrow, wide);
     if (!jawari_silent(p->engine) || audible(frames, narrow, wide))
@@ -355,10 +379,10 @@ void plugin_reset(plugin *p) {
 bool plugin_silent(const plugin *p) {
     if (!p->engine)
         return true;
-    if (p->gathered || p->owed || p->quiet < p->latency + QUIET_FRAMES || atomic_load_explicit(&p->incoming, memory_order_relaxed))
+    if (p->gathered || p->owed || plugin_drone_waits(p) || p->quiet < p->latency + QUIET_FRAMES || atomic_load_explicit(&p->incoming, memory_order_relaxed))
         return false;
     for (uint32_t k = 0; k < p->count; k++)
-        if (plugin_value(p, k) != p->sent[k])
+        if (plugin_value(p, k) != p->sent[k] && !plugin_is_setup(p, k))
             return false;
     return true;
 }

@@ -11,6 +11,7 @@
 #include <stdatomic.h>
 
 #include "plugin.h"
+#include "plugin_drone.h"
 
 enum {
     PLUGIN_EVENTS = 8192,  /* gathered in one block at most */
@@ -18,7 +19,11 @@ enum {
     PLUGIN_KEYS = 128,
     PLUGIN_LETTING_GO = 2 * PLUGIN_CHANNELS, /* events that let all notes go */
     PLUGIN_NOTHING = 0,    /* kind of an event that was taken out */
-    PLUGIN_BYPASS = 1000   /* kind of an event that the engine does not know: `a` 1: bypassed from this frame on */
+    /* kinds of events that the engine does not know: */
+    PLUGIN_BYPASS = 1000,  /* `a` 1: bypassed from this frame on */
+    PLUGIN_DRONE = 1001,   /* parameter `a` of the drone's has this value */
+    PLUGIN_TEMPO = 1002,   /* value: of the host; it counts with the place that follows */
+    PLUGIN_PLACE = 1003    /* `a` 1: the host plays; value: where, in quarter notes */
 };
 
 /* The pitches of the keys as the instance has set them: by tunings, and by what is said of single notes. */
@@ -31,6 +36,8 @@ typedef struct plugin_pitches {
 typedef struct plugin_sound {
     double *sent; /* as in `plugin` */
     plugin_pitches pitches;
+    drone_place drone;
+    bool has_drone;
     uint8_t *bytes;
     size_t room;
     int64_t size; /* −1: it could not be had */
@@ -40,6 +47,7 @@ typedef struct plugin_sound {
 typedef struct plugin_message {
     struct plugin_message *next;
     plugin_sound sound;
+    jawari_sound *read; /* the bytes of `sound`, as the engine takes them up; NULL: nothing sounds in it */
 } plugin_message;
 
 /* A copy of what sounds that the audio thread is asked for. */
@@ -55,17 +63,19 @@ typedef struct plugin_target {
 struct plugin {
     jawari_bank *bank;
     uint32_t count;
-    uint32_t of_presets; /* parameters that are a preset's; the others are the plugin's own */
+    uint32_t of_presets; /* parameters that are a preset's; then come those of the setup, then the plugin's own */
+    uint32_t setups;
+    struct plugin_rebuild *rebuild;
     int64_t program, bypass; /* numbers of these two; −1: there is none */
     plugin_parameter *parameters;
     plugin_target *targets;
     _Atomic uint64_t *values; /* bits of a double */
 
     pthread_mutex_t guard;
-    jawari_engine *engine; /* changed only while no audio thread runs */
+    _Atomic(jawari_engine *) engine; /* changed only while no audio thread runs, and by that one (plugin_rebuild.c) */
     int32_t threads;
     int32_t latency; /* −1: not known yet */
-    int64_t tail;
+    _Atomic int64_t tail;
 
     _Atomic(plugin_message *) incoming; /* to be taken over by the audio thread */
     _Atomic(plugin_message *) spent;    /* taken over: a list to be freed by others */
@@ -85,8 +95,12 @@ struct plugin {
     bool owed; /* the engine had no room for all: the next block begins with the end of all notes */
     bool bypassed;
     double gain, gain_step; /* of the bypass */
+    plugin_drone drone;
     int64_t quiet;          /* frames since anything was heard */
 };
+
+/* Whether it is a number of the setup: the engine does not hear of it. */
+static inline bool plugin_is_setup(const plugin *p, uint32_t k) { return k >= p->of_presets && k - p->of_presets < p->setups; }
 
 /* A parameter's value, brought into its range. */
 double plugin_kept(const plugin_parameter *q, double value);
@@ -104,5 +118,21 @@ void plugin_copy_text(char *to, size_t room, const char *from);
 void plugin_copy_sound(const plugin *p, plugin_sound *sound);
 /* How the block's side begins: silence, nothing told. */
 void plugin_begin_anew(plugin *p, int64_t quiet);
+/* Gather an event as it is. */
+void plugin_put(plugin *p, const jawari_event *event);
+
+/* ---- the drone (plugin_drone.c) ---- */
+/* Room for the events of a block of so many, with its own. */
+int32_t plugin_drone_room(int32_t events);
+/* As when the instance was made, but for what it knows of the host. */
+void plugin_drone_begin(plugin *p);
+/* On from a place of a state; NULL: it has none. */
+void plugin_drone_take(plugin *p, const drone_place *saved);
+/* The block's events, in order, with those that it plays itself: into `drone.events`; how many there are. */
+int32_t plugin_drone_play(plugin *p, const jawari_event *events, int32_t count, int32_t frames);
+/* Whether something may come of it by itself. */
+bool plugin_drone_waits(const plugin *p);
+/* A place from a state; false: it cannot be. [any] */
+bool plugin_drone_place(const plugin *p, const uint64_t words[DRONE_WORDS], drone_place *m);
 
 #endif

@@ -7,6 +7,7 @@
  * BANK: the id of the plugin's bank.
  * VALUES: how many (u32); of each the length of its id (u16), the id, its value (f64).
  * SOUND: how many values (u32) and those that the engine has been told; 128 pitches (f64), 128 flags (u8); the engine's own bytes.
+ * DRONE: where the drone is that goes with what sounds: the words of `drone_place`.
  *
  * All is little-endian. Sections of unknown kind are passed over, so that later versions may add some; the format's number is
  * for what cannot be read that way.
@@ -23,10 +24,10 @@
 #include <time.h>
 
 #include "checksum.h"
-#include "plugin_private.h"
+#include "plugin_rebuild.h"
 
 static const char MAGIC[] = "jawariP\n";
-enum { MAGIC_BYTES = 8,  FORMAT = 1, VALUES = 1, SOUND = 2, BANK = 3 };
+enum { MAGIC_BYTES = 8,  FORMAT = 1, VALUES = 1, SOUND = 2, BANK = 3, DRONE = 4 };
 enum { HEAD = 8 + 4 + 8, SECTION_HEAD = 4 + 8, SUM = 4 };
 
 /* ---- bytes ---- */
@@ -133,12 +134,15 @@ static size_t size_of_values(const plugin *p) {
 static uint8_t *put_section(uint8_t *at, uint32_t kind, size_t size) { return put_whole(put_whole(at, kind, 4), size, 8); }
 
 static uint8_t *write_state(const plugin *p, const plugin_sound *sound, size_t *written) {
-    size_t of_values = size_of_values(p), of_sound = 0;
+    size_t of_values = size_of_values(p), of_sound = 0, of_drone = 0;
+    if (sound && sound->has_drone)
+        of_drone = 8 * DRONE_WORDS;
     if (sound)
         of_sound = 4 + 8 * (size_t)p->count + 9 * PLUGIN_KEYS + (size_t)sound->size;
     const char *bank = jawari_bank_id(p->bank);
     size_t of_bank = strlen(bank);
-    size_t size = HEAD + SECTION_HEAD + of_bank + SECTION_HEAD + of_values + (sound ? SECTION_HEAD + of_sound : 0) + SUM;
+    size_t size = HEAD + SECTION_HEAD + of_bank + SECTION_HEAD + of_values + (sound ? SECTION_HEAD + of_sound : 0) +
+                  (of_drone ? SECTION_HEAD + of_drone : 0) + SUM;
     uint8_t *data = malloc(size), *at = data;
     if (!data)
         return NULL;
@@ -160,6 +164,13 @@ static uint8_t *write_state(const plugin *p, const plugin_sound *sound, size_t *
             at = put_double(at, sound->pitches.tuned[key]);
         at = put_bytes(at, sound->pitches.bent, PLUGIN_KEYS);
         at = put_bytes(at, sound->bytes, (size_t)sound->size);
+    }
+    if (of_drone) {
+        uint64_t words[DRONE_WORDS];
+        memcpy(words, &sound->drone, sizeof words);
+        at = put_section(at, DRONE, of_drone);
+        for (size_t k = 0; k < DRONE_WORDS; k++)
+            at = put_whole(at, words[k], 8);
     }
     put_whole(at, crc32_of(0, data, size - SUM), SUM);
     *written = size;
@@ -226,7 +237,9 @@ typedef struct contents {
     size_t bank_length;
     bool ours; /* it has a value for a preset that is in here */
     double *values;
-    plugin_sound *sound;
+    plugin_message *message; /* what sounds goes there */
+    reader sound;            /* the section of it; at NULL: there is none */
+    char why[JAWARI_WHY];    /* the engine's, where it refuses that */
 } contents;
 
 static bool read_values(const plugin *p, reader r, contents *c) {
@@ -245,9 +258,11 @@ static bool read_values(const plugin *p, reader r, contents *c) {
     return !r.short_of;
 }
 
-/* What sounds, of a state of a plugin with as many parameters; that of others is left out. False: it is damaged, or there is no
- * memory. */
-static bool read_sound(const plugin *p, reader r, plugin_sound *sound) {
+/* What sounds, of a state of a plugin with as many parameters; it may be of the setup that its values say. That of others is left
+ * out, and what the engine knows to be of another bank, rate or version. False: it is damaged, or there is no memory. */
+static bool read_sound(const plugin *p, contents *c) {
+    reader r = c->sound;
+    plugin_sound *sound = &c->message->sound;
     if (take_whole(&r, 4) != p->count)
         return !r.short_of;
     sound->sent = malloc(p->count * sizeof *sound->sent);
@@ -265,13 +280,33 @@ static bool read_sound(const plugin *p, reader r, plugin_sound *sound) {
         return false;
     for (int key = 0; key < PLUGIN_KEYS; key++)
         sound->pitches.bent[key] = bent[key] != 0;
+    int32_t elsewhere;
+    c->message->read = jawari_read(p->bank, r.at, r.left, &elsewhere, c->why);
+    jawari_bank *wished = elsewhere ? plugin_rebuild_bank(p, jawari_saved_rate(r.at, r.left), c->values) : NULL;
+    if (wished) {
+        c->message->read = jawari_read(wished, r.at, r.left, &elsewhere, c->why);
+        jawari_close(wished);
+    }
+    if (!c->message->read) {
+        if (elsewhere)
+            c->why[0] = 0;
+        return elsewhere != 0;
+    }
     sound->room = r.left;
-    sound->bytes = malloc(r.left ? r.left : 1);
+    sound->bytes = malloc(r.left);
     if (!sound->bytes)
         return false;
     memcpy(sound->bytes, r.at, r.left);
     sound->size = (int64_t)r.left;
     return true;
+}
+
+static bool read_drone(const plugin *p, reader r, plugin_sound *sound) {
+    uint64_t words[DRONE_WORDS];
+    for (size_t k = 0; k < DRONE_WORDS; k++)
+        words[k] = take_whole(&r, 8);
+    sound->has_drone = !r.short_of && plugin_drone_place(p, words, &sound->drone);
+    return sound->has_drone;
 }
 
 static bool read_state(const plugin *p, reader r, contents *c) {
@@ -285,16 +320,21 @@ static bool read_state(const plugin *p, reader r, contents *c) {
             c->bank = (const char *)section.at;
             c->bank_length = size;
         }
-        if (kind == SOUND && (c->sound->bytes || !read_sound(p, section, c->sound)))
+        if (kind == DRONE && p->drone.score && !read_drone(p, section, &c->message->sound))
             return false;
+        if (kind == SOUND) {
+            if (c->sound.at)
+                return false;
+            c->sound = section;
+        }
     }
-    return true;
+    return !c->sound.at || read_sound(p, c);
 }
 
-/* Whether it is the state of another plugin, which has nothing that is in here too. */
-static bool foreign(const plugin *p, const contents *c) {
+/* Whether it is the state of a plugin with another bank. */
+static bool of_another(const plugin *p, const contents *c) {
     const char *mine = jawari_bank_id(p->bank);
-    return c->bank && !c->ours && (c->bank_length != strlen(mine) || memcmp(c->bank, mine, c->bank_length) != 0);
+    return c->bank && (c->bank_length != strlen(mine) || memcmp(c->bank, mine, c->bank_length) != 0);
 }
 
 bool plugin_load(plugin *p, const void *data, size_t size, char *why) {
@@ -306,21 +346,29 @@ bool plugin_load(plugin *p, const void *data, size_t size, char *why) {
     bool made = m && values;
     for (uint32_t k = 0; made && k < p->count; k++)
         values[k] = p->parameters[k].initial;
-    contents c = {.values = values, .sound = made ? &m->sound : NULL};
+    contents c = {.values = values, .message = m};
     const bool read = made && read_state(p, sections, &c);
-    if (!read || foreign(p, &c)) {
+    const bool other = read && of_another(p, &c);
+    if (!read || (other && !c.ours)) {
         plugin_message_free(m);
         free(values);
         if (read)
             return refuse(why, "this state belongs to another plugin (%.*s, this is %s); load it there, or another one here",
                           (int)(c.bank_length < 72 ? c.bank_length : 72), c.bank, jawari_bank_id(p->bank));
+        if (c.why[0])
+            return refuse(why, "this state was changed since it was saved: %.380s; load an older copy", c.why);
         return refuse(why, made ? "this state contradicts itself, or memory is short; load an older copy"
                                 : "there is not enough memory to load this state");
     }
+    if (other && p->program >= 0) /* there it is the number of another preset */
+        values[p->program] = p->parameters[p->program].initial;
     pthread_mutex_lock(&p->guard);
     plugin_sweep(p);
     for (uint32_t k = 0; k < p->count; k++)
         plugin_store(p, k, values[k]);
+    pthread_mutex_unlock(&p->guard);
+    plugin_rebuild_loaded(p);
+    pthread_mutex_lock(&p->guard);
     plugin_message_free(atomic_exchange(&p->incoming, m));
     pthread_mutex_unlock(&p->guard);
     free(values);

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "plugin_private.h"
+#include "plugin_rebuild.h"
 
 enum { DIGITS = 6 }; /* significant ones, of which those at the end are left out where they are 0 */
 
@@ -92,10 +92,16 @@ bool plugin_text(const plugin *p, uint32_t k, double value, char *text, size_t r
     if (!q || !isfinite(value) || room == 0)
         return false;
     value = plugin_kept(q, value);
+    if (q->setup) {
+        plugin_rebuild_text(p, k, value, text, room);
+        return true;
+    }
     char whole[128];
     if (q->bypass)
         plugin_copy_text(whole, sizeof whole, value > 0.0 ? "on" : "off");
-    else if ((int64_t)k == p->program)
+    else if (q->texts[0])
+        plugin_copy_text(whole, sizeof whole, q->texts[(int32_t)value]);
+    else if (q->program)
         plugin_copy_text(whole, sizeof whole, jawari_preset_of(p->bank, (int32_t)value)->name);
     else {
         char number[48];
@@ -112,7 +118,8 @@ bool plugin_number(const plugin *p, uint32_t k, const char *text, double *value)
         return false;
     char given[128];
     text = without_space(text);
-    size_t length = strlen(text);
+    const char *remark = q->setup ? strstr(text, " (") : NULL;
+    size_t length = remark ? (size_t)(remark - text) : strlen(text);
     while (length > 0 && isspace((unsigned char)text[length - 1]))
         length--;
     if (length >= sizeof given)
@@ -123,7 +130,12 @@ bool plugin_number(const plugin *p, uint32_t k, const char *text, double *value)
         *value = same_text(given, "on");
         return true;
     }
-    if ((int64_t)k == p->program)
+    for (int32_t which = 0; q->texts[0] && which <= (int32_t)q->maximum; which++)
+        if (same_text(given, q->texts[which])) {
+            *value = which;
+            return true;
+        }
+    if (q->program)
         for (int32_t preset = 0; preset < jawari_presets(p->bank); preset++) {
             char name[sizeof given];
             plugin_copy_text(name, sizeof name, jawari_preset_of(p->bank, preset)->name);

@@ -65,6 +65,7 @@ static vst3 *create(char *why) {
     me->parameters = plugin_parameters(me->plugin);
     me->rate = jawari_rate_of(plugin_bank(me->plugin), 0);
     vst3_list_midi(me);
+    plugin_when_changed(me->plugin, vst3_setup_changed, me);
     me->shown = malloc((me->parameters + me->hidden) * sizeof *me->shown);
     if (!me->shown) {
         destroy(me);

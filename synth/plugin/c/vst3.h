@@ -74,6 +74,9 @@ tresult vst3_check_rate(const vst3 *me);
 
 static inline vst3 *vst3_of(void *face) { return ((vst3_face *)face)->owner; }
 
+/* Why another setup cannot be had is said; in a thread of the plugin's own. */
+void vst3_setup_changed(void *of);
+
 /* ---- hidden parameters ---- */
 
 /* Fill in which there are. */

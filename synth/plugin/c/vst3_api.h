@@ -204,12 +204,33 @@ typedef struct IEventList {
     tresult (*addEvent)(void *, Event *event);
 } IEventList;
 
+enum { /* ProcessContext.state */
+    kPlaying = 1 << 1,
+    kProjectTimeMusicValid = 1 << 9,
+    kTempoValid = 1 << 10
+};
+
+typedef struct ProcessContext {
+    uint32_t state;
+    double sampleRate;
+    int64_t projectTimeSamples, systemTime, continousTimeSamples;
+    double projectTimeMusic; /* quarter notes */
+    double barPositionMusic, cycleStartMusic, cycleEndMusic;
+    double tempo; /* quarter notes a minute */
+    int32_t timeSigNumerator, timeSigDenominator;
+    uint8_t chordKeyNote, chordRootNote;
+    int16_t chordMask;
+    int32_t smpteOffsetSubframes;
+    uint32_t framesPerSecond, frameRateFlags;
+    int32_t samplesToNextClock;
+} ProcessContext;
+
 typedef struct ProcessData {
     int32_t processMode, symbolicSampleSize, numSamples, numInputs, numOutputs;
     AudioBusBuffers *inputs, *outputs;
     const IParameterChanges **inputParameterChanges, **outputParameterChanges;
     const IEventList **inputEvents, **outputEvents;
-    void *processContext;
+    const ProcessContext *processContext; /* NULL: the host has no transport */
 } ProcessData;
 
 #define IAudioProcessor_iid VST3_ID(0x42043F99, 0xB7DA453C, 0xA569E79D, 0x9AAEC33D)
@@ -226,6 +247,7 @@ typedef struct IAudioProcessor {
 } IAudioProcessor;
 
 #define IProcessContextRequirements_iid VST3_ID(0x2A654303, 0xEF764E3D, 0x95B5FE83, 0x730EF6D0)
+enum { kNeedProjectTimeMusic = 1 << 2, kNeedTempo = 1 << 6, kNeedTransportState = 1 << 10 };
 typedef struct IProcessContextRequirements {
     FUNKNOWN;
     uint32_t (*getProcessContextRequirements)(void *);
@@ -235,6 +257,7 @@ typedef struct IProcessContextRequirements {
 
 enum { /* ParameterInfo.flags */
     kCanAutomate = 1 << 0,
+    kIsReadOnly = 1 << 1,
     kIsList = 1 << 3,
     kIsHidden = 1 << 4,
     kIsProgramChange = 1 << 15,

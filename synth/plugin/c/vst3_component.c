@@ -12,6 +12,12 @@ static void complain(const vst3 *me, const char *why) {
     fprintf(stderr, "jawari (%s, VST3): %s\n", jawari_bank_id(plugin_bank(me->plugin)), why);
 }
 
+void vst3_setup_changed(void *of) {
+    const vst3 *me = of;
+    char why[JAWARI_WHY];
+    if (plugin_remark(me->plugin, why)) complain(me, why);
+}
+
 tresult vst3_initialize(void *face, void *context) {
     (void)face;
     (void)context;
@@ -122,6 +128,7 @@ static tresult set_state(void *face, const IBStream **stream) {
         complain(me, why);
         return kResultFalse;
     }
+    if (plugin_remark(me->plugin, why)) complain(me, why);
     vst3_show_all(me);
     return kResultOk;
 }

@@ -63,8 +63,8 @@ static int32_t presets(const vst3 *me) { return jawari_presets(plugin_bank(me->p
 
 /* The unit of a preset's parameters; presets alone in their plugin have none of their own. */
 static int32_t unit_of(const vst3 *me, uint32_t k) {
-    const jawari_parameter *q = jawari_parameter_of(plugin_bank(me->plugin), (int32_t)k);
-    return q && presets(me) > 1 ? q->part + 1 : kRootUnitId;
+    const plugin_parameter *q = plugin_parameter_of(me->plugin, k);
+    return q->part >= 0 && presets(me) > 1 ? q->part + 1 : kRootUnitId;
 }
 
 static tresult parameter_info(void *face, int32_t index, ParameterInfo *info) {
@@ -94,15 +94,17 @@ static tresult parameter_info(void *face, int32_t index, ParameterInfo *info) {
     snprintf(title, sizeof title, "%s%s%s", unit ? q->group : "", unit ? ": " : "", q->name);
     vst3_wide(info->title, 128, title);
     vst3_wide(info->shortTitle, 128, q->name);
-    vst3_wide(info->units, 128, q->unit);
+    vst3_wide(info->units, 128, q->setup ? "" : q->unit); /* its text says more, and the unit in the midst of it */
     info->stepCount = q->stepped ? (int32_t)steps_of(q) : 0;
     info->defaultNormalizedValue = vst3_position(q, q->initial);
     info->unitId = unit;
-    info->flags = kCanAutomate;
+    info->flags = q->fixed ? kIsReadOnly : q->setup ? 0 : kCanAutomate;
     if (q->bypass)
         info->flags |= kIsBypass;
-    else if (k >= (uint32_t)jawari_parameters(plugin_bank(me->plugin)))
+    else if (q->program)
         info->flags |= kIsList | kIsProgramChange;
+    else if (q->texts[0])
+        info->flags |= kIsList;
     return kResultOk;
 }
 
@@ -121,7 +123,7 @@ static tresult text_of_value(void *face, uint32_t id, double position, String128
     if (!q)
         snprintf(narrow, sizeof narrow, "%.0f", 127.0 * within(position));
     else if (plugin_text(me->plugin, (uint32_t)k, vst3_value(q, position), narrow, sizeof narrow))
-        without_unit(narrow, q->unit);
+        without_unit(narrow, q->setup ? "" : q->unit);
     else
         return kResultFalse;
     vst3_wide(text, 128, narrow);
@@ -160,9 +162,10 @@ static tresult set_position(void *face, uint32_t id, double position) {
     vst3 *me = vst3_of(face);
     const int64_t k = place(me, id);
     if (k < 0 || !isfinite(position)) return kInvalidArgument;
-    me->shown[k] = within(position);
     const plugin_parameter *q = visible(me, id);
-    if (q && !me->on) plugin_set(me->plugin, (uint32_t)k, vst3_value(q, position));
+    if (q && q->fixed) return kResultFalse;
+    me->shown[k] = within(position);
+    if (q && (!me->on || q->setup)) plugin_set(me->plugin, (uint32_t)k, vst3_value(q, position));
     return kResultOk;
 }
 

@@ -2,7 +2,9 @@
  *
  * Each one costs hosts time when they load the plugin (Pedalboard 3.5 ms), and some list them all: so there are only those that the
  * engine reads; of channel 1 all, which is where most keyboards play and where a zone of MPE is set up, of the others what is
- * played with.
+ * played with and what registered parameters need, for MPE hosts set the bend range of each channel, and the upper zone by
+ * channel 16. Not cents of that range (38), what chooses other parameters than registered ones (98, 99) and the channel modes
+ * (120, 121, 123): a zone hears those of its master, and VST 3 hosts end notes by themselves.
  */
 #include <math.h>
 
@@ -10,6 +12,7 @@
 
 static const uint8_t of_first_channel[] = {6, 7, 10, 11, 38, 64, 68, 74, 98, 99, 100, 101, 120, 121, 123, kAfterTouch, kPitchBend};
 static const uint8_t of_every_channel[] = {7, 10, 11, 64, 74, kAfterTouch, kPitchBend};
+static const uint8_t of_other_channels[] = {6, 100, 101};
 
 void vst3_list_midi(vst3 *me) {
     const bool several = jawari_presets(plugin_bank(me->plugin)) > 1;
@@ -20,6 +23,9 @@ void vst3_list_midi(vst3 *me) {
         for (size_t k = 0; k < many; k++) me->midi[me->hidden++] = (vst3_midi){channel, these[k]};
         if (several) me->midi[me->hidden++] = (vst3_midi){channel, kCtrlProgramChange};
     }
+    /* behind all others: hosts know parameters by their places here */
+    for (uint8_t channel = 1; channel < 16; channel++)
+        for (size_t k = 0; k < sizeof of_other_channels; k++) me->midi[me->hidden++] = (vst3_midi){channel, of_other_channels[k]};
 }
 
 int64_t vst3_hidden(const vst3 *me, uint32_t id) {

@@ -67,6 +67,7 @@ static void change(vst3 *me, const IParamValueQueue **queue, uint32_t k) {
         int32_t frame;
         double x;
         if ((*queue)->getPoint(queue, j, &frame, &x) != kResultOk || !isfinite(x)) continue;
+        if (q->fixed) continue;
         plugin_change(me->plugin, frame, k, vst3_value(q, x));
         me->shown[k] = x;
     }
@@ -184,6 +185,12 @@ static bool taken(const ProcessData *data, float **narrow, double **wide) {
     return data->symbolicSampleSize == kSample64 ? wide[0] && wide[1] : narrow[0] && narrow[1];
 }
 
+static void transport(vst3 *me, const ProcessContext *context) {
+    const uint32_t state = context ? context->state : 0;
+    plugin_transport(me->plugin, 0, state & kPlaying, state & kProjectTimeMusicValid ? context->projectTimeMusic : (double)NAN,
+                     state & kTempoValid ? context->tempo : (double)NAN);
+}
+
 static tresult process(void *face, ProcessData *data) {
     vst3 *me = vst3_of(face);
     if (!data || data->numSamples < 0) return kInvalidArgument;
@@ -195,6 +202,7 @@ static tresult process(void *face, ProcessData *data) {
     if (!given) wide[0] = me->nowhere, wide[1] = me->nowhere + me->most_frames;
     const bool is_wide = !given || data->symbolicSampleSize == kSample64;
     bool quiet = me->was_silent;
+    transport(me, data->processContext);
     if (data->inputParameterChanges) {
         quiet &= (*data->inputParameterChanges)->getParameterCount(data->inputParameterChanges) == 0;
         queues(me, data->inputParameterChanges);
@@ -226,11 +234,11 @@ const IAudioProcessor vst3_processor = {
     .getTailSamples = tail,
 };
 
-/* ---- of the transport nothing is needed ---- */
+/* ---- what is needed of the transport: a drone follows it ---- */
 
-static uint32_t nothing(void *face) {
+static uint32_t needed(void *face) {
     (void)face;
-    return 0;
+    return kNeedProjectTimeMusic | kNeedTempo | kNeedTransportState;
 }
 
-const IProcessContextRequirements vst3_requirements = {VST3_COMMON, .getProcessContextRequirements = nothing};
+const IProcessContextRequirements vst3_requirements = {VST3_COMMON, .getProcessContextRequirements = needed};
