@@ -20,9 +20,9 @@ from synth.instrument.preset import Preset, at_note
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate, record, whole_lines
 from synth.native.views import table, words
+from synth.physics.modes import ramp_moments
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
-from synth.solver.coupling import end_moments
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.responses import make_rows
 from synth.solver.stringmodel import Coefficients, Scratch, StringModel, StringState, make_scratch, make_string, state_sizes
@@ -180,7 +180,7 @@ class _Lists:
         if heard is not None:  # no output of its own: what its pull at the bridge makes of a body that swings with it
             body, line = heard
             omega = position.omega[: position.own]
-            pull = position.mu * end_moments(position.length_m, position.own) * omega**2
+            pull = position.mu * ramp_moments(position.length_m, position.own) * omega**2
             weights[0, : position.own] = np.abs(pull) * body.heard(omega, line)
         static = lift = 0.0
         if c:

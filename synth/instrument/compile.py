@@ -577,6 +577,9 @@ def describe_plan(
         else:
             wanted = [opened for opened in opens if opened <= note <= opened + neck]
         for opened in wanted:
+            own_rate_hz = internal_rate_hz
+            if preset.coupled:
+                own_rate_hz = _rate_on_a_bridge(preset, table, opened, quality, rate_hz, scheme, internal_rate_hz, None)
             string = compile_string(
                 preset,
                 table,
@@ -584,12 +587,14 @@ def describe_plan(
                 quality=quality,
                 rate_hz=rate_hz,
                 scheme=scheme,
-                internal_rate_hz=internal_rate_hz,
+                internal_rate_hz=own_rate_hz,
             )
             for position in string.positions:
                 if position.note != (opened if note is None else note):
                     continue
                 plan = position.plan
+                if preset.coupled:
+                    plan = replace(plan, error="not measured for strings that share a body")
                 rows.append(
                     {
                         "string": string.name,

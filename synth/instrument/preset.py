@@ -361,6 +361,12 @@ class MovingMode(Table):
     radiation: float = Field(1.0, ge=-1000.0, le=1000.0)
     pan: float = Field(0.0, ge=-1.0, le=1.0)
 
+    @model_validator(mode="after")
+    def _moves_the_bridge(self) -> MovingMode:
+        if not any(self.shape):
+            raise ValueError(f"shape must move the bridge, got {list(self.shape)}; leave out a mode that does not")
+        return self
+
 
 class Body(Table):
     """What the strings are fixed to: a filter on their sound (`resonance`), or modes that move with them (`mode`)."""

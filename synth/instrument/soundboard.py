@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synth.instrument.preset import Preset, PresetError, StringTable, at_note
-from synth.solver.coupling import MOST_COMPONENTS, MOST_STEPS
+from synth.instrument.preset import MovingMode, Preset, PresetError, StringTable, at_note
+from synth.physics.body_modes import Body, BodyMode, BridgePlace
+from synth.solver.coupling import MOST_STEPS
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.units import db_to_gain
 
@@ -56,30 +57,29 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     if not modes:
         raise PresetError(f"{preset.name}: body.mode: no mode lies below {0.45 * rate_hz:g} Hz; give one, or a higher rate")
     components = max(len(mode.shape) for mode in modes)
-    omega = np.array([2.0 * math.pi * mode.frequency_hz for mode in modes])
-    sigma = omega / (2.0 * np.array([mode.q for mode in modes]))
-    mass = np.array([mode.mass_kg for mode in modes])
-    shape = np.zeros((components, len(modes)))
-    for m, mode in enumerate(modes):
-        shape[: len(mode.shape), m] = mode.shape
+    body = Body(tuple(_whole(mode, components) for mode in modes))
+    omega, sigma, mass = body.omega, body.sigma, body.mass
     half = np.minimum(0.5 * omega * frame, _FARTHEST)
-    shape /= np.sinc(half / math.pi) ** 2
+    shape = body.shapes / np.sinc(half / math.pi) ** 2
     steps = coefficients(EXACT_HOLD, omega, sigma, 1.0, frame)
     steps[4:] /= mass
     pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in modes]))
     heard = db_to_gain(preset.output.gain_db) * np.array([mode.radiation for mode in modes])
     radiation = math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
-    angles = (0.0,) if preset.polarisation is None else (0.0, 0.5 * math.pi)
-    rows = [direction_of(table, note, components, turned) for table, note in ends for turned in angles]
-    direction = np.array(rows).reshape(len(rows), components)
+    turns = (0.0,) if preset.polarisation is None else (0.0, 90.0)
+    places = [
+        BridgePlace(1e-3 * at_note(table.place_mm, note), at_note(table.angle_deg, note) + turn)
+        for table, note in ends
+        for turn in turns
+    ]
+    direction = np.array([place.direction(components) for place in places]).reshape(len(places), components)
     return Soundboard(frame, omega, sigma, mass, steps, shape, radiation, direction)
 
 
-def direction_of(table: StringTable, note: int, components: int, turned: float = 0.0) -> list[float]:
-    """How a string takes part in the bridge's components: its angle, turned on by [rad], and its place for the rocking."""
-    angle = math.radians(at_note(table.angle_deg, note)) + turned
-    parts = (math.cos(angle), math.sin(angle), 1e-3 * at_note(table.place_mm, note) * math.cos(angle))
-    return list(parts[: min(components, MOST_COMPONENTS)])
+def _whole(mode: MovingMode, components: int) -> BodyMode:
+    """A mode with so many components, those that are not given being zero."""
+    shape = (*mode.shape, *(0.0,) * (components - len(mode.shape)))
+    return BodyMode(mode.frequency_hz, mode.q, mode.mass_kg, shape, mode.radiation, mode.pan)
 
 
 def step_count(wanted: int) -> int:

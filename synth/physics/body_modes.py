@@ -32,7 +32,7 @@ class BodyMode:
     q             quality factor
     mass_kg       modal mass of the shape as it is given [kg]
     shape         ψ (D,): normal, lateral [1], rocking [rad/m] at the reference point; strings feel ψψᵀ/mass_kg alone
-    radiation     weight of the mode's velocity in the sound
+    radiation     weight of the mode's acceleration in the sound
     pan           −1 left … 1 right
 
     Raises ValueError naming field, condition, value and remedy; frequency_hz, q and mass_kg as `string.LIMITS` has them.

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synth.physics.body_modes import Body
-from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes
+from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, ramp_moments
 from synth.physics.string import String
 
 Array = NDArray[np.float64]
@@ -90,8 +90,7 @@ class Line:
     @property
     def ramp(self) -> Array:
         """c (N,) [√m]: each mode's share in the straight line from (0, 0) to (L, 1)."""
-        j = np.arange(1, self.omega.size + 1)
-        return math.sqrt(2.0 * self.length_m) * np.where(j % 2, 1.0, -1.0) / (j * math.pi)
+        return ramp_moments(self.length_m, self.omega.size)
 
     @property
     def ramp_left_out(self) -> float:

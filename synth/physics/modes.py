@@ -317,3 +317,9 @@ def _inside(positions_m: np.ndarray | Sequence[float] | float, length_m: float) 
     if outside.any():
         raise ValueError(f"positions must lie between 0 and {length_m:g} m, got {x[outside].flat[0]:g} m")
     return x
+
+
+def ramp_moments(length_m: float, n: int) -> np.ndarray:
+    """c (n,) [√m]: ∫ φ_j x/L dx of the first n mode shapes, each one's share in the straight line from (0, 0) to (L, 1)."""
+    j = np.arange(1, n + 1)
+    return math.sqrt(2.0 * length_m) * np.where(j % 2, 1.0, -1.0) / (j * math.pi)

@@ -24,7 +24,6 @@ of its model that is in use is the velocity c μ·ẇ.
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -141,12 +140,6 @@ FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES = range(4)
 N_COUPLING_COUNTS = 4
 
 coupling_at, end_at = opener(Coupling), opener(End)
-
-
-def end_moments(length_m: float, modes: int) -> np.ndarray:
-    """c (N,) [m^½]: moments of x/L over the modes √(2/L) sin(jπx/L)."""
-    j = np.arange(1, modes + 1)
-    return math.sqrt(2.0 * length_m) * (-1.0) ** (j + 1) / (j * math.pi)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

@@ -241,6 +241,7 @@ def test_two_directions_decay_apart() -> None:
             "body.resonance filters strings",
         ),
         ({"output": HEARD, "more": ONE_WAY.replace("mass_kg = 0.6", "mass_kg = 0")}, "body.mode.0.mass_kg"),
+        ({"output": HEARD, "more": ONE_WAY.replace("shape = [1.0]", "shape = [0]", 1)}, "shape must move the bridge"),
         ({"output": HEARD, "more": ONE_WAY.replace("q = 20", "q = 0.4")}, "body.mode.0.q"),
         ({"output": HEARD, "more": ONE_WAY.replace("shape = [1.0]", "shape = [1, 2, 3, 4]")}, "body.mode.0.shape"),
     ],
