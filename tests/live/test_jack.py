@@ -53,17 +53,34 @@ def begin(output: jackclient.JackOutput) -> int:
             return (latest - jumped) & MASK
 
 
-def ran(deck: Deck, output: jackclient.JackOutput, capture: Capture, times: list[int]) -> Run:
-    """What has been played once the recorder stops; `times`: JACK's frame time of every message."""
+def ran(deck: Deck, output: jackclient.JackOutput, capture: Capture, times: list[int], events: int = 0) -> Run:
+    """What has been played once the recorder stops; `times`: JACK's frame time of every message; `events`: how many the
+    engine is given at least, for those that a thread hands over whenever it gets its turn."""
+    given = [deck.drain_events()]
+
+    def arrived() -> bool:
+        given.append(deck.drain_events())
+        return sum(some.size for some in given) >= events
+
+    until(arrived, f"fewer than {events} events")
     began = begin(output)
     heard = capture.stop()
     meters = deck.meters()
     assert meters.events_lost == output.messages_lost == meters.recording_lost == 0
     first = heard.place(began)
-    return Run([heard.place(time) - first for time in times], deck.drain_events(), first, heard)
+    return Run([heard.place(time) - first for time in times], np.concatenate(given), first, heard)
 
 
-def run(server: JackServer, folder: Path, parts: tuple, rows: Rows, *, stems: bool = False, more_frames: int = 8192) -> Run:
+def run(
+    server: JackServer,
+    folder: Path,
+    parts: tuple,
+    rows: Rows,
+    *,
+    stems: bool = False,
+    more_frames: int = 8192,
+    events: int = 0,
+) -> Run:
     """Play rows (frame, bytes) through JACK and record every output."""
     deck = Deck(kit.engine(*parts), record=True, stems=stems)
     output = jackclient.open_output(deck, server=server.name)
@@ -74,7 +91,7 @@ def run(server: JackServer, folder: Path, parts: tuple, rows: Rows, *, stems: bo
         times = Sender(server, output.ports[0], rows, folder).done()
         last = deck.frame
         until(lambda: deck.frame > last + more_frames)
-        return ran(deck, output, capture, times)
+        return ran(deck, output, capture, times, events)
     finally:
         output.close()
         deck.close()
@@ -167,7 +184,7 @@ def test_exclusive_messages_retune_and_what_is_not_for_us_is_left(jack_server: S
         (31, b"\xc0\x05"),
     ]
     with jack_server(256, sync=True) as server:
-        found = run(server, tmp_path, (kit.FREE,), rows)
+        found = run(server, tmp_path, (kit.FREE,), rows, events=3)
         tunings = [(row["a"], row["b"], row["value"]) for row in found.events if row["kind"] == TUNING]
         assert tunings == [(48, 1, 48.25), (50, 0, 1.0 / 3.0)]
         assert len(found.events) == 3
