@@ -41,9 +41,15 @@ def add_end_speed(core: int, s: int, speed: float) -> None:
     """Add c · speed to the modal velocities of a string, c the moments of x/L of the model that it has now."""
     string = string_of(core, s)
     model = bank_of(core).models[state_of(core).sounding[s].model]
-    moment = math.sqrt(2.0 * model.length) / math.pi
     for j in range(model.own):
-        string.v[j] += (moment if j % 2 == 0 else -moment) / (j + 1.0) * speed
+        string.v[j] += _moment(model.length, j) * speed
+
+
+@njit(inline="always")
+def _moment(length: float, j: int) -> float:
+    """`modes.ramp_moments` of mode j, from 0 on."""
+    moment = math.sqrt(2.0 * length) / math.pi
+    return (moment if j % 2 == 0 else -moment) / (j + 1.0)
 
 
 @njit(**CORE)
@@ -55,9 +61,8 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
     end = end_at(shared.end_at[s])
     if model_too:
         fixed = bank_of(core).models[me.model]
-        moment = math.sqrt(2.0 * fixed.length) / math.pi
         for j in range(end.kick.size):
-            c = (moment if j % 2 == 0 else -moment) / (j + 1.0) if j < fixed.own else 0.0
+            c = _moment(fixed.length, j) if j < fixed.own else 0.0
             end.kick[j] = -c
             end.pull[j] = fixed.mu * c
         bend_ratio = 2.0 ** (me.bend / 12.0)

@@ -399,7 +399,13 @@ def compile_string(
         gain = db_to_gain(preset.output.gain_db) * db_to_gain(at_note(table.gain_db, note))
         frequency = note_frequency(preset, table, note, note_hz)
         opened, whole = open_string(preset, table, note, note_hz)
-        length = opened.length_m
+        length, kind = opened.length_m, string_kind(preset, opened, whole)
+        if preset.coupled:  # in steps that divide a block of frames evenly
+            if scheme != "exact-hold":
+                raise PresetError(
+                    f"{preset.name}: strings that share a body are exact-hold's, got {scheme}; leave body.mode out"
+                )
+            internal_rate_hz = step_count(choose_factor(frequency, kind, quality, rate_hz, internal_rate_hz)[0]) * rate_hz
         positions = []
         places = string_places(preset, note)
         for fret in range(places):
@@ -415,7 +421,7 @@ def compile_string(
                     fret=fret,
                     open_length_m=length,
                     open_frequency_hz=frequency,
-                    kind=string_kind(preset, opened, whole),
+                    kind=kind,
                     rest_height_m=height,
                     quality=quality,
                     rate_hz=rate_hz,
@@ -470,11 +476,6 @@ def compile_preset(
         wanted = None if every_fret or only_notes is None else frozenset(only_notes)
         if preset.coupled and wanted is not None:
             wanted |= {note}  # open, it sounds with the others
-        own_rate_hz = internal_rate_hz
-        if preset.coupled:
-            own_rate_hz = _rate_on_a_bridge(
-                preset, preset.string[number], note, quality, rate_hz, scheme, internal_rate_hz, note_hz
-            )
         key = id(preset), number, note, wanted
         if key not in made:
             made[key] = compile_string(
@@ -484,7 +485,7 @@ def compile_preset(
                 quality=quality,
                 rate_hz=rate_hz,
                 scheme=scheme,
-                internal_rate_hz=own_rate_hz,
+                internal_rate_hz=internal_rate_hz,
                 note_hz=note_hz,
                 only_notes=wanted,
             )
@@ -495,27 +496,6 @@ def compile_preset(
     if preset.coupled and ends:
         body = soundboard(preset, [(preset.string[number], note) for number, note in ends], rate_hz)
     return CompiledPart(preset, tuple(strings), body)
-
-
-def _rate_on_a_bridge(
-    preset: Preset,
-    table: StringTable,
-    note: int,
-    quality: str,
-    rate_hz: float,
-    scheme: str,
-    internal_rate_hz: float | None,
-    note_hz: np.ndarray | None,
-) -> float:
-    """The internal rate of a string that shares a bridge [Hz]: what it wants, in steps that divide a block evenly."""
-    if scheme != "exact-hold":
-        raise PresetError(f"{preset.name}: strings that share a body are exact-hold's, got {scheme}; leave body.mode out")
-    try:
-        opened, below = open_string(preset, table, note, note_hz)
-        frequency, kind = note_frequency(preset, table, note, note_hz), string_kind(preset, opened, below)
-        return step_count(choose_factor(frequency, kind, quality, rate_hz, internal_rate_hz)[0]) * rate_hz
-    except ValueError as error:
-        raise PresetError(f"{preset.name}: string {table.name or midi_to_note(note)}: {error}") from None
 
 
 def second_direction(across: Polarisation, string: CompiledString) -> CompiledString:
@@ -577,9 +557,6 @@ def describe_plan(
         else:
             wanted = [opened for opened in opens if opened <= note <= opened + neck]
         for opened in wanted:
-            own_rate_hz = internal_rate_hz
-            if preset.coupled:
-                own_rate_hz = _rate_on_a_bridge(preset, table, opened, quality, rate_hz, scheme, internal_rate_hz, None)
             string = compile_string(
                 preset,
                 table,
@@ -587,7 +564,7 @@ def describe_plan(
                 quality=quality,
                 rate_hz=rate_hz,
                 scheme=scheme,
-                internal_rate_hz=own_rate_hz,
+                internal_rate_hz=internal_rate_hz,
             )
             for position in string.positions:
                 if position.note != (opened if note is None else note):

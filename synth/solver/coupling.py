@@ -4,7 +4,7 @@ A string keeps the modes φ_j = √(2/L) sin(jπx/L) that it has between rigid e
 
     u(x, t) = Σ w_j φ_j + (x/L) b,    b = B·β,    c_j = √(2L)(−1)^(j+1)/(jπ), the moments of x/L,
 
-β the motion of the bridge in up to `MOST_COMPONENTS` components, B the string's direction among them. Over one frame H, r
+β the motion of the bridge in up to three components, B the string's direction among them. Over one frame H, r
 steps of the line's own, the bridge moves at a constant V = B·Δβ/H. A string knows of it by a kick −c ΔV of its modal
 velocities ẇ = ẏ − c V at the start of the frame, ẏ the whole velocity, which no kick changes; and it pulls at the bridge by
 its mean force over the frame,
@@ -36,8 +36,6 @@ from synth.solver.responses import fill_lags, fill_response
 from synth.solver.stringmodel import MOVING, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
-#: normal, lateral, rocking
-MOST_COMPONENTS = 3
 #: steps of a frame, at most, and only powers of two
 MOST_STEPS = BLOCK
 #: what the modes left out keep of their motion against the bridge from frame to frame (negative: it swings over)
@@ -120,7 +118,7 @@ class Coupling(NamedTuple):
     # room for a block
     pull: Annotated[np.ndarray, f8("2, components, BLOCK")]  # of the lines that are not looked at, and of those that are
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
-    small: Annotated[np.ndarray, f8("9, components")]
+    small: Annotated[np.ndarray, f8("7, components")]
     jacobian: Annotated[np.ndarray, f8("components, components")]
     newton: Annotated[np.ndarray, f8("components, components")]
     body_free: Annotated[np.ndarray, f8("2, body")]

@@ -34,7 +34,7 @@ from synth.solver.coupling import (
 from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import BLOCK, kick, kick_v, padded, project_v
 from synth.solver.line_certificates import look_everywhere, spend
-from synth.solver.line_forces import answer_of_line, drive_line, look_at_line, settle_line, step_line
+from synth.solver.line_forces import MIX, answer_of_line, drive_line, look_at_line, settle_line, step_line
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, put
@@ -42,10 +42,8 @@ from synth.solver.vectors import FAST, INNER, add, put
 #: iterations after which the forces are held, and how near to a root they end, of the terms of the equation
 MOST_ITERATIONS = 24
 CLOSE = 4e-15
-#: of numbers that tell sets of contacts apart
-_MIX = 1000003
 #: rows of Coupling.small
-FREE, FORCE, BEFORE, V, FROM_CONTACTS, MISSING, STEP, V_FREE, SPARE = range(9)
+FREE, FORCE, V, FROM_CONTACTS, MISSING, V_FREE, TOTAL = range(7)
 
 
 @njit(cache=True, nogil=True)
@@ -268,11 +266,11 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
         total = small[FORCE, i] + small[FROM_CONTACTS, i]
         for k in range(d):
             total -= c.drag[i, k] * small[V, k]
-        small[SPARE, i] = total
+        small[TOTAL, i] = total
     for j in range(modes):
         force = 0.0
         for i in range(d):
-            force += shape[i, j] * small[SPARE, i]
+            force += shape[i, j] * small[TOTAL, i]
         p_speed = free[1, j] + body[5, j] * force
         free[0, j] += body[4, j] * force
         free[1, j] = (p_speed - c.p_speed[j]) * per_frame
@@ -366,7 +364,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                     c.line_model[line], c.line_state[line], c.line_end[line], scratch, first, at, steps, turn, speed, height
                 )
                 status = max(status, bad)
-                pattern = pattern * _MIX + mine
+                pattern = pattern * MIX + mine
                 if force != 0.0 or slope != 0.0:
                     acts = True
                     for i in range(d):

@@ -30,7 +30,7 @@ from synth.solver.stringmodel import scratch_of, string_model, string_state
 from synth.solver.vectors import INNER, add
 
 #: of numbers that tell sets of contacts apart
-_MIX = 1000003
+MIX = 1000003
 
 
 @njit(**INNER)
@@ -191,7 +191,7 @@ def _contacts_and_finger(
                 add_late(moves[i], grip[c], t, push_slope)
             pressed, change = forces[i, first + t], slopes[i, first + t]
             if pressed > 0.0:
-                pattern = pattern * _MIX + i * BLOCK + t + 1
+                pattern = pattern * MIX + i * BLOCK + t + 1
                 for d in range(several):
                     add_late(gaps[d], lags[near[d], c], t, pressed)
                     add_late(moves[d], lags[near[d], c], t, change)
@@ -276,8 +276,8 @@ def _pressed(e, several: int) -> int:
 
 
 @njit(**INNER)
-def drive_line(model: int, state: int, end: int) -> bool:
-    """The modes go through K steps with all that acts on them; whether anything touched."""
+def drive_line(model: int, state: int, end: int) -> None:
+    """The modes go through K steps with all that acts on them."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
     rows, q, v = m.rows, s.q, s.v
@@ -296,24 +296,20 @@ def drive_line(model: int, state: int, end: int) -> bool:
         drive_kicked(n, rows, q, v, m.shapes[e.near[0]], e.forces[0], e.kick, e.kicks)
     else:
         drive_listed_kicked(n, rows, q, v, pressed, e.near, m.shapes, e.forces, e.kick, e.kicks)
-    return pressed > 0
 
 
 @njit(**INNER)
-def step_line(model: int, state: int, end: int, steps: int) -> bool:
+def step_line(model: int, state: int, end: int, steps: int) -> None:
     """The same for the first `steps` steps of the block only."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.modes, m.shapes.shape[0]
     q, v = s.q[:n], s.v[:n]
     kq, kv = m.rows[4, :n], m.rows[5, :n]
-    touched = False
     add(e.kicks[0], e.kick[:n], v)
     for t in range(steps):
         fly(m.rows, q, v)
         for i in range(e.counts[NEAR]):
             if e.forces[i, t] != 0.0:
                 push_modes(q, v, kq, kv, m.shapes[e.near[i]], e.forces[i, t])
-                touched = True
         if s.finger[0].on != 0:
             push_modes(q, v, kq, kv, s.finger_weights, e.forces[contacts, t])
-    return touched
