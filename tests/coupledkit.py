@@ -75,7 +75,11 @@ class Kernel:
             end.counts[coupling.ENGAGED] = int(look_at_all or (engaged and bool(mine)))
             addresses = [table(model), table(state), table(end)]
             coupling.fill_end(
-                addresses[0].ctypes.data, addresses[2].ctypes.data, aligned(size), aligned(size), aligned((3, BLOCK))
+                *(each.ctypes.data for each in (addresses[0], addresses[2])),
+                own_steps,
+                aligned(size),
+                aligned(size),
+                aligned((3, BLOCK)),
             )
             fill_reach(addresses[0].ctypes.data, addresses[2].ctypes.data)
             self.models.append(model)
@@ -127,7 +131,7 @@ class Kernel:
         if not self.engaged:
             for line, mine in enumerate(self.mine):
                 if mine:
-                    near = certify_line(self.address, line, aligned(self.models[line].omega.size))
+                    near = certify_line(self.address, line, self._scratch_table.ctypes.data)
                     self.ends[line].counts[coupling.ENGAGED] = int(near > 0)
             coupling.gather_lines(self.address)
 

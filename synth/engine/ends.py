@@ -59,6 +59,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
     me = state_of(core).sounding[s]
     plain, address = string_model(shared.model_at[me.model, PLAIN]), model_address(core, s)
     end = end_at(shared.end_at[s])
+    steps = bank_of(core).strings[s].factor
     if model_too:
         fixed = bank_of(core).models[me.model]
         for j in range(end.kick.size):
@@ -79,7 +80,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
         end.flight[:6, n:] = 0.0
         step_coefficients(EXACT_HOLD, model.omega[:n], scratch.sigma[:n], plain.mu, frame, end.flight)
         fill_rows(end.flight)
-        fill_end(address, shared.end_at[s], scratch.q, scratch.v, scratch.spare)
+        fill_end(address, shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
         fill_reach(address, shared.end_at[s])
     if me.phase != NO_FINGER:
-        fill_finger_end(address, shared.string_at[s], shared.end_at[s], scratch.q, scratch.v, scratch.spare)
+        fill_finger_end(address, shared.string_at[s], shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)

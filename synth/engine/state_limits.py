@@ -22,6 +22,7 @@ from synth.engine.voices.retuning import MOST_RETUNING
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
 from synth.solver.certificates import FOR_EVER
+from synth.solver.coupling import FAR, SEVERAL
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.stringmodel import CERTAIN, CLOCK, FREE, MOVING, RESPONSE
@@ -310,8 +311,10 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
     room = {name: np.arange(array.size) for name, array in strings.bridges.room.items()}
     for place, s in enumerate(strings.bridges.strings):
         models = bank.models[bank.models["string"] == s]
-        most = np.array([1, models["contacts"].max(), 1, models["n"].max()])  # of ENGAGED, NEAR, KEPT, APART_MODES
-        yield Limit(here.of("end.counts", "", strings.bridges.ends.item(place, flat | room).counts), 0, most)
+        contacts = models["contacts"].max()
+        most = np.array([1, contacts, 1, models["n"].max(), contacts, MOST_COUNT, SEVERAL])  # as they stand in `coupling`
+        least = np.array([0, 0, 0, 0, 0, -1, FAR])
+        yield Limit(here.of("end.counts", "", strings.bridges.ends.item(place, flat | room).counts), least, most)
         # such strings go by whole frames, and so do their fingers: what is left of one could not be gone through otherwise
         fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.DRAW),)
         frame, said = int(bank.strings["factor"][s]), "{label} is {value}, which are no whole frames"

@@ -73,7 +73,19 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
         for turn in turns
     ]
     direction = np.array([place.direction(components) for place in places]).reshape(len(places), components)
-    return Soundboard(frame, omega, sigma, mass, steps, shape, radiation, direction)
+    direction, basis = spanned(direction)
+    return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, direction)
+
+
+def spanned(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of motions of a bridge in D components no more than its strings can tell apart: their directions (lines, D) in fewer
+    components, and the orthonormal basis (D, fewer) of these."""
+    basis = np.eye(direction.shape[1])[:, np.any(direction != 0.0, axis=0)]
+    moved = direction @ basis
+    rank = np.linalg.matrix_rank(moved)
+    if rank < basis.shape[1]:
+        basis = basis @ np.linalg.svd(moved, full_matrices=False)[2][:rank].T
+    return np.ascontiguousarray(direction @ basis), basis
 
 
 def _whole(mode: MovingMode, components: int) -> BodyMode:

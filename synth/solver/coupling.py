@@ -42,14 +42,18 @@ MOST_STEPS = BLOCK
 KEPT_BY_THE_REST = 0.9
 
 #: places in End.numbers: T/L [N/m]; L; ξ under the finger; of any contact, what a unit kick can move the string by there,
-#: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`)
-TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT = range(6)
-N_NUMBERS = 6
-#: places in End.counts: whether its contacts and finger are looked at; contacts that are; whether End.kept is of this block;
-#: modes that move while it is not looked at, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
-#: and counts among the modes left out
-ENGAGED, NEAR, KEPT, APART_MODES = range(4)
-N_COUNTS = 4
+#: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`), of it by
+#: kicks since End.bound, and in the last block; what it may lessen them by in this one
+TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK = range(9)
+N_NUMBERS = 9
+#: places in End.counts: whether its contacts and finger count; contacts that are looked at; whether End.kept is of this
+#: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
+#: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
+#: End.bound holds; what it is in this block
+ENGAGED, NEAR, KEPT, APART_MODES, CERTIFIED, QUIET, KIND = range(7)
+N_COUNTS = 7
+#: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
+FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
 
@@ -66,13 +70,17 @@ class End(NamedTuple):
     clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
     share: Annotated[np.ndarray, f8("2")]  # Σ c² of the modes that move
     own: Annotated[np.ndarray, f8("2, RESPONSE")]  # pull after a unit kick, by frames
-    kicked: Annotated[np.ndarray, f8("contacts, RESPONSE")]  # contacts after a unit kick, by steps, as all that follow
-    pulled: Annotated[np.ndarray, f8("1, contacts, RESPONSE")]  # pull after a unit force at a contact
-    finger_kicked: Annotated[np.ndarray, f8("1, RESPONSE")]
-    finger_pulled: Annotated[np.ndarray, f8("1, RESPONSE")]
+    moved: Annotated[np.ndarray, f8("contacts, RESPONSE")]  # gaps after a unit kick, by steps, the end's way among it
+    reach: Annotated[np.ndarray, f8("contacts, BLOCK")]  # mean force on the bridge of one in each step of a frame
+    drawn: Annotated[np.ndarray, f8("contacts, BLOCK")]  # pull after that: by step and frame, `_fill_reach`
+    finger_moved: Annotated[np.ndarray, f8("1, RESPONSE")]
+    finger_reach: Annotated[np.ndarray, f8("1, BLOCK")]
+    finger_drawn: Annotated[np.ndarray, f8("1, BLOCK")]
+    bound: Annotated[np.ndarray, f8("contacts")]  # what free flight can move the string by there within a block [m]
     path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
-    row: Annotated[np.ndarray, f8("BLOCK")]  # free pull
-    u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # of the contacts looked at, then of the finger; without ξ b
+    pulled: Annotated[np.ndarray, f8("1, contacts + 1, RESPONSE")]  # pull after a force, by steps
+    row: Annotated[np.ndarray, f8("BLOCK")]  # pull at the ends of the frames that lie ahead
+    u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts looked at, then height under the finger
     forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
     slopes: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what the forces change by with the speed of the end
     kicks: Annotated[np.ndarray, f8("BLOCK")]
@@ -116,12 +124,12 @@ class Coupling(NamedTuple):
     inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
     answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
     # room for a block
-    pull: Annotated[np.ndarray, f8("2, components, BLOCK")]  # of the lines that are not looked at, and of those that are
+    pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
-    small: Annotated[np.ndarray, f8("7, components")]
+    small: Annotated[np.ndarray, f8("8, components")]
     jacobian: Annotated[np.ndarray, f8("components, components")]
     newton: Annotated[np.ndarray, f8("components, components")]
-    body_free: Annotated[np.ndarray, f8("2, body")]
+    body_free: Annotated[np.ndarray, f8("3, body")]
     kept_body: Annotated[np.ndarray, f8("2, body")]
     kept: Annotated[np.ndarray, f8("4, components")]
     big: Annotated[np.ndarray, f8("rows*rows")]  # the problem of all contacts and fingers, where forces are held
@@ -141,9 +149,9 @@ coupling_at, end_at = opener(Coupling), opener(End)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def fill_end(model: int, end: int, scratch_q, scratch_v, spare) -> None:
-    """The responses of a line to its end from its model's rows and End.kick, pull, flight, and its shares. Work space (≥n,)
-    and (2, K)."""
+def fill_end(model: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
+    """The responses of a line that takes so many steps a frame to its end, from its model's rows and End.kick, pull, flight,
+    leverage, and its shares. Work space (≥n,) and (2, K)."""
     m, e = string_model(model), end_at(end)
     rows, n, kick, all_modes = m.rows, m.rows.shape[1], e.kick, e.flight.shape[1]
     zero, one = int(np.int64(0)), int(np.int64(1))
@@ -162,13 +170,29 @@ def fill_end(model: int, end: int, scratch_q, scratch_v, spare) -> None:
         for j in range(n):
             q[j] = rows[P12, j] * kick[j]
             v[j] = rows[P22, j] * kick[j]
-        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.kicked)
+        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.moved)
         none = m.matrix.reshape(-1)[:0].reshape(0, 0)
         fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
+        for c in range(contacts):
+            _fill_reach(steps, m.dt, e.leverage[c], e.pulled[0, c], e.moved[c], e.reach[c], e.drawn[c])
+
+
+@njit(**INNER)
+def _fill_reach(steps: int, dt: float, leverage: float, pulled, moved, reach, drawn) -> None:
+    """From pulled, the pull after a force by steps: its mean over a frame, reach, and what is left at the ends of this and
+    later frames, drawn: number t·K/r + i after a force in step t of the i-th frame before. moved: with the end's own way."""
+    frames = BLOCK // steps
+    for k in range(BLOCK):
+        moved[BLOCK + k] += leverage * dt * (k + 1)
+        reach[k] = 0.0
+    for t in range(steps):
+        reach[t] = leverage / steps - pulled[BLOCK + steps - 1 - t] / (steps * dt)
+        for i in range(frames):
+            drawn[t * frames + i] = pulled[BLOCK + (i + 1) * steps - 1 - t]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def fill_finger_end(model: int, state: int, end: int, scratch_q, scratch_v, spare) -> None:
+def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
     """The same of the finger whose weights the state has; `fingers.fill_grip` fills its other responses."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     rows, n = m.rows, m.rows.shape[1]
@@ -177,11 +201,15 @@ def fill_finger_end(model: int, state: int, end: int, scratch_q, scratch_v, spar
     for j in range(n):
         q[j] = rows[P12, j] * e.kick[j]
         v[j] = rows[P22, j] * e.kick[j]
-    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_kicked)
+    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_moved)
     for j in range(n):
         q[j] = rows[4, j] * finger[0, j]
         v[j] = rows[5, j] * finger[0, j]
-    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, e.finger_pulled)
+    contacts = m.shapes.shape[0]
+    pulled = e.pulled[0, contacts:]
+    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
+    lever = e.numbers[FINGER_LEVERAGE]
+    _fill_reach(steps, m.dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
 
 
 @njit(**INNER)

@@ -1,7 +1,8 @@
 """Coupled strings through time, a frame of the bridge after the other: see `coupling`.
 
-In a block of K frames the lines that touch nothing pass over their modes once, as in free flight; those whose contacts or
-finger are looked at take r passes of K steps, r a line's own. A pass gives what the modes would do if the bridge kept its
+In a block of K frames the lines that touch nothing pass over their modes once, as in free flight, and so do those that are
+certain to stay clear of their contacts for the block; those whose contacts or finger are looked at take r passes of K
+steps, r a line's own. A pass gives what the modes would do if the bridge kept its
 speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is decided on D numbers:
 
     Δβ = (I + ΓA/H)⁻¹ (β_free − β + Γ (F₀ + J(V))),
@@ -17,13 +18,20 @@ import numpy as np
 from numba import njit
 
 from synth.solver.coupling import (
+    APART,
     APART_MODES,
+    CERTIFIED,
+    CLEAR,
     ENGAGED,
+    FAR,
     FRAMES,
     HELD_FRAMES,
     ITERATIONS,
     KEPT,
     KEPT_BY_THE_REST,
+    KIND,
+    SEVERAL,
+    SINGLE,
     TOUCHED,
     coupling_at,
     end_at,
@@ -32,18 +40,26 @@ from synth.solver.coupling import (
     look_at,
 )
 from synth.solver.held_forces import hold_forces
-from synth.solver.lanes import BLOCK, kick, kick_v, padded, project_v
-from synth.solver.line_certificates import look_everywhere, spend
-from synth.solver.line_forces import MIX, answer_of_line, drive_line, look_at_line, settle_line, step_line
+from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
+from synth.solver.line_certificates import is_clear, look_everywhere, spend
+from synth.solver.line_forces import (
+    MIX,
+    answer_of_line,
+    coast_line,
+    drive_line,
+    look_at_line,
+    settle_line,
+    step_line,
+)
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
-from synth.solver.vectors import FAST, INNER, add, put
+from synth.solver.vectors import FAST, INNER, add, dot, put
 
 #: iterations after which the forces are held, and how near to a root they end, of the terms of the equation
 MOST_ITERATIONS = 24
 CLOSE = 4e-15
 #: rows of Coupling.small
-FREE, FORCE, V, FROM_CONTACTS, MISSING, V_FREE, TOTAL = range(7)
+FREE, FORCE, V, FROM_CONTACTS, MISSING, V_FREE, PULL, TURN = range(8)
 
 
 @njit(cache=True, nogil=True)
@@ -71,21 +87,31 @@ def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
 def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
     """`_block`, again where a line that was not looked at might have touched something."""
     c = coupling_at(coupling)
-    _keep(coupling)
-    status = _block(coupling, scratch, frames, at, out)
+    uncertain = False
+    for line in range(c.line_end.size):
+        e = end_at(c.line_end[line])
+        e.counts[KIND] = FAR
+        if e.counts[ENGAGED]:
+            clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
+            e.counts[KIND] = CLEAR if clear else SEVERAL
+        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0
+    if uncertain:
+        _keep(coupling)
+    status = int(np.int64(0))
     again = True
     while again:
+        status = _block(coupling, scratch, frames, at, out)
         again = False
         for line in range(c.line_end.size):
             if string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
-                look_at(coupling, line, int(np.int64(1)))
+                if end_at(c.line_end[line]).counts[ENGAGED] == 0:
+                    look_at(coupling, line, int(np.int64(1)))
                 look_everywhere(c.line_end[line])
                 again = True
         if again:
             _take_back(coupling)
             gather_lines(coupling)
             _sum_apart(coupling)
-            status = _block(coupling, scratch, frames, at, out)
     return status
 
 
@@ -102,7 +128,6 @@ def _keep(coupling: int) -> None:
     for line in range(c.line_end.size):
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
         e.counts[KEPT] = e.counts[ENGAGED]
-        e.pushed[:] = 0.0
         if e.counts[KEPT]:
             n = string_model(c.line_model[line]).modes
             put(e.kept[0], s.q[:n])
@@ -125,7 +150,6 @@ def _take_back(coupling: int) -> None:
     put(c.momentum, c.kept[3])
     for line in range(c.line_end.size):
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-        e.pushed[:] = 0.0
         if e.counts[KEPT]:
             n = string_model(c.line_model[line]).modes
             put(s.q, e.kept[0, :n])
@@ -167,15 +191,14 @@ def _look_apart(coupling: int, kicked: bool) -> None:
 def _sum_apart(coupling: int) -> None:
     """Coupling.pull of the lines that are not looked at, from the rows of each."""
     c = coupling_at(coupling)
-    pull = c.pull[0]
     for i in range(c.beta.size):
         for k in range(BLOCK):
-            pull[i, k] = 0.0
+            c.pull[i, k] = 0.0
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         if not e.counts[ENGAGED]:
             for i in range(c.beta.size):
-                add(c.direction[line, i], e.row, pull[i])
+                add(c.direction[line, i], e.row, c.pull[i])
 
 
 @njit(**INNER)
@@ -203,32 +226,64 @@ def _step_apart(coupling: int) -> None:
             fly(e.flight, q, v)
 
 
+@njit(inline="always")
+def _within(c, e, line: int, number: int) -> tuple[int, int]:
+    """(frames that a line goes before it is driven, which of them this frame of the block is)."""
+    frames = BLOCK if e.counts[KIND] == CLEAR else BLOCK // c.steps[line]
+    return frames, number & (frames - 1)
+
+
 @njit(**INNER)
 def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
     """K frames, or one, from number `at` of the call on. A line that is looked at takes K steps of its own at a time."""
     c = coupling_at(coupling)
     status = int(np.int64(0))
-    for i in range(c.beta.size):
-        for k in range(BLOCK):
-            c.pull[1, i, k] = 0.0
+    for line in range(c.line_end.size):
+        pushed = end_at(c.line_end[line]).pushed
+        pushed[0] = pushed[1] = 0.0
     for number in range(frames):
         for line in range(c.line_end.size):
             end = c.line_end[line]
-            e, steps = end_at(end), c.steps[line]
-            if e.counts[ENGAGED] and number % (BLOCK // steps) == 0:
-                look_at_line(c.line_model[line], c.line_state[line], end)
-                for i in range(c.beta.size):
-                    for k in range(min(BLOCK // steps, BLOCK - number)):
-                        c.pull[1, i, number + k] += c.direction[line, i] * e.row[(k + 1) * steps - 1]
+            e = end_at(end)
+            if e.counts[KIND] != FAR and _within(c, e, line, number)[1] == 0:
+                if e.counts[KIND] == CLEAR:
+                    coast_line(c.line_model[line], c.line_state[line], end)
+                else:
+                    speed, height = _of_line(c, line, c.speed), _of_line(c, line, c.beta)
+                    look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
         for line in range(c.line_end.size):
-            end, steps = c.line_end[line], c.steps[line]
-            if end_at(end).counts[ENGAGED]:
+            end = c.line_end[line]
+            e = end_at(end)
+            if e.counts[KIND] != FAR:
+                every, within = _within(c, e, line, number)
                 if frames == 1:
-                    step_line(c.line_model[line], c.line_state[line], end, steps)
-                elif (number + 1) % (BLOCK // steps) == 0:
+                    step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
+                elif within == every - 1:
                     drive_line(c.line_model[line], c.line_state[line], end)
     return status
+
+
+@njit(inline="always")
+def _of_line(c, line: int, of_bridge) -> float:
+    """What a motion of the bridge is at a line's end."""
+    total = 0.0
+    for i in range(c.beta.size):
+        total += c.direction[line, i] * of_bridge[i]
+    return total
+
+
+@njit(inline="always")
+def _pulls(c, number: int, out) -> None:
+    """out (D,): pull of all lines at the end of a frame, as far as its kicks and forces are known."""
+    for i in range(c.beta.size):
+        out[i] = c.pull[i, number]
+    for line in range(c.line_end.size):
+        e = end_at(c.line_end[line])
+        if e.counts[KIND] != FAR:
+            pull = e.row[_within(c, e, line, number)[1]]
+            for i in range(c.beta.size):
+                out[i] += c.direction[line, i] * pull
 
 
 @njit(fastmath=FAST, **INNER)
@@ -236,15 +291,14 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
     """Frame `number` of the block, out[:, begin + number]."""
     c = coupling_at(coupling)
     d, frame, modes = c.beta.size, c.frame, c.p.size
-    small, free = c.small, c.body_free
-    body, shape = c.body, c.shape
+    small, free, body, force = c.small, c.body_free, c.body, c.body_free[2]
     for j in range(modes):
-        p, p_speed = c.p[j], c.p_speed[j]
-        free[0, j] = body[0, j] * p + body[1, j] * p_speed
-        free[1, j] = body[2, j] * p + body[3, j] * p_speed
+        free[0, j] = body[0, j] * c.p[j] + body[1, j] * c.p_speed[j]
+        free[1, j] = body[2, j] * c.p[j] + body[3, j] * c.p_speed[j]
     per_frame = 1.0 / frame
+    _pulls(c, number, small[PULL])
     for i in range(d):
-        total = c.momentum[i] - c.pull[0, i, number] - c.pull[1, i, number]
+        total = c.momentum[i] - small[PULL, i]
         for k in range(d):
             total += (c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]) * c.speed[k]
             total += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k] * c.rest[k]
@@ -252,41 +306,30 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
         for k in range(d):
             total -= c.tension[i, k] * c.beta[k]
         small[FORCE, i] = total - c.held[i]
-        total = 0.0
-        for j in range(modes):
-            total += shape[i, j] * free[0, j]
-        small[FREE, i] = total - c.beta[i]
+        small[FREE, i] = dot(c.shape[i], free[0]) - c.beta[i]
     for i in range(d):
         total = 0.0
         for k in range(d):
             total += c.inverse[i, k] * small[FREE, k] + c.answer[i, k] * small[FORCE, k]
         small[V_FREE, i] = total * per_frame
     status = _bridge_speed(coupling, scratch, number, begin)
+    for j in range(modes):
+        force[j] = 0.0
     for i in range(d):
         total = small[FORCE, i] + small[FROM_CONTACTS, i]
         for k in range(d):
             total -= c.drag[i, k] * small[V, k]
-        small[TOTAL, i] = total
+        add(total, c.shape[i], force)
     for j in range(modes):
-        force = 0.0
-        for i in range(d):
-            force += shape[i, j] * small[TOTAL, i]
-        p_speed = free[1, j] + body[5, j] * force
-        free[0, j] += body[4, j] * force
+        p_speed = free[1, j] + body[5, j] * force[j]
+        c.p[j] = free[0, j] + body[4, j] * force[j]
         free[1, j] = (p_speed - c.p_speed[j]) * per_frame
-        c.p[j] = free[0, j]
         c.p_speed[j] = p_speed
     for channel in range(out.shape[0]):
-        total = 0.0
-        for j in range(modes):
-            total += c.radiation[channel, j] * free[1, j]
-        out[channel, begin + number] = total
+        out[channel, begin + number] = dot(c.radiation[channel], free[1])
     _settle(coupling, number)
     for i in range(d):
-        total = 0.0
-        for j in range(modes):
-            total += shape[i, j] * c.p[j]
-        c.beta[i] = total
+        c.beta[i] = dot(c.shape[i], c.p)
     return status
 
 
@@ -296,42 +339,27 @@ def _settle(coupling: int, number: int) -> None:
     c = coupling_at(coupling)
     d, small = c.beta.size, c.small
     for i in range(d):
-        c.kicks[i, number] = small[V, i] - c.speed[i]
+        turn = small[V, i] - c.speed[i]
+        c.kicks[i, number] = turn
+        small[TURN, i] = turn
         c.rest[i] = (1.0 + KEPT_BY_THE_REST) * small[V, i] - KEPT_BY_THE_REST * c.rest[i]
     for i in range(d):
         for k in range(d):
-            turn = c.kicks[k, number]
-            for t in range(number, BLOCK):
-                c.pull[0, i, t] += c.own[0, i, k, BLOCK + t - number] * turn
+            add_late(c.pull[i], c.own[APART, i, k], number, small[TURN, k])
     for line in range(c.line_end.size):
-        end, steps = c.line_end[line], c.steps[line]
+        end = c.line_end[line]
         e = end_at(end)
-        if e.counts[ENGAGED]:
-            turn, speed, height = _of_line(c, line, small[V])
-            within = number % (BLOCK // steps)
-            settle_line(c.line_model[line], c.line_state[line], end, within * steps, steps, turn, speed, height, e.row)
-            for i in range(d):
-                for t in range(within, min(BLOCK // steps, BLOCK - number + within)):
-                    c.pull[1, i, number + t - within] += c.direction[line, i] * e.row[t]
+        if e.counts[KIND] != FAR:
+            within = _within(c, e, line, number)[1]
+            turn = _of_line(c, line, small[TURN])
+            settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], turn)
+    _pulls(c, number, c.momentum)
     for i in range(d):
-        total = c.pull[0, i, number] + c.pull[1, i, number]
         for k in range(d):
-            total += c.share[i, k] * small[V, k]
-        c.momentum[i] = total
+            c.momentum[i] += c.share[i, k] * small[V, k]
     for i in range(d):
         c.speed[i] = small[V, i]
     c.counts[FRAMES] += 1
-
-
-@njit(inline="always")
-def _of_line(c, line: int, v):
-    """(kick, speed, height) of a line's end when the bridge goes on at v."""
-    turn, speed, height = 0.0, 0.0, 0.0
-    for i in range(c.beta.size):
-        turn += c.direction[line, i] * (v[i] - c.speed[i])
-        speed += c.direction[line, i] * v[i]
-        height += c.direction[line, i] * c.beta[i]
-    return turn, speed, height
 
 
 @njit(**INNER)
@@ -343,7 +371,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
     """
     c = coupling_at(coupling)
     d, small = c.beta.size, c.small
-    v, contact, missing = small[V], small[FROM_CONTACTS], small[MISSING]
+    v, contact, missing, turns = small[V], small[FROM_CONTACTS], small[MISSING], small[TURN]
     for i in range(d):
         v[i] = small[V_FREE, i]
     before = 0
@@ -352,16 +380,18 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
         acts = False
         pattern = 0
         for i in range(d):
+            turns[i] = v[i] - c.speed[i]
             contact[i] = 0.0
             for k in range(d):
                 c.jacobian[i, k] = 0.0
         for line in range(c.line_end.size):
-            if end_at(c.line_end[line]).counts[ENGAGED]:
-                turn, speed, height = _of_line(c, line, v)
-                steps = c.steps[line]
-                first, at = number % (BLOCK // steps) * steps, (begin + number) * steps
+            end = c.line_end[line]
+            e = end_at(end)
+            if e.counts[KIND] >= SINGLE:
+                turn, steps = _of_line(c, line, turns), c.steps[line]
+                first, at = _within(c, e, line, number)[1] * steps, (begin + number) * steps
                 force, slope, mine, bad = answer_of_line(
-                    c.line_model[line], c.line_state[line], c.line_end[line], scratch, first, at, steps, turn, speed, height
+                    c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
                 )
                 status = max(status, bad)
                 pattern = pattern * MIX + mine
@@ -393,6 +423,9 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                 for r in range(d):
                     total -= c.answer[i, r] * c.jacobian[r, k] / c.frame
                 c.newton[i, k] = total
+        if d == 1:
+            v[0] -= missing[0] / c.newton[0, 0]
+            continue
         invert(c.newton, c.jacobian)
         for i in range(d):
             for k in range(d):

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.coupling import ENGAGED, FINGER_LEVERAGE, NEAR, coupling_at, end_at
+from synth.solver.coupling import KIND, NEAR, SINGLE, coupling_at, end_at
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import pivot
@@ -38,35 +38,32 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
     d = c.beta.size
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        if not e.counts[ENGAGED]:
+        if e.counts[KIND] < SINGLE:
             continue
         steps = c.steps[line]
         first, at = number % (BLOCK // steps) * steps, (begin + number) * steps
         if fingers and s.finger[0].on == 0:
             continue
-        turn, speed, height = 0.0, 0.0, 0.0
+        turn = 0.0
         for i in range(d):
             turn += c.direction[line, i] * (v0[i] - c.speed[i])
-            speed += c.direction[line, i] * v0[i]
-            height += c.direction[line, i] * c.beta[i]
         contacts = m.shapes.shape[0]
         for i in range(1 if fingers else e.counts[NEAR]):
             row = e.u[contacts] if fingers else e.u[i]
-            kicked = e.finger_kicked[0] if fingers else e.kicked[e.near[i]]
-            pulled = e.finger_pulled[0] if fingers else e.pulled[0, e.near[i]]
-            lever = e.numbers[FINGER_LEVERAGE] if fingers else e.leverage[e.near[i]]
-            gap = row[first + steps - 1] + kicked[BLOCK + steps - 1] * turn + lever * (height + speed * frame)
+            moved = e.finger_moved[0] if fingers else e.moved[e.near[i]]
+            reach = e.finger_reach[0] if fingers else e.reach[e.near[i]]
+            gap = row[first + steps - 1] + moved[BLOCK + steps - 1] * turn
             if fingers:
                 finger = s.finger[0]
                 blend, _ = finger_blend(EXACT_HOLD, frame, finger.stiffness, finger.resistance)
                 before, after = e.path[at], e.path[at + steps]
                 target = finger_target(EXACT_HOLD, frame, finger.stiffness, finger.resistance, before, after, finger.here)
                 gap -= target / blend
-            else:
-                gap -= s.eta[e.near[i]]
             c.big_index[0, count] = line
             c.big_index[1, count] = i
-            c.big_rows[0, count] = lever - _sum_of(pulled, steps) / frame
+            c.big_rows[0, count] = 0.0
+            for t in range(steps):
+                c.big_rows[0, count] += reach[t]
             c.big_rows[1, count] = gap
             count += 1
     return count

@@ -2,21 +2,41 @@
 
 No free motion brings a contact deeper than Σ |φ_j| E_j (`certificates`). What the bridge does adds to that: a kick of the
 end by a moves it by at most a Σ |φ_j c_j|/ω_j at any later time, and the end itself by ξ b. A line is certified with what is
-left to the nearest contact, and this is spent frame by frame. A block in which it is used up is gone through once more, with
-the line's contacts looked at.
+left to the nearest contact, and this is spent frame by frame. A line that can touch something, but not within the next
+block, goes through it like one that cannot. A block in which what was left is used up is gone through once more, with the
+line's contacts looked at.
 """
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from synth.solver.certificates import MARGIN, extents
-from synth.solver.coupling import ENGAGED, KICK_REACH, LARGEST_LEVERAGE, SPENT, coupling_at, end_at
-from synth.solver.stringmodel import string_model, string_state
-from synth.solver.vectors import FAST
+from synth.solver.coupling import (
+    CERTIFIED,
+    CLEAR,
+    KICK_REACH,
+    KIND,
+    LARGEST_LEVERAGE,
+    LATELY,
+    QUIET,
+    RISEN,
+    SEVERAL,
+    SINGLE,
+    SLACK,
+    SPENT,
+    coupling_at,
+    end_at,
+)
+from synth.solver.lanes import BLOCK
+from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
+from synth.solver.vectors import FAST, INNER, dot
 
 #: a contact is certified if it is clear by so many times what has been spent since the line was last asked
 _RESERVE = 2.0
+#: blocks without a force after which it is asked again what is clear: asking costs about what looking for one block does
+_QUIET_BLOCKS = 4
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -35,27 +55,58 @@ def fill_reach(model: int, end: int) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def certify_line(coupling: int, line: int, spare) -> int:
+def certify_line(coupling: int, line: int, scratch: int) -> int:
     """How many contacts free flight of a line, its end standing where it is, may touch: those whose clearance is not
-    positive after this. spare (≥n,) is work space."""
-    c = coupling_at(coupling)
+    positive after this. End.bound holds from here on."""
+    c, w = coupling_at(coupling), scratch_of(scratch)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, n = 0.0, m.modes
+    height, n = 0.0, s.counts[MOVING]
     for i in range(c.beta.size):
         height += c.direction[line, i] * c.beta[i]
-    extent = spare[:n]
+    extent, moved = w.moved[0, :n], w.moved[1, :n]
+    time = BLOCK * c.frame
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
+    for j in range(n):
+        moved[j] = extent[j] * min(2.0, m.omega[j] * time)
     near = 0
     for k in range(m.shapes.shape[0]):
-        total = 0.0
+        ever, soon = 0.0, 0.0
         for j in range(n):
-            total += abs(m.shapes[k, j]) * extent[j]
-        e.clearance[k] = e.leverage[k] * height - s.eta[k] - MARGIN * total
+            size = abs(m.shapes[k, j])
+            ever += size * extent[j]
+            soon += size * moved[j]
+        e.bound[k] = MARGIN * soon
+        e.clearance[k] = e.leverage[k] * height - s.eta[k] - MARGIN * ever
         if e.clearance[k] <= _RESERVE * e.numbers[SPENT]:  # would not last
             e.clearance[k] = 0.0
             near += 1
     e.numbers[SPENT] = 0.0
+    e.numbers[RISEN] = 0.0
+    e.counts[QUIET] = -1
+    e.counts[CERTIFIED] = m.shapes.shape[0] - near
     return near
+
+
+@njit(**INNER)
+def is_clear(coupling: int, line: int, scratch: int) -> bool:
+    """Whether all contacts of a line that are not certified are out of reach for a block: within K frames free flight
+    moves a contact by no more than Σ |φ_j| E_j min(2, ω_j K H), and End.numbers[SLACK] is what is left to the nearest."""
+    c = coupling_at(coupling)
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    contacts = m.shapes.shape[0]
+    if e.counts[QUIET] >= 0:
+        if e.counts[QUIET] < _QUIET_BLOCKS:
+            return False
+        certify_line(coupling, line, scratch)
+    n, height, slack = m.modes, 0.0, np.inf
+    for i in range(c.beta.size):
+        height += c.direction[line, i] * c.beta[i]
+    for k in range(contacts):
+        if e.clearance[k] <= 0.0:
+            here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
+            slack = min(slack, here - e.bound[k])
+    e.numbers[SLACK] = slack - 2.0 * e.numbers[RISEN]
+    return e.numbers[SLACK] > _RESERVE * e.numbers[LATELY]
 
 
 @njit(cache=True, nogil=True)
@@ -65,9 +116,17 @@ def spend(coupling: int, line: int, frames: int) -> bool:
     c = coupling_at(coupling)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     contacts = m.shapes.shape[0]
+    looked = e.counts[KIND] >= SINGLE
+    pushed, pressed = looked and e.pushed[0] > 0.0, looked and e.pushed[1] > 0.0
+    if pushed or pressed:
+        e.counts[QUIET] = 0
+    elif e.counts[QUIET] >= 0:
+        e.counts[QUIET] += 1
     speed, kicked, moved = 0.0, 0.0, 0.0
     for i in range(c.beta.size):
-        speed += c.direction[line, i] * c.kept[0, i]
+        speed += c.direction[line, i] * c.speed[i]
+        for k in range(frames):
+            speed -= c.direction[line, i] * c.kicks[i, k]
     for k in range(frames):
         turn = 0.0
         for i in range(c.beta.size):
@@ -75,19 +134,27 @@ def spend(coupling: int, line: int, frames: int) -> bool:
         speed += turn
         kicked += abs(turn)
         moved += abs(speed)
-    spent = e.numbers[KICK_REACH] * kicked + e.numbers[LARGEST_LEVERAGE] * c.frame * moved
+    risen = e.numbers[KICK_REACH] * kicked
+    spent = risen + e.numbers[LARGEST_LEVERAGE] * c.frame * moved
     e.numbers[SPENT] += spent
-    pushed = e.pushed[0] if e.counts[ENGAGED] else 0.0
-    enough = True
-    for k in range(contacts):
-        if e.clearance[k] > 0.0:
-            e.clearance[k] -= spent + (s.grip_far[k] * pushed if pushed > 0.0 else 0.0)
-            enough = enough and e.clearance[k] > 0.0 and not (e.counts[ENGAGED] and e.pushed[1] > 0.0)
+    e.numbers[RISEN] += risen
+    e.numbers[LATELY] = spent
+    enough = e.counts[KIND] != CLEAR or spent < e.numbers[SLACK]
+    if e.counts[CERTIFIED] > 0:
+        enough = enough and not pressed
+        for k in range(contacts):
+            if e.clearance[k] > 0.0:
+                e.clearance[k] -= spent + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
+                enough = enough and e.clearance[k] > 0.0
     return enough
 
 
 @njit(cache=True, nogil=True)
 def look_everywhere(end: int) -> None:
-    """No contact of a line is certified any more."""
+    """No contact of a line is certified any more, nor clear for a while."""
     e = end_at(end)
-    e.clearance[:] = 0.0
+    for k in range(e.clearance.size):
+        e.clearance[k] = 0.0
+    e.counts[CERTIFIED] = 0
+    e.counts[QUIET] = 0
+    e.counts[KIND] = SEVERAL

@@ -2,7 +2,7 @@
 change with that speed. See `coupling` and `frames`.
 
 As in `blocks` and `fingers` every row (a contact looked at, the finger) is what free flight makes of it plus sums over the
-forces; here it also has the kick at the start of the frame, and ξ times the motion of the end.
+forces; here it also has the kicks at the start of each frame, and ξ times the motion of the end.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.blocks import look
-from synth.solver.coupling import FINGER_LEVERAGE, LOOKED_AT, NEAR, end_at
+from synth.solver.coupling import CLEAR, FINGER_LEVERAGE, KIND, LOOKED_AT, NEAR, SEVERAL, SINGLE, end_at
 from synth.solver.lanes import (
     BLOCK,
     add_late,
@@ -19,6 +19,7 @@ from synth.solver.lanes import (
     drive_listed_and_one_kicked,
     drive_listed_kicked,
     kick,
+    padded,
     project_q,
     project_qv,
     project_v,
@@ -34,8 +35,11 @@ MIX = 1000003
 
 
 @njit(**INNER)
-def look_at_line(model: int, state: int, end: int) -> None:
-    """The free rows of a line's contacts, finger and pull over K steps from its state, and the matrix of its contacts."""
+def look_at_line(model: int, state: int, end: int, steps: int, speed: float, height: float) -> None:
+    """The free rows of a line's contacts, finger and pull over K steps from its state, and the matrix of its contacts.
+
+    speed, height: of the end [m/s, m], as if it went on so.
+    """
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
     several = int(np.int64(0))
@@ -43,15 +47,28 @@ def look_at_line(model: int, state: int, end: int) -> None:
         if e.clearance[c] <= 0.0:
             e.near[several] = c
             several += 1
+        else:
+            s.force[c] = 0.0
     e.counts[NEAR] = several
     finger = s.finger[0]
+    e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 else SEVERAL
     look(n, m.rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
     if finger.on:
         project_q(n, m.rows, s.q, s.v, s.finger_weights[:n], e.u[contacts])
+        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, m.dt, speed, height, e.u[contacts], e.forces[contacts])
     if several % 2 == 1:
         project_qv(n, m.rows, s.q, s.v, m.shapes[e.near[several - 1]], e.pull, e.u[several - 1], e.row)
     else:
         project_v(n, m.rows, s.q, s.v, e.pull, e.row)
+    for i in range(several):
+        c = e.near[i]
+        _add_way(e.leverage[c], s.eta[c], m.dt, speed, height, e.u[i], e.forces[i])
+    for frame in range(BLOCK // steps):
+        e.row[frame] = e.row[(frame + 1) * steps - 1]
+    for k in range(BLOCK):
+        e.kicks[k] = 0.0
+    if e.counts[KIND] == SINGLE:
+        return
     matrix = e.matrix[: several * several].reshape(several, several)
     for i in range(several):
         for d in range(several):
@@ -62,82 +79,87 @@ def look_at_line(model: int, state: int, end: int) -> None:
         for i in range(several):
             for d in range(several):
                 matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+
+
+@njit(inline="always")
+def _add_way(leverage: float, eta: float, dt: float, speed: float, height: float, row, forces) -> None:
+    """To a row of displacements what its end does, less the height of what is there; no forces yet."""
     for k in range(BLOCK):
-        e.kicks[k] = 0.0
-        for i in range(contacts + 1):
-            e.forces[i, k] = 0.0
+        row[k] += leverage * (height + speed * (dt * (k + 1))) - eta
+        forces[k] = 0.0
 
 
 @njit(**INNER)
+def coast_line(model: int, state: int, end: int) -> None:
+    """The free pull of a line that is clear of all contacts over K frames."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    project_v(padded(m.modes), e.flight, s.q, s.v, e.pull, e.row)
+    for k in range(BLOCK):
+        e.kicks[k] = 0.0
+    for c in range(s.force.size):
+        s.force[c] = 0.0
+
+
+@njit(inline="always")
 def answer_of_line(
-    model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float, speed: float, height: float
+    model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float
 ) -> tuple[float, float, int, int]:
     """Forces of a frame's `steps` steps, number `first` of the block on: (mean force on the bridge, its slope, a number that
     says which contacts press in which steps, status).
 
-    turn, speed: what the end's speed changes by at the start, and becomes [m/s]; height: where it is at the start [m]; at:
-    number of the frame's first step along End.path. The slope is that of the force by the speed, with the contacts that
-    press as they are.
+    turn: what the end's speed changes by at the start [m/s]; at: number of the frame's first step along End.path. The slope
+    is that of the force by the speed, with the contacts that press as they are.
     """
-    m, s, e = string_model(model), string_state(state), end_at(end)
-    several, fingered = e.counts[NEAR], s.finger[0].on != 0
-    if several == 1 and not fingered:
-        force, slope, pattern = _one_contact(m, s, e, first, steps, turn, speed, height)
+    e = end_at(end)
+    if e.counts[KIND] == SINGLE:
+        force, slope, pattern = _one_contact(model, e, first, steps, turn)
         return force, slope, pattern, SOLVED
-    if several == 0 and not fingered:
-        return 0.0, 0.0, 0, SOLVED
-    return _contacts_and_finger(m, s, e, scratch, first, at, steps, turn, speed, height)
+    return _contacts_and_finger(model, state, end, scratch, first, at, steps, turn)
 
 
 @njit(inline="always")
-def _one_contact(m, s, e, first: int, steps: int, turn: float, speed: float, height: float):
+def _one_contact(model: int, e, first: int, steps: int, turn: float):
     c = e.near[0]
-    lags, kicked, pulled = m.lags[c, c], e.kicked[c], e.pulled[0, c]
-    lever, dt = e.leverage[c], m.dt
-    stiffness, share, per_frame = 1.0 / lags[BLOCK], 1.0 / steps, 1.0 / (steps * dt)
+    lags, moved, reach = string_model(model).lags[c, c], e.moved[c], e.reach[c]
+    stiffness = 1.0 / lags[BLOCK]
     u, forces, slopes = e.u[0], e.forces[0], e.slopes[0]
     force, slope, pattern = 0.0, 0.0, 0
     for t in range(steps):
-        way = dt * (t + 1)
-        gap = u[first + t] + kicked[BLOCK + t] * turn + lever * (height + speed * way) - s.eta[c]
-        moved = kicked[BLOCK + t] + lever * way
+        gap, change = u[first + t] + moved[BLOCK + t] * turn, moved[BLOCK + t]
         for i in range(t):
             gap += lags[BLOCK + t - i] * forces[first + i]
-            moved += lags[BLOCK + t - i] * slopes[first + i]
-        pressed, change = 0.0, 0.0
+            change += lags[BLOCK + t - i] * slopes[first + i]
+        pressed = 0.0
         if gap < 0.0:
-            pressed, change = -gap * stiffness, -moved * stiffness
+            pressed, change = -gap * stiffness, -change * stiffness
             pattern |= 1 << t
+            force += reach[t] * pressed
+            slope += reach[t] * change
+        else:
+            change = 0.0
         forces[first + t], slopes[first + t] = pressed, change
-        reach = lever * share - pulled[BLOCK + steps - 1 - t] * per_frame
-        force += reach * pressed
-        slope += reach * change
     return force, slope, pattern
 
 
-@njit(inline="always")
+@njit(**INNER)
 def _contacts_and_finger(
-    m, s, e, scratch: int, first: int, at: int, steps: int, turn: float, speed: float, height: float
-):  # fmt: skip
-    w = scratch_of(scratch)
+    model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float
+) -> tuple[float, float, int, int]:
+    m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
     several, contacts, dt = e.counts[NEAR], m.shapes.shape[0], m.dt
     near, lags, grip, grip_own = e.near, m.lags, s.grip_contacts, s.grip_own[0]
     gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
     forces, slopes = e.forces, e.slopes
     finger = s.finger[0]
     fingered = finger.on != 0
-    share, per_frame = 1.0 / steps, 1.0 / (steps * dt)
     for i in range(several + 1):
         if i == several and not fingered:
             break
         row = e.u[i] if i < several else e.u[contacts]
-        kicked = e.kicked[near[i]] if i < several else e.finger_kicked[0]
-        lever = e.leverage[near[i]] if i < several else e.numbers[FINGER_LEVERAGE]
-        eta = s.eta[near[i]] if i < several else 0.0
+        moved = e.moved[near[i]] if i < several else e.finger_moved[0]
         for t in range(steps):
-            way = dt * (t + 1)
-            gaps[i, t] = row[first + t] + kicked[BLOCK + t] * turn + lever * (height + speed * way) - eta
-            moves[i, t] = kicked[BLOCK + t] + lever * way
+            gaps[i, t] = row[first + t] + moved[BLOCK + t] * turn
+            moves[i, t] = moved[BLOCK + t]
         for t in range(steps, BLOCK):
             gaps[i, t] = moves[i, t] = 0.0
     matrix = e.matrix[: several * several].reshape(several, several)
@@ -181,9 +203,8 @@ def _contacts_and_finger(
             forces[contacts, first + t], slopes[contacts, first + t] = push, push_slope
             add_late(gaps[several], grip_own, t, push)
             add_late(moves[several], grip_own, t, push_slope)
-            reach = e.numbers[FINGER_LEVERAGE] * share - e.finger_pulled[0, BLOCK + steps - 1 - t] * per_frame
-            force += reach * push
-            slope += reach * push_slope
+            force += e.finger_reach[0, t] * push
+            slope += e.finger_reach[0, t] * push_slope
         for i in range(several):
             c = near[i]
             if fingered:
@@ -198,31 +219,31 @@ def _contacts_and_finger(
                 if fingered:
                     add_late(gaps[several], grip[c], t, pressed)
                     add_late(moves[several], grip[c], t, change)
-                reach = e.leverage[c] * share - e.pulled[0, c, BLOCK + steps - 1 - t] * per_frame
-                force += reach * pressed
-                slope += reach * change
+                force += e.reach[c, t] * pressed
+                slope += e.reach[c, t] * change
         if fingered:
             here, here_slope = gaps[several, t], moves[several, t]
     return force, slope, pattern, status
 
 
 @njit(**INNER)
-def settle_line(
-    model: int, state: int, end: int, first: int, steps: int, turn: float, speed: float, height: float, pull
-) -> None:
-    """A frame of a line is decided: its kick and forces act on the rows of later steps, and on its pull at the ends of
-    this and later frames of the block, pull (K,)."""
-    m, s, e = string_model(model), string_state(state), end_at(end)
+def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: float) -> None:
+    """A frame of a line is decided, that of this number since it was looked at: its kick and forces act on the rows of later
+    steps, and on the pull at the ends of this and later frames."""
+    e = end_at(end)
+    kind = e.counts[KIND]
+    add_late(e.row, e.own[LOOKED_AT], frame, turn)
+    if kind == CLEAR:
+        e.kicks[frame] = turn
+        return
+    m, s = string_model(model), string_state(state)
     several, contacts, fingered = e.counts[NEAR], m.shapes.shape[0], s.finger[0].on != 0
-    near = e.near
+    near, first = e.near, frame * steps
     e.kicks[first] = turn
-    frame = first // steps
-    for k in range(BLOCK):
-        pull[k] = e.own[LOOKED_AT, BLOCK + k - frame] * turn if k >= frame else 0.0
     for i in range(several):
-        add_late(e.u[i], e.kicked[near[i]], first, turn)
+        add_late(e.u[i], e.moved[near[i]], first, turn)
     if fingered:
-        add_late(e.u[contacts], e.finger_kicked[0], first, turn)
+        add_late(e.u[contacts], e.finger_moved[0], first, turn)
     for i in range(several):
         c = near[i]
         for t in range(steps):
@@ -233,7 +254,7 @@ def settle_line(
                     add_late(e.u[d], m.lags[near[d], c], first + t, force)
                 if fingered:
                     add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
-                _add_pull(e.pulled[0, c], first + t, steps, force, pull)
+                _draw(e.drawn[c], frame, t, steps, force, e.row)
         s.force[c] = e.forces[i, first + steps - 1]
     if fingered:
         for t in range(steps):
@@ -242,20 +263,18 @@ def settle_line(
             for d in range(several):
                 add_late(e.u[d], s.grip_contacts[near[d]], first + t, force)
             add_late(e.u[contacts], s.grip_own[0], first + t, force)
-            _add_pull(e.finger_pulled[0], first + t, steps, force, pull)
+            _draw(e.finger_drawn[0], frame, t, steps, force, e.row)
         finger = s.finger[0]
         finger.push = e.forces[contacts, first + steps - 1]
-        finger.here = e.u[contacts, first + steps - 1] + e.numbers[FINGER_LEVERAGE] * (height + speed * steps * m.dt)
+        finger.here = e.u[contacts, first + steps - 1]
 
 
 @njit(inline="always")
-def _add_pull(response, late: int, steps: int, force: float, pull) -> None:
-    """What a force in step `late` of the block has done to the pull at the end of each frame."""
-    end = steps - 1
-    for frame in range(BLOCK // steps):
-        if end >= late:
-            pull[frame] += response[BLOCK + end - late] * force
-        end += steps
+def _draw(drawn, frame: int, t: int, steps: int, force: float, pull) -> None:
+    """What a force in step t of a frame has done to the pull at the ends of this and later frames."""
+    frames = BLOCK // steps
+    for i in range(frames - frame):
+        pull[frame + i] += drawn[t * frames + i] * force
 
 
 @njit(inline="always")
@@ -277,10 +296,13 @@ def _pressed(e, several: int) -> int:
 
 @njit(**INNER)
 def drive_line(model: int, state: int, end: int) -> None:
-    """The modes go through K steps with all that acts on them."""
+    """The modes go through K steps with all that acts on them; those of a line that is clear through K frames."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
     rows, q, v = m.rows, s.q, s.v
+    if e.counts[KIND] == CLEAR:
+        kick(padded(m.modes), e.flight, q, v, e.kick, e.kicks)
+        return
     pressed = _pressed(e, e.counts[NEAR])
     if s.finger[0].on != 0:
         touch, pushes = s.finger_weights[:n], e.forces[contacts]
@@ -300,12 +322,15 @@ def drive_line(model: int, state: int, end: int) -> None:
 
 @njit(**INNER)
 def step_line(model: int, state: int, end: int, steps: int) -> None:
-    """The same for the first `steps` steps of the block only."""
+    """The same for the first `steps` steps of the block only, or its first frame."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.modes, m.shapes.shape[0]
     q, v = s.q[:n], s.v[:n]
     kq, kv = m.rows[4, :n], m.rows[5, :n]
     add(e.kicks[0], e.kick[:n], v)
+    if e.counts[KIND] == CLEAR:
+        fly(e.flight, q, v)
+        return
     for t in range(steps):
         fly(m.rows, q, v)
         for i in range(e.counts[NEAR]):

@@ -83,8 +83,9 @@ def test_blocks_are_single_frames(steps: int) -> None:
 
 @pytest.mark.parametrize("steps", [1, 4])
 def test_certificates_change_nothing(steps: int) -> None:
-    """A string that is not looked at until it might touch moves as one that always is."""
-    spared = came_into_reach = 0
+    """A string that is not looked at until it might touch moves as one that always is, as far as rounding does not tell
+    them apart: what has touched often is chaotic."""
+    spared = came_into_reach = compared = 0
     for seed in range(24):
         twin, x = contact_scene(200 + seed, steps)
         twin.heights -= 1e-3
@@ -95,11 +96,14 @@ def test_certificates_change_nothing(steps: int) -> None:
         for _ in range(30):
             always.advance(16)
             certified.advance(16)
+            if always.coupling.counts[coupling.TOUCHED] <= 8:
+                assert size_of(twin.system, always.x - certified.x) < 1e-8 * size_of(twin.system, x), seed
+                compared += int(always.coupling.counts[coupling.TOUCHED] > 0)
         after = [int(end.counts[coupling.ENGAGED]) for end in certified.ends]
         spared += sum(1 for now, mine in zip(after, certified.mine, strict=True) if mine and not now)
         came_into_reach += sum(now > then for now, then in zip(after, before, strict=True))
-        assert size_of(twin.system, always.x - certified.x) < 1e-8 * size_of(twin.system, x), seed
     assert spared > 0
+    assert compared > 20
     assert came_into_reach > 0
 
 
