@@ -9,7 +9,6 @@ line's contacts looked at.
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from synth.solver.certificates import MARGIN, extents
@@ -37,6 +36,8 @@ from synth.solver.vectors import FAST, INNER, dot
 _RESERVE = 2.0
 #: blocks without a force after which it is asked again what is clear: asking costs about what looking for one block does
 _QUIET_BLOCKS = 4
+#: left to the nearest contact where there is none
+_FAR_AWAY_M = 1e6
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -98,7 +99,7 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
         if e.counts[QUIET] < _QUIET_BLOCKS:
             return False
         certify_line(coupling, line, scratch)
-    n, height, slack = m.modes, 0.0, np.inf
+    n, height, slack = m.modes, 0.0, _FAR_AWAY_M
     for i in range(c.beta.size):
         height += c.direction[line, i] * c.beta[i]
     for k in range(contacts):
