@@ -95,9 +95,10 @@ def set_rest(core: int, me) -> None:
 def rest_state(core: int, me, q_rest) -> None:
     """q (N,) of the string at rest."""
     model = string_model(shared_of(core).model_at[me.model, PLAIN])
+    lifted = model.eta.size == 1
     for j in range(model.modes):
-        q_rest[j] = model.q_rest[j]
-    if model.eta.size == 1:
+        q_rest[j] = 0.0 if lifted else model.q_rest[j]
+    if lifted and me.lift != 0.0:
         for j in range(model.modes):
             w = model.omega[j]
             q_rest[j] = model.shapes[0, j] * me.lift / (model.mu * w * w)

@@ -29,7 +29,7 @@ from synth.instrument.excitations import MOST_HOLD_S
 from synth.native.views import call_back
 from synth.solver.coupling import FINGER_LEVERAGE, end_at
 from synth.solver.stringmodel import CERTAIN, FREE, MOVING, string_model
-from synth.solver.vectors import dot
+from synth.solver.vectors import INNER, dot
 from synth.units import LN_1000
 
 #: time in which the left hand brings a sounding string to a higher fret [s]
@@ -269,51 +269,40 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     l_old, l_new = old.length, new.length
     q, v = string.q[:n_old], string.v[:n_old]
     scale = 2.0 / math.sqrt(l_old * l_new)
+    a, ends, signs = scratch.moved[0, :n_new], scratch.moved[1, :n_new], scratch.moved[2, :n_new]
+    q_sum, v_sum = scratch.q[:n_new], scratch.v[:n_new]
+    for i in range(n_new):
+        a[i] = (i + 1) * math.pi / l_new
+        signs[i] = 1.0 if i % 2 == 0 else -1.0
+        q_sum[i] = v_sum[i] = 0.0
     if l_new < l_old:
         at_fret = 0.0
         for j in range(n_old):
             sign = 1.0 if j % 2 == 0 else -1.0
-            scratch.amplitude[j] = sign * math.sin((j + 1) * math.pi * l_new / l_old)
-            at_fret += math.sqrt(2.0 / l_old) * scratch.amplitude[j] * q[j]
+            amplitude = sign * math.sin((j + 1) * math.pi * l_new / l_old)
+            at_fret += math.sqrt(2.0 / l_old) * amplitude * q[j]
+            # where both sines are the same one, the sign (−1)^(i+1) of the closed form is in the new φ_i
+            _add_projection(a, a, amplitude, (j + 1) * math.pi / l_old, signs, sign * 0.5 * l_new, q[j], v[j], q_sum, v_sum)
         for i in range(n_new):
-            a = (i + 1) * math.pi / l_new
-            q_sum, v_sum = 0.0, 0.0
-            for j in range(n_old):
-                b = (j + 1) * math.pi / l_old
-                gap = (a - b) * (a + b)
-                if abs(gap) > 1e-9 * a * a:
-                    weight = scratch.amplitude[j] * a / gap
-                else:
-                    # both sines are the same one: the sign (−1)^(i+1) of the closed form is in the new φ_i
-                    weight = (1.0 if (i + j) % 2 == 0 else -1.0) * 0.5 * l_new
-                q_sum += weight * q[j]
-                v_sum += weight * v[j]
             # ∫₀^ℓ (ξ/ℓ) sin(aξ) dξ = (−1)^(i+1)/a, and φ_i carries the same sign
-            scratch.q[i] = scale * q_sum - math.sqrt(2.0 / l_new) * at_fret / a
-            scratch.v[i] = scale * v_sum
+            q_sum[i] = scale * q_sum[i] - math.sqrt(2.0 / l_new) * at_fret / a[i]
+            v_sum[i] = scale * v_sum[i]
     else:
         # the string was stopped at height `lift` above the new rest line
         lift = old.rest_height - new.rest_height * l_old / l_new
         for i in range(n_new):
-            a = (i + 1) * math.pi / l_new
-            sign = 1.0 if i % 2 == 0 else -1.0
-            end = sign * math.sin(a * l_old)
-            q_sum, v_sum = 0.0, 0.0
-            for j in range(n_old):
-                b = (j + 1) * math.pi / l_old
-                gap = (b - a) * (b + a)
-                if abs(gap) > 1e-9 * b * b:
-                    weight = end * b / gap
-                else:
-                    weight = (1.0 if (i + j) % 2 == 0 else -1.0) * 0.5 * l_old
-                q_sum += weight * q[j]
-                v_sum += weight * v[j]
+            ends[i] = signs[i] * math.sin(a[i] * l_old)
+        for j in range(n_old):
+            b = (j + 1) * math.pi / l_old
+            sign = 1.0 if j % 2 == 0 else -1.0
+            _add_projection(a, ends, -b, b, signs, sign * 0.5 * l_old, q[j], v[j], q_sum, v_sum)
+        for i in range(n_new):
             # triangle with its corner of height `lift` at ξ = l_old
             corner = 0.0
             if l_new > l_old:
-                corner = lift * end * l_new / (a * a * l_old * (l_new - l_old))
-            scratch.q[i] = scale * q_sum + math.sqrt(2.0 / l_new) * corner
-            scratch.v[i] = scale * v_sum
+                corner = lift * ends[i] * l_new / (a[i] * a[i] * l_old * (l_new - l_old))
+            q_sum[i] = scale * q_sum[i] + math.sqrt(2.0 / l_new) * corner
+            v_sum[i] = scale * v_sum[i]
     for j in range(string.q.size):
         string.q[j] = scratch.q[j] if j < n_new else 0.0
         string.v[j] = scratch.v[j] if j < n_new else 0.0
@@ -324,6 +313,19 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     string.counts[MOVING] = new.n
     me.phase = NO_FINGER
     me.stale = 1
+
+
+@njit(error_model="numpy", **INNER)
+def _add_projection(a, numerators, factor: float, b: float, signs, equal: float, q: float, v: float, q_sum, v_sum) -> None:
+    """One old mode's q and v times numerators·factor/(a² − b²) added to the sums of all new ones, (n,) each; where a is b
+    the integral is `equal` with the new mode's sign."""
+    for i in range(a.size):
+        gap = (a[i] - b) * (a[i] + b)
+        weight = numerators[i] * factor / gap
+        if not abs(gap) > 1e-9 * a[i] * a[i]:
+            weight = signs[i] * equal
+        q_sum[i] += weight * q
+        v_sum[i] += weight * v
 
 
 @njit(**CORE)

@@ -31,8 +31,8 @@ from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines, lo
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import certify_line
-from synth.solver.stringmodel import string_model
-from synth.solver.vectors import dot
+from synth.solver.stringmodel import MOVING, string_model
+from synth.solver.vectors import FAST, INNER, dot
 
 
 def work_together(core: int, thread: int, i: int, _: int) -> None:
@@ -104,17 +104,24 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
     for s in range(instrument.first_string, instrument.end_string):
         me, string = state.sounding[s], string_of(core, s)
         plain = string_model(shared_of(core).model_at[me.model, PLAIN])
-        n = plain.modes
+        n = min(plain.modes, string.counts[MOVING])
         rest_state(core, me, scratch.q)
-        me.level = 0.0
-        for j in range(n):
-            q, v = string.q[j] - scratch.q[j], string.v[j] / plain.omega[j]
-            me.level += plain.weights[0, j] * math.sqrt(q * q + v * v)
+        me.level = _level(plain.weights[0, :n], plain.omega, string.q, string.v, scratch.q)
         loudest += me.level
     if loudest < SLEEP_BELOW:
         sleep_together(core, i)
         return True
     return False
+
+
+@njit(fastmath=FAST, **INNER)
+def _level(weights, omega, q, v, q_rest) -> float:
+    """What so many modes may come to at the output, together, while they fly free."""
+    total = 0.0
+    for j in range(weights.size):
+        away, swing = q[j] - q_rest[j], v[j] / omega[j]
+        total += weights[j] * math.sqrt(away * away + swing * swing)
+    return total
 
 
 @njit(**CORE)
