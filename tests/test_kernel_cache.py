@@ -57,3 +57,22 @@ def test_old_folders_go(tmp_path: Path) -> None:
         file.write("\n# another kernel\n")
     folder(tmp_path, tmp_path / "cache")
     assert len(list(base.glob("kernels-*"))) == 8
+
+
+def test_a_folder_that_another_process_makes_at_the_same_moment_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, looks, is_dir = tmp_path / "jawari" / "kernels-0", [], Path.is_dir
+
+    def not_there_yet(path: Path) -> bool:
+        if not looks:
+            looks.append(path)
+            folder.mkdir(parents=True)
+            return False
+        return is_dir(path)
+
+    monkeypatch.setattr(Path, "is_dir", not_there_yet)
+    from synth.jit.kernel_cache import _make
+
+    _make(folder)
+    assert looks == [folder] and is_dir(folder)

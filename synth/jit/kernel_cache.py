@@ -110,7 +110,7 @@ def _make(folder: Path) -> None:
     """Make the folder, without the oldest of the others. Raises OSError where it cannot be used: what lies in it
     is run, so it must be nobody else's."""
     if not folder.is_dir():
-        folder.mkdir(mode=0o700, parents=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         kept = sorted(folder.parent.glob("kernels-*"), key=lambda path: path.stat().st_mtime)
         for old in kept[:-KEEP]:
             shutil.rmtree(old, ignore_errors=True)
