@@ -57,6 +57,7 @@ FINGER = {
 BASE = {"string": STRING, "obstacle": POINTS, "initial": TRIANGLE, "run": RUN}
 COMPLIANT = {"stiffness": 1e10, "exponent": 1.5}
 FRETS = {"scale_length_m": 1.0, "count": 12, "action_12th_m": 2e-3, "relief_m": 1e-4, "nut_height_m": 4e-4}
+LAYER = {"stiffness_n_m": 1e5, "resistance_n_s_m": 1.0, "thickness_m": 5e-5}
 BRIDGE = {"top_m": 0.05, "height_m": -1e-4, "radius_m": 1.0}
 
 CASES = {
@@ -76,6 +77,7 @@ CASES = {
     },
     "linear": {**BASE, "string": {**STRING, "stiffness_law": "linear"}, "scheme": {"tail": "static"}},
     "frets": {**BASE, "obstacle": {"frets": FRETS}},
+    "layer": {**BASE, "obstacle": {**POINTS, "layer": LAYER}},
     "wall": {
         **BASE,
         "obstacle": {"wall": {"from_m": 0.1, "to_m": 0.9, "height_m": -1e-3, "stiffness_n_m2": 1e7}},

@@ -24,7 +24,7 @@ from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.units import midi_to_hz
 
 RATE = 44100.0
-NAMES = ("fretted-bass", "jawari-harp", "steel-guitar", "tanpura")
+NAMES = ("fretless-bass", "fretted-bass", "jawari-harp", "steel-guitar", "tanpura")
 
 
 def prepared(preset: Preset) -> Engine:
@@ -104,7 +104,8 @@ def loudest_notes(name: str) -> list[tuple[int, int, float]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "evenness_db"), [("tanpura", 1.0), ("jawari-harp", 2.0), ("fretted-bass", 8.0), ("steel-guitar", 11.0)]
+    ("name", "evenness_db"),
+    [("tanpura", 1.0), ("jawari-harp", 2.0), ("fretted-bass", 8.0), ("fretless-bass", 8.0), ("steel-guitar", 11.0)],
 )
 def test_velocity_127_peaks_near_minus_six(name: str, evenness_db: float) -> None:
     """A struck bass is choked by its frets the more, the thicker the string: it may be less even; so may a body be."""
@@ -115,7 +116,7 @@ def test_velocity_127_peaks_near_minus_six(name: str, evenness_db: float) -> Non
 
 @pytest.mark.parametrize("name", NAMES)
 def test_velocity_makes_louder(name: str) -> None:
-    note = {"tanpura": 48, "fretted-bass": 40, "jawari-harp": 60, "steel-guitar": 45}[name]
+    note = {"tanpura": 48, "fretted-bass": 40, "fretless-bass": 40, "jawari-harp": 60, "steel-guitar": 45}[name]
     engine = prepared(string_of(name, note))
     levels = [rms_db(play(engine, [(0, NOTE_ON, 0, note, v)], 1.0)) for v in (1, 16, 32, 64, 96, 127)]
     assert all(b > a + 1.0 for a, b in itertools.pairwise(levels))
@@ -132,6 +133,8 @@ def test_velocity_makes_louder(name: str) -> None:
         ("jawari-harp", 28, 15.0, 45.0),
         ("jawari-harp", 60, 5.0, 20.0),
         ("jawari-harp", 96, 1.5, 6.0),
+        ("fretless-bass", 28, 8.0, 25.0),
+        ("fretless-bass", 40, 3.0, 20.0),
         ("steel-guitar", 40, 6.0, 20.0),
         ("steel-guitar", 64, 2.0, 15.0),
     ],
@@ -170,7 +173,14 @@ def test_the_tanpura_rings_on_until_it_is_silenced() -> None:
 
 @pytest.mark.parametrize(
     ("name", "note"),
-    [("tanpura", 48), ("fretted-bass", 43), ("jawari-harp", 72), ("jawari-harp", 96), ("steel-guitar", 50)],
+    [
+        ("tanpura", 48),
+        ("fretted-bass", 43),
+        ("fretless-bass", 45),
+        ("jawari-harp", 72),
+        ("jawari-harp", 96),
+        ("steel-guitar", 50),
+    ],
 )
 def test_plucking_again_does_not_build_up(name: str, note: int) -> None:
     engine = prepared(string_of(name, note))
@@ -189,6 +199,7 @@ def test_plucking_again_does_not_build_up(name: str, note: int) -> None:
     [
         ("tanpura", 48),
         ("fretted-bass", 63),
+        ("fretless-bass", 57),
         ("jawari-harp", 48),
         ("jawari-harp", 96),
         ("jawari-harp", 90),
@@ -388,7 +399,9 @@ def test_all_errors_at_once() -> None:
 
 
 def test_a_preset_that_is_not_there() -> None:
-    with pytest.raises(PresetError, match="'sitar' is not one of fretted-bass, jawari-harp, steel-guitar, tanpura"):
+    with pytest.raises(
+        PresetError, match="'sitar' is not one of fretless-bass, fretted-bass, jawari-harp, steel-guitar, tanpura"
+    ):
         load_preset("sitar")
     with pytest.raises(PresetError, match=r"nowhere\.toml does not exist"):
         load_preset("nowhere.toml")

@@ -1,4 +1,4 @@
-"""`synth simulate`: one string by its case file."""
+"""`synth simulate`: a string, or strings that share a body, by a case file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from synth.cli.common import QUALITIES, number, scheme, warner
 from synth.signals import hearing_signals
-from synth.solver.schemes import SCHEMES
+from synth.solver.schemes import ON_A_BODY, SCHEMES
 
 if TYPE_CHECKING:
     from synth.research.simulation import Overrides
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "simulate",
-        help="one string by its case file: motion, forces and energy as arrays",
+        help="a string, or strings on a body, by a case file: motion, forces and energy as arrays",
         allow_abbrev=False,
         description="Computes a case file (TOML) and writes its results; options replace its values.",
     )
@@ -33,14 +33,19 @@ def add(commands: Any) -> None:
         "--from", dest="resume_from", metavar="RUN.npz", help="go on from where that run ended, for --duration more"
     )
     parser.add_argument(
-        "--scheme", type=scheme(SCHEMES), metavar="NAME", help=f"{', '.join(SCHEMES)}, or an installed contact law"
+        "--scheme",
+        type=scheme(SCHEMES | ON_A_BODY),
+        metavar="NAME",
+        help=f"{', '.join(SCHEMES)}, or an installed contact law; of strings on a body exact-hold or complex-modes",
     )
     parser.add_argument(
         "--restitution", type=number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
     )
     parser.add_argument("--stiffness", type=number(float, 0, 1e30), metavar="K", help="of a compliant contact, N/m^α")
     parser.add_argument("--exponent", type=number(float, 1, 100), metavar="A", help="α of a compliant contact")
-    parser.add_argument("--quality", choices=QUALITIES, help="rate and modes as `synth render` would choose them")
+    parser.add_argument(
+        "--quality", choices=QUALITIES, help="of one string: rate and modes as `synth render` would choose them"
+    )
     parser.add_argument("--rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
     parser.add_argument("--output-rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
     parser.add_argument("--modes", type=number(int, 1, 100_000), metavar="N", help="number of modes")

@@ -11,10 +11,11 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.coefficients import damping, refresh, rest_state
+from synth.engine.coefficients import refresh, rest_state
 from synth.engine.core import bank_of, model_address, model_of, scratch_of, settings_of, shared_of, state_of, string_of
 from synth.engine.expression import bend_of, follow, height_of
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
+from synth.engine.hand_damping import damping
 from synth.engine.instruments import may_fly, may_sleep
 from synth.engine.layout import (
     BLOWN_UP,
@@ -31,7 +32,9 @@ from synth.engine.layout import (
 )
 from synth.engine.output import collect
 from synth.engine.strings import damp, finger_done, sleep
+from synth.engine.tension import bend_with_motion
 from synth.native.views import call_back
+from synth.solver.board_table import clear_of_board
 from synth.solver.certificates import amplitudes, reach
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
@@ -68,6 +71,8 @@ def follow_quantum(core: int, s: int, k: int) -> None:
     follow(core, s)
     bend = bend_of(core, s, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
     height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
+    if bank_of(core).strings[s].axial_stiffness > 0.0:
+        bend = bend_with_motion(core, s, k, bend)
     if me.bend != bend or me.height != height:
         _follow_controls(core, s, bend, height)
 
@@ -175,14 +180,14 @@ def make_steps(core: int, thread: int, s: int, steps: int) -> None:
     fingered = me.phase != NO_FINGER
     string.finger[0].on = 1 if fingered else 0
     if fingered:
-        _step_along_path(core, thread, s, steps)
+        step_along_path(core, thread, s, steps)
     if advance(model_address(core, s), shared_of(core).string_at[s], thread, steps, int(np.int64(1))) != SOLVED:
         me.unsolved += 1
     me.mode_steps += max(moved, string.counts[MOVING]) * steps
 
 
 @njit(**CORE)
-def _step_along_path(core: int, thread: int, s: int, steps: int) -> None:
+def step_along_path(core: int, thread: int, s: int, steps: int) -> None:
     """Scratch.path: where the finger is before its next steps and after each of them; it has gone there."""
     me = state_of(core).sounding[s]
     follow = shared_of(core).excitation[bank_of(core).strings[s].part, FOLLOW]
@@ -196,7 +201,7 @@ def _step_along_path(core: int, thread: int, s: int, steps: int) -> None:
 @njit(**CORE)
 def make_path(core: int, thread: int, s: int, steps: int, path) -> None:
     """The same into `path` (≥ steps + 1,)."""
-    _step_along_path(core, thread, s, steps)
+    step_along_path(core, thread, s, steps)
     scratch = scratch_of(thread)
     for t in range(steps + 1):
         path[t] = scratch.path[t]
@@ -283,6 +288,10 @@ def _nothing_in_reach(core: int, thread: int, s: int) -> bool:
     """Whether free flight, with Scratch.sigma, touches no contact any more."""
     scratch, string, model = scratch_of(thread), string_of(core, s), model_of(core, s)
     n, contacts = string.counts[MOVING], model.eta.size
+    board = shared_of(core).board_at[state_of(core).sounding[s].model]
+    if board != 0:
+        amplitudes(model.omega[:n], scratch.sigma[:n], string.q[:n], string.v[:n], scratch.amplitude[:n])
+        return clear_of_board(board, scratch.amplitude[:n])
     for k in range(contacts):
         if string.eta[k] >= 0.0:
             return False

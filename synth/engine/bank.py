@@ -11,8 +11,9 @@ from threadpoolctl import threadpool_limits
 
 from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
 from synth.engine import layout
+from synth.engine.board_tables import Boards, LaidBoard
 from synth.engine.bridges import Bridges, SharedBody
-from synth.engine.layout import FADE, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
+from synth.engine.layout import FADE, OFF_BOARD, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
 from synth.engine.team import N_WORDS
 from synth.engine.voices.channels import power_up
 from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction
@@ -34,12 +35,13 @@ OUTPUTS = 2
 
 class Built(NamedTuple):
     """A Bank and, for each of its models, the string as compiled and over whole frames behind the decimator; what strings
-    share."""
+    share, and what lies under them."""
 
     bank: Bank
     models: list[StringModel]
     flights: list[StringModel]
     bodies: list[SharedBody]
+    boards: list[LaidBoard]
 
 
 class _Lists:
@@ -57,6 +59,7 @@ class _Lists:
         self.compiled: list[StringModel] = []
         self.flights: list[StringModel] = []
         self.bodies: list[SharedBody] = []
+        self.boards: list[LaidBoard] = []
         self.leverage: list[np.ndarray] = []
         self._tap_places: dict[int, tuple[int, int]] = {}
         self._line = self._row = self._fade = self._levers = 0
@@ -160,6 +163,8 @@ class _Lists:
                 second=index + 1 if has_second else -1,
                 of_first=int(is_second),
                 second_models=len(string.positions) if has_second else 0,
+                axial_stiffness=string.axial_stiffness_n,
+                friction=string.friction if is_second else 0.0,
             )
         )
         self._row += whole_lines(self.span * QUANTUM * factor)
@@ -168,6 +173,9 @@ class _Lists:
             place = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(self.models)}
             if not is_second:
                 self.positions.append(record(layout.POSITION, **place))
+            if string.board is not None:
+                dt = 1.0 / (self.rate_hz * factor)
+                self.boards.append(LaidBoard(len(self.models), position.own + 1, dt, position.mu, string.board))
             self._model(preset, position, factor, heard)
 
     def _model(self, preset: Preset, position: Position, factor: int, heard: tuple[Soundboard, int] | None) -> None:
@@ -195,6 +203,7 @@ class _Lists:
                 n=n,
                 own=position.own,
                 contacts=c,
+                layered=int(position.layers.shape[1] > 0),
                 audible=max(1, int(np.sum(position.omega[: position.own] < stopband))),
                 length=position.length_m,
                 tension=position.tension_n,
@@ -228,6 +237,7 @@ class _Lists:
             q_rest=position.q_rest,
             used=(1 - int(uses_q), int(uses_q) + int(uses_v), int(uses_q)),
             step=self.step,
+            layers=position.layers,
         )
         frame = 1.0 / self.rate_hz
         rows = make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, frame))
@@ -296,7 +306,7 @@ def build_bank(
     )
     np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
     np.concatenate([np.zeros(0), *lists.leverage], out=bank.leverage)
-    return Built(bank, lists.compiled, lists.flights, lists.bodies)
+    return Built(bank, lists.compiled, lists.flights, lists.bodies, lists.boards)
 
 
 def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
@@ -389,6 +399,7 @@ class Strings:
                 self._models[m, variant] = table(model)
         self._states = [table(state) for state in self.states.items]
         self.bridges = Bridges(built.bank, built.bodies)
+        self.boards = Boards(built.bank, built.boards)
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them."""
@@ -397,12 +408,13 @@ class Strings:
             shared.model_at[m] = [first + m * per_model[0] + variant * per_model[1] for variant in range(3)]
         shared.string_at[:] = [each.ctypes.data for each in self._states]
         self.bridges.point(shared)
+        self.boards.point(shared)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that changes, by name."""
         kinds = (("string", self.states), ("own", self.coefficients))
         pooled = {f"{kind}.{name}": array for kind, pool in kinds for name, array in pool.flat.items()}
-        return pooled | self.bridges.arrays()
+        return pooled | self.bridges.arrays() | self.boards.arrays()
 
     def reset(self) -> None:
         """Nothing sounds."""
@@ -417,10 +429,10 @@ def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     return model._replace(**taken)
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int, int], strings: Strings) -> Shared:
+def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int], strings: Strings) -> Shared:
     """Work arrays for spans of so many quanta; `tasks.entries`."""
     shared = allocate(Shared, _state_sizes(bank, span))
-    shared.task[WORK_ON], shared.task[STEP], shared.task[TOGETHER] = entries
+    shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD]] = entries
     strings.point(shared)
     return shared
 
@@ -428,5 +440,6 @@ def new_shared(bank: Bank, span: int, entries: tuple[int, int, int], strings: St
 def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
     models = bank.models
+    most_rows = int((models["contacts"] * (1 + models["layered"])).max(initial=0))  # a layer and what is behind it
     steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
-    return make_scratch(int(models["contacts"].max(initial=0)), int(models["n"].max(initial=1)), OUTPUTS, steps)
+    return make_scratch(most_rows, int(models["n"].max(initial=1)), OUTPUTS, steps)

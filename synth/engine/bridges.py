@@ -23,7 +23,7 @@ COUPLING_ROOM = (
 #: …and what is constant, or an address
 COUPLING_FIXED = (
     "steps", "line_model", "line_state", "line_end", "direction", "body", "shape", "gamma", "radiation", "body_mass",
-    "body_omega",
+    "body_omega", "friction",
 )  # fmt: skip
 
 
@@ -60,7 +60,8 @@ class Bridges:
         self.couplings = []
         for shared, mine in zip(bodies, self._of_body, strict=True):
             body, lines = shared.body, len(mine)
-            rows = lines + sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
+            soft = int(bank.models["layered"].any())
+            rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
             components, modes = body.shape.shape
             extents = {"lines": lines, "components": components, "body": modes, "channels": 2, "rows": rows}
             self.couplings.append(
@@ -76,6 +77,7 @@ class Bridges:
                     radiation=np.ascontiguousarray(body.radiation),
                     body_mass=body.mass.copy(),
                     body_omega=body.omega.copy(),
+                    friction=np.ascontiguousarray(bank.strings["friction"][mine.start : mine.stop]),
                 )
             )
         self.instruments = [shared.instrument for shared in bodies]

@@ -8,15 +8,13 @@ import numpy as np
 from numba import njit
 
 from synth.engine.core import bank_of, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, NO_FINGER, PLAIN
+from synth.engine.on_board import stop_on_board
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
 from synth.solver.responses import fill_lags, fill_rows
-from synth.solver.stringmodel import CERTAIN, FREE, MOVING, string_model
-from synth.units import LN_1000
-
-#: T60 of a stolen or silenced string, and of what a bend carries beyond half the internal rate [s]
-CUT_S = 0.03
+from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, string_model
 
 
 @njit(**CORE)
@@ -31,14 +29,10 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     string.counts[MOVING] = model.modes
     set_rest(core, me)
     me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
-    if me.altered:
+    if shared_of(core).board_at[me.model] != 0:
+        stop_on_board(core, thread, s)
+    elif me.altered:
         _alter(core, thread, s)
-
-
-@njit(**CORE)
-def damping(sigma: float, hand: float, turn: float) -> float:
-    """σ of a mode under a hand; `turn` = ω dt. Bent above half the internal rate, it would be heard mirrored: it is cut."""
-    return sigma + hand + (LN_1000 / CUT_S if turn > math.pi else 0.0)
 
 
 @njit(**CORE)
@@ -86,8 +80,12 @@ def set_rest(core: int, me) -> None:
     me.lift = 0.0
     me.rest = model.line_output + model.rest_output
     if model.contacts == 1:
-        height = string_model(shared_of(core).model_at[me.model, PLAIN]).eta[0] + me.height
-        me.lift = max(0.0, height) / model.static_response
+        plain = string_model(shared_of(core).model_at[me.model, PLAIN])
+        height = max(0.0, plain.eta[0] + me.height)
+        me.lift = height / model.static_response
+        if model.layered:  # it gives way first
+            yielding = model.static_response + 1.0 / plain.layers[STIFFNESS, 0]
+            me.lift = max(height / yielding, (height - plain.layers[DEPTH, 0]) / model.static_response)
         me.rest = model.line_output + me.lift * model.lift_output
 
 

@@ -6,8 +6,8 @@ import math
 
 from numba import njit
 
-from synth.engine.coefficients import damping
 from synth.engine.core import bank_of, model_address, model_of, scratch_of, settings_of, shared_of, state_of, string_of
+from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, NO_FINGER, PLAIN
 from synth.solver.coupling import APART_MODES, LENGTH, TENSION, coupling_at, end_at, fill_end, fill_finger_end
 from synth.solver.lanes import PAD

@@ -10,8 +10,9 @@ import math
 
 from numba import njit
 
-from synth.engine.core import bank_of, settings_of, state_of
+from synth.engine.core import bank_of, settings_of, shared_of, state_of
 from synth.engine.layout import CORE, HEIGHT, PARAMETER_RANGES, QUANTUM
+from synth.solver.board_table import board_at
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
 CONTROL_S = 0.01
@@ -68,17 +69,20 @@ def follow(core: int, s: int) -> None:
         share = control_share(core)
         me.retuned = approach(me.retuned, me.retune_to, share, 1e-4)
         me.pressure = approach(me.pressure, pressed, share, 1e-4)
+    if me.slide != 0.0:
+        board = board_at(shared_of(core).board_at[me.model])
+        me.slide = approach(me.slide, 0.0, 1.0 - math.exp(-QUANTUM / (board.slide_s * settings_of(core).rate_hz)), 1e-3)
 
 
 @njit(**CORE)
 def bend_of(core: int, s: int, of_channel: float, of_master: float) -> float:
-    """Semitones of a string: bends of its channel and its zone's master, tuning, pressure."""
+    """Semitones of a string: bends of its channel and its zone's master, tuning, a finger's slide, pressure."""
     state = state_of(core)
     me = state.sounding[s]
     bend = of_channel
     if state.channels[me.channel].master != me.channel:
         bend += of_master
-    bend += me.retuned + me.pressure * bank_of(core).parts[bank_of(core).strings[s].part].pressure_bend
+    bend += me.retuned + me.slide + me.pressure * bank_of(core).parts[bank_of(core).strings[s].part].pressure_bend
     return max(-MOST_BEND, min(MOST_BEND, bend))
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.coefficients import CUT_S
 from synth.engine.core import bank_of, shared_of, state_of
+from synth.engine.hand_damping import CUT_S
 from synth.engine.instruments import played_strings
 from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, UNTIL, WORK_ON, Bank, Settings, Shared, State
 from synth.engine.strings import damp, let_go, pluck

@@ -43,6 +43,7 @@ MODEL = np.dtype(
         ("n", "i8"),
         ("own", "i8"),  # the string's own modes, the first; the others are lumped
         ("contacts", "i8"),
+        ("layered", "i8"),  # whether these have soft layers
         ("audible", "i8"),  # its own modes that the decimator does not stop
         ("length", "f8"),
         ("tension", "f8"),
@@ -79,6 +80,8 @@ STRING = np.dtype(
         ("second", "i8"),  # the line that is its other direction; −1: there is none
         ("of_first", "i8"),  # 1: it is another's second; nobody plays it but with that one
         ("second_models", "i8"),  # how many models later those of the second are
+        ("friction", "f8"),  # of a second at the contacts of its first, else 0
+        ("axial_stiffness", "f8"),  # EA [N], where its motion raises its tension; else 0
     ],
     align=True,
 )
@@ -207,9 +210,11 @@ SOUNDING = np.dtype(
         ("pending_model", "i8"),
         ("hand", "f8"),  # extra σ of the damping hand
         ("bend", "f8"),  # semitones in the coefficients
+        ("rise", "f8"),  # of these by its own motion, as a share of the model's tension
         ("height", "f8"),  # obstacle raised by [m]
         ("retuned", "f8"),  # semitones of these by the tuning, smoothed, and where they go
         ("retune_to", "f8"),
+        ("slide", "f8"),  # semitones that the finger on a board has still to go
         ("pressure", "f8"),  # 0 … 1, smoothed
         ("key_pressure", "f8"),  # of its key alone
         ("timbre", "f8"),  # of its note: −1 plucked in the middle … 1 by the bridge
@@ -331,8 +336,8 @@ class Effects(NamedTuple):
 WHOLE, BEGIN, STRETCH = range(3)
 #: places in Shared.task: one of these; number of the span's first quantum; quanta; frame of the quantum up to which a
 #: stretch goes; addresses of what does it, `tasks.entries`; of what decides about an event, and of the table it sees
-TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, TOGETHER, HANDLE, VOICES = range(9)
-N_TASK = 9
+TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, TOGETHER, OFF_BOARD, HANDLE, VOICES = range(10)
+N_TASK = 10
 
 
 #: addresses of what begins an excitation, of what its hand follows, of its constants (`instrument.excitations`)
@@ -350,6 +355,7 @@ class Shared(NamedTuple):
     string_at: Annotated[np.ndarray, i8("strings")]  # addresses of every StringState
     coupling_at: Annotated[np.ndarray, i8("instruments")]  # addresses of every Coupling; 0: it has none
     end_at: Annotated[np.ndarray, i8("strings")]  # addresses of the End of every string of those; else 0
+    board_at: Annotated[np.ndarray, i8("models")]  # addresses of the Board under every model; 0: there is none
     excitation: Annotated[np.ndarray, i8("parts, 3")]  # of every part whose hand does not pluck, see below; else 0
     team: Annotated[np.ndarray, i8("N_WORDS")]  # control words of the workers, see `team`
     rows: Annotated[np.ndarray, f8("string_rows")]  # outputs of every string, from STRING.row

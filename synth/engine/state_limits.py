@@ -17,10 +17,12 @@ from synth.engine.bank import Strings
 from synth.engine.expression import MOST_BEND
 from synth.engine.layout import BLOWN_UP, FADE, NO_FINGER, PARAMETER_RANGES, PRESS, QUANTUM, Bank, Settings
 from synth.engine.strings import LEAST_STIFFNESS, PRESS_S
+from synth.engine.tension import MOST_RISE
 from synth.engine.voices.channels import RPN_NONE
 from synth.engine.voices.retuning import MOST_RETUNING
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
+from synth.solver.board_table import SPEAKING
 from synth.solver.certificates import FOR_EVER
 from synth.solver.coupling import FAR, SEVERAL
 from synth.solver.lanes import BLOCK
@@ -128,6 +130,7 @@ def limits_of(
     yield from _sounding(here, bank, settings)
     yield from _of_strings(here, bank, settings, strings, arrays)
     yield from _bridges(here, bank, strings, arrays)
+    yield from _boards(here, bank, strings, arrays)
     yield from _parts(here, settings, defaults)
     yield from _events(here, waiting)
     yield Limit(here.of("ring"), -settings.ceiling, settings.ceiling)
@@ -210,9 +213,11 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         ("phase", 0, layout.DRAW),
         ("hand", 0.0, MOST),
         ("bend", -MOST_BEND, MOST_BEND),
+        ("rise", 0.0, MOST_RISE),
         ("height", height[0] - _ROUNDING, height[1] + _ROUNDING),
         ("retuned", -MOST_RETUNING, MOST_RETUNING),
         ("retune_to", -MOST_RETUNING, MOST_RETUNING),
+        ("slide", -MOST_BEND, MOST_BEND),
         ("pressure", 0.0, 1.0),
         ("key_pressure", 0.0, 1.0),
         ("timbre", -1.0, 1.0),
@@ -323,6 +328,29 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
     for name in arrays:
         if name.startswith("body.") and name.endswith(".counts"):
             yield Limit(here.of(name), 0, MOST_COUNT)
+
+
+def _boards(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, np.ndarray]) -> Iterator[Limit]:
+    """No finger slides where there is no board; a string that sounds on one has a length."""
+    on_boards: set[int] = set()
+    for number, models in enumerate(strings.boards.models):
+        mine = {field: f"board.{number}.{field}" for field in ("numbers", "touching", "account", "counts")}
+        yield Limit(here.of(mine["touching"]), 0, 1)
+        yield Limit(here.of(mine["account"]), 0.0, MOST)
+        yield Limit(here.of(mine["counts"]), 0, MOST_COUNT)
+        s = int(bank.models["string"][models[0]])
+        on_boards.add(s)
+        for model in models:
+            where = (
+                Where(here.of("sounding", "awake", s), 1, 1),
+                Where(here.of("sounding", "stale", s), 0, 0),
+                Where(here.of("sounding", "model", s), model, model),
+            )
+            said = f"{{label}} of string {s}, which speaks over a board, must be positive"
+            yield Limit(here.of(mine["numbers"], "", SPEAKING), LEAST, MOST, where=where, said=said)
+    free = [s for s in range(arrays["sounding"].size) if s not in on_boards]
+    if free:
+        yield Limit(here.of("sounding", "slide", free), 0.0, 0.0, said="{label} of a string that has no board under it")
 
 
 def _parts(here: _Layout, settings: Settings, defaults: np.ndarray) -> Iterator[Limit]:

@@ -24,6 +24,7 @@ from synth.engine.layout import (
     RELEASE,
     UNTIL,
 )
+from synth.engine.on_board import leave, may_slide, slide
 from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.native.views import call_back
@@ -54,6 +55,8 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     n = bank.models[model_index].n
     me.awake = 1
     me.model = model_index
+    me.slide = 0.0
+    leave(core, model_index)
     _forget_forces(core, s)
     string.counts[MOVING] = n
     me.hand = 0.0
@@ -63,6 +66,7 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     me.phase = NO_FINGER
     settle(core, s)
     master = state.channels[me.channel].master
+    me.rise = 0.0
     me.bend = bend_of(core, s, state.channels[me.channel].bend, state.channels[master].bend)
     me.height = height_of(core, s, state.part_state[fixed.part].height)
     set_rest(core, me)
@@ -104,7 +108,8 @@ def _join(core: int, thread: int, s: int, model_index: int) -> None:
 @njit(**CORE)
 def _forget_forces(core: int, s: int) -> None:
     """A law of its own is not told the forces of another model's contacts; the kernels' laws only begin to look there."""
-    if string_model(shared_of(core).model_at[state_of(core).sounding[s].model, PLAIN]).step != 0:
+    model = string_model(shared_of(core).model_at[state_of(core).sounding[s].model, PLAIN])
+    if model.step != 0 or model.layers.shape[1] != 0:
         string_of(core, s).force[:] = 0.0
 
 
@@ -307,6 +312,9 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         string.q[j] = scratch.q[j] if j < n_new else 0.0
         string.v[j] = scratch.v[j] if j < n_new else 0.0
     me.model = target
+    me.bend -= me.slide
+    me.slide = 0.0
+    leave(core, target)
     if end_speed != 0.0:
         add_end_speed(core, s, -end_speed)
     _forget_forces(core, s)
@@ -343,6 +351,9 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
     else:
         _lift_hand(core, s)
     if me.model != target:
+        if legato and may_slide(core, s, target):
+            slide(core, s, target)
+            return
         if bank.models[target].length < bank.models[me.model].length:
             press(core, s, target, 0.0 if legato else velocity)
             return

@@ -38,9 +38,10 @@ def _work_on(core: int, thread: int, i: int, _: int) -> None:
                     advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
 
 
-def entries(coupled: bool) -> tuple[int, int, int]:
-    """Addresses of `_work_on` (core, thread, i, –), `make_steps` (core, thread, s, steps) and, where strings share a bridge,
-    `together.work_together` (core, thread, i, –), else 0; compiled on first use.
+def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int]:
+    """Addresses of `_work_on` (core, thread, i, –), of what makes steps (core, thread, s, steps), where strings share a
+    bridge of `together.work_together` (core, thread, i, –), else 0, and of what makes the steps of strings without a board;
+    compiled on first use.
 
     Called by address: every function that contains the kernels takes seconds to compile, so none but the last two do, and
     neither `process` nor the loop of a worker contains `_work_on`.
@@ -50,4 +51,9 @@ def entries(coupled: bool) -> tuple[int, int, int]:
         from synth.engine.together import work_together
 
         together = entry(work_together, 4).address
-    return entry(_work_on, 4).address, entry(make_steps, 4).address, together
+    step = off_board = entry(make_steps, 4).address
+    if boards:
+        from synth.engine.board_steps import make_steps_on_boards
+
+        step = entry(make_steps_on_boards, 4).address
+    return entry(_work_on, 4).address, step, together, off_board

@@ -131,7 +131,12 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
     changed = False
     for s in range(instrument.first_string, instrument.end_string):
         line, end = s - instrument.first_string, end_at(shared.end_at[s])
-        if model_of(core, s).eta.size > 0:
+        if bank_of(core).strings[s].friction > 0.0:
+            first = end_at(shared.end_at[s - 1]).counts[ENGAGED]
+            if first != end.counts[ENGAGED]:
+                look_at(shared.coupling_at[i], line, first)
+                changed = True
+        elif model_of(core, s).eta.size > 0:
             near = certify_line(shared.coupling_at[i], line, thread)
             engaged = 1 if near > 0 or state_of(core).sounding[s].phase != NO_FINGER else 0
             if engaged != end.counts[ENGAGED]:
@@ -224,7 +229,9 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         contacts = bank.models[me.model].contacts
         line = s - instrument.first_string
         coupling.line_model[line] = model_address(core, s)
-        if changed_it and contacts > 0:
+        if bank.strings[s].friction > 0.0:
+            engaged = end_at(shared.end_at[s - 1]).counts[ENGAGED]
+        elif changed_it and contacts > 0:
             engaged = 1 if certify_line(shared.coupling_at[i], line, thread) > 0 else 0
         if fingered:
             engaged = 1

@@ -17,7 +17,7 @@ import numpy as np
 from synth.dsp.measures import sounding_fundamental
 from synth.engine.engine import Engine
 from synth.instrument.compile import note_frequency
-from synth.instrument.preset import FretsObstacle, Preset, StringTable, at_note, contact_cents, fret_count
+from synth.instrument.preset import Preset, StringTable, at_note, contact_cents, fret_count
 from synth.midi.events import NOTE_ON, make_events
 from synth.units import cents, midi_to_note
 
@@ -43,10 +43,10 @@ class Pitch:
 def tunings(preset: Preset) -> tuple[int, ...]:
     """Semitones by which the strings of a preset are tuned away from its notes, to be measured as well.
 
-    Only where every string has one note of its own and no frets (a tanpura): a fourth down, none, a fourth up.
+    Only where every string has one note of its own and no neck (a tanpura): a fourth down, none, a fourth up.
     """
     alone = all(table.notes[0] == table.notes[1] for table in preset.string)
-    if not alone or isinstance(preset.obstacle, FretsObstacle):
+    if not alone or fret_count(preset):
         return (0,)
     return (-TUNING_RANGE, 0, TUNING_RANGE)
 

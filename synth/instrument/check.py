@@ -152,6 +152,8 @@ def _blamed(number: int, table: StringTable, error: Exception, preset: Preset | 
         return "nut", text
     if "bending stiffness" in text:
         return f"string.{number}.{'youngs_modulus_gpa' if table.inharmonicity is None else 'inharmonicity'}", text
+    if text.startswith("board"):
+        return "obstacle", text
     for key in StringTable.model_fields:
         if text.startswith(key):
             return f"string.{number}.{key}", text

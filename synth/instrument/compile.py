@@ -16,10 +16,14 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.instrument.plan import KEPT, StringPlan, choose_factor, plan_string, scene_kind
+from synth.instrument.boards import StringBoard, board_plan, on_board, string_board
+from synth.instrument.coupled_plan import choose_steps
+from synth.instrument.plan import KEPT, StringPlan, plan_string, scene_kind
 from synth.instrument.preset import (
+    BoardObstacle,
     BridgeObstacle,
     FretsObstacle,
+    PointContacts,
     PointsObstacle,
     Polarisation,
     Preset,
@@ -31,7 +35,7 @@ from synth.instrument.preset import (
     in_file_words,
     playable_range,
 )
-from synth.instrument.soundboard import Soundboard, soundboard, step_count
+from synth.instrument.soundboard import Soundboard, soundboard
 from synth.physics.modes import (
     decay_rates,
     force_weights,
@@ -43,11 +47,15 @@ from synth.physics.string import NutResonance, String
 from synth.physics.tail import lumped_tail
 from synth.physics.tuning import tuned
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
-from synth.solver.lcp import SOLVED, solve
+from synth.solver.layers import static_forces
+from synth.solver.lcp import SOLVED
 from synth.units import db_to_gain, midi_to_hz, midi_to_note
 
 #: a string is heard at most this far from the saddle, as a part of its speaking length
 FARTHEST_OUTPUT = 0.98
+_NO_LAYERS = np.zeros((3, 0))
+#: height of what a direction only rubs against [m]
+_OUT_OF_REACH_M = -1.0
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,7 @@ class Position:
     output_rest: float  # output of that line
     own: int  # the string's own modes; those behind them are lumped (`physics.tail`)
     leverage: np.ndarray  # (C,) of a contact by the motion of the saddle: x/L, less 1 for what rides on the bridge
+    layers: np.ndarray  # (3, C) of the contacts (`solver.layers`), or (3, 0)
 
 
 @dataclass(frozen=True)
@@ -90,6 +99,9 @@ class CompiledString:
     impedance_kg_s: float
     draw_s: float
     release_s: float
+    axial_stiffness_n: float  # where its motion raises its tension; else 0
+    friction: float  # of its second direction at the contacts of its first
+    board: StringBoard | None = None  # what lies under it, where that is a board
 
 
 @dataclass(frozen=True)
@@ -167,6 +179,15 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
     return replace(string, measured_decay_rates=table.measured_decay_rates)
 
 
+def axial_stiffness(table: StringTable, note: int) -> float:
+    """EA of a table's string at one of its notes [N]: as given, or of what bears its tension, core or plain string."""
+    if table.axial_stiffness_n is not None:
+        return at_note(table.axial_stiffness_n, note)
+    assert table.youngs_modulus_gpa is not None
+    diameter = table.diameter_mm if table.core_diameter_mm is None else table.core_diameter_mm
+    return 1e9 * at_note(table.youngs_modulus_gpa, note) * math.pi * (1e-3 * at_note(diameter, note)) ** 2 / 4.0
+
+
 def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
     """The obstacle under an open string of `length_m` in metres from the nut."""
     shape = preset.obstacle
@@ -191,6 +212,15 @@ def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
             nut_height_m=1e-3 * shape.nut_height_mm,
         )
     return Obstacle((), ())
+
+
+def layers_of(preset: Preset, note: int, contacts: int) -> np.ndarray:
+    """(3, C) spring [N/m], dashpot [N s/m] and depth [m] of so many contacts' layers, or (3, 0) where they have none."""
+    layer = preset.obstacle.layer if isinstance(preset.obstacle, PointContacts) else None
+    if layer is None or contacts == 0:
+        return np.zeros((3, 0))
+    spring, dashpot = 1e3 * at_note(layer.stiffness_n_mm, note), at_note(layer.resistance_n_s_m, note)
+    return np.repeat([[spring], [dashpot], [1e-6 * at_note(layer.thickness_um, note)]], contacts, axis=1)
 
 
 def _refuse_wider_than_string(preset: Preset, length_m: float) -> None:
@@ -230,6 +260,9 @@ def speaking_string(
 
     Raises ValueError where it cannot sound: a fret in its way, a pitch that no tension gives.
     """
+    if isinstance(preset.obstacle, BoardObstacle):
+        wanted_hz = string_frequency(preset, table, note + fret, note_hz)
+        return on_board(preset.obstacle, opened, fret, wanted_hz)
     if not isinstance(preset.obstacle, FretsObstacle):
         return opened, below, 0.0
     length, left = fretted(below, fret, opened.length_m)
@@ -287,22 +320,21 @@ def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, h
     return slope * output_distance(preset, string, open_length_m)
 
 
-def static_state(omega: np.ndarray, mu: float, shapes: np.ndarray, eta: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """q (N,) at rest over contacts that press: 0 ≤ S q + R λ − η ⊥ λ ≥ 0 with q = Sᵀλ/(μω²)."""
+def static_state(
+    omega: np.ndarray,
+    mu: float,
+    shapes: np.ndarray,
+    eta: np.ndarray,
+    residual: np.ndarray,
+    layers: np.ndarray | None = None,
+) -> np.ndarray:
+    """q (N,) at rest over contacts that press: 0 ≤ S q + R λ − η ⊥ λ ≥ 0 with q = Sᵀλ/(μω²), or as their layers have it."""
     contacts = eta.size
     q = np.zeros(omega.size)
     if contacts == 0 or eta.max() <= 0.0:
         return q
-    matrix = (shapes / (mu * omega**2)) @ shapes.T + residual
-    force = np.zeros(contacts)
-    status = solve(
-        matrix,
-        -eta,
-        np.ones(contacts, np.uint8),
-        np.zeros(contacts, np.uint8),
-        force,
-        np.zeros((contacts, contacts)),
-        np.zeros(contacts, np.int64),
+    force, status = static_forces(
+        (shapes / (mu * omega**2)) @ shapes.T + residual, -eta, _NO_LAYERS if layers is None else layers
     )
     if status != SOLVED:
         raise ValueError("the static contact problem of the string at rest has no solution")
@@ -325,10 +357,11 @@ def compile_position(
     scheme: str,
     internal_rate_hz: float | None,
     gain: float = 1.0,
+    plan: StringPlan | None = None,
 ) -> Position:
-    """The model of one speaking string over its obstacle; `kind` is the open string's scene."""
+    """The model of one speaking string over its obstacle; `kind` is the open string's scene. plan: made already."""
     law = law_of(scheme)
-    plan = plan_string(
+    plan = plan or plan_string(
         string,
         open_frequency_hz,
         len(obstacle),
@@ -345,6 +378,7 @@ def compile_position(
     eta = np.asarray(obstacle.heights_m, dtype=float)
     shapes = mode_shapes(string.length_m, positions, n) if positions.size else np.zeros((0, n))
     residual = np.zeros((eta.size, eta.size))
+    layers = layers_of(preset, note - fret, eta.size)
     wq, wv = output_weights(preset, string, open_length_m, n)
     if positions.size and law == EXACT_HOLD:
         tail = lumped_tail(string, positions, n, plan.rate_hz)
@@ -372,11 +406,12 @@ def compile_position(
         matrix,
         wq if preset.output.kind == "pickup" else gain * wq,  # a pickup's gain is on its velocity
         gain * wv,
-        static_state(omega, mu, shapes, eta, residual),
+        static_state(omega, mu, shapes, eta, residual, layers),
         rest_height_m,
         gain * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
         n,
         positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
+        layers,
     )
 
 
@@ -400,18 +435,29 @@ def compile_string(
         frequency = note_frequency(preset, table, note, note_hz)
         opened, whole = open_string(preset, table, note, note_hz)
         length, kind = opened.length_m, string_kind(preset, opened, whole)
+        soft = isinstance(preset.obstacle, PointContacts) and preset.obstacle.layer is not None
+        if soft and scheme != "exact-hold":
+            raise PresetError(
+                f"{preset.name}: obstacle.layer: soft contacts are exact-hold's, got {scheme}; leave one of the two out"
+            )
         if preset.coupled:  # in steps that divide a block of frames evenly
             if scheme != "exact-hold":
                 raise PresetError(
                     f"{preset.name}: strings that share a body are exact-hold's, got {scheme}; leave body.mode out"
                 )
-            internal_rate_hz = step_count(choose_factor(frequency, kind, quality, rate_hz, internal_rate_hz)[0]) * rate_hz
+            steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
+            internal_rate_hz = steps * rate_hz
+        plan = board = None
+        if isinstance(preset.obstacle, BoardObstacle):
+            board = string_board(preset, opened, gain)
         positions = []
         places = string_places(preset, note)
         for fret in range(places):
             if only_notes is not None and note + fret not in only_notes:
                 continue
             string, obstacle, height = speaking_string(preset, table, note, fret, opened, whole, note_hz)
+            if board is not None:
+                plan = board_plan(preset, opened, string.length_m, quality, rate_hz, scheme, internal_rate_hz)
             positions.append(
                 compile_position(
                     preset,
@@ -428,8 +474,11 @@ def compile_string(
                     scheme=scheme,
                     internal_rate_hz=internal_rate_hz,
                     gain=gain,
+                    plan=plan,
                 )
             )
+        if preset.coupled:
+            positions = [replace(each, plan=replace(each.plan, error=error)) for each in positions]
     except PresetError:
         raise
     except ValueError as error:
@@ -445,6 +494,9 @@ def compile_string(
         opened.impedance_kg_s,
         1e-3 * at_note(preset.pluck.draw_ms, note),
         at_note(preset.damping.release_s, note),
+        axial_stiffness(table, note) if table.tension_modulation else 0.0,
+        preset.obstacle.friction if isinstance(preset.obstacle, PointContacts) else 0.0,
+        board,
     )
 
 
@@ -499,7 +551,9 @@ def compile_preset(
 
 
 def second_direction(across: Polarisation, string: CompiledString) -> CompiledString:
-    """A string's motion at right angles to its first: its own modes, detuned and damped, which touch nothing."""
+    """A string's motion at right angles to its first: its modes, detuned and damped, which touch nothing, or rub."""
+    if string.friction > 0.0:
+        return _rubbing_direction(across, string)
     ratio = 2.0 ** (across.detuning_cents / 1200.0)
     positions = []
     for each in string.positions:
@@ -519,8 +573,23 @@ def second_direction(across: Polarisation, string: CompiledString) -> CompiledSt
                 wv=each.wv[:n],
                 q_rest=np.zeros(n),
                 leverage=np.zeros(0),
+                layers=np.zeros((3, 0)),
             )
         )
+    return replace(string, positions=tuple(positions))
+
+
+def _rubbing_direction(across: Polarisation, string: CompiledString) -> CompiledString:
+    """`second_direction` of a string with friction: at the contacts of the first, which only that one presses."""
+    ratio, positions = 2.0 ** (across.detuning_cents / 1200.0), []
+    for each in string.positions:
+        law = law_of(each.plan.scheme)
+        omega, sigma = ratio * each.omega, across.loss_ratio * each.sigma
+        coef, matrix = coefficients(law, omega, sigma, each.mu, 1.0 / each.plan.rate_hz), np.empty_like(each.matrix)
+        contact_matrix(law, coef, each.shapes, each.residual, matrix)
+        changed: dict[str, Any] = {"omega": omega, "sigma": sigma, "coef": coef, "matrix": matrix}
+        changed |= {"eta": np.full(each.eta.size, _OUT_OF_REACH_M), "q_rest": np.zeros(omega.size)}
+        positions.append(replace(each, **changed, layers=np.zeros((3, 0))))
     return replace(string, positions=tuple(positions))
 
 
@@ -570,8 +639,6 @@ def describe_plan(
                 if position.note != (opened if note is None else note):
                     continue
                 plan = position.plan
-                if preset.coupled:
-                    plan = replace(plan, error="not measured for strings that share a body")
                 rows.append(
                     {
                         "string": string.name,
@@ -583,7 +650,7 @@ def describe_plan(
                         "internal_rate_hz": plan.rate_hz,
                         "factor": plan.factor,
                         "modes": plan.modes,
-                        "contacts": position.eta.size,
+                        "contacts": plan.contacts,
                         "error": plan.error,
                         "kept_in": KEPT,
                         "reason": plan.reason,

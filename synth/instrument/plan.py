@@ -23,6 +23,8 @@ twenty may miss, by no more than a factor 2. The modes are all below half the in
 
 A wall under a stretch of the string is planned by what an elastic wall does to it (`plan_wall`): the grid has to resolve the
 length over which the string straightens on it, and the step the time of a contact (tools/wall-study).
+
+Strings that share a body: `coupled_plan`.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ BRIDGE_REACH, BRIDGE_STIFFNESS = 0.03, 0.07
 FREE, BRIDGE, FAR, IMPACTS = "free", "bridge", "far", "impacts"
 #: the part of random scenes that keeps a promise
 KEPT = 0.95
-_IN_HOW_MANY = f"in {100.0 * KEPT:g} % of random scenes"
+IN_HOW_MANY = f"in {100.0 * KEPT:g} % of random scenes"
 #: largest e over 3 s, of `FAR` too
 BRIDGE_ERROR = {"draft": 0.3, "standard": 0.1, "fine": 0.02}
 #: largest log-spectral distance over the note [dB]
@@ -97,11 +99,11 @@ def promise(kind: str, quality: str) -> str:
     if quality == "reference":
         return "as close as converged runs"
     if kind in (BRIDGE, FAR):
-        return f"e < {BRIDGE_ERROR[quality]:g} over 3 s {_IN_HOW_MANY}"
+        return f"e < {BRIDGE_ERROR[quality]:g} over 3 s {IN_HOW_MANY}"
     onset = f"e < {IMPACT_ONSET_ERROR[quality]:g} over 0.1 s, " if quality in IMPACT_ONSET_ERROR else ""
     return (
         f"{onset}log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
-        f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB, {_IN_HOW_MANY}"
+        f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB, {IN_HOW_MANY}"
     )
 
 

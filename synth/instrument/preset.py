@@ -195,6 +195,10 @@ class StringTable(Table):
     viscoelastic_loss: Annotated[Scaled, _range(0.0, 0.5)] = 0.0
     thermoelastic_q_inverse: Annotated[Scaled, _range(0.0, 0.1)] = 0.0
     stiffness_law: Literal["sqrt", "linear"] = "sqrt"
+    #: whether its own motion raises its tension, and by how many newtons doubling its length would (EA), where that is not
+    #: its modulus times its (core's) section: less where it stretches behind nut and saddle, too
+    tension_modulation: bool = False
+    axial_stiffness_n: Annotated[Scaled, _range(1.0, 1e6)] | None = None
     cents: float = Field(0.0, ge=-200.0, le=200.0)
     gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
     #: where on the bridge it ends, from its middle; which way it moves when it is plucked, from the normal of the body
@@ -213,7 +217,27 @@ class StringTable(Table):
             raise ValueError("give either youngs_modulus_gpa or inharmonicity")
         if (self.core_diameter_mm is None) != (self.winding_diameter_mm is None):
             raise ValueError("a wound string has both core_diameter_mm and winding_diameter_mm")
+        if self.axial_stiffness_n is not None and not self.tension_modulation:
+            raise ValueError("axial_stiffness_n needs tension_modulation = true, which alone uses it; give both or neither")
+        if self.tension_modulation and self.axial_stiffness_n is None:
+            if self.youngs_modulus_gpa is None:
+                raise ValueError(
+                    "tension_modulation needs how much the string resists stretching: give axial_stiffness_n, or "
+                    "youngs_modulus_gpa in the place of inharmonicity"
+                )
+            moduli = self.youngs_modulus_gpa
+            if min(moduli.values() if isinstance(moduli, dict) else (moduli,)) <= 0.0:
+                raise ValueError("tension_modulation needs a youngs_modulus_gpa above 0, got 0; or give axial_stiffness_n")
         return self
+
+
+class Layer(Table):
+    """What is soft on every contact of an obstacle: a spring and a dashpot, as deep as it is thick; then it is rigid."""
+
+    stiffness_n_mm: Annotated[Scaled, _range(1e-3, 1e6)]
+    resistance_n_s_m: Annotated[Scaled, _range(0.0, 1e4)] = 0.0
+    #: the heights are those of its surface
+    thickness_um: Annotated[Scaled, _range(0.1, 10000.0)]
 
 
 class NoObstacle(Table):
@@ -229,6 +253,10 @@ class BridgeObstacle(Table):
     distance_ratio: float | None = Field(None, gt=0.0, le=0.2)
     #: height of the thread: gap between the string at rest and the contact; negative presses the string
     jiva_um: Annotated[Scaled, _range(-100.0, 1000.0)] = 0.0
+    #: thread, felt, skin: soft, in front of what is rigid
+    layer: Layer | None = None
+    #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
+    friction: float = Field(0.0, ge=0.0, le=5.0)
 
     @model_validator(mode="after")
     def _one_distance(self) -> BridgeObstacle:
@@ -243,6 +271,10 @@ class PointsObstacle(Table):
     kind: Literal["points"]
     positions_mm: Annotated[tuple[float, ...], _each(1e-6, 5000.0)] = Field(min_length=1, max_length=64)
     heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)]
+    #: thread, felt, skin: soft, in front of what is rigid
+    layer: Layer | None = None
+    #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
+    friction: float = Field(0.0, ge=0.0, le=5.0)
 
     @model_validator(mode="after")
     def _same_length(self) -> PointsObstacle:
@@ -265,6 +297,10 @@ class FretsObstacle(Table):
     relief_mm: float = Field(0.0, ge=0.0, le=5.0)
     nut_height_mm: float = Field(0.4, gt=0.0, le=5.0)
     heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)] = ()
+    #: thread, felt, skin: soft, in front of what is rigid
+    layer: Layer | None = None
+    #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
+    friction: float = Field(0.0, ge=0.0, le=5.0)
 
     @model_validator(mode="after")
     def _one_way(self) -> FretsObstacle:
@@ -279,7 +315,31 @@ class FretsObstacle(Table):
         return self
 
 
-Obstacle = Annotated[NoObstacle | BridgeObstacle | PointsObstacle | FretsObstacle, Field(discriminator="kind")]
+class BoardObstacle(Table):
+    """A fingerboard without frets: an elastic surface along the string, on which a finger stops it anywhere."""
+
+    kind: Literal["board"]
+    #: how many semitones above the open string notes are stopped
+    semitones: int = Field(24, ge=1, le=36)
+    #: where the board ends, from the nut; fingers go no further
+    length_mm: float = Field(gt=0.0, le=5000.0)
+    #: clearance under the open string half way along it, and at the nut; hollow half way along the board
+    action_12th_mm: float = Field(gt=0.0, le=20.0)
+    nut_height_mm: float = Field(0.3, gt=0.0, le=5.0)
+    relief_mm: float = Field(0.0, ge=0.0, le=5.0)
+    #: force per millimetre of string for each millimetre that it is pressed in, and what a blow keeps of its speed
+    stiffness_n_mm2: float = Field(100.0, ge=1.0, le=10000.0)
+    rebound: float = Field(0.7, ge=0.0, le=1.0)
+    #: time constant with which a finger slides to the next note while the legato pedal is down; 0: it is put down there
+    slide_ms: float = Field(25.0, ge=0.0, le=1000.0)
+    #: what a fingertip takes from the string that it stops: a spring and a dashpot at the end of the speaking length
+    tip_stiffness_n_mm: float = Field(100.0, ge=1.0, le=10000.0)
+    tip_loss_n_s_m: float = Field(0.5, ge=0.01, le=100.0)
+
+
+#: what touches at points
+PointContacts = BridgeObstacle | PointsObstacle | FretsObstacle
+Obstacle = Annotated[NoObstacle | PointContacts | BoardObstacle, Field(discriminator="kind")]
 
 
 class Pluck(Table):
@@ -443,12 +503,35 @@ class Preset(Table):
         return self
 
     @model_validator(mode="after")
+    def _a_board_is_under_strings_of_their_own(self) -> Preset:
+        if isinstance(self.obstacle, BoardObstacle) and self.body.mode:
+            raise ValueError(
+                'obstacle.kind = "board" takes strings whose ends do not move, got [[body.mode]]; leave one of them out'
+            )
+        for number, table in enumerate(self.string):
+            if isinstance(self.obstacle, BoardObstacle) and table.tension_modulation:
+                raise ValueError(
+                    f'string.{number}.tension_modulation does not go with obstacle.kind = "board", where a finger follows '
+                    "every bend: leave one of them out"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _a_body_has_one_level(self) -> Preset:
         for number, table in enumerate(self.string):
             if self.body.mode and table.gain_db != 0.0:
                 raise ValueError(
                     f"string.{number}.gain_db has no meaning where strings share a body, which alone is heard: leave it out"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _friction_needs_two_directions(self) -> Preset:
+        if isinstance(self.obstacle, PointContacts) and self.obstacle.friction > 0.0 and self.polarisation is None:
+            raise ValueError(
+                "obstacle.friction holds back a string that moves along its contacts, got "
+                f"{self.obstacle.friction:g} without [polarisation]: give that table, or leave friction out"
+            )
         return self
 
     @model_validator(mode="after")
@@ -470,7 +553,10 @@ class Preset(Table):
         if not self.coupled:
             return self
         output = self.output.model_copy(update={"kind": "force"})
-        return self.model_copy(update={"output": output, "body": Body(), "polarisation": None})
+        changed: dict[str, Any] = {"output": output, "body": Body(), "polarisation": None}
+        if isinstance(self.obstacle, PointContacts):
+            changed["obstacle"] = self.obstacle.model_copy(update={"friction": 0.0})
+        return self.model_copy(update=changed)
 
     def with_setting(self, key: str, value: str) -> Preset:
         """The preset with one value replaced: `key` is a path such as ``pluck.position`` or ``string.0.notes``.
@@ -553,7 +639,7 @@ def migrate(data: dict[str, Any], origin: str) -> list[str]:
 
 
 #: of obstacle
-KINDS = ("none", "bridge", "points", "frets")
+KINDS = ("none", "bridge", "points", "frets", "board")
 
 
 def validate_preset(data: dict[str, Any], origin: str) -> Preset:
@@ -617,7 +703,8 @@ def _keys_beside(loc: Sequence[Any], data: Mapping[str, Any]) -> list[str]:
         if part == "obstacle":
             shape = data.get("obstacle")
             kind = shape.get("kind", "none") if isinstance(shape, Mapping) else "none"
-            table = dict(zip(KINDS, (NoObstacle, BridgeObstacle, PointsObstacle, FretsObstacle), strict=True)).get(kind)
+            tables = (NoObstacle, BridgeObstacle, PointsObstacle, FretsObstacle, BoardObstacle)
+            table = dict(zip(KINDS, tables, strict=True)).get(kind)
         elif isinstance(part, str) and table is not None and part in table.model_fields:
             inner = table.model_fields[part].annotation
             inner = next(iter(get_args(inner)), inner)  # of a list of tables the table
@@ -686,8 +773,9 @@ def in_file_words(text: str, table: StringTable) -> str:
 
 
 def fret_count(preset: Preset) -> int:
-    """How many frets the neck has; 0 without one."""
-    return preset.obstacle.count if isinstance(preset.obstacle, FretsObstacle) else 0
+    """How many frets the neck has, or semitones are stopped on a board; 0 without a neck."""
+    shape = preset.obstacle
+    return shape.count if isinstance(shape, FretsObstacle) else shape.semitones if isinstance(shape, BoardObstacle) else 0
 
 
 def playable_range(preset: Preset) -> tuple[int, int]:

@@ -31,6 +31,9 @@ class Soundboard:
     steps: np.ndarray  # (6, M) coefficients of a frame, of a force
     shape: np.ndarray  # (D, M)
     radiation: np.ndarray  # (2, M) left, right: output of an acceleration
+    moves: (
+        np.ndarray
+    )  # (axes, M) the same of all that the bridge does, in `body_modes.AXES`, which strings may not tell apart
     direction: np.ndarray  # (lines, D); of strings that move in two directions one after the other
 
     def heard(self, omega: np.ndarray, line: int) -> np.ndarray:
@@ -66,15 +69,19 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in modes]))
     heard = db_to_gain(preset.output.gain_db) * np.array([mode.radiation for mode in modes])
     radiation = math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
+    direction, basis = spanned(directions_of(preset, ends, components))
+    return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, shape, direction)
+
+
+def directions_of(preset: Preset, ends: list[tuple[StringTable, int]], components: int) -> np.ndarray:
+    """B (lines, components) of strings, (table, open note) each; of two directions one after the other."""
     turns = (0.0,) if preset.polarisation is None else (0.0, 90.0)
     places = [
         BridgePlace(1e-3 * at_note(table.place_mm, note), at_note(table.angle_deg, note) + turn)
         for table, note in ends
         for turn in turns
     ]
-    direction = np.array([place.direction(components) for place in places]).reshape(len(places), components)
-    direction, basis = spanned(direction)
-    return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, direction)
+    return np.array([place.direction(components) for place in places]).reshape(len(places), components)
 
 
 def spanned(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,6 +93,12 @@ def spanned(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if rank < basis.shape[1]:
         basis = basis @ np.linalg.svd(moved, full_matrices=False)[2][:rank].T
     return np.ascontiguousarray(direction @ basis), basis
+
+
+def body_of(preset: Preset) -> Body:
+    """The body of a coupled preset, all of its modes, as many components of the bridge's motion as any of them has."""
+    components = max(len(mode.shape) for mode in preset.body.mode)
+    return Body(tuple(_whole(mode, components) for mode in preset.body.mode))
 
 
 def _whole(mode: MovingMode, components: int) -> BodyMode:

@@ -39,6 +39,7 @@ ENTRIES = {
         "engine.tasks:_work_on",
         "engine.advance:make_steps",
         "engine.together:work_together",
+        "engine.board_steps:make_steps_on_boards",
         "dsp.limiter_effect:_process",
         "dsp.limiter_effect:_silent",
         "engine.hands:_respond",
@@ -55,6 +56,16 @@ ENTRIES = {
         "native.denormals:enable_ftz",
         "solver.study:advance_study",
         "native.denormals:restore",
+    ),
+    "research.coupled.coupled_run": (
+        "solver.coupling:fill_end",
+        "solver.line_certificates:fill_reach",
+        "solver.fingers:fill_grip",
+        "solver.coupling:fill_finger_end",
+        "solver.coupling:gather_lines",
+        "solver.coupled_ledger:weigh_now",
+        "solver.coupled_advance:write_row",
+        "solver.coupled_advance:advance_study",
     ),
 }
 

@@ -45,6 +45,8 @@ from synth.plugin.droning import PluginDrone
 from synth.plugin.emit import names
 from synth.plugin.limits import AHEAD, limits_in
 from synth.plugin.setup import SetupNumber
+from synth.solver.board_table import CONSTANT as CONSTANT_ARRAYS
+from synth.solver.board_table import ROOM, Board
 from synth.solver.coupling import Coupling, End
 from synth.solver.stringmodel import Scratch, StringModel, StringState
 
@@ -381,6 +383,12 @@ def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
         for name in COUPLING_FIXED:
             if name not in _COUPLING_POINTS:
                 memory.add(CONSTANT, getattr(coupling, name))
+    for board in strings.boards.items:
+        for name in CONSTANT_ARRAYS:
+            memory.add(CONSTANT, getattr(board, name))
+        for name in ROOM:
+            array = getattr(board, name)
+            memory.add(CORE, array, content=np.zeros_like(array))
     for name, array in shared._asdict().items():
         if name not in _SHARED_POINTS:
             memory.add(CORE, array, content=np.zeros_like(array))
@@ -392,12 +400,13 @@ def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
 
 #: words of the arrays of Shared that are addresses
 _SHARED_POINTS: dict[str, Callable[[np.ndarray], Sequence[int]]] = {
-    "task": lambda task: (layout.WORK_ON, layout.STEP, layout.TOGETHER, layout.HANDLE, layout.VOICES),
+    "task": lambda task: (layout.WORK_ON, layout.STEP, layout.TOGETHER, layout.OFF_BOARD, layout.HANDLE, layout.VOICES),
     "model_at": lambda array: range(array.size),
     "string_at": lambda array: range(array.size),
     "excitation": lambda array: range(array.size),
     "coupling_at": lambda array: range(array.size),
     "end_at": lambda array: range(array.size),
+    "board_at": lambda array: range(array.size),
 }
 #: arrays of a Coupling that hold addresses; the core itself puts those of the models there
 _COUPLING_POINTS = ("line_model", "line_state", "line_end")
@@ -430,6 +439,9 @@ def _add_tables(memory: Memory, engine: Engine) -> None:
         memory.add(CORE, coupling.line_model, content=np.zeros_like(coupling.line_model))
         for array in (coupling.line_state, coupling.line_end):
             memory.add(CORE, array, points=range(array.size), content=array.copy())
+    for table in strings.boards._tables:
+        content = table.copy()
+        memory.add(CORE, table, points=pointers(content, Board), content=content)
     for table, placed in zip(engine._effect_tables, engine._chains.placed, strict=True):
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, type(placed.made), type(placed.at_rest)), content=content)

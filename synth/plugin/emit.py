@@ -79,11 +79,13 @@ def _settings(level: str) -> dict[str, str]:
 def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
     """(function, int64 that it takes, whether it answers): what banks name, and what PortAudio, JACK and the page's views
     call."""
+    from synth.author.views.frames_tape import _taped_together
     from synth.author.views.tape import _taped_steps
     from synth.dsp.body_effect import BODY
     from synth.dsp.delay_effect import DELAY
     from synth.dsp.limiter_effect import LIMITER
     from synth.engine.advance import make_steps
+    from synth.engine.board_steps import make_steps_on_boards
     from synth.engine.hands import _respond
     from synth.engine.tasks import _work_on
     from synth.engine.together import work_together
@@ -92,9 +94,9 @@ def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
     from synth.live.jackcallback import CALLED
 
     effects = [row for each in (BODY, DELAY, LIMITER) for row in ((each.process, 4, False), (each.silent, 1, True))]
-    engine: list[Any] = [(each, 4, False) for each in (_work_on, make_steps, work_together)]
+    engine: list[Any] = [(each, 4, False) for each in (_work_on, make_steps, work_together, make_steps_on_boards)]
     engine += [(_respond, 5, False), (decide, 1, False)]
-    return [*engine, *effects, (_taped_steps, 4, False), (_portaudio, 6, True), *CALLED]
+    return [*engine, *effects, (_taped_steps, 4, False), (_taped_together, 4, False), (_portaudio, 6, True), *CALLED]
 
 
 def _called_with_arrays() -> list[tuple[Any, tuple[Any, ...]]]:

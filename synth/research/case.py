@@ -10,7 +10,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, AliasChoices, BeforeValidator, Field, ValidationError, model_validator
@@ -23,6 +23,8 @@ from synth.instrument.table import Table
 from synth.solver.contact_laws import check_scheme
 from synth.solver.schemes import COMPLIANT, SCHEMES
 from synth.spelling import perhaps
+
+Kind = TypeVar("Kind", bound=Table)
 
 #: largest case file that is read [bytes]
 MOST_BYTES = 1 << 24
@@ -156,10 +158,17 @@ class WallTable(Table):
         return self
 
 
+class LayerTable(Table):
+    stiffness_n_m: Annotated[Positive, _within(1e-6, 1e15, " N/m")]
+    resistance_n_s_m: Annotated[NonNegative, _within(0.0, 1e15, " N s/m")] = 0.0
+    thickness_m: Annotated[Positive, _within(1e-9, 1.0, " m")]
+
+
 class ObstacleTable(Table):
     positions_m: list[Place] | None = None
     heights_m: list[Height] | Height | None = None
     frets: FretsTable | None = None
+    layer: LayerTable | None = None
     motion: MotionTable = MotionTable()
     wall: WallTable | None = None
 
@@ -172,6 +181,14 @@ class ObstacleTable(Table):
                 raise ValueError("give either frets or positions_m and heights_m")
         elif (self.positions_m is None) != (self.heights_m is None):
             raise ValueError("positions_m and heights_m must be given together")
+        if self.layer is not None and self.wall is not None:
+            raise ValueError("layer is for points and frets, a wall has its stiffness_n_m2; leave one of them out")
+        if self.layer is not None and self.moves:
+            raise ValueError(
+                "layer and motion exclude each other: a layer keeps its ledger where the obstacle stands; leave one out"
+            )
+        if self.layer is not None and self.frets is None and not self.positions_m:
+            raise ValueError("layer needs points that have it; give positions_m and heights_m, or frets")
         if self.moves and self.wall is not None:
             raise ValueError("motion is for points and frets, a wall stands; give positions_m and heights_m instead of wall")
         if self.moves and self.frets is None and not self.positions_m:
@@ -277,16 +294,16 @@ class SchemeTable(Table):
         return self.tail or ("lumped" if self.residual_compliance else "none")
 
 
-class RunTable(Table):
+class RatesTable(Table):
+    """Rates and length of a run, and whether it keeps a ledger."""
+
     internal_rate_hz: Rate
     output_rate_hz: Rate | None = None
-    modes: Annotated[Whole, Field(ge=1, le=10_000_000)]
     duration_s: Duration
-    outputs_m: Annotated[list[Place], Field(min_length=1)]
     ledger: Flag = False
 
     @model_validator(mode="after")
-    def _divides(self) -> RunTable:
+    def _divides(self) -> RatesTable:
         if self.output_rate_hz is not None:
             ratio = self.internal_rate_hz / self.output_rate_hz
             if ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-9 * ratio:
@@ -299,6 +316,11 @@ class RunTable(Table):
     @property
     def steps_per_output(self) -> int:
         return 1 if self.output_rate_hz is None else round(self.internal_rate_hz / self.output_rate_hz)
+
+
+class RunTable(RatesTable):
+    modes: Annotated[Whole, Field(ge=1, le=10_000_000)]
+    outputs_m: Annotated[list[Place], Field(min_length=1)]
 
 
 class Case(Table):
@@ -407,14 +429,31 @@ def files_of(case: str | os.PathLike[str]) -> list[Path]:
         tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return [path]
-    inner = [table for each in tables.values() if isinstance(each, Mapping) for table in (each, *each.values())]
+    outer = [each for value in tables.values() for each in (value if isinstance(value, list) else [value])]
+    inner = [table for each in outer if isinstance(each, Mapping) for table in (each, *each.values())]
     named = [table["file"] for table in inner if isinstance(table, Mapping) and isinstance(table.get("file"), str)]
     return [path, *(path.parent / name for name in named if "\0" not in name)]
 
 
 def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
+    tables, folder, origin = read_tables(case, overrides)
+    if is_coupled(tables):
+        raise CaseError(
+            f"{origin}: has strings on a body ([[string]], [[body.mode]]); `simulate` runs it, "
+            "`synth.research.coupled.coupled_case.read_coupled` reads it"
+        )
+    return validated(Case, tables, origin), folder
+
+
+def is_coupled(tables: Mapping[str, Any]) -> bool:
+    """Whether a case is of strings that share a bridge: those of `research.coupled`."""
+    return isinstance(tables.get("string"), list) or "body" in tables
+
+
+def read_tables(case: Any, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], Path, str]:
+    """A case's tables with what replaces them, not yet judged; the folder that its files count from, and its name."""
     folder, origin = Path(), "case"
-    if isinstance(case, Case):
+    if isinstance(case, Table):
         tables = case.model_dump(exclude_unset=True)
     elif isinstance(case, Mapping):
         tables = _plain(case)
@@ -440,8 +479,13 @@ def read_case(case: Any, overrides: Mapping[str, Any]) -> tuple[Case, Path]:
                 raise CaseError(f"overrides {given[table, key]} and {name} are the same; give one of them")
             if isinstance(before := tables.get(table, {}), Mapping):  # what else it is, validation says
                 tables[table] = {**before, key: _plain(value)}
+    return tables, folder, origin
+
+
+def validated(kind: type[Kind], tables: Mapping[str, Any], origin: str) -> Kind:
+    """The tables as a `kind`; CaseError with a line for each fault."""
     try:
-        return Case.model_validate(tables), folder
+        return kind.model_validate(tables)
     except ValidationError as error:
         raise CaseError("\n".join(f"{origin}: {line}" for line in _faults(error))) from None
 

@@ -90,7 +90,7 @@ class Result:
         ledger = "" if self.energy_stored is None else ", ledger"
         return (
             f"<Result: {about['scheme']}, {self.t[0]:g} to {self.t[-1]:g} s in {rows} rows, "
-            f"{_counted(outputs, 'output')}, {_counted(contacts, 'contact')}, {_counted(about['modes'], 'mode')} at "
+            f"{counted(outputs, 'output')}, {counted(contacts, 'contact')}, {counted(about['modes'], 'mode')} at "
             f"{about['internal_rate_hz']:g} Hz{ledger}>"
         )
 
@@ -101,7 +101,7 @@ class Result:
         is. Raises ValueError for another ending, OSError.
         """
         check_name(path)
-        if _is_table(path):
+        if is_table(path):
             write_whole(path, self._write_table)
         else:
             write_whole(path, lambda file: np.savez(file, **self._arrays()))
@@ -131,14 +131,18 @@ class Result:
         return columns
 
     def _write_table(self, file: BinaryIO) -> None:
-        columns = self.table()
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        try:
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(_rows(list(columns.values())))
-        finally:
-            text.detach()
+        write_columns(self.table(), file)
+
+
+def write_columns(columns: dict[str, np.ndarray], file: BinaryIO) -> None:
+    """Columns (n,) by their names as a table of comma-separated values."""
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    try:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(_rows(list(columns.values())))
+    finally:
+        text.detach()
 
 
 def _rows(columns: list[np.ndarray], at_once: int = 4096) -> Iterator[tuple[float, ...]]:
@@ -147,11 +151,13 @@ def _rows(columns: list[np.ndarray], at_once: int = 4096) -> Iterator[tuple[floa
         yield from zip(*(column[start : start + at_once].tolist() for column in columns), strict=True)
 
 
-def _counted(count: int, what: str) -> str:
+def counted(count: int, what: str) -> str:
+    """ "1 row", "2 rows"."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _is_table(path: str | os.PathLike[str]) -> bool:
+def is_table(path: str | os.PathLike[str]) -> bool:
+    """Whether a result of this name is written as a table."""
     return Path(path).suffix.lower() == ".csv"
 
 
@@ -170,7 +176,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     """
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"a result is loaded from the path of an .npz file, got {_shown(path)}")
-    if _is_table(path):
+    if is_table(path):
         raise ResultError(f"{os.fspath(path)}: a table has not all of a result; load the .npz")
     try:
         found = read_npz(path)
@@ -183,6 +189,8 @@ def load_result(path: str | os.PathLike[str]) -> Result:
 
 def _result_of(found: dict[str, np.ndarray]) -> Result:
     """The result that arrays by name make; ResultError, which names no file."""
+    if str(found.get("kind", "")) == "coupled":
+        raise ResultError("is of strings on a body; `synth.research.coupled.coupled_result.load_coupled_result` reads it")
     if "metadata" not in found or "t" not in found:
         raise ResultError(f"is not a result of simulate: has no metadata and t, but {_few(found)}")
     version = _whole(found.get("format", np.array(0)), "format")

@@ -71,11 +71,11 @@ class Scene:
         if start.position_m is not None:
             _refuse_off_string("initial.position_m", start.position_m, length)
             for key, reach in (("rounding_half_width_m", 1.0), ("width_m", 0.5)):
-                _refuse_over_end(f"initial.{key}", getattr(start, key) or 0.0, reach, start.position_m, length)
+                refuse_over_end(f"initial.{key}", getattr(start, key) or 0.0, reach, start.position_m, length)
         self.fingers = sorted(case.finger, key=lambda f: f.start_s)
         for number, finger in enumerate(self.fingers):
             _refuse_off_string("finger.position_m", finger.position_m, length)
-            _refuse_over_end("finger.width_m", finger.width_m, 0.5, finger.position_m, length)
+            refuse_over_end("finger.width_m", finger.width_m, 0.5, finger.position_m, length)
             if number and finger.start_s < finger_end(self.fingers[number - 1]):
                 raise CaseError("finger: one must let go before the next takes hold")
         self.positions = np.array(self.obstacle.positions_m)
@@ -115,6 +115,15 @@ class Scene:
         if scheme.tail is None and 4 * self.positions.size > run.modes:
             return None
         return lumped_tail(self.string, self.positions, run.modes, run.internal_rate_hz * scheme.substeps)
+
+    @cached_property
+    def layers(self) -> np.ndarray:
+        """(3, C) of the contacts (`solver.layers`), or (3, 0)."""
+        layer = self.case.obstacle.layer
+        if layer is None:
+            return np.zeros((3, 0))
+        of_each = [[layer.stiffness_n_m], [layer.resistance_n_s_m], [layer.thickness_m]]
+        return np.repeat(of_each, self.positions.size, axis=1)
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -159,18 +168,16 @@ class Scene:
     def obstacle_displacement(self, t: np.ndarray) -> np.ndarray:
         """How far the obstacle is above its heights at the times t [s], any shape → [m]."""
         motion = self.case.obstacle.motion
-        up = _ramps(t, motion.ramp, [ramp.displacement_m for ramp in motion.ramp])
+        up = ramps(t, motion.ramp, [ramp.displacement_m for ramp in motion.ramp])
         for sine in motion.sine:
             up = up + sine.amplitude_m * np.sin(2.0 * np.pi * sine.frequency_hz * np.maximum(t - sine.start_s, 0.0))
         return up
 
     def _cents(self, t: np.ndarray) -> np.ndarray:
-        return _ramps(t, self.case.bend, [bend.cents for bend in self.case.bend])
+        return ramps(t, self.case.bend, [bend.cents for bend in self.case.bend])
 
     def _tension_at(self, cents: float) -> float:
-        string = self.string
-        first = float(base_frequencies(string, 1)[0]) * string.length_m / np.pi  # ω̂₁/k₁
-        return string.tension_n + (2.0 ** (cents / 600.0) - 1.0) * string.linear_density_kg_m * first**2
+        return bent_tension(self.string, cents)
 
     def _bent_string(self, cents: float) -> String:
         tension = self._tension_at(cents)
@@ -222,6 +229,7 @@ class Scene:
             self.case.scheme.restitution,
             self.case.scheme.substeps,
             step_of(self.case.scheme.name),
+            self.layers,
         )
 
     def pluck_weights(self, finger: FingerTable) -> np.ndarray:
@@ -377,7 +385,7 @@ def _refuse_off_string(field: str, position_m: float, length_m: float) -> None:
         )
 
 
-def _refuse_over_end(field: str, width_m: float, reach: float, position_m: float, length_m: float) -> None:
+def refuse_over_end(field: str, width_m: float, reach: float, position_m: float, length_m: float) -> None:
     """A width of which `reach` lies on either side of a place must end on the string."""
     most = min(position_m, length_m - position_m) / reach
     if width_m > most:
@@ -387,10 +395,16 @@ def _refuse_over_end(field: str, width_m: float, reach: float, position_m: float
         )
 
 
-def _ramps(t: np.ndarray, ramps: Sequence[RampTable | BendTable], heights: Sequence[float]) -> np.ndarray:
+def bent_tension(string: String, cents: float) -> float:
+    """T [N] at which the first mode of a pinned string is so much higher."""
+    first = float(base_frequencies(string, 1)[0]) * string.length_m / np.pi  # ω̂₁/k₁
+    return string.tension_n + (2.0 ** (cents / 600.0) - 1.0) * string.linear_density_kg_m * first**2
+
+
+def ramps(t: np.ndarray, tables: Sequence[RampTable | BendTable], heights: Sequence[float]) -> np.ndarray:
     """Σ of raised cosines from 0 to each height over start_s … start_s + duration_s, at the times t [s]."""
     total = np.zeros_like(t)
-    for ramp, height in zip(ramps, heights, strict=True):
+    for ramp, height in zip(tables, heights, strict=True):
         share = np.clip((t - ramp.start_s) / ramp.duration_s, 0.0, 1.0)
         total = total + height * 0.5 * (1.0 - np.cos(np.pi * share))
     return total

@@ -1,11 +1,13 @@
-"""The research door: one string, one obstacle, one scheme, and everything that can be known of the run.
+"""The research door: strings, obstacles, a scheme, and everything that can be known of the run.
 
     result = synth.simulate("tanpura.toml", internal_rate_hz=88_200, modes=137, ledger=True)
     synth simulate tanpura.toml -o out.npz
 
 A case is a TOML file (or the same tables as a dict; lists may then be NumPy arrays). SI units throughout; x counts from
 the nut, heights and displacements from the string at rest, up is positive. Files named in a case are looked for beside
-it. The program's own cases (`tanpura`, `cabannes`, `hard/two-close`, …; `case.case_names()`) can be given by name. Unknown
+it. Several strings that share a bridge and a body ([[string]], [[body.mode]]) are described in `research.coupled`:
+`coupled_case` has their tables, `coupled_result` what comes out; the rest is of one string on rigid ends.
+The program's own cases (`tanpura`, `cabannes`, `hard/two-close`, …; `case.case_names()`) can be given by name. Unknown
 keys are errors. * marks what must be there.
 
     [string]                    the model of Issanchou et al., JASA 143(5), 2018, appendix (A1–A5)
@@ -26,6 +28,8 @@ keys are errors. * marks what must be there.
                                 frets); parabola = {top_m, height_m = 0, radius_m}, a curved bridge. Points: nodes or
                                 spacing_m; neither: the modal grid, for scheme "wall" (then the default).
                                 stiffness_n_m2 = 1e8, of that scheme alone: [N/m per m], or "rigid"
+    [obstacle.layer]            what is soft on every point or fret, whose heights are those of its surface; exact-hold's
+    stiffness_n_m*, thickness_m*, resistance_n_s_m    spring and dashpot (default 0), as deep as it is thick; rigid behind
     [[obstacle.motion.ramp]]    moves all points or frets, any number; what they and the sines give adds up
     duration_s*, displacement_m*, start_s    raised cosine from 0 to displacement_m, where it stays; start_s default 0
     [[obstacle.motion.sine]]
@@ -105,15 +109,16 @@ rows, row 0 is t = 0. A name that ends in .csv gets t, u, u_contact, contact_for
                             scheme "wall": both are made when first read, by the same run once more
     with the ledger, (n,) [J]:
     energy_stored           of the modes; for Moreau–Jean the form of `solver.energy`
-    energy_residual         ½ λᵀRλ, held by the modes left out; in compliant contacts: their potential, or ½ψ²; in a
-                            wall's springs
+    energy_residual         ½ λᵀRλ, held by the modes left out, and by soft layers; in compliant contacts: their potential,
+                            or ½ψ²; in a wall's springs
     energy_viscous, energy_contact    lost so far to damping, at contacts
     energy_injected         work on the string so far of the fingers (what their spring and dashpot keep left out), of the
                             moving obstacle (λ·Δη) and of whoever bends it
                             stored + residual + viscous + contact = stored(0) + residual(0) + injected
     positions               outputs_m; contact_positions, contact_heights the obstacle at t = 0
     obstacle_displacement (n,)    with motion: how far the obstacle is above contact_heights [m]
-    largest_penetration_m   over every step with the ledger, over the rows without; negative: never touched
+    largest_penetration_m   over every step with the ledger, over the rows without; negative: never touched. Of a soft layer:
+                            beyond its thickness
     largest_energy_rise     of one step, over initial + injected energy; NaN without the ledger. Of exact-hold below 1e-12,
                             rounding, unless a finger clamps the string on a point (`schemes.clamping_warning`)
     last_contact_s          end of the last step with a contact force; NaN: none
@@ -142,7 +147,20 @@ import synth
 from synth.files.targets import Named, check_apart, check_target
 from synth.instrument.plan import WALL_RESTITUTION, plan_string, plan_wall, scene_kind
 from synth.research import methods
-from synth.research.case import OVERRIDES, Case, CaseError, case_folder, files_of, load_case, read_case
+from synth.research.case import (
+    OVERRIDES,
+    Case,
+    CaseError,
+    case_folder,
+    files_of,
+    is_coupled,
+    load_case,
+    read_case,
+    read_tables,
+    validated,
+)
+from synth.research.coupled.coupled_result import CoupledResult
+from synth.research.coupled.coupled_simulation import refuse_of_one_string, simulate_coupled
 from synth.research.result import Result, ResultError, check_name, load_result
 from synth.research.scene import Scene
 from synth.solver import driver
@@ -187,7 +205,7 @@ def simulate(
     resume_from: Result | str | os.PathLike[str] | None = None,
     warn: Callable[[str], None] | None = None,
     **overrides: Unpack[Overrides],
-) -> Result:
+) -> Result | CoupledResult:
     """Runs a case: a file (or the name of one of the program's own), tables as a dict, or a `Case`.
 
     resume_from : a Result, or the .npz of one: the run goes on from where that one ended, for the case's duration more; see
@@ -223,16 +241,23 @@ simulate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
             for name, annotation in Overrides.__annotations__.items()
         ),
     ],
-    return_annotation=Result,
+    return_annotation=Result | CoupledResult,
 )
 
 
 def _simulate(
     case: Any, resume_from: Result | str | os.PathLike[str] | None, warn: Callable[[str], None], overrides: dict[str, Any]
-) -> Result:
+) -> Result | CoupledResult:
     quality = overrides.pop("quality", None)
     try:
-        loaded, folder = read_case(case, overrides if quality is None else _planned(case, overrides, quality, warn))
+        tables, folder, origin = read_tables(case, overrides)
+        if is_coupled(tables):
+            refuse_of_one_string(resume_from, quality)
+            return simulate_coupled(tables, folder, origin, warn)
+        if quality is None:
+            loaded = validated(Case, tables, origin)
+        else:
+            loaded, folder = read_case(case, _planned(case, overrides, quality, warn))
         if resume_from is None:
             scene = Scene(loaded, folder)
         else:

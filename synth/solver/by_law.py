@@ -1,4 +1,4 @@
-"""Steps of a string whose contact forces a law of its own decides (`contact_laws`), one after the other.
+"""Steps of a string whose contact forces a law of its own decides (`contact_laws`, `layers`), one after the other.
 
 Free motion is exact-hold's: the exact propagator, forces held over the step. The law is asked in every step, with what the
 contacts would do without it, and its forces enter the modes and act back on a finger.
@@ -10,6 +10,7 @@ from numba import njit
 
 from synth.native.views import consult
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.layers import answer_with_layers
 from synth.solver.lcp import NOT_SOLVED, SOLVED
 from synth.solver.stepwise import finger_blend, finger_target, fly, push_modes
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
@@ -18,7 +19,7 @@ from synth.solver.vectors import FAST, dot
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def by_law(model: int, state: int, scratch: int, begin: int, at: int, steps: int) -> int:
-    """As `stepwise.one_by_one`, by the law at StringModel.step. A status of `lcp`."""
+    """As `stepwise.one_by_one`, by the law at StringModel.step or that of its layers. A status of `lcp`."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     dt, contacts, points, n = m.dt, m.shapes.shape[0], m.points, s.counts[MOVING]
     rows, shapes, force, z, q, v = m.rows, m.shapes, s.force, w.z, s.q[:n], s.v[:n]
@@ -51,8 +52,13 @@ def by_law(model: int, state: int, scratch: int, begin: int, at: int, steps: int
             if fingered:
                 w.y[c] += coupling[c] * push
             z[c] = 0.0
-        if contacts > 0 and consult(m.step, model, state, scratch) != SOLVED:
-            status = NOT_SOLVED
+        if contacts > 0:
+            if m.layers.shape[1] > 0:
+                bad = answer_with_layers(model, state, scratch)
+            else:
+                bad = consult(m.step, model, state, scratch)
+            if bad != SOLVED:
+                status = NOT_SOLVED
         for c in range(contacts):
             force[c] = z[c]
             if fingered:

@@ -33,7 +33,7 @@ from synth.native.arrays import f8, i8, u1
 from synth.native.views import opener
 from synth.solver.lanes import BLOCK, P12, P22, ROWS
 from synth.solver.responses import fill_lags, fill_response
-from synth.solver.stringmodel import MOVING, string_model, string_state
+from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
 #: steps of a frame, at most, and only powers of two
@@ -106,6 +106,7 @@ class Coupling(NamedTuple):
     radiation: Annotated[np.ndarray, f8("channels, body")]  # output of an acceleration
     body_mass: Annotated[np.ndarray, f8("body")]  # [kg]
     body_omega: Annotated[np.ndarray, f8("body")]
+    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
     # state
     p: Annotated[np.ndarray, f8("body")]  # displacements …
     p_speed: Annotated[np.ndarray, f8("body")]  # … and velocities of the body's modes
@@ -318,6 +319,12 @@ def energy_of(coupling: int) -> float:
         for k in range(m.shapes.shape[0]):
             for i in range(m.shapes.shape[0]):
                 total += 0.5 * s.force[k] * m.residual[k, i] * s.force[i]
+        for k in range(m.layers.shape[1]):
+            sunk = s.eta[k] - e.leverage[k] * b - dot(m.shapes[k, : m.modes], s.q[: m.modes])
+            for i in range(m.shapes.shape[0]):
+                sunk -= m.residual[k, i] * s.force[i]
+            sunk = min(m.layers[DEPTH, k], max(0.0, sunk))
+            total += 0.5 * m.layers[STIFFNESS, k] * sunk * sunk
     for i in range(d):
         total -= c.held[i] * c.beta[i]
         for k in range(d):

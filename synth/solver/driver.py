@@ -20,6 +20,7 @@ from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.energy import filter_factor, spring, stored
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
+from synth.solver.layers import held_by_layers, static_forces
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
 from synth.solver.problem import kept_array
 from synth.solver.stringmodel import (
@@ -129,6 +130,7 @@ class Model:
     parts: int  # K of a step that touches
     part: StringModel  # of one of them, of the whole step where K = 1
     string: StringModel  # of a whole step
+    layers: np.ndarray  # (3, C) of the contacts (`stringmodel`), or (3, 0)
 
     @cached_property
     def tables(self) -> dict[str, np.ndarray]:
@@ -149,11 +151,11 @@ class Model:
     def in_blocks(self) -> bool:
         """Whether there are the responses that steps in blocks need."""
         blocks = self.part if self.eta.size == 1 else self.string
-        return blocks.step == 0 and blocks.lags.shape[0] == self.eta.size
+        return blocks.step == 0 and self.layers.shape[1] == 0 and blocks.lags.shape[0] == self.eta.size
 
     def but(self, **changed: Any) -> Model:
         """The same with another argument or two of `make_model`."""
-        names = ("law", "omega", "sigma", "mu", "dt", "shapes", "eta", "residual", "out_shapes", "restitution")
+        names = ("law", "omega", "sigma", "mu", "dt", "shapes", "eta", "residual", "out_shapes", "restitution", "layers")
         given = {name: getattr(self, name) for name in names} | {"substeps": self.parts, "step": self.string.step}
         return make_model(**given | changed)
 
@@ -221,11 +223,12 @@ class Run:
 
 def make_model(
     law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float, substeps: int = 1,
-    step: int = 0,
+    step: int = 0, layers: np.ndarray | None = None,
 ) -> Model:  # fmt: skip
     """Coefficients and contact matrix for modes ω, σ (N,), contacts S (C, N) at η (C,) and outputs (P, N).
 
-    step: address of a law of its own (`contact_laws.step_of`).
+    step: address of a law of its own (`contact_laws.step_of`). layers (3, C) of the contacts (`layers`), none unless given:
+    exact-hold's, in steps that are not divided.
 
     `substeps` > 1 divides a step where the string touches (`solver.substeps`); exact-hold only, ValueError otherwise.
     """
@@ -233,6 +236,11 @@ def make_model(
         raise ValueError(f"substeps must be a whole number >= 1, got {substeps}; 1 leaves the step whole")
     if substeps > 1 and law != EXACT_HOLD:
         raise ValueError(f"substeps are exact-hold's, got {substeps} for a Moreau–Jean law; raise its rate instead")
+    layers = np.zeros((3, 0)) if layers is None else np.ascontiguousarray(layers, dtype=np.float64)
+    if layers.shape[1] and (substeps > 1 or law != EXACT_HOLD or step):
+        raise ValueError(
+            "contacts with a soft layer are exact-hold's, in whole steps; raise its rate instead of its substeps"
+        )
     omega, sigma, shapes, eta, out_shapes = (
         np.ascontiguousarray(a, dtype=np.float64) for a in (omega, sigma, shapes, eta, out_shapes)
     )
@@ -245,8 +253,9 @@ def make_model(
     what = (shapes, eta, residual, out_shapes)
     in_parts = contacts == 1 and substeps > 1
     string = make_string(
-        law, dt, mu, omega, sigma, coef, *what, restitution=restitution, matrix=g, in_blocks=not in_parts, step=step
-    )
+        law, dt, mu, omega, sigma, coef, *what, restitution=restitution, matrix=g, in_blocks=not in_parts, step=step,
+        layers=layers,
+    )  # fmt: skip
     part = string
     if substeps > 1:
         shorter, fine = dt / substeps, coefficients(law, omega, sigma, mu, dt / substeps)
@@ -254,8 +263,9 @@ def make_model(
             law, shorter, mu, omega, sigma, fine, *what, restitution=restitution, in_blocks=in_parts, step=step
         )
     return Model(
-        law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, substeps, part, string
-    )
+        law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, substeps, part, string,
+        layers,
+    )  # fmt: skip
 
 
 def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -271,6 +281,9 @@ def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     z = np.zeros(contacts)
     if not np.any(b < 0.0):
         return q.copy(), z, SOLVED
+    if model.layers.shape[1]:
+        z, status = static_forces(a, b, model.layers)
+        return q + compliance * (z @ model.shapes), z, status
     active, factor, order = np.zeros(contacts, np.uint8), np.zeros((contacts, contacts)), np.zeros(contacts, np.int64)
     status = solve(a, b, np.ones(contacts, np.uint8), active, z, factor, order)
     if natural_residual(a, b, z) > 1e-9 * np.abs(b).max():
@@ -290,8 +303,9 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     state.v_contact[:] = model.shapes @ v
     state.force[:] = force
     records = np.zeros((steps_per_output, contacts))
-    stepping = make_scratch(contacts, n, 0, 1)._replace(record=records.reshape(-1))
-    watching = make_scratch(contacts, n, points, BLOCKS * BLOCK, watched=BLOCKS * BLOCK)
+    room = contacts * (2 if model.layers.shape[1] else 1)
+    stepping = make_scratch(room, n, 0, 1)._replace(record=records.reshape(-1))
+    watching = make_scratch(room, n, points, BLOCKS * BLOCK, watched=BLOCKS * BLOCK)
     run = Run(
         state=state,
         q=state.q[:n],
@@ -318,7 +332,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     run.sums[PENETRATION] = -np.inf if contacts else 0.0
     run.sums[RISE] = run.sums[LEAST_VISCOUS] = run.sums[LEAST_CONTACT] = 0.0
     run.sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
-    run.sums[SPRING] = spring(model.residual, run.force)
+    run.sums[SPRING] = _held(model, run)
     run.sums[INITIAL] = run.sums[STORED] + run.sums[SPRING]
     write_row(model, run)
     if model.law != EXACT_HOLD and not published_start:
@@ -337,6 +351,12 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         if run.counts[PHASE] == steps_per_output:
             write_row(model, run)
     return run
+
+
+def _held(model: Model, run: Run) -> float:
+    """What the contacts hold, R and layers [J]."""
+    tables = table(model.string), table(run.state)
+    return spring(model.residual, run.force) + held_by_layers(*(each.ctypes.data for each in tables))
 
 
 def write_row(model: Model, run: Run) -> None:
@@ -395,7 +415,7 @@ def change_model(old: Model, new: Model, run: Run) -> None:
         run.force[:] = np.linalg.lstsq(new.residual, old.residual @ run.force, rcond=None)[0]
     if run.energy.size:
         after_stored = stored(new.law, new.omega, new.factor, new.mu, new.dt, run.q, run.v)
-        after_spring = spring(new.residual, run.force)
+        after_spring = _held(new, run)
         run.sums[INJECTED] += after_stored + after_spring - run.sums[STORED] - run.sums[SPRING]
         run.sums[STORED] = after_stored
         run.sums[SPRING] = after_spring

@@ -2,7 +2,8 @@
 
 What is stored is a quadratic form of the state that the scheme's own undamped free motion keeps:
 
-exact-hold      E = ½ μ Σ (v² + ω² q²), the string's energy; with residual compliance H = E + ½ λᵀRλ, R's spring energy
+exact-hold      E = ½ μ Σ (v² + ω² q²), the string's energy; with residual compliance H = E + ½ λᵀRλ, R's spring energy,
+                and with soft layers + Σ ½ k δ² (`layers`)
 Moreau–Jean     H = ½ μ Σ (w²/F + ω² qⁿ qⁿ⁻¹),  F = (1 − a + e)/(ωΔt)², which tends to E as Δt → 0. F nearly vanishes
                 where ωΔt is close to 2π, 4π, …: H then says little about such a mode's displacement,
                 and a damped mode at rest under a finger can gain some 1e-11 of it in a step.

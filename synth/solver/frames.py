@@ -43,7 +43,6 @@ from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
 from synth.solver.line_certificates import is_clear, look_everywhere, spend
 from synth.solver.line_forces import (
-    MIX,
     answer_of_line,
     coast_line,
     drive_line,
@@ -51,6 +50,9 @@ from synth.solver.line_forces import (
     settle_line,
     step_line,
 )
+from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
+from synth.solver.line_layers import keep_gaps, note_gaps
+from synth.solver.line_rows import MIX
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, dot, put
@@ -58,6 +60,8 @@ from synth.solver.vectors import FAST, INNER, add, dot, put
 #: iterations after which the forces are held, and how near to a root they end, of the terms of the equation
 MOST_ITERATIONS = 24
 CLOSE = 4e-15
+#: how near the root of a linear equation is after one iteration: less near, it was not the same equation
+SAME = 1e-10
 #: rows of Coupling.small
 FREE, FORCE, V, FROM_CONTACTS, MISSING, V_FREE, PULL, TURN = range(8)
 
@@ -92,7 +96,10 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         e = end_at(c.line_end[line])
         e.counts[KIND] = FAR
         if e.counts[ENGAGED]:
-            clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
+            if rubs(coupling, line):
+                clear = end_at(c.line_end[line - 1]).counts[KIND] < SINGLE
+            else:
+                clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0
     if uncertain:
@@ -103,7 +110,11 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         status = _block(coupling, scratch, frames, at, out)
         again = False
         for line in range(c.line_end.size):
-            if string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
+            if c.friction[line] > 0.0:
+                if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
+                    look_at(coupling, line, int(np.int64(1)))
+                    end_at(c.line_end[line]).counts[KIND] = SEVERAL
+            elif string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
                 if end_at(c.line_end[line]).counts[ENGAGED] == 0:
                     look_at(coupling, line, int(np.int64(1)))
                 look_everywhere(c.line_end[line])
@@ -249,6 +260,10 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                 if e.counts[KIND] == CLEAR:
                     coast_line(c.line_model[line], c.line_state[line], end)
                 else:
+                    if c.friction[line] > 0.0:
+                        rub_where_pressed(coupling, line, end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE)
+                    if _looks_back(c, line):
+                        note_gaps(coupling, line)
                     speed, height = _of_line(c, line, c.speed), _of_line(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
@@ -262,6 +277,12 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                 elif within == every - 1:
                     drive_line(c.line_model[line], c.line_state[line], end)
     return status
+
+
+@njit(inline="always")
+def _looks_back(c, line: int) -> bool:
+    """Whether what contacts do in a step hangs on where they were before: those that rub, and soft ones."""
+    return c.friction[line] > 0.0 or string_model(c.line_model[line]).layers.shape[1] > 0
 
 
 @njit(inline="always")
@@ -353,6 +374,8 @@ def _settle(coupling: int, number: int) -> None:
             within = _within(c, e, line, number)[1]
             turn = _of_line(c, line, small[TURN])
             settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], turn)
+            if e.counts[KIND] >= SINGLE and _looks_back(c, line):
+                keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
     _pulls(c, number, c.momentum)
     for i in range(d):
         for k in range(d):
@@ -390,9 +413,18 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             if e.counts[KIND] >= SINGLE:
                 turn, steps = _of_line(c, line, turns), c.steps[line]
                 first, at = _within(c, e, line, number)[1] * steps, (begin + number) * steps
-                force, slope, mine, bad = answer_of_line(
-                    c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
-                )
+                if rubs(coupling, line):
+                    force, slope, cross, mine, bad = answer_of_rubbed(
+                        c.line_model[line], c.line_state[line], end, c.line_end[line - 1], c.friction[line], scratch, first,
+                        steps, turn,
+                    )  # fmt: skip
+                    for i in range(d):
+                        for k in range(d):
+                            c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
+                else:
+                    force, slope, mine, bad = answer_of_line(
+                        c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
+                    )
                 status = max(status, bad)
                 pattern = pattern * MIX + mine
                 if force != 0.0 or slope != 0.0:
@@ -412,7 +444,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             missing[i] = v[i] - small[V_FREE, i] - pushed
             far = max(far, abs(missing[i]))
             size = max(size, abs(v[i]), abs(small[V_FREE, i]), abs(pushed))
-        if far <= CLOSE * size or (iteration > 0 and pattern == before):
+        if far <= CLOSE * size or (iteration > 0 and pattern == before and far <= SAME * size):
             c.counts[TOUCHED] += 1
             return status
         before = pattern

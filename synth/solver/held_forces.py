@@ -6,7 +6,8 @@ the held forces the bridge goes at V = V₀ + W Gᵀz/H, W = (I + ΓA/H)⁻¹Γ,
     0 ≤ b + (Θ + G W Gᵀ) z  ⊥  z ≥ 0,
 
 b the gaps at V₀, Θ what the forces do to the gaps of their own lines: symmetric and positive semidefinite. A finger is a
-row of either sign, eliminated before.
+row of either sign, eliminated before; a soft contact is two rows (`layers`), the frame its step. Nothing rubs in such a
+frame.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from numba import njit
 from synth.solver.coupling import KIND, NEAR, SINGLE, coupling_at, end_at
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.layers import middle
 from synth.solver.lcp import pivot
 from synth.solver.stepwise import finger_blend, finger_target
-from synth.solver.stringmodel import string_model, string_state
+from synth.solver.stringmodel import DEPTH, RESISTANCE, STIFFNESS, string_model, string_state
 
 
 @njit(inline="always")
@@ -48,6 +50,11 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
         for i in range(d):
             turn += c.direction[line, i] * (v0[i] - c.speed[i])
         contacts = m.shapes.shape[0]
+        if c.friction[line] > 0.0 and not fingers:  # none in such a frame
+            for i in range(e.counts[NEAR]):
+                for t in range(steps):
+                    e.forces[i, first + t] = 0.0
+            continue
         for i in range(1 if fingers else e.counts[NEAR]):
             row = e.u[contacts] if fingers else e.u[i]
             moved = e.finger_moved[0] if fingers else e.moved[e.near[i]]
@@ -59,14 +66,39 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
                 before, after = e.path[at], e.path[at + steps]
                 target = finger_target(EXACT_HOLD, frame, finger.stiffness, finger.resistance, before, after, finger.here)
                 gap -= target / blend
-            c.big_index[0, count] = line
-            c.big_index[1, count] = i
-            c.big_rows[0, count] = 0.0
+            drawn = 0.0
             for t in range(steps):
-                c.big_rows[0, count] += reach[t]
-            c.big_rows[1, count] = gap
-            count += 1
+                drawn += reach[t]
+            if not fingers and m.layers.shape[1] > 0:  # two rows: the layer, numbered backwards, and the stop behind it
+                depth = m.layers[DEPTH, e.near[i]]
+                if depth > 0.0:
+                    a, kept = _middle(m, e.near[i], frame)
+                    sunk = min(depth, max(0.0, -s.u[e.near[i]]))
+                    count = _add_row(c, count, line, -1 - i, drawn, gap - kept / a * sunk)
+                gap += depth
+            count = _add_row(c, count, line, i, drawn, gap)
     return count
+
+
+@njit(inline="always")
+def _add_row(c, count: int, line: int, number: int, drawn: float, gap: float) -> int:
+    c.big_index[0, count] = line
+    c.big_index[1, count] = number
+    c.big_rows[0, count] = drawn
+    c.big_rows[1, count] = gap
+    return count + 1
+
+
+@njit(inline="always")
+def _middle(m, contact: int, frame: float):
+    """`layers.middle` of a contact's layer over a frame."""
+    return middle(m.layers[STIFFNESS, contact], m.layers[RESISTANCE, contact], frame)
+
+
+@njit(inline="always")
+def _place(number: int) -> int:
+    """The place among those looked at of a row's contact."""
+    return number if number >= 0 else -1 - number
 
 
 @njit(cache=True, nogil=True)
@@ -93,9 +125,11 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
             total *= g[i] * g[k]
             if lines[k] == line:
                 if i < contacts:
-                    total += _sum_of(m.lags[e.near[numbers[i]], e.near[numbers[k]]], steps)
+                    total += _sum_of(m.lags[e.near[_place(numbers[i])], e.near[_place(numbers[k])]], steps)
+                    if k == i and numbers[i] < 0:
+                        total += 1.0 / _middle(m, e.near[_place(numbers[i])], c.frame)[0]
                 elif k < contacts:
-                    total += _sum_of(s.grip_contacts[e.near[numbers[k]]], steps)
+                    total += _sum_of(s.grip_contacts[e.near[_place(numbers[k])]], steps)
                 else:
                     finger = s.finger[0]
                     total += _sum_of(s.grip_own[0], steps)
@@ -128,11 +162,12 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
         force[i] = 0.0
     for i in range(rows):
         e, m = end_at(c.line_end[lines[i]]), string_model(c.line_model[lines[i]])
-        row = numbers[i] if i < contacts else m.shapes.shape[0]
+        row = _place(numbers[i]) if i < contacts else m.shapes.shape[0]
         steps = c.steps[lines[i]]
         first = number % (BLOCK // steps) * steps
+        behind_layer = i < contacts and i > 0 and lines[i - 1] == lines[i] and numbers[i - 1] == -1 - row
         for t in range(steps):
-            e.forces[row, first + t] = z[i]
+            e.forces[row, first + t] = z[i] + (z[i - 1] if behind_layer else 0.0)
         for k in range(d):
             force[k] += c.direction[lines[i], k] * g[i] * z[i]
     for i in range(d):

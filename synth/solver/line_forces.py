@@ -25,13 +25,12 @@ from synth.solver.lanes import (
     project_v,
 )
 from synth.solver.laws import EXACT_HOLD
-from synth.solver.lcp import SOLVED, pivot, substitute
-from synth.solver.stepwise import finger_blend, finger_target, fly, push_modes
+from synth.solver.lcp import SOLVED, factorise, pivot, substitute
+from synth.solver.line_layers import answer_of_soft_line
+from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger
+from synth.solver.stepwise import finger_blend, fly, push_modes
 from synth.solver.stringmodel import scratch_of, string_model, string_state
 from synth.solver.vectors import INNER, add
-
-#: of numbers that tell sets of contacts apart
-MIX = 1000003
 
 
 @njit(**INNER)
@@ -51,7 +50,7 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
             s.force[c] = 0.0
     e.counts[NEAR] = several
     finger = s.finger[0]
-    e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 else SEVERAL
+    e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
     look(n, m.rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
     if finger.on:
         project_q(n, m.rows, s.q, s.v, s.finger_weights[:n], e.u[contacts])
@@ -114,6 +113,8 @@ def answer_of_line(
     if e.counts[KIND] == SINGLE:
         force, slope, pattern = _one_contact(model, e, first, steps, turn)
         return force, slope, pattern, SOLVED
+    if string_model(model).layers.shape[1] > 0:
+        return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
     return _contacts_and_finger(model, state, end, scratch, first, at, steps, turn)
 
 
@@ -146,40 +147,21 @@ def _contacts_and_finger(
     model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float
 ) -> tuple[float, float, int, int]:
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    several, contacts, dt = e.counts[NEAR], m.shapes.shape[0], m.dt
-    near, lags, grip, grip_own = e.near, m.lags, s.grip_contacts, s.grip_own[0]
+    several, near, grip, finger = e.counts[NEAR], e.near, s.grip_contacts, s.finger[0]
+    forces, slopes, fingered = e.forces, e.slopes, finger.on != 0
     gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
-    forces, slopes = e.forces, e.slopes
-    finger = s.finger[0]
-    fingered = finger.on != 0
-    for i in range(several + 1):
-        if i == several and not fingered:
-            break
-        row = e.u[i] if i < several else e.u[contacts]
-        moved = e.moved[near[i]] if i < several else e.finger_moved[0]
-        for t in range(steps):
-            gaps[i, t] = row[first + t] + moved[BLOCK + t] * turn
-            moves[i, t] = moved[BLOCK + t]
-        for t in range(steps, BLOCK):
-            gaps[i, t] = moves[i, t] = 0.0
+    begin_rows(m, s, e, w, first, steps, turn)
     matrix = e.matrix[: several * several].reshape(several, several)
     enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
     for i in range(several):
         enabled[i] = 1
         active[i] = 0
-    total, per_blend, keep = 1.0, 0.0, 0.0
+    push, push_slope, total = 0.0, 0.0, 1.0
     here, here_slope = finger.here, 0.0
-    if fingered:
-        blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
-        total, per_blend, keep = grip_own[BLOCK] + compliance, 1.0 / blend, finger.resistance / dt
     force, slope, pattern, status, held = 0.0, 0.0, 0, SOLVED, int(np.int64(0))
     for t in range(steps):
-        push, push_slope = 0.0, 0.0
         if fingered:
-            before, after = e.path[at + t], e.path[at + t + 1]
-            target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, before, after, here)
-            push = (target * per_blend - gaps[several, t]) / total
-            push_slope = (keep * here_slope * per_blend - moves[several, t]) / total
+            push, push_slope, total = push_of_finger(s, e, w, m.dt, at + t, t, here, here_slope)
         touching = False
         for i in range(several):
             b[i] = gaps[i, t] + (grip[near[i], BLOCK] * push if fingered else 0.0)
@@ -190,37 +172,18 @@ def _contacts_and_finger(
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i]
+                if z[i] > 0.0:
+                    pattern = pattern * MIX + i * BLOCK + t + 1
                 b[i] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
-            if held > 0:  # how they change while the same ones press
-                substitute(b, held, w.factor, w.order, z)
+            # how they change while the same ones press; contacts solved one by one leave no factor
+            count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.factor, w.order, held)[0]
+            if count > 0:
+                substitute(b, count, w.factor, w.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i]
-        if fingered:
-            for i in range(several):
-                share_of_it = grip[near[i], BLOCK] / total
-                push -= share_of_it * forces[i, first + t]
-                push_slope -= share_of_it * slopes[i, first + t]
-            forces[contacts, first + t], slopes[contacts, first + t] = push, push_slope
-            add_late(gaps[several], grip_own, t, push)
-            add_late(moves[several], grip_own, t, push_slope)
-            force += e.finger_reach[0, t] * push
-            slope += e.finger_reach[0, t] * push_slope
-        for i in range(several):
-            c = near[i]
-            if fingered:
-                add_late(gaps[i], grip[c], t, push)
-                add_late(moves[i], grip[c], t, push_slope)
-            pressed, change = forces[i, first + t], slopes[i, first + t]
-            if pressed > 0.0:
-                pattern = pattern * MIX + i * BLOCK + t + 1
-                for d in range(several):
-                    add_late(gaps[d], lags[near[d], c], t, pressed)
-                    add_late(moves[d], lags[near[d], c], t, change)
-                if fingered:
-                    add_late(gaps[several], grip[c], t, pressed)
-                    add_late(moves[several], grip[c], t, change)
-                force += e.reach[c, t] * pressed
-                slope += e.reach[c, t] * change
+        more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total)
+        force += more
+        slope += steeper
         if fingered:
             here, here_slope = gaps[several, t], moves[several, t]
     return force, slope, pattern, status

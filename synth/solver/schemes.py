@@ -30,6 +30,10 @@ SCHEMES: dict[str, str] = {
     **COMPLIANT,
     "wall": "impulses at every node of the modal grid from an elastic, or rigid, wall along the string",
 }
+#: schemes of `simulate` for strings that share a body, beside exact-hold
+ON_A_BODY: dict[str, str] = {
+    "complex-modes": "strings on a body that touch nothing: complex modes of the whole instrument, exact at any time",
+}
 
 #: From these rates on no Moreau–Jean run of the project's cases held more energy than it began with: with restitution 0,
 #: and with any. In both every mode has to lie below half the rate.

@@ -26,7 +26,7 @@ def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> in
     """
     m, s = string_model(model), string_state(state)
     blocks = steps // BLOCK
-    if not _flies(model, state) and (m.step != 0 or m.lags.shape[0] != m.shapes.shape[0]):
+    if not _flies(model, state) and (m.step != 0 or m.layers.shape[1] != 0 or m.lags.shape[0] != m.shapes.shape[0]):
         blocks = 0
     status = SOLVED
     if blocks > 0:
@@ -49,8 +49,9 @@ def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> in
 
 @njit(cache=True, nogil=True)
 def step_by_step(model: int, state: int, scratch: int, begin: int, at: int, steps: int) -> int:
-    """`stepwise.one_by_one`, or `by_law` where the model has a law of its own."""
-    if string_model(model).step != 0:
+    """`stepwise.one_by_one`, or `by_law` where the model has a law of its own or layers."""
+    m = string_model(model)
+    if m.step != 0 or m.layers.shape[1] != 0:
         return by_law(model, state, scratch, begin, at, steps)
     return one_by_one(model, state, scratch, begin, at, steps)
 

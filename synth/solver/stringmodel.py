@@ -33,6 +33,9 @@ MOST_IN_BLOCKS = 256
 MOVING, CLOCK, CERTAIN, FREE = range(4)
 N_COUNTS = 4
 
+#: rows of StringModel.layers: spring [N/m] and dashpot [N s/m] of each contact's, how deep it is [m] (0: there is none)
+STIFFNESS, RESISTANCE, DEPTH = range(3)
+
 #: a finger's row of the contact problem, a spring and a dashpot towards a path; `on` is 0 where none is near
 FINGER = np.dtype(
     [
@@ -71,6 +74,7 @@ class StringModel(NamedTuple):
     weights: Annotated[np.ndarray, f8("outputs, modes")]
     out_lags: Annotated[np.ndarray, f8("outputs, lagged, RESPONSE")]
     q_rest: Annotated[np.ndarray, f8("modes")]  # where it comes to rest
+    layers: Annotated[np.ndarray, f8("3, layered")]  # of the contacts, if any has one (`layers`); layered: contacts, or 0
 
 
 class StringState(NamedTuple):
@@ -163,12 +167,14 @@ def make_string(
     used: tuple[int, int, int] | None = None,
     in_blocks: bool = True,
     step: int = 0,
+    layers: np.ndarray | None = None,
 ) -> StringModel:
     """A model of N modes ω, σ (N,) with step coefficients (6, N) over C contacts S (C, N) at η (C,) [m].
 
     residual (C, C): their static compliance; weights (P, N), the first on_q of them on displacements (all, unless said);
     used: first, points, on_q of those in use, all unless said; matrix: where `laws.contact_matrix` is known already; q_rest
-    (N,), zero unless given; in_blocks: with the tables that steps in blocks need, unless contacts are too many for them.
+    (N,), zero unless given; layers (3, C) or (3, 0), none unless given; in_blocks: with the tables that steps in blocks
+    need, unless contacts are too many for them.
     """
     n, contacts, points = omega.size, eta.size, weights.shape[0]
     on_q = points if on_q is None else on_q
@@ -199,10 +205,12 @@ def make_string(
         "weights": weights,
         "out_lags": _copy(out_lags),
         "q_rest": padded_rows(np.zeros(n) if q_rest is None else q_rest, size),
+        "layers": _copy(np.zeros((3, 0)) if layers is None else layers),
     }
     return allocate(
         StringModel,
-        SIZES | {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points},
+        SIZES
+        | {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points, "layered": given["layers"].shape[1]},
         law=law,
         dt=dt,
         restitution=restitution,

@@ -13,10 +13,12 @@ from synth.solver.certificates import amplitudes, reach
 from synth.solver.energy import impulse_work, spring, stored
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
+from synth.solver.layers import held_by_layers
 from synth.solver.lcp import SOLVED
 from synth.solver.step import advance, step_by_step
 from synth.solver.stringmodel import (
     CERTAIN,
+    DEPTH,
     scratch_of,
     string_model,
     string_state,
@@ -87,6 +89,12 @@ def write_output(study: int) -> None:
     _close_row(study)
 
 
+@njit(inline="always")
+def _softness(m, c: int) -> float:
+    """How deep a contact gives way before it is rigid [m]."""
+    return m.layers[DEPTH, c] if m.layers.shape[1] > 0 else 0.0
+
+
 @njit(**INNER)
 def _close_row(study: int) -> None:
     """What a row has besides displacements: forces, penetration, energies."""
@@ -96,7 +104,7 @@ def _close_row(study: int) -> None:
     scale = 1.0 if m.law == EXACT_HOLD else 1.0 / m.dt
     steps = r.counts[PHASE]
     for c in range(m.shapes.shape[0]):
-        r.sums[PENETRATION] = max(r.sums[PENETRATION], s.eta[c] - r.contact_u[row, c])
+        r.sums[PENETRATION] = max(r.sums[PENETRATION], s.eta[c] - _softness(m, c) - r.contact_u[row, c])
         total = 0.0
         for t in range(steps):
             total += r.records[t, c]
@@ -364,7 +372,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
         depth = s.eta[c] - after
         for d in range(contacts):
             depth -= m.residual[c, d] * s.force[d]
-        r.sums[PENETRATION] = max(r.sums[PENETRATION], depth)
+        r.sums[PENETRATION] = max(r.sums[PENETRATION], depth - _softness(m, c))
         strength = s.force[c]
         if strength > 0.0:
             if moves:
@@ -381,7 +389,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
         else:
             injected = impulse_work(weights, gain, omega, factor, m.mu, m.dt, before_q, w_free, v, push)
     after_stored = stored(m.law, omega, factor, m.mu, m.dt, q, v)
-    after_spring = spring(m.residual, s.force)
+    after_spring = spring(m.residual, s.force) + held_by_layers(model, r.state)
     sums = r.sums
     rise = after_stored + after_spring - sums[STORED] - sums[SPRING] - injected - lifted
     viscous = sums[STORED] - after_stored + worked + injected

@@ -129,10 +129,7 @@ def make_wall(
         raise ValueError(f"restitution must be between 0 and 1, got {restitution:g}")
     n = omega.size
     numbers = grid_numbers(positions, length, n)
-    if math.isinf(stiffness):
-        kappa = -1.0
-    else:
-        kappa = (2.0 / dt * math.sin(0.5 * min(LARGEST_ANGLE, math.sqrt(stiffness / mu) * dt))) ** 2
+    kappa = -1.0 if math.isinf(stiffness) else spring_rate(stiffness, mu, dt)
     return Wall(
         dt,
         mu,
@@ -148,6 +145,11 @@ def make_wall(
         make_flights(omega, sigma, mu, dt),
         make_sine(n + 1),
     )
+
+
+def spring_rate(stiffness: float, mu: float, dt: float) -> float:
+    """κ [1/s²] of springs k = stiffness [N/m²] under a string μ [kg/m] at steps dt [s]; see the module's docstring."""
+    return (2.0 / dt * math.sin(0.5 * min(LARGEST_ANGLE, math.sqrt(stiffness / mu) * dt))) ** 2
 
 
 def spring_angle(wall: Wall) -> float | None:

@@ -26,6 +26,7 @@ def doc(server: Server) -> Iterator[Doc]:
 def test_the_session(server: Server) -> None:
     session = server.get("/api/session")
     assert [row["name"] for row in session["presets"] if row["embedded"]] == [
+        "fretless-bass",
         "fretted-bass",
         "jawari-harp",
         "steel-guitar",

@@ -76,6 +76,14 @@ def guitar_file(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def fretless_file(tmp_path_factory) -> Path:
+    """A bank at 44.1 kHz of the bass over a board."""
+    path = tmp_path_factory.mktemp("fretless") / "fretless-bass.jawari"
+    path.write_bytes(bank([load_preset("fretless-bass")], [44100.0]))
+    return path
+
+
+@pytest.fixture(scope="session")
 def exported(library_file, tmp_path_factory) -> Path:
     """A plugin of two small presets at 44.1 and 48 kHz, as `songs` plays it."""
     path = tmp_path_factory.mktemp("exported") / "collection.so"

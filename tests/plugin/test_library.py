@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KNOWN = set(
     """
     bcmp calloc ceil clock_gettime close cos dladdr eventfd exp exp2 expm1 floor fmax fmin fprintf free fstat getenv
-    llrint llround log log10 lrint malloc memchr memcmp memcpy memmove memset mmap munmap nanosleep open
+    llrint llround log log10 log2 lrint malloc memchr memcmp memcpy memmove memset mmap munmap nanosleep open
     posix_memalign pow pread
     pthread_create pthread_join pthread_mutex_destroy pthread_mutex_init pthread_mutex_lock pthread_mutex_unlock
     pthread_once pthread_sigmask read realloc realpath round sched_getaffinity sched_yield sigfillset sin sincos snprintf

@@ -1,0 +1,211 @@
+"""Lines, bridge and body as the kernels of `frames` have them, made from plain arrays: where Python advances them itself.
+
+The engine keeps pools of such arrays of its own (`engine.bridges`). Here a line may become another (a bend, another fret)
+at any frame, and its state goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from synth.native.arrays import aligned, allocate
+from synth.native.views import table
+from synth.solver import coupling
+from synth.solver.fingers import fill_grip
+from synth.solver.lanes import BLOCK, padded
+from synth.solver.laws import EXACT_HOLD, coefficients
+from synth.solver.line_certificates import fill_reach
+from synth.solver.responses import make_rows, padded_rows
+from synth.solver.stringmodel import (
+    MOVING,
+    StringState,
+    make_scratch,
+    make_string,
+    state_sizes,
+)
+
+
+class LineArrays(NamedTuple):
+    """A line of N modes over C contacts as it now is."""
+
+    length_m: float
+    stiffness: float  # T/L [N/m]
+    mu: float  # [kg/m]
+    omega: np.ndarray  # (N,)
+    sigma: np.ndarray  # (N,)
+    ramp: np.ndarray  # c (N,)
+    direction: np.ndarray  # B (D,)
+    shapes: np.ndarray  # S (C, N)
+    leverage: np.ndarray  # ξ (C,)
+    eta: np.ndarray  # (C,) [m]
+    residual: np.ndarray  # R (C, C)
+    keeps_mass: bool = True  # whether the modes left out move with the bridge as a mass
+    layers: np.ndarray | None = None  # (3, C) in front of its contacts, `layers`
+
+
+class BodyArrays(NamedTuple):
+    """M modes of a body that move the bridge in D components."""
+
+    omega: np.ndarray  # (M,)
+    sigma: np.ndarray  # (M,)
+    mass: np.ndarray  # (M,)
+    shapes: np.ndarray  # Ψ (D, M)
+    radiation: np.ndarray  # (channels, M), output of an acceleration
+
+
+class CoupledLines:
+    """Lines on a body over frames of frame_s [s], line k in steps[k] steps a frame; at rest at first.
+
+    coupling, models, states, ends   the kernels' arrays; `address` and `scratch` are what kernels take
+    """
+
+    def __init__(
+        self,
+        lines: Sequence[LineArrays],
+        body: BodyArrays,
+        frame_s: float,
+        steps: Sequence[int],
+        *,
+        most_modes: Sequence[int] | None = None,
+        path: int = 1,
+    ) -> None:
+        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes."""
+        self._path = path
+        self.steps = [int(count) for count in steps]
+        self._frame_s = frame_s
+        modes = [max(1, line.omega.size) for line in lines] if most_modes is None else [int(n) for n in most_modes]
+        contacts = [line.eta.size for line in lines]
+        rows = [line.eta.size * (1 if line.layers is None else 2) for line in lines]  # a layer and what is behind it
+        self.states = [allocate(StringState, state_sizes(n, count, 1)) for n, count in zip(modes, contacts, strict=True)]
+        self._modes = modes
+        hold = coefficients(EXACT_HOLD, body.omega, body.sigma, 1.0, frame_s)
+        hold[4:] /= body.mass
+        shape = np.ascontiguousarray(body.shapes)
+        extents = {
+            "lines": len(lines), "components": shape.shape[0], "body": shape.shape[1],
+            "channels": body.radiation.shape[0], "rows": sum(rows) + len(lines),
+        }  # fmt: skip
+        self.coupling = allocate(
+            coupling.Coupling,
+            coupling.COUPLING_SIZES | extents,
+            frame=frame_s,
+            steps=np.array(self.steps, np.int64),
+            direction=np.ascontiguousarray([line.direction for line in lines]),
+            body=np.ascontiguousarray(hold),
+            shape=shape,
+            gamma=np.ascontiguousarray((shape * hold[4]) @ shape.T),
+            radiation=np.ascontiguousarray(body.radiation),
+            body_mass=np.ascontiguousarray(body.mass),
+            body_omega=np.ascontiguousarray(body.omega),
+        )
+        self._scratch = make_scratch(max(rows, default=0), max(modes), 1, BLOCK)
+        self._kept = [table(state) for state in self.states]
+        self._table, self._scratch_table = table(self.coupling), table(self._scratch)
+        self.models: list = [None] * len(lines)
+        self.ends: list = [None] * len(lines)
+        self._tables: list = [None] * len(lines)
+        for k, line in enumerate(lines):
+            self.coupling.line_state[k] = self._kept[k].ctypes.data
+            self.states[k].looked[:] = 1
+            self.states[k].renewed[:] = -1
+            self.set_line(k, line, gather=False)
+            self.states[k].counts[MOVING] = line.omega.size
+        coupling.gather_lines(self.address)
+
+    @property
+    def address(self) -> int:
+        return int(self._table.ctypes.data)
+
+    @property
+    def scratch(self) -> int:
+        return int(self._scratch_table.ctypes.data)
+
+    def set_line(self, k: int, line: LineArrays, gather: bool = True) -> None:
+        """Line k is this from now on; heights, q, v and forces of its state are the caller's. With contacts it is looked at.
+
+        gather: whether the bridge is told at once; else `coupling.gather_lines` once all is as it is to be.
+        """
+        n, c, mu = line.omega.size, line.ramp, line.mu
+        step = self._frame_s / self.steps[k]
+        coef = coefficients(EXACT_HOLD, line.omega, line.sigma, mu, step)
+        pull = mu * c
+        model = make_string(
+            EXACT_HOLD, step, mu, line.omega, line.sigma, coef, line.shapes, line.eta, line.residual, pull[None, :], on_q=0,
+            layers=line.layers,
+        )  # fmt: skip
+        size, contacts = padded(n), line.eta.size
+        leverage = aligned(contacts)
+        leverage[:] = line.leverage
+        end = allocate(
+            coupling.End,
+            coupling.COUPLING_SIZES | {"modes": size, "contacts": contacts, "path": self._path},
+            kick=padded_rows(-c, size),
+            pull=padded_rows(pull, size),
+            flight=make_rows(coefficients(EXACT_HOLD, line.omega, line.sigma, mu, self._frame_s)),
+            leverage=leverage,
+        )
+        # the mass of the modes left out is μ (LENGTH/3 − Σc²)
+        end.numbers[coupling.TENSION] = line.stiffness
+        end.numbers[coupling.LENGTH] = line.length_m if line.keeps_mass else 3.0 * float(c @ c)
+        end.counts[coupling.APART_MODES] = n
+        end.counts[coupling.ENGAGED] = int(contacts > 0 or self.states[k].finger[0]["on"] != 0)
+        if self.ends[k] is not None:
+            end.path[:] = self.ends[k].path
+            end.numbers[coupling.FINGER_LEVERAGE] = self.ends[k].numbers[coupling.FINGER_LEVERAGE]
+        tables = (table(model), table(end))
+        model_at, end_at = (int(each.ctypes.data) for each in tables)
+        coupling.fill_end(model_at, end_at, self.steps[k], aligned(size), aligned(size), aligned((3, BLOCK)))
+        fill_reach(model_at, end_at)
+        self.models[k], self.ends[k], self._tables[k] = model, end, tables
+        self.coupling.line_model[k], self.coupling.line_end[k] = model_at, end_at
+        self.states[k].eta[:] = line.eta
+        self.states[k].counts[MOVING] = n
+        if self.states[k].finger[0]["on"]:
+            self._fill_finger(k)
+        if gather:
+            self.gather()
+
+    def gather(self) -> None:
+        """What the bridge sees of its lines, after any of them has become another."""
+        coupling.gather_lines(self.address)
+
+    def hold(self, k: int, weights: np.ndarray, leverage: float, stiffness: float, resistance: float) -> float:
+        """A finger takes hold of line k by weights (N,) where it now is; returns its displacement there, ξ b with it [m]."""
+        state, n = self.states[k], weights.size
+        state.finger_weights[:] = 0.0
+        state.finger_weights[:n] = weights
+        self.ends[k].numbers[coupling.FINGER_LEVERAGE] = leverage
+        here = float(weights @ state.q[:n]) + leverage * float(self.coupling.direction[k] @ self.coupling.beta)
+        finger = state.finger[0]
+        finger["on"], finger["stiffness"], finger["resistance"] = 1, stiffness, resistance
+        finger["here"], finger["push"] = here, 0.0
+        self._fill_finger(k)
+        self.ends[k].counts[coupling.ENGAGED] = 1
+        self.gather()
+        return here
+
+    def _fill_finger(self, k: int) -> None:
+        model_at, end_at = (int(each.ctypes.data) for each in self._tables[k])
+        state_at, size = int(self._kept[k].ctypes.data), padded(self._modes[k])
+        fill_grip(model_at, state_at, self.scratch, 0)
+        coupling.fill_finger_end(
+            model_at, state_at, end_at, self.steps[k], aligned(size), aligned(size), aligned((3, BLOCK))
+        )
+
+    def let_go(self, k: int) -> None:
+        """The finger leaves line k."""
+        self.states[k].finger[0]["on"] = 0
+        self.ends[k].counts[coupling.ENGAGED] = int(self.models[k].eta.size > 0)
+        self.gather()
+
+    def place(self, p: np.ndarray, p_speed: np.ndarray) -> None:
+        """The body's modes are so, and the bridge with them, its mean motion as fast as they are."""
+        body = self.coupling
+        body.p[:], body.p_speed[:] = p, p_speed
+        body.beta[:] = body.shape @ p
+        body.speed[:] = 0.0
+        body.rest[:] = body.shape @ p_speed
+        self.gather()

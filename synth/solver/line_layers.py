@@ -1,0 +1,113 @@
+"""Soft contacts (`layers`) of a line whose end moves, and where the contacts of a line are as a block or a frame begins.
+
+As in `line_forces` every row is what free flight and the kicks make of it plus sums over the forces; what is its own here is
+the law of a step, twice as many rows as contacts, and that it looks back: StringState.u has the gaps S w + R λ + ξ b − η of
+the contacts that are looked at, at the end of the step before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from synth.solver.coupling import NEAR, coupling_at, end_at
+from synth.solver.lanes import BLOCK
+from synth.solver.layers import middle
+from synth.solver.lcp import SOLVED, factorise, pivot, substitute
+from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger
+from synth.solver.stringmodel import DEPTH, RESISTANCE, STIFFNESS, scratch_of, string_model, string_state
+from synth.solver.vectors import INNER, dot
+
+#: of a layer's depth: from here on it is on the stop, and how deep it was no longer changes with the end's speed
+_NEARLY = 1.0 - 1e-9
+
+
+@njit(cache=True, nogil=True)
+def note_gaps(coupling: int, line: int) -> None:
+    """StringState.u of the contacts of a line that are not certified, from its modes."""
+    c = coupling_at(coupling)
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    height, contacts, n = 0.0, m.shapes.shape[0], m.modes
+    for i in range(c.beta.size):
+        height += c.direction[line, i] * c.beta[i]
+    for k in range(contacts):
+        if e.clearance[k] <= 0.0:
+            here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
+            for d in range(contacts):
+                here += m.residual[k, d] * s.force[d]
+            s.u[k] = here
+
+
+@njit(cache=True, nogil=True)
+def keep_gaps(state: int, end: int, last: int) -> None:
+    """The same once a frame is decided whose last step is number `last` of the block."""
+    s, e = string_state(state), end_at(end)
+    for i in range(e.counts[NEAR]):
+        s.u[e.near[i]] = e.u[i, last]
+
+
+@njit(**INNER)
+def answer_of_soft_line(
+    model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float
+) -> tuple[float, float, int, int]:
+    """`line_forces.answer_of_line` of a line whose contacts have layers."""
+    m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
+    several, near, dt, layers = e.counts[NEAR], e.near, m.dt, m.layers
+    gaps, moves, forces, slopes = w.u, w.forces, e.forces, e.slopes
+    grip, fingered = s.grip_contacts, s.finger[0].on != 0
+    begin_rows(m, s, e, w, first, steps, turn)
+    rows = 2 * several
+    twice, one = w.matrix[: rows * rows].reshape(rows, rows), e.matrix[: several * several].reshape(several, several)
+    enabled, active, z, b, change = w.enabled[:rows], w.active[:rows], w.z[:rows], w.b[:rows], w.y[:rows]
+    for i in range(several):
+        depth = layers[DEPTH, near[i]]
+        for d in range(several):
+            mutual = one[i, d]
+            twice[i, d] = twice[i, several + d] = twice[several + i, d] = twice[several + i, several + d] = mutual
+        if depth > 0.0:
+            twice[i, i] += 1.0 / middle(layers[STIFFNESS, near[i]], layers[RESISTANCE, near[i]], dt)[0]
+        enabled[i] = 1 if depth > 0.0 else 0
+        enabled[several + i] = 1
+        active[i] = active[several + i] = 0
+    push, push_slope, total = 0.0, 0.0, 1.0
+    here, here_slope = s.finger[0].here, 0.0
+    force, slope, pattern, status, held = 0.0, 0.0, 0, SOLVED, int(np.int64(0))
+    for t in range(steps):
+        if fingered:
+            push, push_slope, total = push_of_finger(s, e, w, dt, at + t, t, here, here_slope)
+        touching = False
+        for i in range(several):
+            c, depth = near[i], layers[DEPTH, near[i]]
+            b[i] = gaps[i, t] + (grip[c, BLOCK] * push if fingered else 0.0)
+            change[i] = moves[i, t] + (grip[c, BLOCK] * push_slope if fingered else 0.0)
+            b[several + i], change[several + i] = b[i] + depth, change[i]
+            sunk = -(gaps[i, t - 1] if t > 0 else s.u[c])
+            if depth > 0.0 and sunk > 0.0:
+                a, kept = middle(layers[STIFFNESS, c], layers[RESISTANCE, c], dt)
+                b[i] -= kept / a * min(depth, sunk)
+                inside = t > 0 and sunk < _NEARLY * depth
+                if inside:
+                    change[i] += kept / a * moves[i, t - 1]
+                pattern = pattern * MIX + 4 * (i * BLOCK + t) + (1 if inside else 2)
+            touching = touching or (depth > 0.0 and b[i] < 0.0) or b[several + i] < 0.0
+            forces[i, first + t] = slopes[i, first + t] = 0.0
+        if touching:
+            bad, _, held = pivot(twice, b, enabled, active, z, w.factor, w.order, held)
+            status = max(status, bad)
+            for i in range(several):
+                forces[i, first + t] = z[i] + z[several + i]
+            for i in range(rows):
+                if z[i] > 0.0:
+                    pattern = pattern * MIX + 4 * (i * BLOCK + t) + 3
+            # contacts solved one by one leave no factor
+            count = held if held > 0 else factorise(twice, active, LEAST_PIVOT, w.factor, w.order, held)[0]
+            if count > 0:
+                substitute(change, count, w.factor, w.order, z)
+                for i in range(several):
+                    slopes[i, first + t] = z[i] + z[several + i]
+        more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total)
+        force += more
+        slope += steeper
+        if fingered:
+            here, here_slope = gaps[several, t], moves[several, t]
+    return force, slope, pattern, status
