@@ -96,7 +96,7 @@ WRONG = [
     (["render"], "IN.mid"),
     (
         ["render", DRONE, "-p", "tampura"],
-        "'tampura' is not one of fretted-bass, jawari-harp, steel-guitar, tanpura (perhaps tanpura?)",
+        "'tampura' is not one of fretless-bass, fretted-bass, jawari-harp, steel-guitar, tanpura (perhaps tanpura?)",
     ),
     (["render", DRONE, "--map", "1=Fretted-Bas"], "(perhaps fretted-bass?)"),
     (["render", DRONE, "--fallback", "harp"], "(perhaps jawari-harp?)"),
@@ -351,6 +351,17 @@ def test_a_plan_in_words_and_as_json(capsys) -> None:
     assert json.loads(capsys.readouterr().out)
     assert cli.main(["plan", "tanpura", "H9"]) == 2
     assert capsys.readouterr().err.startswith("synth: error: ")
+
+
+def test_a_plan_says_what_it_costs_here_where_it_is_asked_for(capsys) -> None:
+    assert cli.main(["plan", "jawari-harp", "C4", "--quality", "draft", "--json"]) == 0
+    assert "cost" not in json.loads(capsys.readouterr().out)
+    assert cli.main(["plan", "jawari-harp", "C4", "--quality", "draft", "--measure", "--json"]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    cost = plan["cost"]
+    assert cost["real_time_factor"] > 0.0 and 0.0 < cost["median_block"] <= cost["worst_block"]
+    assert cost["real_time_factor"] * cost["worst_block"] >= 0.99 and cost["strings"] == 12
+    assert f"{cost['real_time_factor']:.3g} × real time" in plan["text"]
 
 
 def test_without_a_name_the_sound_lies_here_and_over_nothing_else(tmp_path, monkeypatch, capsys) -> None:

@@ -26,6 +26,7 @@ from synth.author.documents import Documents
 from synth.author.errors import one_line
 from synth.author.fitting import FittedString, StringChanged, fit_string
 from synth.author.jobs import Job, Jobs, Progress
+from synth.author.measured import measured_mobility
 from synth.author.phrases import phrase
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
@@ -42,6 +43,8 @@ MOST_BODY = 2 * MOST_BYTES
 NO_DOCUMENT = 4404
 #: largest recording that is fitted [bytes]
 MOST_RECORDING = 100 << 20
+#: largest table of mobilities that is shown [bytes]
+MOST_TABLE = 16 << 20
 
 
 class Refused(Exception):
@@ -193,6 +196,7 @@ class App:
                 on(f"{doc}/reference", self._reference, "POST"),
                 on(f"{doc}/apply-fit", self._apply_fit, "POST"),
                 on("/api/fit", self._fit, "POST"),
+                on("/api/mobility", self._mobility, "POST"),
                 on("/api/jobs/{job}", self._job),
                 on("/api/jobs/{job}", self._cancel, "DELETE"),
                 WebSocketRoute("/ws/{doc}", self._connect),
@@ -453,6 +457,11 @@ class App:
             return fit_string(document.id, data, preset, string, progress)
 
         return JSONResponse({"job": self.jobs.start(f"fit of {document.id}", work, lambda made: made.report).id})
+
+    async def _mobility(self, request: Request) -> Response:
+        name = request.query_params.get("name", "table")
+        data = await body_of(request, MOST_TABLE)
+        return JSONResponse(await asyncio.to_thread(measured_mobility, data, name))
 
     async def _apply_fit(self, request: Request) -> Response:
         document = self._document(request)

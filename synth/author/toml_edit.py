@@ -35,15 +35,16 @@ def _key(key: Any) -> str:
 
 
 def item_of(value: Any, *, inside: bool = False) -> Item:
-    """A tomlkit item of plain data; tables inside a table stand on its line."""
+    """A tomlkit item of plain data; tables inside a table stand on its line, but lists of them that a table at the top
+    has."""
     value = plain(value)
     if isinstance(value, Mapping):
         table: Any = tomlkit.inline_table() if inside else tomlkit.table()
         for key, each in value.items():
-            table.append(key, item_of(each, inside=True))
+            table.append(key, item_of(each, inside=inside or not _tables(each)))
         return table
     if isinstance(value, list):
-        if not inside and value and all(isinstance(each, Mapping) for each in value):
+        if not inside and _tables(value):
             tables = tomlkit.aot()
             for each in value:
                 tables.append(item_of(each))
@@ -126,7 +127,7 @@ def _nested(parts: Sequence[str], value: Any, path: str) -> Any:
 def _put(document: TOMLDocument, place: Any, key: str, value: Any, path: str) -> TOMLDocument:
     """The document with `key` of a table set: where it stands, else behind the table's last key."""
     at_root = place is document
-    becomes_table = at_root and (isinstance(value, Mapping) or (isinstance(value, list) and _tables(value)))
+    becomes_table = at_root and (isinstance(value, Mapping) or _tables(value))
     item = item_of(value, inside=not becomes_table)
     if key in place:
         there = place[key]
@@ -138,8 +139,11 @@ def _put(document: TOMLDocument, place: Any, key: str, value: Any, path: str) ->
             place[key] = item
         return document
     if becomes_table:
-        text = tomlkit.dumps(document).rstrip("\n") + "\n\n"
-        return tomlkit.parse(text + tomlkit.dumps({key: item}).rstrip("\n") + "\n")
+        return _behind_all(document, tomlkit.dumps({key: item}))
+    within = path.split(".")[0]
+    if _tables(value) and isinstance(place, Table) and place is document.get(within):
+        tables = tomlkit.dumps({key: item_of(value)})
+        return _behind_all(document, re.sub(r"(?m)^\[\[", f"[[{within}.", tables))
     if at_root:
         return tomlkit.parse(_put_at_root(document, key, item))
     if isinstance(place, Table):
@@ -149,8 +153,13 @@ def _put(document: TOMLDocument, place: Any, key: str, value: Any, path: str) ->
     return document
 
 
-def _tables(value: list[Any]) -> bool:
-    return bool(value) and all(isinstance(each, Mapping) for each in value)
+def _behind_all(document: TOMLDocument, tables: str) -> TOMLDocument:
+    """The document with tables at its end."""
+    return tomlkit.parse(tomlkit.dumps(document).rstrip("\n") + "\n\n" + tables.rstrip("\n") + "\n")
+
+
+def _tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(each, Mapping) for each in value)
 
 
 def _fill(table: Table, new: Any) -> None:

@@ -30,6 +30,8 @@ class View:
 VIEWS = {
     "parameters": View("parameters", "describe", {}, long=False),
     "instrument": View("instrument", "draw", {"note": int, "velocity": int}, long=False),
+    "body": View("body_peaks", "describe_body", {}, long=False),
+    "begin-body": View("begin_body", "begin", {}),
     "motion": View("motion", "film", {"note": int, "velocity": int, "seconds": float, "frames": int, "start_s": float}),
     "analysis": View("analysis", "analyse", {"note": int, "velocity": int, "seconds": float}),
     "cost": View("cost", "estimate", {"note": int, "velocity": int}),

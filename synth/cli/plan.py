@@ -18,6 +18,7 @@ def add(commands: Any) -> None:
     parser.add_argument("preset", metavar="PRESET")
     parser.add_argument("note", nargs="?", metavar="NOTE", help="a note such as C3 or 48 (default: a survey)")
     add_physics(parser)
+    parser.add_argument("--measure", action="store_true", help="play it and say what it costs on this machine")
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.set_defaults(run=_plan)
 
@@ -27,15 +28,35 @@ def _plan(options: argparse.Namespace) -> int:
     from synth.instrument.compile import describe_plan
     from synth.instrument.preset import load_preset
 
+    preset = check(load_preset(options.preset), options.preset)
     note = None if options.note is None else note_number(options.note)
     plan = describe_plan(
-        check(load_preset(options.preset), options.preset),
+        preset,
         note,
         quality=options.quality,
         rate_hz=options.rate,
         scheme=options.scheme,
         internal_rate_hz=options.internal_rate,
     )
+    if options.measure:
+        from dataclasses import asdict
+
+        from synth.host.measured_cost import BLOCK, measure_cost
+
+        cost = measure_cost(
+            preset,
+            quality=options.quality,
+            rate_hz=options.rate,
+            scheme=options.scheme,
+            internal_rate_hz=options.internal_rate,
+        )
+        plan["cost"] = {
+            name: float(f"{value:.3g}") if isinstance(value, float) else value for name, value in asdict(cost).items()
+        }
+        plan["text"] += (
+            f"\n  here and now: {cost.real_time_factor:.3g} × real time on a core, {cost.strings} strings sounding at most; "
+            f"of a block of {BLOCK} frames' time {cost.median_block:.2g} in the median, {cost.worst_block:.2g} at most"
+        )
     if options.json:
         print(json.dumps(plan, indent=2, allow_nan=False))
     else:

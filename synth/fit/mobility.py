@@ -75,7 +75,11 @@ def read_mobility(path: str | Path) -> Mobility:
     and brackets. Without a unit real and imaginary parts and magnitudes are m/s/N (rocking: rad/s/N, rad/s/(N m)), dB
     those of 1 m/s/N. Raises OSError, and ValueError that names file, row and column.
     """
-    data = read_bytes(path, MOST_BYTES, "table of mobilities")
+    return parse_mobility(read_bytes(path, MOST_BYTES, "table of mobilities"), path)
+
+
+def parse_mobility(data: bytes, path: str | Path) -> Mobility:
+    """`read_mobility` of a file's bytes; `path` names it in messages. Raises ValueError."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -116,3 +116,24 @@ def test_any_number_anywhere(name: str, data: st.DataObject) -> None:
         text = change(text, path, value)
         assert at(tomllib.loads(text), path) == value
     assert [line for line in text.splitlines() if line.startswith("#")] == comments
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = 1\n\n[output] # c\nkind = 'x'\n",
+        "a = 1\n\n[body] # c\ndirect_db = 1\n# d\n\n[output]\nkind = 'x' # e\n",
+        "a = 1\n[body]\nresonance = [{q = 1}] # c\n[output]\nkind = 'x'\n",
+    ],
+)
+def test_a_list_of_tables_within_a_table_at_the_top_has_tables_of_its_own(text: str) -> None:
+    """One after the other as they are appended; comments and tables that were there stay."""
+    for index in range(3):
+        text = change(text, f"body.mode.{index}", {"q": float(index), "shape": [1.0, 0.5]})
+    assert text.count("[[body.mode]]") == 3 and "# c" in text
+    text = change(change(text, "body.mode.1", None), "body.mode.0.q", 7.0)
+    data = tomllib.loads(text)
+    assert data["body"]["mode"] == [{"q": 7.0, "shape": [1.0, 0.5]}, {"q": 2.0, "shape": [1.0, 0.5]}]
+    assert data["output"] == {"kind": "x"} and data["a"] == 1
+    text = change(change(text, "body.mode.1", None), "body.mode.0", None)
+    assert "mode" not in tomllib.loads(text).get("body", {})

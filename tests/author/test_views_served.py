@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +68,31 @@ def test_what_is_asked_for_again_is_kept(server: Server, view: str, some: str) -
 )
 def test_views_that_there_are_not(server: Server, view: str, status: int, words: str) -> None:
     assert words in server.get(f"{server.open('tanpura').path}/{view}", status)["error"]
+
+
+def test_the_body_and_one_to_begin_with(server: Server) -> None:
+    assert server.get(f"{server.open('tanpura').path}/body") == {"coupled": False}
+    guitar = server.open("steel-guitar")
+    assert [mode["index"] for mode in server.get(f"{guitar.path}/body")["modes"]] == list(range(15))
+    assert server.get(f"{guitar.path}/begin-body")["edits"] is None
+
+
+def test_a_measured_mobility(server: Server) -> None:
+    """In dB of what the table has, per axis; what is broken is refused with file and row."""
+
+    def sent(text: str, name: str = "my bridge.csv") -> tuple[int, dict[str, Any]]:
+        answer = server.client.post("/api/mobility", params={"name": name}, content=text.encode())
+        return answer.status_code, answer.json()
+
+    rows = "".join(f"{hz},1e-3,0,1e-5,0\n" for hz in range(50, 5050))
+    status, found = sent(f"frequency_hz,y11_re,y11_im,y12_re,y12_im\n{rows}")
+    assert status == 200 and found["name"] == "my bridge.csv" and list(found["axes"]) == ["normal"]
+    assert len(found["hz"]) == len(found["axes"]["normal"]) == 2000 and found["hz"][0] == 50.0
+    assert set(found["axes"]["normal"]) == {-60.0}
+    status, found = sent("frequency_hz,y11_re,y11_im\n1,2\n", "../other.csv")
+    assert status == 400 and found["error"].startswith("other.csv: row 2 must have 3 columns")
+    status, found = sent("")
+    assert status == 400 and "is empty" in found["error"]
 
 
 def test_the_reference(server: Server) -> None:

@@ -5,6 +5,7 @@
 import { h, noteName, number } from "./format.js";
 import { Figure, hertz, recolour, seconds, signed } from "./figure.js";
 import { contactTimeline, decays, deviations, empty, spectrogram, waveform } from "./pictures.js";
+import { decayStages, levels } from "./together.js";
 import { mount as mountReference } from "./reference.js";
 
 const WAIT_MS = 200;
@@ -19,6 +20,8 @@ const SURE_LENGTHS = 6;
 // one time axis below the other
 const WIDE = { left: 58 };
 const DIFFERENCE_DB = 30;
+/** From which ratio of late to early on a decay has two stages. */
+const TWO_STAGES = 1.15;
 
 export function mount(element, { store, api }) {
   let lengthS = 3;
@@ -84,6 +87,11 @@ export function mount(element, { store, api }) {
   }
   const doubt = h("span", { hidden: true, title: "Less than 10 dB of its decay is heard in this length" }, "○ not sure");
   decay.tools.append(doubt);
+  const stages = new Figure("Decay of a partial over time", { height: 180 });
+  const waking = new Figure("Strings that ring with it", { height: 180, margins: WIDE });
+  const partial = h("select", { "aria-label": "Partial", id: "decay-partial", onchange: () => draw() });
+  const stageWords = h("span", { id: "decay-words" });
+  stages.tools.append(stageWords, partial);
   const table = h("div", { class: "partials", tabindex: 0, role: "region", "aria-label": "Table of partials" });
   const cost = h("dl", { class: "tiles" });
   const verdict = h("p", { class: "verdict" });
@@ -91,12 +99,12 @@ export function mount(element, { store, api }) {
   const reference = h("div", { class: "reference" });
   element.append(
     head,
-    h("div", { class: "plots" }, wave.element, spectrum.element, contacts.element, cents.element, decay.element),
+    h("div", { class: "plots" }, wave.element, spectrum.element, contacts.element, waking.element, cents.element, decay.element, stages.element),
     h("details", { class: "fold" }, h("summary", {}, "Table of partials"), table),
     h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), verdict, cost, promise, reference),
   );
-  for (const figure of [wave, spectrum, contacts]) figure.element.classList.add("wide");
-  for (const figure of [wave, spectrum, cents, decay, contacts]) figure.show((pen, box) => empty(pen, box, "…"));
+  for (const figure of [wave, spectrum, contacts, waking, stages]) figure.element.classList.add("wide");
+  for (const figure of [wave, spectrum, cents, decay, contacts, waking, stages]) figure.show((pen, box) => empty(pen, box, "…"));
   mountReference(reference, { store, api });
 
   // ---- asking: after the last change of a drag, the newest question only
@@ -173,7 +181,29 @@ export function mount(element, { store, api }) {
         : (pen, box) => empty(pen, box, "The string touches nothing"),
       points.map((p) => `${p.label}: ${p.contacts} contacts, up to ${number(p.peak_n, 3)} N`).join("; ") || "No contacts",
     );
-    table.replaceChildren(partialsTable(partials));
+    table.replaceChildren(partialsTable(partials, shown.decays));
+    drawTogether();
+  }
+
+  /** Of strings that share a bridge: how one partial decays and beats, and which strings ring along. */
+  function drawTogether() {
+    const { decays: found, waking: ringing } = shown;
+    waking.element.hidden = ringing === null;
+    stages.element.hidden = found.length === 0;
+    if (ringing !== null) {
+      const loud = ringing.strings.map(({ string, level_db: db }) => `${string} up to ${number(Math.max(...db), 2)} dB`);
+      waking.show(levels(ringing, lengthS), `Levels of the strings: ${loud.join(", ")}`);
+    }
+    if (found.length === 0) return;
+    const names = found.map(({ number: j }) => `Partial ${j}`);
+    if ([...partial.options].map(({ text }) => text).join() !== names.join()) {
+      const kept = partial.value;
+      partial.replaceChildren(...found.map(({ number: j }, i) => h("option", { value: j }, names[i])));
+      partial.value = found.some(({ number: j }) => String(j) === kept) ? kept : found[0].number;
+    }
+    const one = found.find(({ number: j }) => String(j) === partial.value) ?? found[0];
+    stageWords.textContent = stagesInWords(one);
+    stages.show(decayStages(one), `Partial ${one.number}: ${stagesInWords(one)}`);
   }
 
   /** How much of the note the contacts are shown for, in s. */
@@ -188,7 +218,9 @@ export function mount(element, { store, api }) {
     return `Spectrogram; the buzz's formant goes from ${hertz(formant[0].hz)} to ${hertz(formant.at(-1).hz)}`;
   }
 
-  function partialsTable(partials) {
+  function partialsTable(partials, staged) {
+    const together = staged.length > 0;
+    const of = new Map(staged.map((one) => [one.number, one]));
     const row = (p) =>
       h(
         "tr",
@@ -201,9 +233,11 @@ export function mount(element, { store, api }) {
           number(p.model_t60_s, 3),
           number(p.measured_t60_s, 3),
           number(p.level_db, 3),
+          ...(together ? ["early_t60_s", "late_t60_s", "beat_hz"].map((key) => number(of.get(p.number)?.[key], 3)) : []),
         ].map((text) => h("td", {}, text)),
       );
     const names = ["", "model, Hz", "measured, Hz", "cents", "model T60, s", "measured T60, s", "level, dB"];
+    if (together) names.push("early T60, s", "late T60, s", "beats, Hz");
     return h(
       "table",
       {},
@@ -220,13 +254,15 @@ export function mount(element, { store, api }) {
         "Speed",
         `${number(found.real_time_factor, 3)} ×`,
         "real time",
-        "How many times faster than it sounds one string of this is computed on one core of this machine",
+        found.together
+          ? "How many times faster than it sounds the instrument with this note is computed on one core of this machine"
+          : "How many times faster than it sounds one string of this is computed on one core of this machine",
       ],
       [
         "All strings",
         `${share} %`,
         "of a core",
-        `${found.polyphony} strings like this at once, as many as the preset lets sound`,
+        found.together ? "Strings that share a bridge all move" : `${found.polyphony} strings like this at once, as many as the preset lets sound`,
       ],
       [
         "Steps",
@@ -254,7 +290,7 @@ export function mount(element, { store, api }) {
         h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, ` ${more}`) : null)),
       ),
     );
-    verdict.textContent = `${speedInWords(found)} ${errorInWords(error)}`;
+    verdict.textContent = `${speedInWords(found)} ${found.together ? "How far it is from converged, the reference tells." : errorInWords(error)}`;
     promise.textContent = `${found.quality}: ${found.reason}`;
   }
 
@@ -262,8 +298,14 @@ export function mount(element, { store, api }) {
   store.on(["theme"], () => recolour());
 }
 
-function speedInWords({ load, polyphony }) {
-  const all = polyphony === 1 ? "its string" : `all ${polyphony} strings at once`;
+/** A partial's decay rates, one where both are alike, and its beats. */
+function stagesInWords({ early_t60_s: early, late_t60_s: late, beat_hz: hz, beat_db: db }) {
+  const times = late > TWO_STAGES * early ? `T60 ${seconds(early)} early, ${seconds(late)} late` : `T60 ${seconds(early)}`;
+  return hz === null ? times : `${times}, beats ${number(hz, 3)} Hz, ${number(db, 2)} dB deep`;
+}
+
+function speedInWords({ load, polyphony, together }) {
+  const all = together ? "all that share the bridge" : polyphony === 1 ? "its string" : `all ${polyphony} strings at once`;
   if (load < 0.5) return `Plays live with room to spare: ${all} take ${number(100 * load, 2)} % of a core.`;
   if (load < 1) return `Plays live, but close to the limit of a core with ${all}.`;
   return `Too heavy for one core with ${all}: it takes more, fewer strings, or a coarser quality.`;

@@ -5,7 +5,10 @@
 //
 // Handles of a `row` (the frets) are one stop of Tab: left and right arrow go from one to the next, up and down move it.
 //
-// x [m], y [mm] are the place; D is as GET …/instrument describes it: value = offset + factor · coordinate. A drag moves
+// Of others only those whose spec has no `stop: false` are stops of Tab; `chosen` and `past` change how they look.
+//
+// x [m], y [mm] are the place; D is as GET …/instrument describes it: value = offset + factor · coordinate, or e to that where
+// D is `exponential`. A drag moves
 // along one axis, the one in which it begins; all of it is one step of undo. Shift moves ten times finer, Page up and down
 // ten times further than an arrow key; a double click puts the thing back, to what backOf(path) says ({value}, or null).
 
@@ -18,7 +21,7 @@ const REACH_PX = matchMedia("(pointer: coarse)").matches ? 22 : 14;
 const KEY_SHARE = 0.004;
 const PAGE_STEPS = 10;
 
-export function makeHandles(panel, { edit, valueOf, backOf, busy }) {
+export function makeHandles(panel, { edit, valueOf: presentOf, backOf, busy }) {
   const known = new Map();
   const readout = s("g", { class: "readout", "aria-hidden": "true" }, s("rect", { rx: 4 }), s("text"));
   readout.setAttribute("visibility", "hidden");
@@ -63,6 +66,7 @@ export function makeHandles(panel, { edit, valueOf, backOf, busy }) {
     const element = s("g", { class: "handle", tabindex: 0, role: "slider", "data-handle": id }, reach, shape);
     const handle = { element, spec: null, take };
     let start = null;
+    let shown = "";
     const keys = makeKeys();
 
     function take(spec) {
@@ -72,9 +76,14 @@ export function makeHandles(panel, { edit, valueOf, backOf, busy }) {
         return;
       }
       handle.spec = spec;
-      shape.replaceChildren(...spec.shape);
+      // what looks as before stays: under a hand that clicks, a new element would be another
+      const looks = spec.shape.map((each) => each.outerHTML).join("");
+      if (looks !== shown) shape.replaceChildren(...spec.shape);
+      shown = looks;
       element.setAttribute("aria-label", spec.label);
       element.classList.toggle("past", Boolean(spec.past));
+      element.classList.toggle("chosen", Boolean(spec.chosen));
+      if (!spec.row) element.tabIndex = spec.stop === false ? -1 : 0;
       place();
     }
 
@@ -94,13 +103,13 @@ export function makeHandles(panel, { edit, valueOf, backOf, busy }) {
     /** Move to a coordinate on one axis: the handle at once, the preset as fast as the server follows. */
     function move(axis, coordinate, key, fine) {
       const d = handle.spec.drag[axis];
-      const value = clamp(d.offset + d.factor * coordinate, d);
-      const settled = (value - d.offset) / d.factor;
+      const value = clamp(valueOf(d, coordinate), d);
+      const settled = coordinateOf(d, value);
       handle.spec = { ...handle.spec, ...(axis === "x" ? { x: settled } : { y: settled }) };
       place();
       say(handle);
       const digits = Number(value.toPrecision(fine ? 5 : 4));
-      const whole = d.anchor === null ? digits : { ...valueOf(d.path), [d.anchor]: digits };
+      const whole = d.anchor === null ? digits : { ...presentOf(d.path), [d.anchor]: digits };
       edit([...d.edits, { path: d.path, value: whole }], key);
     }
 
@@ -205,13 +214,25 @@ function clamp(value, { minimum, maximum }) {
 
 function current({ spec }, axis) {
   const d = spec.drag[axis];
-  return d.offset + d.factor * (axis === "x" ? spec.x : spec.y);
+  return valueOf(d, axis === "x" ? spec.x : spec.y);
+}
+
+function valueOf(d, coordinate) {
+  const linear = d.offset + d.factor * coordinate;
+  return d.exponential ? Math.exp(linear) : linear;
+}
+
+function coordinateOf(d, value) {
+  return ((d.exponential ? Math.log(value) : value) - d.offset) / d.factor;
 }
 
 const UNITS = [
   [/_mm(\.\d+)?$/, "mm"],
   [/_um$/, "µm"],
   [/(position|position_hard|distance_ratio)$/, "of L"],
+  [/_hz$/, "Hz"],
+  [/_kg$/, "kg"],
+  [/\.q$/, "(Q)"],
 ];
 
 function words(handle) {

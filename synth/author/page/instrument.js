@@ -1,15 +1,16 @@
 // The instrument from the side: the whole string and a close-up of what it touches near its end, to scale, with handles;
-// the choice of note; and, with motion.js, the string in slow motion.
+// the choice of note; with motion.js, the string in slow motion; with body.js, bridge and body that strings share.
 
-import { wayBack } from "./edits.js";
-import { h, noteName, number, same, valueAt } from "./format.js";
+import { mount as mountBody } from "./body.js";
+import { h, noteName, number } from "./format.js";
 import { makeHandles } from "./handle.js";
 import { latest } from "./latest.js";
 import { mount as mountMotion } from "./motion.js";
+import { makeMoving } from "./moving.js";
 import { makePanel } from "./panel.js";
 import { closeView, drawScene, handlesOf, wholeView } from "./scene.js";
 
-export function mount(element, { store }) {
+export function mount(element, { store, api }) {
   const facts = h("dl", { class: "facts" });
   const note = h("select", { id: "note", "aria-label": "Note" });
   const lower = h("button", { type: "button", class: "icon", tabindex: -1, "aria-label": "Lower note" }, "‹");
@@ -21,6 +22,7 @@ export function mount(element, { store }) {
   const closeFigure = h("figure", { class: "stage close" }, closeCaption, close.svg);
   const reason = h("p", { class: "stage-reason", hidden: true });
   const film = h("div", { class: "film", role: "group", "aria-label": "Slow motion" });
+  const bridge = h("div", { class: "body-view" });
   element.append(
     h(
       "div",
@@ -32,6 +34,7 @@ export function mount(element, { store }) {
     h("div", { class: "stages" }, h("figure", { class: "stage whole" }, wholeCaption, whole.svg), closeFigure),
     reason,
     film,
+    bridge,
   );
 
   let drawing = null;
@@ -39,33 +42,9 @@ export function mount(element, { store }) {
   let ghostKey = "";
   let hand = false;
   let played = null;
-  const motion = mountMotion(film, { store, panels: { whole, close }, redraw: draw });
-  /** What a double click brings back: the saved value of what has been changed, else the default of what has one. */
-  function backOf(path) {
-    const parameter = store.state.parameters.find((one) => one.path === path);
-    const value = store.value(path) ?? null;
-    const saved = valueAt(store.state.doc.saved, path) ?? null;
-    if (parameter === undefined) return saved === null || same(value, saved) ? null : { value: saved }; // one of a list
-    return wayBack(parameter, value, saved);
-  }
-
-  const edits = {
-    async edit(changes, key) {
-      if ((await store.editMany(changes, key)) !== null) return;
-      const { path } = changes.at(-1);
-      const reason = store.state.errors[path];
-      // the field may be out of sight, and it has its value still
-      if (reason) store.notify(`Not moved. ${store.labelOf(path)}: ${reason}`, "error");
-      store.clearError(path);
-      if (!hand) draw();
-    },
-    valueOf: (path) => store.value(path),
-    backOf,
-    busy: (now) => {
-      hand = now;
-      if (!now) draw();
-    },
-  };
+  const body = mountBody(bridge, { store, api });
+  const motion = mountMotion(film, { store, panels: { whole, close }, redraw: draw, watch: body.show });
+  const edits = makeMoving(store, { held: (now) => (hand = now), redraw: draw });
   const wholeHandles = makeHandles(whole, edits);
   const closeHandles = makeHandles(close, edits);
 

@@ -54,7 +54,8 @@ export function compass(notes) {
 /** Rows of a neck, the highest string first: [{name, open, frets}]; null where the strings are not few. */
 export function neck(data) {
   const strings = data?.string ?? [];
-  const frets = data?.obstacle?.kind === "frets" ? data.obstacle.count : 0;
+  const kind = data?.obstacle?.kind;
+  const frets = kind === "frets" ? data.obstacle.count : kind === "board" ? (data.obstacle.semitones ?? 24) : 0;
   // a string of several notes is no string but a choir of them
   if (strings.length < 2 || strings.some(({ notes }) => notes[0] !== notes[1])) return null;
   const rows = strings.map(({ name, notes }) => ({ name, open: notes[0], frets }));

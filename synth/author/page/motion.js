@@ -27,7 +27,8 @@ const SLIDER_STEP = 3;
 const PLAY = "M6 3.5v13l10.5-6.5z";
 const PAUSE = "M6 4h3v12H6zM11.5 4h3v12h-3z";
 
-export function mount(element, { store, panels, redraw }) {
+/** watch(film, at): told of what is shown, a frame and what lies between two; (null, 0) where it is the still drawing. */
+export function mount(element, { store, panels, redraw, watch }) {
   const icon = s("path", { class: "fill", d: PLAY });
   const play = h("button", { type: "button", class: "icon play", id: "film-play", "aria-label": "Play in slow motion" }, s("svg", { viewBox: "0 0 20 20" }, icon));
   const strip = s("svg", { class: "strip", viewBox: `0 0 ${STRIP.width} ${STRIP.height}`, preserveAspectRatio: "none", "aria-hidden": "true" });
@@ -92,6 +93,7 @@ export function mount(element, { store, panels, redraw }) {
   function draw() {
     if (film === null || !shown) {
       for (const mark of Object.values(marks)) mark.hide();
+      watch(null, 0);
       return;
     }
     const first = Math.floor(at);
@@ -100,9 +102,12 @@ export function mount(element, { store, panels, redraw }) {
     const line = film.x.map((x, i) => [x, film.frames[first][i] + part * (film.frames[second][i] - film.frames[first][i])]);
     // a frame's force is the largest since the frame before it
     const forces = Math.ceil(at);
-    const touched = film.points.map(({ x, height }, i) => ({ x, height, newton: film.force[forces][i] }));
+    // what rides on a bridge that moves is where the bridge is
+    const lift = film.rides ? film.lift[first] + part * (film.lift[second] - film.lift[first]) : 0;
+    const touched = film.points.map(({ x, height }, i) => ({ x, height: height + lift, newton: film.force[forces][i] }));
     const finger = film.finger[first] === null ? null : [film.finger_x, film.finger[first]];
-    for (const mark of Object.values(marks)) mark.show(line, touched, film.largest_n, finger);
+    for (const mark of Object.values(marks)) mark.show(line, touched, film.largest_n, finger, lift);
+    watch(film, at);
     const ms = 1000 * (film.start_s + at * film.dt_s - film.release_s);
     time.textContent = `${ms.toFixed(2).replace("-", "−")} ms`;
     const sum = film.total[forces];
@@ -181,13 +186,21 @@ function makeMarks(panel) {
   const string = s("polyline", { class: "string-moving" });
   const finger = s("circle", { class: "finger", r: 7 });
   const group = s("g", { class: "motion" }, string, finger);
+  const lifted = (lift) => {
+    for (const each of panel.back.querySelectorAll(".rides")) {
+      if (lift === 0) each.removeAttribute("transform");
+      else each.setAttribute("transform", `translate(0 ${(panel.Y(lift) - panel.Y(0)).toFixed(2)})`);
+    }
+  };
   return {
     hide() {
       group.remove();
       panel.lights.replaceChildren();
       panel.svg.classList.remove("moving");
+      lifted(0);
     },
-    show(line, touched, peak, hand) {
+    show(line, touched, peak, hand, lift) {
+      lifted(lift);
       if (group.parentNode !== panel.front) panel.front.append(group);
       panel.svg.classList.add("moving");
       string.setAttribute("points", panel.line(line));

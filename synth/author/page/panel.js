@@ -1,14 +1,26 @@
 // A drawing surface to scale: metres along, millimetres up, each with its own stretch, and the rulers of both.
 //
-//   const panel = makePanel("name", "what it shows");
+//   const panel = makePanel("name", "what it shows", rulers);
 //   panel.frame({x0, x1, y0, y1});       // what is shown; panel.X(m), panel.Y(mm) → px, panel.x(px), panel.y(px) back
+//   rulers: {up(view, count), along(view, count)} -> {unit, ticks: [[coordinate, text, main] …]}, of other things than lengths
 //   panel.back, panel.front, panel.handles, panel.lights: SVG groups, from behind to the front
 
 import { number, s } from "./format.js";
 
 const MARGIN = { left: 46, right: 18, top: 16, bottom: 30 };
 
-export function makePanel(name, label) {
+/** Rulers of a thing to scale: heights in mm, or µm where it is small, lengths in mm. */
+const LENGTHS = {
+  up(view, count) {
+    const micro = view.y1 - view.y0 < 0.4;
+    const unit = micro ? 1000 : 1;
+    const ticks = nice(view.y0 * unit, view.y1 * unit, count).map((tick) => [tick / unit, number(tick), tick === 0]);
+    return { unit: micro ? "µm" : "mm", ticks };
+  },
+  along: (view, count) => ({ unit: "", ticks: nice(1000 * view.x0, 1000 * view.x1, count).map((tick) => [tick / 1000, number(tick), false]) }),
+};
+
+export function makePanel(name, label, scales = LENGTHS) {
   const rulers = s("g", { class: "rulers" });
   const back = s("g", { class: "back" });
   const front = s("g", { class: "front" });
@@ -67,30 +79,30 @@ export function makePanel(name, label) {
   };
 
   function up() {
-    const micro = view.y1 - view.y0 < 0.4;
-    const unit = micro ? 1000 : 1;
-    const ticks = nice(view.y0 * unit, view.y1 * unit, Math.max(3, Math.floor(size.height / 44)));
-    const grid = ticks.flatMap((tick) => {
-      const y = panel.Y(tick / unit);
+    const { unit, ticks } = scales.up(view, Math.max(3, Math.floor(size.height / 44)));
+    const grid = ticks.flatMap(([tick, text, main]) => {
+      const y = panel.Y(tick);
       return [
-        s("line", { class: tick === 0 ? "grid zero" : "grid", x1: MARGIN.left, x2: size.width - MARGIN.right, y1: y, y2: y }),
-        s("text", { class: "tick", x: MARGIN.left - 7, y: y + 3.5, "text-anchor": "end" }, number(tick)),
+        s("line", { class: main ? "grid zero" : "grid", x1: MARGIN.left, x2: size.width - MARGIN.right, y1: y, y2: y }),
+        s("text", { class: "tick", x: MARGIN.left - 7, y: y + 3.5, "text-anchor": "end" }, text),
       ];
     });
-    return [...grid, s("text", { class: "tick", x: MARGIN.left - 7, y: MARGIN.top - 6, "text-anchor": "end" }, micro ? "µm" : "mm")];
+    return [...grid, s("text", { class: "tick", x: MARGIN.left - 7, y: MARGIN.top - 6, "text-anchor": "end" }, unit)];
   }
 
   function along() {
-    const ticks = nice(1000 * view.x0, 1000 * view.x1, Math.max(3, Math.floor(size.width / 80)));
+    const { unit, ticks } = scales.along(view, Math.max(3, Math.floor(size.width / 80)));
     const y = size.height - MARGIN.bottom;
-    const marks = ticks.flatMap((tick) => {
-      const x = panel.X(tick / 1000);
+    const marks = ticks.flatMap(([tick, text]) => {
+      const x = panel.X(tick);
       return [
         s("line", { class: "ruler", x1: x, x2: x, y1: y + 1, y2: y + 6 }),
-        s("text", { class: "tick", x, y: y + 18, "text-anchor": "middle" }, number(tick)),
+        s("text", { class: "tick", x, y: y + 18, "text-anchor": "middle" }, text),
       ];
     });
-    return [s("line", { class: "ruler", x1: MARGIN.left, x2: size.width - MARGIN.right, y1: y, y2: y }), ...marks];
+    const end = size.width - MARGIN.right;
+    const name = unit === "" ? [] : [s("text", { class: "tick", x: end, y: y - 5, "text-anchor": "end" }, unit)];
+    return [s("line", { class: "ruler", x1: MARGIN.left, x2: end, y1: y, y2: y }), ...marks, ...name];
   }
 
   return panel;

@@ -42,6 +42,11 @@ export function drawScene(panel, drawing, { close, ghost }) {
     back.push(s("path", { class: "wood", d: `M${x} ${Y(0)}h9v${bottom - Y(0)}h-15z` }));
   }
   if (kind === "frets") back.push(...neck(panel, drawing));
+  if (drawing.board.length > 0) {
+    const surface = drawing.board.map(([x, height]) => `L${X(x)} ${Y(height)}`).join("");
+    const [first, last] = [drawing.board[0][0], drawing.board.at(-1)[0]];
+    back.push(s("path", { class: "wood", d: `M${X(first)} ${bottom}${surface}L${X(last)} ${bottom}z` }));
+  }
   if (kind === "points") {
     for (const { x, height } of drawing.points) {
       if (panel.shows(x)) back.push(s("path", { class: "wood", d: `M${X(x)} ${Y(height)}l5 9V${bottom}h-10V${Y(height) + 9}z` }));
@@ -91,9 +96,9 @@ function bridge(panel, { points, thread, open_length_m: length }) {
     `M${X(edge.x - 1.4 * far)} ${bottom}` +
     `C${X(edge.x - 1.1 * far)} ${Y(fall(0.12))} ${X(edge.x - 0.5 * far)} ${Y(edge.height)} ${X(edge.x)} ${Y(edge.height)}` +
     `C${X(edge.x + 0.6 * far)} ${Y(edge.height)} ${X(length + 0.3 * far)} ${Y(fall(0.1))} ${X(length + 0.9 * far)} ${bottom}z`;
-  const out = [s("path", { class: "wood", d })];
+  const out = [s("path", { class: "wood rides", d })];
   const radius = Math.max(2.2, Math.min(7, Math.abs(X(length) - X(edge.x)) * 0.16));
-  out.push(s("circle", { class: "thread", cx: X(thread.x), cy: Y(thread.height) + radius, r: radius }));
+  out.push(s("circle", { class: "thread rides", cx: X(thread.x), cy: Y(thread.height) + radius, r: radius }));
   return out;
 }
 

@@ -19,6 +19,11 @@ stands under what it does.
     timeline      {bin_s, points: [{point, label, contacts, first_s, last_s, peak_n, impulse_ns}] those touched,
                   impulse_ns: [[per bin] per such point], peak_n: [[per bin] per such point]}
     formant       [{t_s, hz}] of the descending formant, null where there is none
+    decays        of strings that share a bridge, [] of others: of each partial its envelope, how it decays early and late
+                  and how it beats (`coupled_analysis.decays_of`)
+    waking        of these, the level of every string over the note (`coupled_analysis.hear_together`); null of others
+
+Of strings that share a bridge all are there; the sound is the mean of both channels, forces are those of each frame's end.
 
 Raises PresetError where no string plays the note, ValueError for a length out of range.
 """
@@ -32,6 +37,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.contacts import Forces, before, binned, contacts_of, gather, touches
+from synth.author.views.coupled_analysis import decays_of, hear_together
 from synth.author.views.formant import descending_formant
 from synth.author.views.instrument import draw
 from synth.author.views.pictures import rows_of_power, waveform
@@ -70,19 +76,17 @@ def analyse(
     if not SHORTEST_S <= seconds <= LONGEST_S:
         raise ValueError(f"seconds must lie between {SHORTEST_S:g} and {LONGEST_S:g}, got {seconds:g}")
     place = find(preset, note)
-    engine = Taped(place, quality, rate_hz)
-    position = engine.position
-    out, touched = [], []
-    for piece in engine.play(velocity, seconds):
-        out.append(piece.out.copy())
-        touched.append(touches(piece.first, piece.force))
-    x = np.concatenate(out)[engine.latency_samples :]
-    forces = gather(touched, engine.step_s)
-    release_s = engine.compiled[0].strings[0].draw_s
+    if preset.coupled:
+        heard = hear_together(preset, place, velocity, seconds, quality, rate_hz)
+        x, forces, position, release_s = heard.x, heard.forces, heard.position, heard.release_s
+    else:
+        x, forces, position, release_s = _hear(Taped(place, quality, rate_hz), velocity, seconds)
     hop = max(256, -(-x.size // COLUMNS))
     size = FRAME if place.sounding_hz >= LONG_BELOW_HZ else 2 * FRAME
     power = stft_power(np.concatenate([np.zeros(size // 2), x]), size, hop)
     in_play = [point for point in draw(preset, note, velocity)["points"] if point["in_play"]]
+    settled = math.ceil((release_s + SETTLED_S) * rate_hz)
+    found = _partials(x[settled:], rate_hz, position, contact_cents(place.preset, note))
     ring = x[math.ceil((release_s + WINDOW_S[0]) * rate_hz) :]
     return {
         "rate_hz": rate_hz,
@@ -92,12 +96,22 @@ def analyse(
         "waveform": waveform(x, rate_hz),
         "spectrogram": _spectrogram(power, rate_hz / size, hop / rate_hz),
         "pitch_cents": _pitch_cents(ring, rate_hz, place.sounding_hz),
-        "partials": _partials(
-            x[math.ceil((release_s + SETTLED_S) * rate_hz) :], rate_hz, position, contact_cents(place.preset, note)
-        ),
+        "partials": found,
         **_contacts(forces, in_play, seconds, 1.0 / place.sounding_hz),
         "formant": _formant(power, rate_hz / size, hop / rate_hz, place.sounding_hz, forces),
+        "decays": decays_of(x[settled:], settled / rate_hz, rate_hz, found) if preset.coupled else [],
+        "waking": heard.waking if preset.coupled else None,
     }
+
+
+def _hear(engine: Taped, velocity: int, seconds: float) -> tuple[np.ndarray, Forces, Position, float]:
+    """(sound (n,), forces, the model, when the finger lets go) of a string by itself."""
+    out, touched = [], []
+    for piece in engine.play(velocity, seconds):
+        out.append(piece.out.copy())
+        touched.append(touches(piece.first, piece.force))
+    x = np.concatenate(out)[engine.latency_samples :]
+    return x, gather(touched, engine.step_s), engine.position, engine.compiled[0].strings[0].draw_s
 
 
 def _spectrogram(power: np.ndarray, bin_hz: float, step_s: float) -> dict[str, Any]:

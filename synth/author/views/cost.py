@@ -8,9 +8,11 @@ estimate(preset, note, velocity=100, *, quality="standard", rate_hz=44100.0) -> 
     real_time_factor  seconds of sound per second of one core, of this string from the pluck on, measured over `MEASURED_S`
     worst_block       largest share of its time that a block of `BLOCK_FRAMES` took
     polyphony, load   strings that the preset lets sound, and the share of one core that so many of these would take
+    together          whether strings share a bridge: then all of them are in the real-time factor and in the load
     compile_s         time to prepare this note
     error             {over_s, e, e_100ms, log_spectral_db, third_octave_db} of the first `COMPARED_S`, against the quality
-                      `reference`; e of the displacement, the others of the sound (over longer e grows)
+                      `reference`; e of the displacement, the others of the sound (over longer e grows); null of
+                      strings that share a bridge
     reference_rate_hz of that run
     qualities         [{quality, rate_hz, factor, promise}] what the others would take and promise
 
@@ -27,19 +29,32 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from synth.author.views.frames_tape import string_number
 from synth.author.views.place import find, speaking
 from synth.author.views.runs import differences, run
 from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.engine.engine import Engine
+from synth.instrument.boards import board_plan
 from synth.instrument.compile import note_frequency, string_kind
+from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor
-from synth.instrument.preset import Preset
+from synth.instrument.preset import BoardObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
+from synth.physics.string import String
 
 MEASURED_S = 1.0
 COMPARED_S = 0.4
 BLOCK_FRAMES = 256
-SCENES = {FREE: "nothing to touch", BRIDGE: "bridge", FAR: "bridge plucked from afar", IMPACTS: "impacts"}
+#: `runs.differences` of what was not compared
+UNKNOWN: dict[str, float | None] = dict.fromkeys(("e", "e_100ms", "log_spectral_db", "third_octave_db"))
+BOARD = "board"
+SCENES = {
+    BOARD: "board without frets",
+    FREE: "nothing to touch",
+    BRIDGE: "bridge",
+    FAR: "bridge plucked from afar",
+    IMPACTS: "impacts",
+}
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -51,42 +66,59 @@ def estimate(
         raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
     place = find(preset, note)
     begun = time.thread_time()
-    engine = Engine([place.preset], quality=quality, limiter=False, only_notes=[{note}], every_fret=False)
+    whole = preset if preset.coupled else place.preset
+    engine = Engine([whole], quality=quality, limiter=False, only_notes=[{note}], every_fret=False)
     engine.prepare(rate_hz, BLOCK_FRAMES)
     compiled_s = time.thread_time() - begun
     blocks = _blocks_s(engine, note, velocity)
     factor = blocks.size * BLOCK_FRAMES / rate_hz / blocks.sum()
-    position = next(p for p in engine.compiled[0].strings[0].positions if p.fret == place.fret)
+    string = engine.compiled[0].strings[string_number(preset, place) if preset.coupled else 0]
+    position = next(p for p in string.positions if p.fret == place.fret)
     scene = speaking(place)
-    kind = string_kind(preset, scene.opened, scene.below)
-    mine, reference = (run(place, velocity, COMPARED_S, q, rate_hz=rate_hz) for q in (quality, "reference"))
+    on_board = isinstance(preset.obstacle, BoardObstacle)
+    kind = BOARD if on_board else string_kind(preset, scene.opened, scene.below)
+    error, reference_hz = UNKNOWN, None
+    if not preset.coupled:  # whose converged run takes ten times as long: `reference` makes it where it is asked for
+        mine, reference = (run(preset, place, velocity, COMPARED_S, q, rate_hz=rate_hz) for q in (quality, "reference"))
+        error, reference_hz = differences(mine, reference, rate_hz), reference.position.plan.rate_hz
     polyphony = preset.mapping.polyphony
     return {
         "quality": quality,
         "rate_hz": position.plan.rate_hz,
         "factor": position.plan.factor,
         "modes": position.plan.modes,
-        "contacts": int(position.eta.size),
+        "contacts": position.plan.contacts,
         "scene": SCENES[kind],
         "promise": position.plan.error,
         "reason": position.plan.reason,
         "real_time_factor": round(float(factor), 1),
         "worst_block": round(float(blocks.max()) * rate_hz / BLOCK_FRAMES, 4),
+        "together": preset.coupled,
         "polyphony": polyphony,
-        "load": round(float(polyphony / factor), 4),
+        "load": round(float((1 if preset.coupled else polyphony) / factor), 4),
         "compile_s": round(compiled_s, 4),
-        "error": {"over_s": COMPARED_S, **differences(mine, reference, rate_hz)},
-        "reference_rate_hz": reference.position.plan.rate_hz,
+        "error": {"over_s": COMPARED_S, **error},
+        "reference_rate_hz": reference_hz,
         "qualities": [
-            _quality(note_frequency(place.preset, place.table, place.opened, None), kind, q, rate_hz) for q in QUALITIES
+            _on_board(place.preset, scene.opened, q, rate_hz)
+            if on_board
+            else _quality(preset, note_frequency(place.preset, place.table, place.opened, None), kind, q, rate_hz)
+            for q in QUALITIES
         ],
     }
 
 
-def _quality(open_hz: float, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
+def _quality(preset: Preset, open_hz: float, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
     """What a quality takes and promises on a string whose open note has this pitch."""
-    factor, promise = choose_factor(open_hz, kind, quality, rate_hz)
+    choose = choose_steps if preset.coupled else choose_factor
+    factor, promise = choose(open_hz, kind, quality, rate_hz)
     return {"quality": quality, "rate_hz": factor * rate_hz, "factor": factor, "promise": promise}
+
+
+def _on_board(preset: Preset, opened: String, quality: str, rate_hz: float) -> dict[str, Any]:
+    """The same of a string over a board."""
+    plan = board_plan(preset, opened, opened.length_m, quality, rate_hz, "exact-hold", None)
+    return {"quality": quality, "rate_hz": plan.rate_hz, "factor": plan.factor, "promise": plan.error}
 
 
 def _blocks_s(engine: Engine, note: int, velocity: int) -> np.ndarray:

@@ -10,11 +10,12 @@ would just touch the edge: the bridge stays where it is, and its thread raises t
     frequency_hz    pitch of the note
     tension_n, linear_density_kg_m, impedance_kg_s, inharmonicity, diameter_mm   of the speaking string
     tension_share   its tension over what its core bears before drawn steel breaks (2 GPa)
-    kind            of the obstacle: "none", "bridge", "points", "frets"
+    kind            of the obstacle: "none", "bridge", "points", "frets", "board"
     nut, saddle     {x, height}
     rest            [[x, mm] …] the string at rest at this note, a line over what it lies on (without its stiffness)
     points          [{index, x, height, gap_mm, label, in_play, drag}] the obstacle, from the nut: gap_mm from the string at
                     rest at this note down to the point (negative: pressed); in_play: the note can touch it
+    board           [[x, mm] …] along the surface of a board without frets, else []
     frets           [x …] of a neck, else []
     thread          {x, height, drag} of a bridge: the thread (jiva) on which the string ends, which is its saddle; else None
     finger          {x, height, fret} of a stopped note, else None
@@ -44,8 +45,10 @@ from synth.author.views.parameters import ranges
 from synth.author.views.place import Place, find, open_string, speaking
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
 from synth.fit.tune import single_strings
+from synth.instrument.boards import fingerboard_of
 from synth.instrument.compile import full_pluck_force, output_distance
-from synth.instrument.preset import BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
+from synth.instrument.preset import BoardObstacle, BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
+from synth.physics.fingerboard import board_height
 from synth.physics.obstacle import Obstacle
 from synth.physics.string import String
 from synth.units import midi_to_note
@@ -53,6 +56,8 @@ from synth.units import midi_to_note
 #: where drawn steel breaks [Pa]
 BREAKS_PA = 2e9
 Drag = dict[str, Any]
+#: intervals in which a board's surface is drawn
+BOARD_PLACES = 48
 
 
 def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
@@ -71,11 +76,20 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
         string = speaking(place).string
     except ValueError as error:
         string, reason = opened.with_length(length - fret_x), str(error)
+    board: list[list[float]] = []
+    if isinstance(preset.obstacle, BoardObstacle):
+        board, fret_x, fret_height = _board(preset.obstacle, length, string.length_m)
     rest = _rest(fret_x, fret_height, length, obstacle, place)
     points = _points(obstacle, place, rest, fret_x, drags)
     pluck = _pluck(place, opened, string, velocity, fret_height, drags)
     output = _output(place, string, length, drags)
-    heights = [0.0, *(point["height"] for point in points), *(h for _, h in pluck["shape"]), output["height"] or 0.0]
+    heights = [
+        0.0,
+        *(height for _, height in board),
+        *(point["height"] for point in points),
+        *(h for _, h in pluck["shape"]),
+        output["height"] or 0.0,
+    ]
     core = place.table.core_diameter_mm or place.table.diameter_mm
     area = math.pi * (1e-3 * at_note(core, place.opened)) ** 2 / 4.0
     drawing = {
@@ -99,6 +113,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
         "saddle": {"x": _m(length), "height": 0.0},
         "rest": rest,
         "points": points,
+        "board": board,
         "frets": [point["x"] for point in points] if neck else [],
         "thread": None,
         "finger": {"x": _m(fret_x), "height": _mm(fret_height), "fret": place.fret} if place.fret else None,
@@ -112,6 +127,18 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     if isinstance(preset.obstacle, BridgeObstacle):
         _raise_thread(drawing, obstacle, drags, preset.obstacle)
     return drawing
+
+
+def _board(shape: BoardObstacle, length: float, speaking_m: float) -> tuple[list[list[float]], float, float]:
+    """(x, height) along the surface of a board under an open string, and where the finger is [m]: nowhere, if it is none."""
+    try:
+        board = fingerboard_of(shape, length)
+    except ValueError:
+        return [], 0.0, 0.0
+    places = [board.end_m * k / BOARD_PLACES for k in range(BOARD_PLACES + 1)]
+    surface = [[_m(x), _mm(board_height(x, *board.profile))] for x in places]
+    x_f = length - speaking_m
+    return surface, x_f, board.stop(x_f)
 
 
 def _raise_thread(drawing: dict[str, Any], obstacle: Obstacle, drags: _Drags, bridge: BridgeObstacle) -> None:

@@ -22,6 +22,8 @@ heights [mm] are those of `instrument.draw`; force in N, upwards on the string.
     height_mm      [lowest, highest] of all frames
     largest_n      of `force`
 
+Of strings that share a bridge there is more, and the string moves with its end: `coupled_motion`.
+
 Raises PresetError where no string plays the note, ValueError for a time or a number of frames out of range.
 """
 
@@ -33,20 +35,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from synth.author.views.coupled_motion import film_together
+from synth.author.views.film_shapes import line_at_finger, mostly_zero, places_along, rounded, shapes_at
 from synth.author.views.instrument import draw
-from synth.author.views.place import Speaking, find, speaking
+from synth.author.views.place import find, speaking
 from synth.author.views.tape import QUALITY, RATE_HZ, Taped
-from synth.instrument.compile import Position
 from synth.instrument.preset import Preset
-from synth.physics.modes import mode_shapes
-from synth.physics.tail import lumped_tail
 from synth.solver.lanes import BLOCK
 
 LONGEST_S = 10.0
 MOST_FRAMES = 300
-#: places along the speaking string; near a bridge, from its saddle, in shares of the bridge's distance
-EVEN = 96
-NEAR_A_BRIDGE = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.2, 1.5, 2.0, 2.7, 3.6)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -66,6 +64,8 @@ def film(
         raise ValueError(f"frames must lie between 2 and {MOST_FRAMES}, got {frames}")
     if not (start_s >= 0.0 and seconds > 0.0 and start_s + seconds <= LONGEST_S):
         raise ValueError(f"the film must lie within 0 and {LONGEST_S:g} s, got {start_s:g} s and {seconds:g} s more")
+    if preset.coupled:
+        return film_together(preset, note, velocity, seconds, frames, start_s, LONGEST_S, quality, rate_hz)
     place = find(preset, note)
     drawing = draw(preset, note, velocity)
     engine = Taped(place, quality, rate_hz)
@@ -76,8 +76,8 @@ def film(
     wanted = first + stride * np.arange(frames)
     shots = _shots(engine, velocity, wanted, stride)
     scene = speaking(place)
-    x = _places(scene)
-    shapes = _shapes(scene, position, x)
+    x = places_along(scene)
+    shapes = shapes_at(scene, position, x)
     heights = shots.q @ shapes.T
     nut = drawing["open_length_m"] - position.length_m
     rest = (
@@ -99,14 +99,16 @@ def film(
         "length_s": LONGEST_S,
         "slow_motion": round(1.0 / (25.0 * stride * step_s), 1),
         "x": [round(float(place_m), 6) for place_m in nut + x],
-        "rest": _rounded(1e3 * rest, 5),
-        "frames": _rounded(all_mm, 4),
+        "rest": rounded(1e3 * rest, 5),
+        "frames": rounded(all_mm, 4),
         "points": points,
-        "force": _mostly_zero(shots.force, 4),
-        "impulse": _mostly_zero(shots.impulse, 8),
-        "finger": [None if math.isnan(h) else round(1e3 * h + _line(rest, x, drawing, nut), 4) for h in shots.finger],
+        "force": mostly_zero(shots.force, 4),
+        "impulse": mostly_zero(shots.impulse, 8),
+        "finger": [
+            None if math.isnan(h) else round(1e3 * h + line_at_finger(rest, x, drawing, nut), 4) for h in shots.finger
+        ],
         "finger_x": drawing["pluck"]["x"],
-        "output": _rounded(output, 6),
+        "output": rounded(output, 6),
         "height_mm": [round(float(all_mm.min()), 4), round(float(all_mm.max()), 4)],
         "largest_n": round(float(shots.force.max(initial=0.0)), 4),
     }
@@ -157,44 +159,7 @@ def _add_forces(shots: _Shots, force: np.ndarray, first: int, wanted: np.ndarray
     np.add.at(shots.impulse, (frame[keep], points[keep]), values * step_s)
 
 
-def _places(scene: Speaking) -> np.ndarray:
-    """(M,) from the nut end of the speaking string [m], rising."""
-    length = scene.string.length_m
-    contacts = np.asarray(scene.reached.positions_m, dtype=float)
-    places = [np.linspace(0.0, length, EVEN + 1), contacts]
-    if contacts.size == 1:
-        distance = min(contacts[0], length - contacts[0])
-        near = distance * np.array(NEAR_A_BRIDGE)
-        places.append(length - near if contacts[0] > 0.5 * length else near)
-    x = np.unique(np.round(np.concatenate(places), 7))
-    return x[(x >= 0.0) & (x <= length)]
-
-
-def _shapes(scene: Speaking, position: Position, x: np.ndarray) -> np.ndarray:
-    """(M, N) what each mode of the position, the lumped ones too, is at places x."""
-    own = position.own
-    if position.omega.size == own:
-        return mode_shapes(position.length_m, x, own)
-    tail = lumped_tail(scene.string, scene.reached.positions_m, own, position.plan.rate_hz)
-    shapes = mode_shapes(position.length_m, x, tail.modes)
-    return np.hstack([shapes[:, :own], tail.weights(shapes)])
-
-
 def _sound_at(out: np.ndarray, times_s: np.ndarray, engine: Taped) -> np.ndarray:
     """(F,) the sound that leaves the string at these times."""
     at = np.round(times_s * engine.rate_hz).astype(int) + engine.latency_samples
     return out[np.minimum(at, out.size - 1)]
-
-
-def _line(rest: np.ndarray, x: np.ndarray, drawing: dict[str, Any], nut: float) -> float:
-    """Height of the rest line where the finger is [mm]."""
-    return 1e3 * float(np.interp(drawing["pluck"]["x"] - nut, x, rest))
-
-
-def _rounded(array: np.ndarray, digits: int) -> list[Any]:
-    return np.round(array, digits).tolist()
-
-
-def _mostly_zero(array: np.ndarray, digits: int) -> list[list[float]]:
-    """Rows of numbers, zeros as short as they can be: of many points few are touched."""
-    return [[value or 0 for value in row] for row in np.round(array, digits).tolist()]

@@ -45,13 +45,14 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, WORDS, Words
-from synth.instrument.compile import ideal_string, obstacle_of, string_frequency
+from synth.instrument.compile import axial_stiffness, ideal_string, obstacle_of, string_frequency
 from synth.instrument.preset import (
     KINDS,
     Between,
     BodyMode,
     BridgeObstacle,
     FretsObstacle,
+    Layer,
     MovingMode,
     NutMode,
     Output,
@@ -73,6 +74,7 @@ OBSTACLE_OF_KIND: dict[str, dict[str, Any]] = {
     "none": {"kind": "none"},
     "bridge": {"kind": "bridge", "distance_ratio": 0.007, "jiva_um": 3.0},
     "points": {"kind": "points"},
+    "board": {"kind": "board", "semitones": 12, "action_12th_mm": 1.5},
     "frets": {"kind": "frets", "count": 20, "action_12th_mm": 2.2, "relief_mm": 0.2, "nut_height_mm": 0.5},
 }
 #: an item to begin with, of lists of tables that may be empty
@@ -114,6 +116,8 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
     for name, field in kind.model_fields.items():
         if not prefix and name in NOT_SETTINGS:
             continue
+        if prefix == "obstacle" and name == "friction" and preset.polarisation is None:  # of strings with two directions
+            continue
         path = f"{prefix}.{name}" if prefix else name
         value = getattr(table, name)
         inner, metadata = _unwrapped(field.annotation, field.metadata)
@@ -129,9 +133,11 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
 
 
 def _is_of_the_other_kind(preset: Preset, value: Any, inner: Any) -> bool:
-    """Whether a table that is not there can only be where strings share a body, or only where they do not: that is begun in
-    the file, as several keys need each other."""
+    """Whether a table that is not there can only be where strings share a body, or only where they do not, or several of its
+    keys need each other: that is begun in the file."""
     absent = value is None or value == ()
+    if absent and inner is Layer:
+        return True
     of_bodies = inner is Polarisation or get_args(inner)[:1] == (MovingMode,)
     of_others = get_args(inner)[:1] == (BodyMode,)
     return absent and ((of_bodies and not preset.coupled) or (of_others and preset.coupled))
@@ -281,10 +287,16 @@ def _partners(pairs: tuple[tuple[str, str], ...], name: str) -> list[str]:
 
 def _obstacles(preset: Preset) -> list[dict[str, Any]]:
     """The kinds of obstacle, each with the edits that change over; the present one keeps its numbers."""
-    shortest = min(at_note(table.length_m, note) for table in preset.string for note in table.notes)
+    lengths = [at_note(table.length_m, note) for table in preset.string for note in table.notes]
+    shortest, longest = min(lengths), max(lengths)
     out = []
     for kind in KINDS:
         value = dict(OBSTACLE_OF_KIND[kind])
+        if kind == "board":  # an octave under every string
+            value["length_mm"] = round(560.0 * longest, 1)
+            fits = 0.56 * longest < 0.9 * shortest and not preset.coupled
+            if not fits and preset.obstacle.kind != kind:
+                continue
         if kind == "points":
             value["positions_mm"], value["heights_mm"] = [round(500.0 * shortest, 1)], [-1.0]
         if kind == preset.obstacle.kind:
@@ -326,6 +338,8 @@ def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
         return _mapped(table.diameter_mm, 0.35)
     if name == "winding_diameter_mm":
         return _mapped(table.diameter_mm, 0.3)
+    if name == "axial_stiffness_n":
+        return _rounded(axial_stiffness(table, table.notes[0])) if table.tension_modulation else None
     values = {}
     for note in [table.notes[0], *notes, table.notes[1]]:
         try:

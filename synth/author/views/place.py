@@ -5,8 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from synth.fit.tune import single_strings
+from synth.instrument.boards import on_board
 from synth.instrument.compile import make_string, note_frequency, obstacle_of, string_frequency
-from synth.instrument.preset import FretsObstacle, Preset, PresetError, StringTable, fret_count, playable_range
+from synth.instrument.preset import (
+    BoardObstacle,
+    FretsObstacle,
+    Preset,
+    PresetError,
+    StringTable,
+    fret_count,
+    playable_range,
+)
 from synth.physics.obstacle import Obstacle, fretted
 from synth.physics.string import String
 from synth.physics.tuning import tuned
@@ -66,7 +75,10 @@ def speaking(place: Place) -> Speaking:
     """The speaking string of a place, as the engine's model of it. Raises ValueError where it cannot sound."""
     opened, below = open_string(place)
     below.check(opened.length_m)
-    if not isinstance(place.preset.obstacle, FretsObstacle):
+    shape = place.preset.obstacle
+    if isinstance(shape, BoardObstacle):
+        return Speaking(opened, on_board(shape, opened, place.fret, place.model_hz(place.fret))[0], below, below)
+    if not isinstance(shape, FretsObstacle):
         return Speaking(opened, opened, below, below)
     length, reached = fretted(below, place.fret, opened.length_m)
     string = tuned(opened.with_length(length), place.model_hz(place.fret)) if place.fret else opened

@@ -80,7 +80,7 @@ def compare(
     def timed(at: str, begin: float, end: float, internal_hz: float | None = None) -> tuple[Run, dict[str, Any]]:
         begun = time.perf_counter()
         go_on = part(begin, end)
-        done = run(place, velocity, seconds, at, rate_hz=rate_hz, internal_rate_hz=internal_hz, go_on=go_on)
+        done = run(preset, place, velocity, seconds, at, rate_hz=rate_hz, internal_rate_hz=internal_hz, go_on=go_on)
         plan = done.position.plan
         return done, {"rate_hz": plan.rate_hz, "modes": plan.modes, "seconds": round(time.perf_counter() - begun, 3)}
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from synth.author.views.frames_tape import Frames, line_of
 from synth.author.views.place import Place
 from synth.author.views.tape import RATE_HZ
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
@@ -19,6 +20,8 @@ from synth.midi.events import EVENT, NOTE_ON, make_events
 SEEN_AT, SEEN_AT_A_BRIDGE = 0.05, 0.009
 #: frames between two looks at whether to go on
 BLOCK_FRAMES = 2048
+#: frames of the reference in one of the output, of strings that share a bridge
+FINER = 4
 #: of the start, where promises about single blows hold [s]
 ONSET_S = 0.1
 
@@ -34,6 +37,7 @@ class Run:
 
 
 def run(
+    preset: Preset,
     place: Place,
     velocity: int,
     seconds: float,
@@ -43,10 +47,13 @@ def run(
     internal_rate_hz: float | None = None,
     go_on: Callable[[float], None] | None = None,
 ) -> Run:
-    """The note, held, as the engine plays it at a quality, without a limiter.
+    """The note of a preset at a place of it, held, as the engine plays it at a quality, without a limiter. Of strings that
+    share a bridge all are there, and the displacement of the one that is played stands for the sound.
 
     go_on: called with the share done, 0 … 1, between blocks; what it raises ends the run.
     """
+    if preset.coupled:
+        return _run_together(preset, place, velocity, seconds, quality, rate_hz, internal_rate_hz, go_on)
     engine = Engine(
         [place.preset, _seen(place.preset)],
         quality=quality,
@@ -74,10 +81,44 @@ def run(
     return Run(stems[0, late:, 0], stems[1, late:, 0], position, string.draw_s)
 
 
+def _run_together(
+    preset: Preset,
+    place: Place,
+    velocity: int,
+    seconds: float,
+    quality: str,
+    rate_hz: float,
+    internal_rate_hz: float | None,
+    go_on: Callable[[float], None] | None,
+) -> Run:
+    """`run` of strings that share a bridge; internal_rate_hz: steps of a frame times rate_hz. `reference` takes as many
+    steps of `FINER` times as many frames."""
+    finer = FINER if quality == "reference" else 1
+    if go_on is not None:
+        go_on(0.0)
+    steps_hz = None if internal_rate_hz is None else finer * internal_rate_hz
+    lines = (line_of(preset, place),)
+    made = Frames(preset, place, quality, finer * rate_hz, lines=lines, internal_rate_hz=steps_hz)
+    position = made.position(made.line)
+    x = np.array([(1.0 - _seen_at(preset)) * position.length_m])
+    frames, seen = round(seconds * rate_hz), []
+    done = 0
+    for shots in made.play(velocity, finer, finer, frames, finer):
+        seen.append(made.displacement(shots, x)[:, 0])
+        done += len(shots.ends)
+        if go_on is not None:
+            go_on(done / frames)
+    u = np.concatenate(seen)
+    return Run(u, u, position, made.strings[made.number].draw_s)
+
+
+def _seen_at(preset: Preset) -> float:
+    return SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
+
+
 def _seen(preset: Preset) -> Preset:
     """The preset with the string's displacement as its output, on ends that do not move, and no effects."""
-    preset = preset.on_rigid_ends
-    at = SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
+    at = _seen_at(preset)
     output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": 0.0})
     return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})
 

@@ -18,7 +18,6 @@ from synth.author.views.place import Place
 from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
-from synth.engine.tasks import entries
 from synth.instrument.compile import Position
 from synth.jit.entries import entry
 from synth.midi.events import EVENT, NOTE_ON, make_events
@@ -121,7 +120,8 @@ class Taped(Engine):
         contacts = max(position.eta.size for position in string.positions)
         modes = max(position.omega.size for position in string.positions)
         sizes = {"steps": steps, "contacts": max(1, contacts), "shots": shots, "cap": modes}
-        self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=entries(coupled=False)[1])
+        step = int(self._shared.task[STEP])
+        self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=step)
         # behind the tables that the engine made, which looks no further than their end; its voices lead there, too
         before, self._core = self._core, np.concatenate([self._core, table(self.tape)])
         self._voices[self._voices == before.ctypes.data] = self._core.ctypes.data

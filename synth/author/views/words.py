@@ -9,11 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from synth.instrument.preset import (
+    BoardObstacle,
     Body,
     BodyMode,
     BridgeObstacle,
     Damping,
     FretsObstacle,
+    Layer,
     Mapping_,
     MovingMode,
     NoObstacle,
@@ -67,6 +69,18 @@ GROUPS = {
     "mapping": "mapping",
 }
 
+_FRICTION = Words(
+    "Friction",
+    "Of strings that move in two directions: how strongly what they are pressed against holds them back along it, as a "
+    "share of the force. 0 is none; it damps the second direction while the first one buzzes.",
+    "",
+    (0.0, 0.6),
+    0.01,
+)
+_LAYER = Words(
+    "Soft layer",
+    "Thread, felt or skin on every contact, in front of what is rigid. It is begun in the file, as obstacle.layer.",
+)
 _OBSTACLE_KIND = Words(
     "What the string touches",
     "Nothing; the thread and edge of a tanpura's bridge; any points; the frets of a neck. What the string meets while it "
@@ -209,6 +223,18 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "How partials stretch: sqrt is the exact law of a pinned stiff string, linear (1 + Bj²/2) what some published "
             "data follow; they differ in the high partials only.",
         ),
+        "tension_modulation": Words(
+            "Tension follows the motion",
+            "Plucked hard, the string begins sharp and glides down to its pitch, as real ones do by some cents.",
+        ),
+        "axial_stiffness_n": Words(
+            "Axial stiffness",
+            "What resists its stretching, modulus times section of what bears the tension; less where the string stretches "
+            "behind nut and saddle, too. 30 000 is plain steel of 0.43 mm.",
+            "N",
+            (500.0, 100000.0),
+            100.0,
+        ),
         "cents": Words("Fine tuning", "Of this string alone, by its tension.", "cents", (-50.0, 50.0), 0.1),
         "gain_db": Words("Level", "Of this string in the mix; it changes nothing of its motion.", "dB", (-12.0, 12.0), 0.1),
         "place_mm": Words(
@@ -239,8 +265,33 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
     },
     NoObstacle: {"kind": _OBSTACLE_KIND},
+    Layer: {
+        "stiffness_n_mm": Words(
+            "Layer: stiffness",
+            "Of what is soft on every contact, a thread, felt or skin. The softer, the rounder the buzz.",
+            "N/mm",
+            (1.0, 1000.0),
+            0.1,
+        ),
+        "resistance_n_s_m": Words(
+            "Layer: resistance",
+            "What it loses while it is pressed and let go. The more, the duller the buzz and the sooner it ends.",
+            "N s/m",
+            (0.0, 10.0),
+            0.01,
+        ),
+        "thickness_um": Words(
+            "Layer: thickness",
+            "How deep the string may go into it until it is rigid; heights of the obstacle are those of its surface.",
+            "µm",
+            (5.0, 1000.0),
+            1.0,
+        ),
+    },
     BridgeObstacle: {
         "kind": _OBSTACLE_KIND,
+        "friction": _FRICTION,
+        "layer": _LAYER,
         "distance_mm": Words(
             "Thread to edge",
             "How far the bridge's edge of contact lies before the string's end on the thread. The longer, the higher the "
@@ -272,6 +323,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     },
     PointsObstacle: {
         "kind": _OBSTACLE_KIND,
+        "friction": _FRICTION,
+        "layer": _LAYER,
         "positions_mm": Words(
             "Places",
             "Points of contact, counted from the nut, rising; each needs its height.",
@@ -285,8 +338,89 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             setup=True,
         ),
     },
+    BoardObstacle: {
+        "kind": _OBSTACLE_KIND,
+        "semitones": Words(
+            "Semitones",
+            "How far up the board every string is played, above its own note.",
+            "",
+            (12.0, 30.0),
+            1.0,
+            setup=True,
+        ),
+        "length_mm": Words(
+            "Board ends at",
+            "From the nut. Fingers go no further; where a string is plucked over the board it strikes it more.",
+            "mm",
+            (500.0, 750.0),
+            1.0,
+            setup=True,
+        ),
+        "action_12th_mm": Words(
+            "Action half way",
+            "Gap between the open string and the board half way along it. Low growls, high is clean.",
+            "mm",
+            (0.6, 4.0),
+            0.05,
+            setup=True,
+        ),
+        "nut_height_mm": Words(
+            "Gap at the nut",
+            "Between the open string and the board.",
+            "mm",
+            (0.1, 1.0),
+            0.01,
+            setup=True,
+        ),
+        "relief_mm": Words(
+            "Relief",
+            "Hollow of the board under a straightedge, half way; it makes room where the string swings widest.",
+            "mm",
+            (0.0, 0.6),
+            0.01,
+            setup=True,
+        ),
+        "stiffness_n_mm2": Words(
+            "Hardness",
+            "Force on a millimetre of string pressed in by a millimetre: bare wood is softer than epoxy.",
+            "N/mm²",
+            (20.0, 500.0),
+            1.0,
+            setup=True,
+        ),
+        "rebound": Words(
+            "Rebound",
+            "What the board gives back of a blow's speed: 0 nothing, 1 all. Above 0.7 late, faint contacts are chaotic.",
+            "",
+            (0.0, 1.0),
+            0.01,
+        ),
+        "slide_ms": Words(
+            "Slide",
+            "Time of most of a finger's way to the next note while the legato pedal is down; 0: it is put there.",
+            "ms",
+            (0.0, 200.0),
+            1.0,
+        ),
+        "tip_stiffness_n_mm": Words(
+            "Fingertip, stiffness",
+            "Of the flesh between string and board at the end of the speaking length.",
+            "N/mm",
+            (20.0, 500.0),
+            1.0,
+        ),
+        "tip_loss_n_s_m": Words(
+            "Fingertip, loss",
+            "What flesh takes of the vibration: the more, the sooner the highs of a stopped note are gone.",
+            "N s/m",
+            (0.05, 5.0),
+            0.05,
+        ),
+    },
     FretsObstacle: {
         "kind": _OBSTACLE_KIND,
+        "friction": _FRICTION,
+        "layer": _LAYER,
         "count": Words(
             "Frets",
             "How many, in equal temperament; every string plays as many notes above its own.",
@@ -550,4 +684,10 @@ CHOICES: dict[tuple[type[Table], str], dict[str, str]] = {
         "body": "body",
     },
 }
-OBSTACLES = {"none": "nothing", "bridge": "tanpura bridge", "points": "points", "frets": "frets"}
+OBSTACLES = {
+    "none": "nothing",
+    "bridge": "tanpura bridge",
+    "points": "points",
+    "frets": "frets",
+    "board": "board without frets",
+}

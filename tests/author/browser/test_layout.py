@@ -9,7 +9,7 @@ SIZES = [(1280, 720), (1024, 768), (820, 1180), (400, 800)]
 DOCK = {1280: 155, 1024: 155, 820: 195, 400: 170}
 
 
-@pytest.fixture(scope="module", params=["tanpura", "fretted-bass", "jawari-harp"])
+@pytest.fixture(scope="module", params=["tanpura", "fretted-bass", "jawari-harp", "steel-guitar"])
 def opened(driver, author, request):
     page = Page(driver)
     driver.set_window_size(1280, 900)

@@ -90,3 +90,36 @@ def preset(name: str) -> Preset:
 
 def tanpura(jiva_um: float = 3.0) -> Preset:
     return load_preset("tanpura").with_setting("obstacle.jiva_um", str(jiva_um))
+
+
+#: for strings that share a bridge
+SHARED_MODES = "".join(
+    f"[[body.mode]]\nfrequency_hz = {hz}\nq = 25\nmass_kg = 0.5\nshape = {shape}\n"
+    for hz, shape in ((110, [1.0, 0.1, 2.0]), (230, [0.8, -0.2, -3.0]), (510, [1.0, 0.3, 5.0]), (19900, [1.0]))
+)
+STRING_ON_A_BRIDGE = """
+[[string]]
+name = "{name}"
+notes = "{note}"
+length_m = 0.9
+diameter_mm = 0.4
+density_kg_m3 = 7850
+youngs_modulus_gpa = 200
+viscoelastic_loss = 4.5e-3
+place_mm = {place}
+"""
+
+
+def together(more: str = "", obstacle: str = "") -> Preset:
+    """Two strings in unison and a third below them."""
+    strings = "".join(
+        STRING_ON_A_BRIDGE.format(name=name, note=note, place=place)
+        for name, note, place in (("a", "C3", -8), ("b", "C3", 0), ("c", "G2", 8))
+    )
+    rest = '\n[pluck]\ndisplacement_mm = 2.0\n[damping]\nring_on = true\n[output]\nkind = "body"\ngain_db = -30\n'
+    return parse_preset('format = 2\nname = "three"\n' + strings + obstacle + rest + more + SHARED_MODES, "three")
+
+
+ROLLED_ON = '\n[obstacle]\nkind = "bridge"\ndistance_mm = 6.0\njiva_um = 0.0\n'
+LOW_NECK = '\n[obstacle]\nkind = "frets"\ncount = 12\naction_12th_mm = 0.7\nnut_height_mm = 0.15\n'
+TWO_WAYS = "\n[polarisation]\ndetuning_cents = 1.0\npluck_deg = 35\n"

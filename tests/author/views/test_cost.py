@@ -91,7 +91,7 @@ def test_a_run_is_what_the_engine_plays() -> None:
     engine.prepare(RATE_HZ)
     out = np.zeros((22050 + engine.latency_samples, 2))
     engine.process(make_events([(0, NOTE_ON, 0, 48, 90)]), out)
-    mine = run(find(load_preset("tanpura"), 48), 90, 0.5, "standard")
+    mine = run(load_preset("tanpura"), find(load_preset("tanpura"), 48), 90, 0.5, "standard")
     np.testing.assert_array_equal(mine.sound, out[engine.latency_samples :, 0])
     assert mine.displacement.any()
 

@@ -99,7 +99,7 @@ def test_the_film_shows_all_modes_the_lumped_ones_too(name: str, note: int) -> N
     place = find(preset(name), note)
     position, scene = Taped(place).position, speaking(place)
     assert position.omega.size > position.own
-    shapes = motion._shapes(scene, position, np.asarray(scene.reached.positions_m))
+    shapes = motion.shapes_at(scene, position, np.asarray(scene.reached.positions_m))
     np.testing.assert_allclose(shapes, position.shapes, rtol=1e-6, atol=1e-9 * np.abs(position.shapes).max())
 
 

@@ -98,6 +98,7 @@ def test_every_leaf_of_a_preset_has_one_control(name: str) -> None:
     assert len(set(paths)) == len(paths)
     tables = {entry["path"] for entry in entries if entry["item"] == "table"}
     hidden = {"body.resonance"} if preset(name).coupled else {"body.mode", "polarisation"}
+    hidden |= {"obstacle.layer"} | (set() if preset(name).polarisation else {"obstacle.friction"})
     assert set(leaves(preset(name).model_dump())) - {"format", "effect", "excitation"} - hidden == set(paths) - {
         path for path in tables if value_at(preset(name), path)
     }
