@@ -16,14 +16,14 @@ from typing import Any
 Row = tuple[float, str, int, Any, int, float]
 Scene = dict[str, Any]
 
-PRESETS = ("tanpura", "fretted-bass", "jawari-harp", "steel-guitar")
+PRESETS = ("tanpura", "fretted-bass", "jawari-harp", "steel-guitar", "fretless-bass")
 QUALITIES = ("draft", "standard", "fine", "reference")
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 #: keys that show a preset's strings at the costs of its low ones
 KEYS = {"tanpura": (36, 43, 48, 48), "fretted-bass": (28, 38, 45, 31), "jawari-harp": (33, 40, 52, 45),
-        "steel-guitar": (40, 47, 57, 43)}  # fmt: skip
-#: whose strings share a body, which one law knows
-COUPLED = ("steel-guitar",)
+        "steel-guitar": (40, 47, 57, 43), "fretless-bass": (28, 40, 46, 52)}  # fmt: skip
+#: whose strings share a body or lie over a board, which one law knows
+COUPLED = ("steel-guitar", "fretless-bass")
 
 
 def scenes() -> list[Scene]:
@@ -108,6 +108,7 @@ def _hands() -> list[Scene]:
     return [
         engine("strummed-guitar", "steel-guitar", 0.5, strum),
         engine("dense-guitar", "steel-guitar", 0.4, phrase(5, tuple(range(40, 76)), 24, 0.4), options={"threads": 2}),
+        engine("sliding-bass", "fretless-bass", 0.5, legato),
         engine("dense-harp", "jawari-harp", 0.5, phrase(1, harp, 60, 0.5)),
         engine("dense-harp-fine", "jawari-harp", 0.25, phrase(2, harp, 16, 0.25), options={"quality": "fine"}),
         engine("dense-bass", "fretted-bass", 0.5, phrase(3, bass, 40, 0.5)),
@@ -409,7 +410,8 @@ def _drones() -> list[Scene]:
 
 #: how long each case is run [s]: long enough to touch, short enough to wait for
 CASES = {
-    "bass": 0.02, "cabannes": 0.035, "flat-wall": 0.02, "flat-wall-points": 0.03, "fretless": 0.015, "ideal-bridge": 0.03,
+    "bass": 0.02, "cabannes": 0.035, "flat-wall": 0.02, "flat-wall-points": 0.03, "fretless": 0.015,
+    "guitar-pair": 0.5, "ideal-bridge": 0.03,
     "sitar": 0.04, "tanpura": 0.015,
     "hard/bass-x10": 0.03, "hard/bend": 0.19, "hard/critically-damped": 0.02, "hard/five-minutes": 10.0,
     "hard/four-megahertz": 0.002, "hard/fretless": 0.003, "hard/highest-sitar": 0.05, "hard/lowest-bass": 0.1,
