@@ -131,3 +131,13 @@ class Kernel:
     @property
     def held_frames(self) -> int:
         return int(self.coupling.counts[coupling.HELD_FRAMES])
+
+
+def gains_nothing(kernel: Kernel, scene: object, frames: int = 200) -> None:
+    """No frame of these gains more than 1e-12 of the energy that there is now."""
+    before = first = kernel.energy
+    for frame in range(frames):
+        kernel.advance(1)
+        now = kernel.energy
+        assert now - before <= 1e-12 * first, (scene, frame)
+        before = now

@@ -9,7 +9,7 @@ from numba import njit
 from synth.engine.core import bank_of, model_address, model_of, scratch_of, settings_of, shared_of, state_of, string_of
 from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, NO_FINGER, PLAIN
-from synth.solver.coupling import APART_MODES, LENGTH, TENSION, coupling_at, end_at, fill_end, fill_finger_end
+from synth.solver.coupling import APART_MODES, LENGTH, TENSION, along, coupling_at, end_at, fill_end, fill_finger_end
 from synth.solver.lanes import PAD
 from synth.solver.laws import EXACT_HOLD, step_coefficients
 from synth.solver.line_certificates import fill_reach
@@ -29,11 +29,7 @@ def bridge_under(core: int, s: int) -> tuple[float, float]:
     i = bank_of(core).strings[s].instrument
     coupling = coupling_at(shared_of(core).coupling_at[i])
     line = s - bank_of(core).instruments[i].first_string
-    height, speed = 0.0, 0.0
-    for k in range(coupling.beta.size):
-        height += coupling.direction[line, k] * coupling.beta[k]
-        speed += coupling.direction[line, k] * coupling.speed[k]
-    return height, speed
+    return along(coupling, line, coupling.beta), along(coupling, line, coupling.speed)
 
 
 @njit(**CORE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,17 +60,14 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     modes = [mode for mode in preset.body.mode if mode.frequency_hz < 0.45 * rate_hz]
     if not modes:
         raise PresetError(f"{preset.name}: body.mode: no mode lies below {0.45 * rate_hz:g} Hz; give one, or a higher rate")
-    components = max(len(mode.shape) for mode in modes)
-    body = Body(tuple(_whole(mode, components) for mode in modes))
+    body = body_of(modes)
     omega, sigma, mass = body.omega, body.sigma, body.mass
     half = np.minimum(0.5 * omega * frame, _FARTHEST)
     shape = body.shapes / np.sinc(half / math.pi) ** 2
     steps = coefficients(EXACT_HOLD, omega, sigma, 1.0, frame)
     steps[4:] /= mass
-    pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in modes]))
-    heard = db_to_gain(preset.output.gain_db) * np.array([mode.radiation for mode in modes])
-    radiation = math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
-    direction, basis = spanned(directions_of(preset, ends, components))
+    radiation = body.left_right(db_to_gain(preset.output.gain_db))
+    direction, basis = spanned(directions_of(preset, ends, body.axes))
     return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, shape, direction)
 
 
@@ -95,10 +93,10 @@ def spanned(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(direction @ basis), basis
 
 
-def body_of(preset: Preset) -> Body:
-    """The body of a coupled preset, all of its modes, as many components of the bridge's motion as any of them has."""
-    components = max(len(mode.shape) for mode in preset.body.mode)
-    return Body(tuple(_whole(mode, components) for mode in preset.body.mode))
+def body_of(modes: Sequence[MovingMode]) -> Body:
+    """A body of the modes of a file, with as many components of the bridge's motion as any of them has."""
+    components = max(len(mode.shape) for mode in modes)
+    return Body(tuple(_whole(mode, components) for mode in modes))
 
 
 def _whole(mode: MovingMode, components: int) -> BodyMode:

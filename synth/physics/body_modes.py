@@ -100,6 +100,12 @@ class Body:
         """m (M,) [kg]."""
         return np.array([mode.mass_kg for mode in self.modes])
 
+    def left_right(self, gain: float = 1.0) -> NDArray[np.float64]:
+        """(2, M) what the modes' accelerations give on the left and on the right, the same power wherever they are heard."""
+        pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in self.modes]))
+        heard = gain * np.array([mode.radiation for mode in self.modes])
+        return math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
+
     @property
     def shapes(self) -> NDArray[np.float64]:
         """Ψ (D, M)."""

@@ -32,6 +32,7 @@ from synth.research.case import (
     FingerTable,
     ObstacleTable,
     RampTable,
+    StringTable,
     WallTable,
     arrays_of,
 )
@@ -62,7 +63,7 @@ class Scene:
         every = case.run.steps_per_output
         self.outputs = self.steps // every + 1
         self.last = first + (self.outputs - 1) * every  # the step of the last row
-        self.string = self._string()
+        self.string = string_of(self.case.string, self.folder, "string")
         self.obstacle = self._obstacle()
         self._refuse_the_absurd()
 
@@ -258,25 +259,6 @@ class Scene:
             v,
         )
 
-    def _string(self) -> String:
-        table = self.case.string
-        values = table.model_dump(exclude={"inharmonicity", "bending_stiffness_n_m2", "nut", "measured"})
-        if table.measured is not None:
-            found = arrays_of(
-                self.folder,
-                table.measured.file,
-                {"frequencies": table.measured.frequencies, "rates": table.measured.decay_rates},
-            )
-            values["measured_frequencies_hz"] = tuple(found["frequencies"])
-            values["measured_decay_rates"] = tuple(found["rates"])
-        try:
-            values["nut"] = tuple(NutResonance(**nut.model_dump()) for nut in table.nut)
-            if table.inharmonicity is not None:
-                return String.from_inharmonicity(inharmonicity=table.inharmonicity, **values)
-            return String(bending_stiffness_n_m2=table.bending_stiffness_n_m2 or 0.0, **values)
-        except ValueError as error:
-            raise CaseError(f"string: {error}") from None
-
     def _obstacle(self) -> Obstacle:
         table = self.case.obstacle
         try:
@@ -393,6 +375,25 @@ def refuse_over_end(field: str, width_m: float, reach: float, position_m: float,
             f"{field}: must be at most {most:g} m at {position_m:g} m of a {length_m:g} m string, where it reaches an end, "
             f"got {width_m:g} m; take less, or a place further from it"
         )
+
+
+def string_of(table: StringTable, folder: Path, place: str) -> String:
+    """The string of a table, or of one that has more beside; its file counts from `folder`. Raises CaseError that names
+    `place`."""
+    left_out = {"inharmonicity", "bending_stiffness_n_m2", "nut", "measured"}
+    values = table.model_dump(include=set(StringTable.model_fields) - left_out)
+    if table.measured is not None:
+        keys = {"frequencies": table.measured.frequencies, "rates": table.measured.decay_rates}
+        found = arrays_of(folder, table.measured.file, keys)
+        values["measured_frequencies_hz"] = tuple(found["frequencies"])
+        values["measured_decay_rates"] = tuple(found["rates"])
+    try:
+        values["nut"] = tuple(NutResonance(**nut.model_dump()) for nut in table.nut)
+        if table.inharmonicity is not None:
+            return String.from_inharmonicity(inharmonicity=table.inharmonicity, **values)
+        return String(bending_stiffness_n_m2=table.bending_stiffness_n_m2 or 0.0, **values)
+    except ValueError as error:
+        raise CaseError(f"{place}: {error}") from None
 
 
 def bent_tension(string: String, cents: float) -> float:

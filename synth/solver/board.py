@@ -120,8 +120,11 @@ def _one_by_one(model: int, state: int, scratch: int, board: int, begin: int, st
 
 
 @njit(**INNER)
-def _stays_clear(board: int, model: int, n: int, before, q, v, everywhere: float, slope: float) -> bool:
-    """Whether the string, at (q, v) = before (2, n) a block ago and at q now, touches nothing in between or at its end."""
+def _stays_clear(board: int, model: int, n: int, before, q, followed: int, everywhere: float, slope: float) -> bool:
+    """Whether the string, at (q, v) = before (2, n) a block ago and at q now, touches nothing in between or at its end.
+
+    followed: how many nodes that the bound leaves open are looked at step by step; none where a finger moves them.
+    """
     m, b = string_model(model), board_at(board)
     tables = Sine(b.half, b.twiddles, b.matrix, b.work)
     u, later = b.nodes[0], b.nodes[1]
@@ -132,7 +135,7 @@ def _stays_clear(board: int, model: int, n: int, before, q, v, everywhere: float
     count = 0
     for c in range(nodes):
         if scale * min(u[c], later[c]) - b.eta[c] <= min(by_place, by_slope * b.half[c + 1]):
-            if scale * later[c] < b.eta[c] or count == MOST_FOLLOWED:
+            if scale * later[c] < b.eta[c] or count == followed:
                 return False
             b.followed[count] = c
             count += 1
@@ -158,7 +161,7 @@ def _block(model: int, state: int, scratch: int, board: int, at: int, stride: in
         before[0, j] = q[j]
         before[1, j] = v[j]
     coast(n, rows, q, v)
-    if not _stays_clear(board, model, n, before, q[:whole], v, everywhere, slope):
+    if not _stays_clear(board, model, n, before, q[:whole], int(np.int64(MOST_FOLLOWED)), everywhere, slope):
         for j in range(n):
             q[j] = before[0, j]
             v[j] = before[1, j]
@@ -212,7 +215,7 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
         before[0, j] = q[j]
         before[1, j] = v[j]
     drive(n, rows, q, v, touch, pushes)
-    if not _stays_clear_pushed(board, before, q, everywhere, slope):
+    if not _stays_clear(board, model, n, before, q, int(np.int64(0)), everywhere, slope):
         for j in range(n):
             q[j] = before[0, j]
             v[j] = before[1, j]
@@ -224,22 +227,6 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
     finger.here = true[BLOCK - 1]
     finger.push = pushes[BLOCK - 1]
     s.counts[MOVING] = m.modes
-    return True
-
-
-@njit(**INNER)
-def _stays_clear_pushed(board: int, before, q, everywhere: float, slope: float) -> bool:
-    """`_stays_clear`, but that no node is followed: a finger moves them."""
-    b = board_at(board)
-    tables = Sine(b.half, b.twiddles, b.matrix, b.work)
-    u, later = b.nodes[0], b.nodes[1]
-    nodes = b.eta.size
-    transform(tables, before[0, :nodes], q[:nodes], u, later)
-    scale = math.sqrt(2.0 / b.numbers[SPEAKING])
-    by_place, by_slope = MARGIN * scale * everywhere, MARGIN * scale * slope
-    for c in range(nodes):
-        if scale * min(u[c], later[c]) - b.eta[c] <= min(by_place, by_slope * b.half[c + 1]):
-            return False
     return True
 
 

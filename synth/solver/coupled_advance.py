@@ -30,10 +30,9 @@ from synth.solver.coupled_study import (
     ROW,
     STEPS,
     UNSOLVED,
-    along,
     coupled_study,
 )
-from synth.solver.coupling import TENSION, coupling_at, end_at, gather_lines
+from synth.solver.coupling import TENSION, along, coupling_at, end_at, gather_lines
 from synth.solver.frames import FORCE, FROM_CONTACTS, V, advance_frames
 from synth.solver.line_certificates import look_everywhere
 from synth.solver.stringmodel import string_model, string_state

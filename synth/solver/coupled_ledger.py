@@ -38,10 +38,9 @@ from synth.solver.coupled_study import (
     WORK_FINGER,
     WORK_FRET,
     WORK_OBSTACLE,
-    along,
     coupled_study,
 )
-from synth.solver.coupling import FINGER_LEVERAGE, KEPT_BY_THE_REST, KIND, NEAR, SINGLE, TENSION, coupling_at, end_at
+from synth.solver.coupling import FINGER_LEVERAGE, KEPT_BY_THE_REST, KIND, NEAR, SINGLE, TENSION, along, coupling_at, end_at
 from synth.solver.lanes import P11, P12, P21, P22
 from synth.solver.stringmodel import string_model, string_state
 

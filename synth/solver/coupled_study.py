@@ -6,7 +6,6 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from synth.native.arrays import f8, i8
 from synth.native.views import opener
@@ -92,15 +91,6 @@ class CoupledStudy(NamedTuple):
 
 
 coupled_study = opener(CoupledStudy)
-
-
-@njit(inline="always")
-def along(c, line: int, beta) -> float:
-    """What of the bridge's motion is along a line."""
-    total = 0.0
-    for i in range(beta.size):
-        total += c.direction[line, i] * beta[i]
-    return total
 
 
 def far_moments(length_m: float, n: int) -> np.ndarray:

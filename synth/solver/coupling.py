@@ -149,6 +149,15 @@ N_COUPLING_COUNTS = 4
 coupling_at, end_at = opener(Coupling), opener(End)
 
 
+@njit(inline="always")
+def along(c, line: int, of_bridge) -> float:
+    """What a motion of the bridge (D,) is at a line's end: B·β, of Coupling c."""
+    total = 0.0
+    for i in range(c.beta.size):
+        total += c.direction[line, i] * of_bridge[i]
+    return total
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_end(model: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
     """The responses of a line that takes so many steps a frame to its end, from its model's rows and End.kick, pull, flight,
@@ -307,10 +316,7 @@ def energy_of(coupling: int) -> float:
     total = 0.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        speed, b = 0.0, 0.0
-        for i in range(d):
-            speed += c.direction[line, i] * c.speed[i]
-            b += c.direction[line, i] * c.beta[i]
+        speed, b = along(c, line, c.speed), along(c, line, c.beta)
         for j in range(m.modes if e.counts[ENGAGED] else e.counts[APART_MODES]):
             y = s.v[j] - e.kick[j] * speed
             w = m.omega[j] * s.q[j]

@@ -33,6 +33,7 @@ from synth.solver.coupling import (
     SEVERAL,
     SINGLE,
     TOUCHED,
+    along,
     coupling_at,
     end_at,
     gather_lines,
@@ -264,7 +265,7 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                         rub_where_pressed(coupling, line, end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE)
                     if _looks_back(c, line):
                         note_gaps(coupling, line)
-                    speed, height = _of_line(c, line, c.speed), _of_line(c, line, c.beta)
+                    speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
         for line in range(c.line_end.size):
@@ -283,15 +284,6 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
 def _looks_back(c, line: int) -> bool:
     """Whether what contacts do in a step hangs on where they were before: those that rub, and soft ones."""
     return c.friction[line] > 0.0 or string_model(c.line_model[line]).layers.shape[1] > 0
-
-
-@njit(inline="always")
-def _of_line(c, line: int, of_bridge) -> float:
-    """What a motion of the bridge is at a line's end."""
-    total = 0.0
-    for i in range(c.beta.size):
-        total += c.direction[line, i] * of_bridge[i]
-    return total
 
 
 @njit(inline="always")
@@ -372,7 +364,7 @@ def _settle(coupling: int, number: int) -> None:
         e = end_at(end)
         if e.counts[KIND] != FAR:
             within = _within(c, e, line, number)[1]
-            turn = _of_line(c, line, small[TURN])
+            turn = along(c, line, small[TURN])
             settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], turn)
             if e.counts[KIND] >= SINGLE and _looks_back(c, line):
                 keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
@@ -411,7 +403,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             end = c.line_end[line]
             e = end_at(end)
             if e.counts[KIND] >= SINGLE:
-                turn, steps = _of_line(c, line, turns), c.steps[line]
+                turn, steps = along(c, line, turns), c.steps[line]
                 first, at = _within(c, e, line, number)[1] * steps, (begin + number) * steps
                 if rubs(coupling, line):
                     force, slope, cross, mine, bad = answer_of_rubbed(

@@ -25,6 +25,7 @@ from synth.solver.coupling import (
     SINGLE,
     SLACK,
     SPENT,
+    along,
     coupling_at,
     end_at,
 )
@@ -61,9 +62,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     positive after this. End.bound holds from here on."""
     c, w = coupling_at(coupling), scratch_of(scratch)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, n = 0.0, s.counts[MOVING]
-    for i in range(c.beta.size):
-        height += c.direction[line, i] * c.beta[i]
+    height, n = along(c, line, c.beta), s.counts[MOVING]
     extent, moved = w.moved[0, :n], w.moved[1, :n]
     time = BLOCK * c.frame
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
@@ -99,9 +98,7 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
         if e.counts[QUIET] < _QUIET_BLOCKS:
             return False
         certify_line(coupling, line, scratch)
-    n, height, slack = m.modes, 0.0, _FAR_AWAY_M
-    for i in range(c.beta.size):
-        height += c.direction[line, i] * c.beta[i]
+    n, height, slack = m.modes, along(c, line, c.beta), _FAR_AWAY_M
     for k in range(contacts):
         if e.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
@@ -123,15 +120,11 @@ def spend(coupling: int, line: int, frames: int) -> bool:
         e.counts[QUIET] = 0
     elif e.counts[QUIET] >= 0:
         e.counts[QUIET] += 1
-    speed, kicked, moved = 0.0, 0.0, 0.0
-    for i in range(c.beta.size):
-        speed += c.direction[line, i] * c.speed[i]
-        for k in range(frames):
-            speed -= c.direction[line, i] * c.kicks[i, k]
+    speed, kicked, moved = along(c, line, c.speed), 0.0, 0.0
     for k in range(frames):
-        turn = 0.0
-        for i in range(c.beta.size):
-            turn += c.direction[line, i] * c.kicks[i, k]
+        speed -= along(c, line, c.kicks[:, k])
+    for k in range(frames):
+        turn = along(c, line, c.kicks[:, k])
         speed += turn
         kicked += abs(turn)
         moved += abs(speed)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.coupling import NEAR, coupling_at, end_at
+from synth.solver.coupling import NEAR, along, coupling_at, end_at
 from synth.solver.lanes import BLOCK
 from synth.solver.layers import middle
 from synth.solver.lcp import SOLVED, factorise, pivot, substitute
@@ -27,9 +27,7 @@ def note_gaps(coupling: int, line: int) -> None:
     """StringState.u of the contacts of a line that are not certified, from its modes."""
     c = coupling_at(coupling)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, contacts, n = 0.0, m.shapes.shape[0], m.modes
-    for i in range(c.beta.size):
-        height += c.direction[line, i] * c.beta[i]
+    height, contacts, n = along(c, line, c.beta), m.shapes.shape[0], m.modes
     for k in range(contacts):
         if e.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]

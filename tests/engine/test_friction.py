@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.engine import layout
 from synth.engine.engine import Engine
 from synth.instrument.preset import Preset, PresetError
 from synth.midi.events import NOTE_ON
 from synth.solver import coupling
 
 from .kit import BRIDGE_OBSTACLE, NECK, NECK_OBSTACLE, bank_of, engine, play, preset, state_of, steel, wound
-from .test_together import HEARD, MODES, ROWS, TWO, TWO_WAYS, coupling_of, energy
+from .test_together import HEARD, MODES, ROWS, TWO, TWO_WAYS, coupling_of, left_alone
 
 RUBS = "\nfriction = 0.3"
 ROUGH_BRIDGE = preset(
@@ -53,15 +52,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(instrument: Preset) -> No
 
 @pytest.mark.parametrize("instrument", ALL, ids=lambda each: each.name)
 def test_nothing_but_a_hand_gives_energy(instrument: Preset) -> None:
-    made = engine(instrument)
-    play(made, ROWS[instrument.name], 6016)
-    play(made, [], 40 * layout.QUANTUM)
-    before = energy(made)
-    assert before > 0.0
-    for _ in range(200):
-        play(made, [], layout.QUANTUM)
-        assert energy(made) <= before * (1.0 + 1e-9)
-        before = energy(made)
+    made = left_alone(instrument, ROWS[instrument.name])
     assert coupling_of(made).counts[coupling.HELD_FRAMES] == 0
 
 

@@ -100,10 +100,9 @@ def test_a_preset_sounds_as_in_python(library, bank_files, name):
     assert same(played(reference(name), events, blocks=sizes), native.play(events, FRAMES, sizes))
 
 
-def test_strings_that_share_a_body_sound_as_in_python(library, guitar_file):
-    events, sizes = wild(3, 1, 20000, 120), sizes_of(np.random.default_rng(4))
-    opened = library.open_bank(guitar_file)
-    wanted = played(reference("steel-guitar"), events, 20000, sizes)
+def sounds_as_in_python(opened, name, events, sizes):
+    """20000 frames at once, and by two instances of which the second takes the first one's state over."""
+    wanted = played(reference(name), events, 20000, sizes)
     assert same(wanted, opened.engine().play(events, 20000, sizes))
     first, rest = opened.engine(threads=2), events[events["frame"] >= 12345].copy()
     first.play(events[events["frame"] < 12345], 12345, 512)
@@ -111,21 +110,18 @@ def test_strings_that_share_a_body_sound_as_in_python(library, guitar_file):
     other = opened.engine()
     other.load(first.save())
     assert same(wanted[12345:], other.play(rest, 20000 - 12345, 700))
+
+
+def test_strings_that_share_a_body_sound_as_in_python(library, guitar_file):
+    events, sizes = wild(3, 1, 20000, 120), sizes_of(np.random.default_rng(4))
+    sounds_as_in_python(library.open_bank(guitar_file), "steel-guitar", events, sizes)
 
 
 def test_strings_over_a_board_sound_as_in_python(library, fretless_file):
     events, sizes = wild(3, 1, 20000, 120), sizes_of(np.random.default_rng(4))
     notes = [(5, NOTE_ON, 0, 28, 127), (900, NOTE_ON, 0, 41, 127), (2000, NOTE_ON, 0, 50, 90), (2500, NOTE_ON, 0, 45, 127)]
     events = np.concatenate([make_events(notes), events[events["frame"] >= 3000]])
-    opened = library.open_bank(fretless_file)
-    wanted = played(reference("fretless-bass"), events, 20000, sizes)
-    assert same(wanted, opened.engine().play(events, 20000, sizes))
-    first, rest = opened.engine(threads=2), events[events["frame"] >= 12345].copy()
-    first.play(events[events["frame"] < 12345], 12345, 512)
-    rest["frame"] -= 12345
-    other = opened.engine()
-    other.load(first.save())
-    assert same(wanted[12345:], other.play(rest, 20000 - 12345, 700))
+    sounds_as_in_python(library.open_bank(fretless_file), "fretless-bass", events, sizes)
 
 
 def test_a_body_beside_another_part_sounds_as_in_python(library, tmp_path):

@@ -173,7 +173,7 @@ def exact_displacement(preset: Preset, note: int, seconds: float, seen_at: float
     shots = joined(list(made.play(127, DRAWN + 8, 1, count)))
     positions = [made.position(line) for line in range(made.directions * len(made.strings))]
     moving = made.moving_modes
-    body = body_of(preset)
+    body = body_of(preset.body.mode)
     ends = [(table, table.notes[0]) for table in preset.string]
     directions = directions_of(preset, ends, body.axes)
     lines = tuple(

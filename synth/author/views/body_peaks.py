@@ -45,7 +45,7 @@ def describe_body(preset: Preset) -> dict[str, Any]:
     if not preset.coupled:
         return {"coupled": False}
     modes = preset.body.mode
-    body = body_of(preset)
+    body = body_of(preset.body.mode)
     frequencies = [mode.frequency_hz for mode in modes]
     low, high = min(LOWEST_HZ, min(frequencies) / 2.0**BEYOND), max(HIGHEST_HZ, max(frequencies) * 2.0**BEYOND)
     # the very top of each peak as well, which may lie between two of the even ones

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from synth.physics.body_modes import Body, BodyMode, BridgePlace
+from synth.instrument.soundboard import body_of
+from synth.physics.body_modes import Body, BridgePlace
 from synth.physics.coupled import CoupledStrings, Line, Place
 from synth.physics.excitation import pluck_weights, triangle_pluck
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.obstacle import Obstacle, frets
-from synth.physics.string import NutResonance, String
-from synth.research.case import CaseError, arrays_of
-from synth.research.coupled.coupled_case import CoupledCase, CoupledStringTable, DirectedFingerTable
-from synth.research.scene import bent_tension, finger_end, ramps, refuse_over_end
+from synth.physics.string import String
+from synth.research.case import CaseError
+from synth.research.coupled.coupled_case import CoupledCase, DirectedFingerTable
+from synth.research.scene import bent_tension, finger_end, ramps, refuse_over_end, string_of
 from synth.solver.coupled_lines import BodyArrays, LineArrays
 
 #: what is not reached, for a contact behind the stopped end [m] (contacts are solved to 1e-13 of the widest gap), and the
@@ -47,7 +48,7 @@ class CoupledScene:
         self.rows = self.frames // run.steps_per_output + 1
         self.tables = case.string
         self.names = [table.name or str(number) for number, table in enumerate(self.tables, start=1)]
-        self.strings = [self._string(number) for number in range(len(self.tables))]
+        self.strings = [string_of(table, folder, self.place(number)) for number, table in enumerate(self.tables)]
         self.body = self._body()
         self.lines = [
             LineOf(number, second)
@@ -64,51 +65,21 @@ class CoupledScene:
 
     # --- strings ---
 
-    def _string(self, number: int) -> String:
-        table = self.tables[number]
-        own = set(type(table).model_fields) - set(CoupledStringTable.__base__.model_fields)  # type: ignore[union-attr]
-        values = table.model_dump(exclude={"inharmonicity", "bending_stiffness_n_m2", "nut", "measured", *own})
-        if table.measured is not None:
-            keys = {"frequencies": table.measured.frequencies, "rates": table.measured.decay_rates}
-            found = arrays_of(self.folder, table.measured.file, keys)
-            values["measured_frequencies_hz"] = tuple(found["frequencies"])
-            values["measured_decay_rates"] = tuple(found["rates"])
-        try:
-            values["nut"] = tuple(NutResonance(**nut.model_dump()) for nut in table.nut)
-            if table.inharmonicity is not None:
-                return String.from_inharmonicity(inharmonicity=table.inharmonicity, **values)
-            return String(bending_stiffness_n_m2=table.bending_stiffness_n_m2 or 0.0, **values)
-        except ValueError as error:
-            raise CaseError(f"{self.place(number)}: {error}") from None
-
     def place(self, number: int) -> str:
         """What messages call a string."""
         return f"string.{number} ({self.names[number]})" if self.tables[number].name else f"string.{number}"
 
     def _body(self) -> Body:
-        modes = self.case.body.mode
-        axes = max(len(mode.shape) for mode in modes)
         try:
-            return Body(
-                tuple(
-                    BodyMode(
-                        mode.frequency_hz, mode.q, mode.mass_kg, (*mode.shape, *(0.0,) * (axes - len(mode.shape))),
-                        mode.radiation, mode.pan,
-                    )
-                    for mode in modes
-                )
-            )  # fmt: skip
+            return body_of(self.case.body.mode)
         except ValueError as error:
             raise CaseError(f"body.mode: {error}") from None
 
     @property
     def body_arrays(self) -> BodyArrays:
         """The body as the kernels take it: what it radiates is Σ radiation·p̈ [m/s²], panned to left and right."""
-        pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in self.body.modes]))
-        heard = np.array([mode.radiation for mode in self.body.modes])
-        radiation = math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
         body = self.body
-        return BodyArrays(body.omega, body.sigma, body.mass, body.shapes, radiation)
+        return BodyArrays(body.omega, body.sigma, body.mass, body.shapes, body.left_right())
 
     def _obstacle(self, number: int) -> Obstacle:
         table, where = self.tables[number].obstacle, f"{self.place(number)}.obstacle"
