@@ -12,7 +12,17 @@ import numpy as np
 from numba import njit
 
 from synth.engine.coefficients import refresh, rest_state
-from synth.engine.core import bank_of, model_address, model_of, scratch_of, settings_of, shared_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    is_held,
+    model_address,
+    model_of,
+    scratch_of,
+    settings_of,
+    shared_of,
+    state_of,
+    string_of,
+)
 from synth.engine.expression import bend_of, follow, height_of
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.hand_damping import damping
@@ -24,15 +34,19 @@ from synth.engine.layout import (
     DRAW,
     FIRST_QUANTUM,
     FOLLOW,
+    HIT,
     NO_FINGER,
     PLAIN,
     SLEEP_BELOW,
     SPARE,
     STEP,
+    TOUCHED,
 )
 from synth.engine.output import collect
 from synth.engine.strings import damp, finger_done, sleep
+from synth.engine.strokes import follow_stroke, has_bounced
 from synth.engine.tension import bend_with_motion
+from synth.engine.touches import press_on
 from synth.native.views import call_back
 from synth.solver.board_table import clear_of_board
 from synth.solver.certificates import amplitudes, reach
@@ -69,6 +83,7 @@ def follow_quantum(core: int, s: int, k: int) -> None:
     state, shared = state_of(core), shared_of(core)
     me = state.sounding[s]
     follow(core, s)
+    press_on(core, s)
     bend = bend_of(core, s, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
     height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if bank_of(core).strings[s].axial_stiffness > 0.0:
@@ -105,10 +120,12 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
                 refresh(core, thread, s)
             if me.phase != NO_FINGER:
                 steps = min(steps, me.finger_steps - me.finger_step)
+            if me.phase == HIT:
+                steps = min(steps, fixed.factor)
             call_back(shared_of(core).task[STEP], core, thread, s, steps)
             me.base = collect(core, thread, s, steps, fixed.factor, me.base, row[at:])
             at += steps
-            if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
+            if me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
                 finger_done(core, thread, s)
     fade(core, s, start, frames)
     if not (moves_like_a_string(core, s) and _sounds(core, s, start)):
@@ -177,9 +194,8 @@ def make_steps(core: int, thread: int, s: int, steps: int) -> None:
     """Internal steps of one string; its outputs go to Scratch.out, a row of `steps` for each."""
     me, string = state_of(core).sounding[s], string_of(core, s)
     moved = string.counts[MOVING]
-    fingered = me.phase != NO_FINGER
-    string.finger[0].on = 1 if fingered else 0
-    if fingered:
+    string.finger[0].on = 1 if is_held(me) else 0
+    if me.phase != NO_FINGER:
         step_along_path(core, thread, s, steps)
     if advance(model_address(core, s), shared_of(core).string_at[s], thread, steps, int(np.int64(1))) != SOLVED:
         me.unsolved += 1
@@ -188,13 +204,13 @@ def make_steps(core: int, thread: int, s: int, steps: int) -> None:
 
 @njit(**CORE)
 def step_along_path(core: int, thread: int, s: int, steps: int) -> None:
-    """Scratch.path: where the finger is before its next steps and after each of them; it has gone there."""
+    """Scratch.path: where a finger, if there is one, is before its next steps and after each of them; it has gone there."""
     me = state_of(core).sounding[s]
     follow = shared_of(core).excitation[bank_of(core).strings[s].part, FOLLOW]
     if follow != 0 and me.phase == DRAW:
         call_back(follow, core, thread, s, steps)
-    else:
-        _follow_path(core, thread, s, steps)
+    elif is_held(me):
+        follow_stroke(core, thread, s, steps)
     me.finger_step += steps
 
 
@@ -205,21 +221,6 @@ def make_path(core: int, thread: int, s: int, steps: int, path) -> None:
     scratch = scratch_of(thread)
     for t in range(steps + 1):
         path[t] = scratch.path[t]
-
-
-@njit(**CORE)
-def _follow_path(core: int, thread: int, s: int, steps: int) -> None:
-    """Scratch.path: where the finger is before these steps and after each of them."""
-    scratch = scratch_of(thread)
-    me = state_of(core).sounding[s]
-    first = me.finger_step
-    turn = math.pi / me.finger_steps
-    cosine, sine = math.cos(turn * first), math.sin(turn * first)
-    further, aside = math.cos(turn), math.sin(turn)
-    half = 0.5 * (me.finger_to - me.finger_from)
-    for t in range(steps + 1):
-        scratch.path[t] = me.finger_from + half * (1.0 - cosine)
-        cosine, sine = cosine * further - sine * aside, sine * further + cosine * aside
 
 
 @njit(fastmath=FAST, **CORE)
@@ -236,7 +237,7 @@ def _check(core: int, thread: int, s: int) -> None:
     """Level, certificate that contacts are out of reach, rest for inaudible modes, flight, sleep."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(thread)
     me, string = state.sounding[s], string_of(core, s)
-    if me.phase != NO_FINGER or me.stale:
+    if NO_FINGER < me.phase < TOUCHED or me.stale:
         return
     fixed = bank.strings[s]
     constants = bank.models[me.model]
@@ -253,7 +254,7 @@ def _check(core: int, thread: int, s: int) -> None:
     if me.level < state.meters[SPARE] and not me.held and me.hand < LN_1000 / SPARE_S:
         damp(core, s, SPARE_S)
         return
-    if not settings.economy or model.law != EXACT_HOLD:
+    if not settings.economy or model.law != EXACT_HOLD or me.phase != NO_FINGER:
         return  # the amplitudes below are those of v = q̇
     omega, sigma, dt = model.omega[:n], scratch.sigma[:n], model.dt
     for j in range(n):

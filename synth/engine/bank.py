@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
 from synth.engine import layout
+from synth.engine.articulated import articulation_rows, hand_fields
 from synth.engine.board_tables import Boards, LaidBoard
 from synth.engine.bridges import Bridges, SharedBody
 from synth.engine.layout import FADE, OFF_BOARD, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
@@ -55,6 +58,8 @@ class _Lists:
         self.instruments: list[tuple] = []
         self.parts: list[tuple] = []
         self.buses: list[tuple] = []
+        self.articulations: list[tuple] = []
+        self.touches: list[tuple] = []
         self.taps: list[np.ndarray] = []
         self.compiled: list[StringModel] = []
         self.flights: list[StringModel] = []
@@ -76,7 +81,10 @@ class _Lists:
             bus_of = {1: left, **{string.factor: left for string in part.strings}}
             body = {"body": len(self.bodies), "bus": left, "output_bound": part.body.swinging_bound}
             self.bodies.append(SharedBody(len(self.instruments), part.body))
+        same: Counter[tuple[str, int]] = Counter()
         for number, string in enumerate(part.strings):
+            same[string.name, string.open_note] += 1
+            dice = crc32(f"{string.name} {string.open_note} {same[string.name, string.open_note]}".encode())
             if not (together and number):
                 lines = len(part.strings) * (1 if preset.polarisation is None else 2)
                 last = len(self.strings) + (lines if together else 1)
@@ -87,11 +95,15 @@ class _Lists:
                     bus_of[factor] = self._bus(p, factor)
             two = preset.polarisation is not None
             heard = None if part.body is None else (part.body, number * (1 + two))
-            self._string(p, preset, string, bus_of, heard, two, False)
+            self._string(p, preset, string, bus_of, heard, two, False, dice)
             if heard is not None and preset.polarisation is not None:
                 across = second_direction(preset.polarisation, string)
-                self._string(p, preset, across, bus_of, (heard[0], heard[1] + 1), False, True)
+                self._string(p, preset, across, bus_of, (heard[0], heard[1] + 1), False, True, dice)
         pluck, output = preset.pluck, preset.output
+        first_articulation = len(self.articulations)
+        articulations, touches, release_touch = articulation_rows(preset, len(self.touches))
+        self.articulations += articulations
+        self.touches += touches
         angle = 0.0 if preset.polarisation is None else math.radians(preset.polarisation.pluck_deg)
         self.parts.append(
             record(
@@ -107,14 +119,16 @@ class _Lists:
                 pickup_distance=1e-3 * output.distance_mm,
                 excited=int(preset.excitation is not None and preset.excitation.kind != "pluck"),
                 velocity_exponent=pluck.velocity_exponent,
-                position_shift=pluck.hardest_position - pluck.position,
-                width_ratio=pluck.hardest_width_mm / pluck.width_mm,
                 finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
                 finger_loss=pluck.finger_loss,
                 pressure_bend=1e-2 * preset.mapping.pressure_cents,
                 stereo=int(part.body is not None),
                 pluck_first=math.cos(angle),
                 pluck_second=math.sin(angle),
+                first_articulation=first_articulation,
+                end_articulation=len(self.articulations),
+                release_touch=release_touch,
+                **hand_fields(preset.hand),
             )
         )
 
@@ -139,12 +153,14 @@ class _Lists:
         heard: tuple[Soundboard, int] | None,
         has_second: bool,
         is_second: bool,
+        dice: int,
     ) -> None:
         factor, index = string.factor, len(self.strings)
         self.strings.append(
             record(
                 layout.STRING,
                 part=p,
+                dice=dice,
                 instrument=len(self.instruments) - 1,
                 bus=bus_of[factor],
                 factor=factor,
@@ -286,6 +302,8 @@ def build_bank(
         "parts": len(parts),
         "buses": len(lists.buses),
         "bindings": len(bindings),
+        "articulations": len(lists.articulations),
+        "touches": len(lists.touches),
         "taps": sum(t.size for t in lists.taps),
         "leverage": sum(each.size for each in lists.leverage),
     }
@@ -302,6 +320,8 @@ def build_bank(
         plays=np.array([[(of_channel == p).any() for p in range(len(parts))] for of_channel in program_map], np.int64),
         pitch=np.array(pitch, dtype=np.float64),
         bindings=np.array(bound_rows, layout.BINDING),
+        articulations=np.array(lists.articulations, layout.ARTICULATION),
+        touches=np.array(lists.touches, layout.TOUCH),
         bound=np.searchsorted([row[0] for row in by_controller], np.arange(129)).astype(np.int64),
     )
     np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
@@ -314,7 +334,7 @@ def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
     out = np.zeros((len(parts), layout.N_PARAMETERS))
     for p, part in enumerate(parts):
         pluck = part.preset.pluck
-        out[p] = (1.0, pluck.position, 1.0, pluck.width_mm, 1.0, 0.0)
+        out[p] = (1.0, pluck.position, 1.0, pluck.width_mm, 1.0, 0.0, 1.0)
     return out
 
 
@@ -370,6 +390,8 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray, effects: Mapping[st
     part_state["left"] = part_state["right"] = 1.0
     part_state["channel"] = bank.parts["channel"]
     state.quiet[:] = bank.buses["n_taps"]
+    state.sounding["glide_to"] = -1
+    state.sounding["articulation"] = bank.parts["first_articulation"][bank.strings["part"]]
     return state
 
 

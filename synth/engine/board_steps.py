@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from synth.engine.advance import step_along_path
-from synth.engine.core import model_address, shared_of, state_of, string_of
+from synth.engine.core import is_held, model_address, shared_of, state_of, string_of
 from synth.engine.layout import NO_FINGER, OFF_BOARD
 from synth.native.views import call_back
 from synth.solver.board import advance_on_board
@@ -19,9 +19,8 @@ def make_steps_on_boards(core: int, thread: int, s: int, steps: int) -> None:
         call_back(shared.task[OFF_BOARD], core, thread, s, steps)
         return
     moved = string.counts[MOVING]
-    fingered = me.phase != NO_FINGER
-    string.finger[0].on = 1 if fingered else 0
-    if fingered:
+    string.finger[0].on = 1 if is_held(me) else 0
+    if me.phase != NO_FINGER:
         step_along_path(core, thread, s, steps)
     advance_on_board(model_address(core, s), shared.string_at[s], thread, board, steps)
     me.mode_steps += max(moved, string.counts[MOVING]) * steps

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.core import bank_of, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.core import bank_of, is_held, model_address, model_of, scratch_of, shared_of, state_of, string_of
 from synth.engine.hand_damping import damping
-from synth.engine.layout import CORE, NO_FINGER, PLAIN
+from synth.engine.layout import CORE, PLAIN
 from synth.engine.on_board import stop_on_board
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
@@ -108,6 +108,6 @@ def refresh(core: int, thread: int, s: int) -> None:
     me = state_of(core).sounding[s]
     if me.stale == 1:
         _set_coefficients(core, thread, s)
-    if me.phase != NO_FINGER:
+    if is_held(me):
         fill_grip(model_address(core, s), shared_of(core).string_at[s], thread, int(np.int64(1)))
     me.stale = 0

@@ -13,7 +13,7 @@ from typing import Any
 
 from numba import njit
 
-from synth.engine.layout import CONSTANTS, FLIGHT, Bank, Effects, Settings, Shared, State
+from synth.engine.layout import CONSTANTS, FLIGHT, WAIT, Bank, Effects, Settings, Shared, State
 from synth.native.views import opener, words
 from synth.solver.stringmodel import scratch_of as scratch_of
 from synth.solver.stringmodel import string_model, string_state
@@ -57,3 +57,9 @@ def excitation_of(core: int, s: int) -> int:
 def string_of(core: int, s: int):
     """The StringState of a string."""
     return string_state(shared_of(core).string_at[s])
+
+
+@njit(inline="always")
+def is_held(me) -> bool:
+    """Whether a finger is on a string (SOUNDING)."""
+    return me.phase > WAIT

@@ -6,9 +6,19 @@ import math
 
 from numba import njit
 
-from synth.engine.core import bank_of, model_address, model_of, scratch_of, settings_of, shared_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    is_held,
+    model_address,
+    model_of,
+    scratch_of,
+    settings_of,
+    shared_of,
+    state_of,
+    string_of,
+)
 from synth.engine.hand_damping import damping
-from synth.engine.layout import CORE, NO_FINGER, PLAIN
+from synth.engine.layout import CORE, PLAIN
 from synth.solver.coupling import APART_MODES, LENGTH, TENSION, along, coupling_at, end_at, fill_end, fill_finger_end
 from synth.solver.lanes import PAD
 from synth.solver.laws import EXACT_HOLD, step_coefficients
@@ -78,5 +88,5 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
         fill_rows(end.flight)
         fill_end(address, shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
         fill_reach(address, shared.end_at[s])
-    if me.phase != NO_FINGER:
+    if is_held(me):
         fill_finger_end(address, shared.string_at[s], shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)

@@ -50,6 +50,8 @@ DC_BLOCK_HZ = 8.0
 CEILING_DB = -0.1
 #: longest block [frames], and most strings that can be asked for
 MOST_BLOCK, MOST_STRINGS = 1 << 24, 1 << 20
+#: largest seed of what varies from stroke to stroke
+MOST_SEED = (1 << 31) - 1
 
 
 class Unplayed(NamedTuple):
@@ -93,6 +95,7 @@ class Engine:
                  every_fret what else can be played on the others. No effect on the sound of those notes
     mix_effects  effects of the mix, in this order before the limiter: tables as in presets
     policy       who plays a note and who yields, as the native core calls it (`voices.policy`)
+    seed         of what varies from stroke to stroke (`[hand]` of a preset): the same seed, the same performance
     mpe          begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
     threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     warn         told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`);
@@ -122,6 +125,7 @@ class Engine:
         threads: int | str = 1,
         bindings: Bindings | None = None,
         mpe: bool = False,
+        seed: int = 0,
         policy: Callable[[int], None] = policy.decide,
         warn: Callable[[str], None] | None = None,
     ) -> None:
@@ -158,6 +162,7 @@ class Engine:
         self.max_block = 0
         self.threads = threads
         self.mpe = mpe
+        self.seed = arguments.a_count("seed", seed, 0, MOST_SEED)
         self._policy = arguments.a_function("policy", policy)
         self._given_bindings = dict(bindings or {})
         self._bindings = bound_rows(self._given_bindings, self.parts)
@@ -192,6 +197,7 @@ class Engine:
             "threads": self.threads,
             "bindings": self._given_bindings,
             "mpe": self.mpe,
+            "seed": self.seed,
             "policy": self._policy,
         }
         if self._bank is None:
@@ -279,6 +285,7 @@ class Engine:
             math.exp(-2.0 * math.pi * DC_BLOCK_HZ / self.rate_hz),
             int(self.economy),
             span_quanta(compiled),
+            self.seed,
         )
         self._excitations = Excitations(self.parts)
         self._origin = snapshot.origin_of(built, self._settings, self._own_kinds())

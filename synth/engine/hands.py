@@ -29,7 +29,7 @@ def perform(core: int, thread: int, action: int, place: int, velocity: int) -> N
             state_of(core).sounding[second].phase = NO_FINGER
         damp(core, place, CUT_S)
     elif action == LET_GO:
-        let_go(core, place)
+        let_go(core, thread, place)
 
 
 @njit(**CORE)

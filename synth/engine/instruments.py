@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.core import bank_of, state_of, string_of
-from synth.engine.layout import CORE, NO_FINGER, SLEEP_BELOW
+from synth.engine.core import bank_of, is_held, state_of, string_of
+from synth.engine.layout import CORE, SLEEP_BELOW
 from synth.solver.stringmodel import FREE, MOVING
 
 #: a step under a finger takes about so many times as long as one in flight
@@ -44,7 +44,7 @@ def cost(core: int, i: int, frames: int) -> int:
     for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
         me = sounding[s]
         if me.awake:
-            each = 1 if me.phase == NO_FINGER else FINGER_COST
+            each = FINGER_COST if is_held(me) else 1
             factor = 1 if me.flying else bank.strings[s].factor
             total += each * string_of(core, s).counts[MOVING] * factor * frames
     return total

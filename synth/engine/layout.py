@@ -62,6 +62,7 @@ MODEL = np.dtype(
 STRING = np.dtype(
     [
         ("part", "i8"),
+        ("dice", "i8"),  # what tells it from the others of its preset, where strokes vary
         ("instrument", "i8"),
         ("bus", "i8"),
         ("factor", "i8"),
@@ -102,12 +103,12 @@ INSTRUMENT = np.dtype(
 POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True)
 
 #: live parameters of a part, in this order (N_PARAMETERS)
-GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT = range(6)
+GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT, VARIATION = range(7)
 #: smallest and largest value of each; events beyond are brought back inside
-PARAMETER_RANGES = ((0.0, 4.0), (0.02, 0.5), (0.0, 2.0), (0.5, 50.0), (0.1, 20.0), (-200.0, 50.0))
+PARAMETER_RANGES = ((0.0, 4.0), (0.02, 0.5), (0.0, 2.0), (0.5, 50.0), (0.1, 20.0), (-200.0, 50.0), (0.0, 2.0))
 #: how a controller runs through a range: evenly, evenly in ratios, or as its square (a level: the middle near unity)
 LINEAR, RATIO, SQUARE = range(3)
-PARAMETER_CURVES = (SQUARE, LINEAR, LINEAR, RATIO, RATIO, LINEAR)
+PARAMETER_CURVES = (SQUARE, LINEAR, LINEAR, RATIO, RATIO, LINEAR, LINEAR)
 
 PART = np.dtype(
     [
@@ -122,14 +123,70 @@ PART = np.dtype(
         ("pickup_distance", "f8"),
         ("excited", "i8"),  # by another excitation than the pluck
         ("velocity_exponent", "f8"),
-        ("position_shift", "f8"),  # of the pluck from velocity 0 to 127, parts of the open length
-        ("width_ratio", "f8"),  # of the finger at velocity 127 to velocity 0
         ("finger_stiffness", "f8"),
         ("finger_loss", "f8"),
         ("pressure_bend", "f8"),  # tension at full pressure [semitones]
         ("stereo", "i8"),  # its buses are two, left and right
         ("pluck_first", "f8"),  # share of a pluck in the first direction of strings that have two, …
         ("pluck_second", "f8"),  # … and in the second
+        ("first_articulation", "i8"),
+        ("end_articulation", "i8"),
+        ("release_touch", "i8"),  # what is laid on a string when its note ends; −1: nothing
+        # standard deviations from stroke to stroke: of the place [m], and of the logarithms of level, width and times
+        ("place_spread", "f8"),
+        ("level_spread", "f8"),
+        ("width_spread", "f8"),
+        ("time_spread", "f8"),
+        ("vibrato_hz", "f8"),
+        ("vibrato", "f8"),  # by a full modulation wheel [semitones]
+        ("vibrato_up", "i8"),  # it only pulls
+        ("meend", "f8"),  # furthest that legato pulls a string aside [semitones]; 0: not at all
+        ("meend_s", "f8"),  # …its time constant
+    ],
+    align=True,
+)
+
+#: how a stroke moves the string
+PLUCKED, THROWN = range(2)
+
+#: one way to begin a note; the first of a part is its [pluck]. Ratios count from that
+ARTICULATION = np.dtype(
+    [
+        ("key", "i8"),  # that switches to it; −1: none does
+        ("controller", "i8"),  # while which lies between low and high; −1: none
+        ("low", "i8"),
+        ("high", "i8"),
+        ("soft", "i8"),  # velocities that play it; above 127: none do
+        ("hard", "i8"),
+        ("stroke", "i8"),
+        ("place_ratio", "f8"),
+        ("place_shift", "f8"),  # from velocity 0 to 127, parts of the open length
+        ("width_ratio", "f8"),
+        ("hard_width_ratio", "f8"),  # of the finger at velocity 127 to velocity 0
+        ("amount", "f8"),
+        ("draw_s", "f8"),  # 0: the string's own
+        ("slip_s", "f8"),
+        ("hard_slip_s", "f8"),
+        ("roughness", "f8"),
+        ("mass", "f8"),
+        ("speed", "f8"),  # at velocity 127
+        ("stiffness", "f8"),  # of what is thrown
+        ("touch", "i8"),  # what is laid on as the string is let go; −1: nothing
+        ("harmonic", "i8"),
+        ("strum_s", "f8"),
+        ("slide_s", "f8"),
+    ],
+    align=True,
+)
+
+#: a finger that lies on a string
+TOUCH = np.dtype(
+    [
+        ("place", "f8"),  # from the saddle, as a share of the speaking length
+        ("width", "f8"),
+        ("resistance", "f8"),  # in units of the string's impedance
+        ("stiffness", "f8"),
+        ("lift_s", "f8"),  # after which it is lifted; 0: by the next stroke
     ],
     align=True,
 )
@@ -159,6 +216,8 @@ class Bank(NamedTuple):
     pitch: Annotated[np.ndarray, f8("128")]  # of every key as compiled, in semitones
     bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]  # by controller
     bound: Annotated[np.ndarray, i8("129")]  # where each controller's bindings begin
+    articulations: Annotated[np.ndarray, struct(ARTICULATION, "articulations")]
+    touches: Annotated[np.ndarray, struct(TOUCH, "touches")]
     taps: Annotated[np.ndarray, f8("taps")]  # ordered by phase
     leverage: Annotated[np.ndarray, f8("leverage")]  # of every model's contacts by the motion of the saddle
 
@@ -175,10 +234,12 @@ class Settings(NamedTuple):
     dc: float  # pole of the high-pass
     economy: int  # 0: modes do not rest, strings do not fly
     span: int  # quanta worked off in one go, at most
+    seed: int  # of what varies from stroke to stroke
 
 
-#: finger phases
-NO_FINGER, PRESS, DRAW = range(3)
+#: what a hand does to a string: nothing; is about to pluck it; stops it at a higher fret, draws it aside, lets it slip off,
+#: hits it; lies on it
+NO_FINGER, WAIT, PRESS, DRAW, SLIP, HIT, TOUCHED = range(7)
 
 SOUNDING = np.dtype(
     [
@@ -225,6 +286,18 @@ SOUNDING = np.dtype(
         ("finger_from", "f8"),
         ("finger_to", "f8"),
         ("pending_velocity", "f8"),
+        ("pending_legato", "i8"),
+        ("articulation", "i8"),  # number in the Bank
+        ("strokes", "i8"),  # that it has had: what varies from one to the next follows from it
+        ("slip_s", "f8"),  # of the stroke at hand
+        ("roughness", "f8"),
+        ("thrown", "f8"),  # speed of what flies at it or lies on it [m/s]
+        ("target", "f8"),  # resistance of what touches it, which grows to it
+        ("node", "f8"),  # where it is touched for a harmonic, from the saddle as a share of its length; 0: for none
+        ("wait", "i8"),  # frames until the stroke that is to come
+        ("glide_to", "i8"),  # model that it slides to along the frets
+        ("pull", "f8"),  # semitones that legato has pulled it aside by, and is to
+        ("pull_to", "f8"),
     ],
     align=True,
 )
@@ -243,6 +316,9 @@ CHANNEL = np.dtype(
         ("bend", "f8"),  # smoothed, semitones
         ("pressure", "f8"),  # 0 … 1
         ("timbre", "i8"),  # controller 74
+        ("wheel", "f8"),  # modulation, controller 1: 0 … 1
+        ("articulation", "i8"),  # of its part, as keys have switched it; 0: the normal one
+        ("ruled", "i8"),  # the one that a controller asks for; −1: none does
         ("master", "i8"),  # of its MPE zone; itself outside of zones
     ],
     align=True,
@@ -261,6 +337,9 @@ PART_STATE = np.dtype(
         ("still", "i8"),  # nothing rings in its filters any more
         ("channel", "i8"),  # whose volume, expression and pan count: the last one to play it or to set them
         ("silenced", "i8"),  # times that its filters held what is no sound
+        ("strum_at", "i8"),  # frame at which a chord began, …
+        ("strum_first", "i8"),  # …the string that began it, …
+        ("strum_up", "i8"),  # …and whether it goes from the highest string down
     ],
     align=True,
 )

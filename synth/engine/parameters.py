@@ -42,6 +42,7 @@ INDEX_OF = {
     "pluck.width": layout.PLUCK_WIDTH,
     "damping.release": layout.RELEASE,
     "obstacle.height": layout.HEIGHT,
+    "hand.variation": layout.VARIATION,
 }
 
 
@@ -57,6 +58,8 @@ def parameters_of(part: int, preset: Preset) -> list[Parameter]:
     ]
     if isinstance(preset.obstacle, BridgeObstacle):
         rows.append(("obstacle.height", "Bridge raised against the thread", "µm", 0.0, CONTROL_S))
+    if preset.hand.varies:
+        rows.append(("hand.variation", "Variation from stroke to stroke", "×", 1.0, 0.0))
     out = []
     for identity, name, unit, default, smoothing in rows:
         index = INDEX_OF[identity]

@@ -15,11 +15,13 @@ import numpy as np
 from synth.engine import layout
 from synth.engine.bank import Strings
 from synth.engine.expression import MOST_BEND
+from synth.engine.hold import LEAST_STIFFNESS
 from synth.engine.layout import BLOWN_UP, FADE, NO_FINGER, PARAMETER_RANGES, PRESS, QUANTUM, Bank, Settings
-from synth.engine.strings import LEAST_STIFFNESS, PRESS_S
+from synth.engine.strokes import LONGEST_SLIP_S
 from synth.engine.tension import MOST_RISE
 from synth.engine.voices.channels import RPN_NONE
 from synth.engine.voices.retuning import MOST_RETUNING
+from synth.instrument.articulations import MOST_ARTICULATIONS
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
 from synth.solver.board_table import SPEAKING
@@ -164,6 +166,9 @@ def _channels(here: _Layout) -> Iterator[Limit]:
         ("bend", -widest, widest),
         ("pressure", 0.0, 1.0),
         ("timbre", 0, 127),
+        ("wheel", 0.0, 1.0),
+        ("articulation", 0, MOST_ARTICULATIONS - 1),
+        ("ruled", -1, MOST_ARTICULATIONS - 1),
         ("master", 0, CHANNELS - 1),
     )
     yield Limit(here.of("zones"), 0, MOST_MEMBERS)
@@ -191,7 +196,7 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         yield Limit(here.of("sounding", field), 0, 1)
     awake = Where(here.of("sounding", "awake"), 1, 1)
     asleep = awake._replace(low=0, high=0)
-    fingered = (awake, Where(here.of("sounding", "phase"), NO_FINGER + 1, layout.DRAW))
+    fingered = (awake, Where(here.of("sounding", "phase"), NO_FINGER + 1, layout.TOUCHED))
     height = [1e-6 * bound for bound in PARAMETER_RANGES[layout.HEIGHT]]
     yield from here.all_of(
         "sounding",
@@ -210,7 +215,7 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         ("unsolved", 0, MOST_COUNT),
         ("silenced", 0, MOST_COUNT),
         ("stale", 0, 2),
-        ("phase", 0, layout.DRAW),
+        ("phase", 0, layout.TOUCHED),
         ("hand", 0.0, MOST),
         ("bend", -MOST_BEND, MOST_BEND),
         ("rise", 0.0, MOST_RISE),
@@ -224,16 +229,30 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         ("lift", 0.0, MOST),
         ("level", 0.0, MOST),
         ("pending_velocity", 0.0, 127.0),
+        ("pending_legato", 0, 1),
+        ("strokes", 0, MOST_COUNT),
+        ("slip_s", 0.0, LONGEST_SLIP_S),
+        ("roughness", 0.0, MOST),
+        ("target", 0.0, MOST),
+        ("node", 0.0, 1.0),
+        ("wait", 0, MOST_COUNT),
+        ("glide_to", -1, models.size - 1),
+        ("pull", -MOST_BEND, MOST_BEND),
+        ("pull_to", -MOST_BEND, MOST_BEND),
     )
+    part = bank.parts[strings["part"]]
+    yield Limit(here.of("sounding", "articulation"), part["first_articulation"], part["end_articulation"] - 1)
     yield Limit(here.of("sounding", "phase"), NO_FINGER, NO_FINGER, where=(asleep,))
     yield Limit(here.of("sounding", "fade_at"), 0, 0, below=here.of("sounding", "fade_to"))
     yield Limit(here.of("sounding", "plucked_at"), 0, 0, below=here.counter(layout.N_NOTES))
     first, last = own_models(bank)
     yield Limit(here.of("sounding", "model"), first, last, where=(awake,), said=OF_ANOTHER_STRING)
-    pressing = (awake, Where(here.of("sounding", "phase"), PRESS, PRESS))
-    yield Limit(here.of("sounding", "pending_model"), first, last, where=pressing, said=OF_ANOTHER_STRING)
-    longest = np.where(bank.parts["excited"][strings["part"]] != 0, MOST_HOLD_S, np.maximum(strings["draw_s"], PRESS_S))
-    most = (np.maximum(2, np.rint(longest * settings.rate_hz)) * strings["factor"]).astype(np.int64)
+    for phase in (PRESS, layout.WAIT):
+        pressing = (awake, Where(here.of("sounding", "phase"), phase, phase))
+        yield Limit(here.of("sounding", "pending_model"), first, last, where=pressing, said=OF_ANOTHER_STRING)
+    gliding = (awake, Where(here.of("sounding", "glide_to"), 0, models.size))
+    yield Limit(here.of("sounding", "glide_to"), first, last, where=gliding, said=OF_ANOTHER_STRING)
+    most = (np.maximum(2, np.rint(MOST_HOLD_S * settings.rate_hz)) * strings["factor"]).astype(np.int64)
     yield Limit(here.of("sounding", "finger_steps"), 1, most, where=fingered)
     steps = here.of("sounding", "finger_steps")
     yield Limit(here.of("sounding", "finger_step"), 0, -1, below=steps, where=fingered)
@@ -278,7 +297,7 @@ def _of_strings(
                 yield Limit(here.of("sounding", "flying", s), 0, 0, where=(awake, model), said=said)
                 faded = here.of("sounding", "fade_at", s)
                 yield Limit(here.of("sounding", "fade_to", s), 0, 0, below=faded, where=(awake, model), said=said)
-        fingered = (awake, Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.DRAW))
+        fingered = (awake, Where(here.of("sounding", "phase", s), layout.WAIT + 1, layout.TOUCHED))
         said = f"{{label}} of string {s}, under a finger, must be at least {{low}}, got {{value}}"
         yield Limit(here.of("string.finger", "stiffness", mine.finger), LEAST_STIFFNESS, MOST, where=fingered, said=said)
         yield Limit(here.of("string.grip_own", "", mine.grip_own[0, BLOCK]), 0.0, MOST, where=fingered, said=said)
@@ -321,7 +340,7 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
         least = np.array([0, 0, 0, 0, 0, -1, FAR])
         yield Limit(here.of("end.counts", "", strings.bridges.ends.item(place, flat | room).counts), least, most)
         # such strings go by whole frames, and so do their fingers: what is left of one could not be gone through otherwise
-        fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.DRAW),)
+        fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.TOUCHED),)
         frame, said = int(bank.strings["factor"][s]), "{label} is {value}, which are no whole frames"
         for field in ("finger_steps", "finger_step"):
             yield Limit(here.of("sounding", field, s), 0, MOST_COUNT, where=fingered, multiple=frame, said=said)
@@ -365,6 +384,9 @@ def _parts(here: _Layout, settings: Settings, defaults: np.ndarray) -> Iterator[
         ("still", 0, 1),
         ("channel", 0, CHANNELS - 1),
         ("silenced", 0, MOST_COUNT),
+        ("strum_at", 0, MOST_COUNT),
+        ("strum_first", 0, MOST_COUNT),
+        ("strum_up", 0, 1),
     )
     low, high = (np.broadcast_to(bound, defaults.shape).reshape(-1) for bound in np.array(PARAMETER_RANGES).T)
     values = defaults.reshape(-1)

@@ -9,41 +9,36 @@ from numba import njit
 from synth.engine.coefficients import rest_state, set_rest
 from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state_of, string_of
 from synth.engine.ends import add_end_speed, bridge_under, on_bridge
-from synth.engine.expression import bend_of, height_of, pluck_place, settle
+from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
+from synth.engine.hold import begin_phase, last
+from synth.engine.hold import take_hold as take_hold
 from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
     DRAW,
     NO_FINGER,
     PLAIN,
-    PLUCK_AMOUNT,
-    PLUCK_POSITION,
-    PLUCK_WIDTH,
     PRESS,
     RELEASE,
+    TOUCHED,
     UNTIL,
+    WAIT,
 )
 from synth.engine.on_board import leave, may_slide, slide
-from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
-from synth.instrument.excitations import MOST_HOLD_S
+from synth.engine.strokes import begin_stroke, slips
+from synth.engine.touches import lay_on, lift_touch
 from synth.native.views import call_back
-from synth.solver.coupling import FINGER_LEVERAGE, end_at
-from synth.solver.stringmodel import CERTAIN, FREE, MOVING, string_model
-from synth.solver.vectors import INNER, dot
+from synth.solver.stringmodel import MOVING, string_model
+from synth.solver.vectors import INNER
 from synth.units import LN_1000
 
 #: time in which the left hand brings a sounding string to a higher fret [s]
 PRESS_S = 0.004
 #: T60 of what a string still sounds while the plucking finger lies on it [s]
 FINGER_S = 0.04
-#: level of a string under a finger, until it is measured: about to sound, it is the last to be stolen
-LOUD = 1e9
-#: of what is between the string and a finger's path [N/m]: by less a finger holds nothing
-LEAST_STIFFNESS = 1e-3
-
-_finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
-_pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
+#: longest that a stroke is put off [s]
+MOST_WAIT_S = 5.0
 
 
 @njit(**CORE)
@@ -64,6 +59,7 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     me.flying = 0
     me.fade_at = me.fade_to = 0
     me.phase = NO_FINGER
+    me.glide_to = -1
     settle(core, s)
     master = state.channels[me.channel].master
     me.rise = 0.0
@@ -127,105 +123,16 @@ def sleep(core: int, s: int) -> None:
 
 
 @njit(**CORE)
-def take_hold(
-    core: int, s: int, distance: float, width: float, stiffness: float, resistance: float, seconds: float
-) -> float:
-    """A finger takes hold of the string where it now is, for so many seconds; returns its displacement there [m].
-
-    distance from the saddle and width [m]; stiffness [N/m] and resistance [N s/m] of what is between the string and the
-    finger's path. A string that moves in two directions is held in both, in the second one where it is.
-    """
-    second = bank_of(core).strings[s].second
-    if second >= 0:
-        there = _take_hold(core, second, distance, width, stiffness, resistance, seconds)
-        state_of(core).sounding[second].finger_to = there
-    return _take_hold(core, s, distance, width, stiffness, resistance, seconds)
-
-
-@njit(**CORE)
-def _take_hold(
-    core: int, s: int, distance: float, width: float, stiffness: float, resistance: float, seconds: float
-) -> float:
-    """`take_hold` of one direction."""
-    bank, settings, string = bank_of(core), settings_of(core), string_of(core, s)
-    me = state_of(core).sounding[s]
-    fixed = bank.strings[s]
-    model = bank.models[me.model]
-    n = model.n
-    string.counts[MOVING] = n
-    string.counts[FREE] = 0
-    string.counts[CERTAIN] = 0
-    x = model.length - distance
-    scale = math.sqrt(2.0 / model.length)
-    weights, finger = string.finger_weights, string.finger[0]
-    for j in range(n):
-        k = (j + 1) * math.pi / model.length
-        kappa = 0.25 * k * width
-        taper = math.sin(kappa) / kappa if kappa > 1e-9 else 1.0
-        weights[j] = scale * math.sin(k * x) * taper * taper if j < model.own else 0.0
-    for j in range(n, weights.size):
-        weights[j] = 0.0
-    finger.stiffness = max(LEAST_STIFFNESS, stiffness)
-    finger.resistance = resistance
-    me.finger_step = 0
-    # whole output frames, so that it lets go at the same instant at every internal rate
-    me.finger_steps = max(2, round(min(seconds, MOST_HOLD_S) * settings.rate_hz)) * fixed.factor
-    here = dot(weights[:n], string.q[:n])
-    if on_bridge(core, s):
-        leverage = x / model.length
-        end_at(shared_of(core).end_at[s]).numbers[FINGER_LEVERAGE] = leverage
-        here += leverage * bridge_under(core, s)[0]
-    me.finger_from = here
-    finger.here = here
-    finger.push = 0.0
-    me.level = LOUD
-    if me.stale == 0:
-        me.stale = 2
-    return here
-
-
-@njit(**CORE)
 def excite(core: int, thread: int, s: int, velocity: float, sounding: bool) -> None:
     """The right hand takes hold of the string, moves it and lets it go. One that sounds it damps."""
     shared, part = shared_of(core), bank_of(core).strings[s].part
     if shared.excitation[part, BEGIN_HOLD] != 0:
         call_back(shared.excitation[part, BEGIN_HOLD], core, thread, s, int(velocity))
+        begin_phase(core, s, DRAW)
     else:
-        _draw(core, s, velocity)
-    _begin_phase(core, s, DRAW)
+        begin_stroke(core, s, velocity)
     if sounding:
         damp(core, s, FINGER_S)
-
-
-@njit(**CORE)
-def _begin_phase(core: int, s: int, phase: int) -> None:
-    """The finger that has taken hold begins its way, in all directions of the string."""
-    state, second = state_of(core), bank_of(core).strings[s].second
-    state.sounding[s].phase = phase
-    if second >= 0:
-        state.sounding[second].phase = phase
-
-
-@njit(**CORE)
-def _draw(core: int, s: int, velocity: float) -> None:
-    """A pluck: the finger draws the string aside as far as its force does."""
-    bank, state = bank_of(core), state_of(core)
-    me = state.sounding[s]
-    fixed = bank.strings[s]
-    part = bank.parts[fixed.part]
-    model = bank.models[me.model]
-    parameters = state.parameters[fixed.part]
-    strength = velocity / 127.0
-    position = pluck_place(parameters[PLUCK_POSITION], me.timbre) + strength * part.position_shift
-    distance = _finger_distance(position, fixed.open_length, model.length)
-    width = _finger_width(1e-3 * parameters[PLUCK_WIDTH], part.width_ratio, strength, distance)
-    take_hold(core, s, distance, width, part.finger_stiffness, part.finger_loss * fixed.impedance, fixed.draw_s)
-    force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT], strength, part.velocity_exponent)
-    drawn = _drawn_by(force, distance, model.length, model.tension)
-    me.finger_to = drawn
-    if fixed.second >= 0:
-        me.finger_to = part.pluck_first * drawn
-        state.sounding[fixed.second].finger_to = part.pluck_second * drawn
 
 
 @njit(**CORE)
@@ -241,7 +148,7 @@ def press(core: int, s: int, target: int, velocity: float) -> None:
     stiffness = part.finger_stiffness * 20.0  # the fret is behind this finger
     take_hold(core, s, new.length, 0.004, stiffness, part.finger_loss * fixed.impedance, PRESS_S)
     me.finger_to = new.rest_height - old.rest_height * new.length / old.length
-    _begin_phase(core, s, PRESS)
+    begin_phase(core, s, PRESS)
     if fixed.second >= 0:
         state.sounding[fixed.second].pending_model = target + fixed.second_models
 
@@ -341,6 +248,8 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
     """A note begins on string s at a model (position): wake or re-pluck, change fret where needed."""
     bank, state = bank_of(core), state_of(core)
     me = state.sounding[s]
+    lift_touch(core, s)
+    me.glide_to = -1
     sounding = me.awake != 0 and me.idle == 0
     if sounding and me.flying:
         touch_down(core, thread, s)
@@ -350,6 +259,9 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
         wake(core, thread, s, target)
     else:
         _lift_hand(core, s)
+    if me.wait > 0:
+        _wait(core, s, target, velocity, legato)
+        return
     if me.model != target:
         if legato and may_slide(core, s, target):
             slide(core, s, target)
@@ -361,6 +273,20 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
         if legato:
             return
     excite(core, thread, s, velocity, sounding)
+
+
+@njit(**CORE)
+def _wait(core: int, s: int, target: int, velocity: float, legato: bool) -> None:
+    """The stroke comes later, by SOUNDING.wait frames; until then the string goes on as it is."""
+    bank, me = bank_of(core), state_of(core).sounding[s]
+    me.pending_model = target
+    me.pending_velocity = velocity
+    me.pending_legato = 1 if legato else 0
+    last(core, s, min(MOST_WAIT_S, me.wait / settings_of(core).rate_hz))
+    me.wait = 0
+    begin_phase(core, s, WAIT)
+    if bank.strings[s].second >= 0:
+        state_of(core).sounding[bank.strings[s].second].pending_model = target + bank.strings[s].second_models
 
 
 @njit(**CORE)
@@ -388,28 +314,49 @@ def _lay_hand(core: int, s: int, hand: float) -> None:
 
 
 @njit(**CORE)
-def let_go(core: int, s: int) -> None:
+def let_go(core: int, thread: int, s: int) -> None:
     """Note-off has reached the string: the hand damps it unless a finger is still at work or the preset rings on."""
     bank, state = bank_of(core), state_of(core)
-    me = state.sounding[s]
-    part = bank.strings[s].part
-    if me.held or me.sustained or me.phase != NO_FINGER or bank.parts[part].ring_on:
+    me, number = state.sounding[s], bank.strings[s].part
+    part = bank.parts[number]
+    if me.held or me.sustained or NO_FINGER < me.phase < TOUCHED or part.ring_on:
         return
-    damp(core, s, bank.strings[s].release_s * state.parameters[part, RELEASE])
+    damp(core, s, bank.strings[s].release_s * state.parameters[number, RELEASE])
+    if part.release_touch >= 0 and me.awake and not me.idle:
+        if me.flying:
+            touch_down(core, thread, s)
+        lay_on(core, s, part.release_touch, 0.0)
 
 
 @njit(**CORE)
 def finger_done(core: int, thread: int, s: int) -> None:
-    """The finger has gone its way: the string is let go, or stopped at its new fret and plucked."""
-    state = state_of(core)
-    me = state.sounding[s]
+    """The hand has done what it was at: the string slides off the finger, is let go or touched, or stopped at its new fret
+    and plucked."""
+    me = state_of(core).sounding[s]
     phase = me.phase
-    me.phase = NO_FINGER
+    if phase == WAIT:
+        begin_phase(core, s, NO_FINGER)
+        pluck(core, thread, s, me.pending_model, me.pending_velocity, me.pending_legato != 0)
+        return
+    if phase == DRAW and slips(core, s):
+        return
+    begin_phase(core, s, NO_FINGER)
     if phase == PRESS:
         change_model(core, thread, s, me.pending_model)
         if me.pending_velocity > 0.0:
             excite(core, thread, s, me.pending_velocity, True)
             return
-    else:
+    elif phase != TOUCHED:
         _lift_hand(core, s)
-    let_go(core, s)
+        touch = bank_of(core).articulations[me.articulation].touch
+        if touch >= 0 and not _has_excitation(core, s):
+            lay_on(core, s, touch, me.node)
+            if me.held or me.sustained:
+                return
+    let_go(core, thread, s)
+
+
+@njit(**CORE)
+def _has_excitation(core: int, s: int) -> bool:
+    """Whether its part's notes begin in a way of their own."""
+    return shared_of(core).excitation[bank_of(core).strings[s].part, BEGIN_HOLD] != 0

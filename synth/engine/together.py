@@ -9,7 +9,7 @@ from numba import njit
 
 from synth.engine.advance import follow_quantum, make_path, moves_like_a_string
 from synth.engine.coefficients import refresh, rest_state
-from synth.engine.core import bank_of, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.core import bank_of, is_held, model_address, model_of, scratch_of, shared_of, state_of, string_of
 from synth.engine.ends import refresh_end
 from synth.engine.layout import (
     BEGIN,
@@ -17,6 +17,7 @@ from synth.engine.layout import (
     CHECK_EVERY,
     CORE,
     FIRST_QUANTUM,
+    HIT,
     NO_FINGER,
     PLAIN,
     QUANTA,
@@ -24,9 +25,11 @@ from synth.engine.layout import (
     SLEEP_BELOW,
     STRETCH,
     TASK,
+    TOUCHED,
     UNTIL,
 )
 from synth.engine.strings import finger_done, sleep
+from synth.engine.strokes import has_bounced
 from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines, look_at
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
@@ -84,7 +87,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
         me = state.sounding[s]
         if me.stale:
             return
-        fingered = fingered or me.phase != NO_FINGER
+        fingered = fingered or NO_FINGER < me.phase < TOUCHED
     if not fingered and _falls_asleep(core, thread, i):
         return
     _certify_lines(core, thread, i)
@@ -138,7 +141,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
                 changed = True
         elif model_of(core, s).eta.size > 0:
             near = certify_line(shared.coupling_at[i], line, thread)
-            engaged = 1 if near > 0 or state_of(core).sounding[s].phase != NO_FINGER else 0
+            engaged = 1 if near > 0 or is_held(state_of(core).sounding[s]) else 0
             if engaged != end.counts[ENGAGED]:
                 look_at(shared.coupling_at[i], line, engaged)
                 changed = True
@@ -178,7 +181,7 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
             me = state.sounding[s]
             engaged = end_at(shared.end_at[s]).counts[ENGAGED]
             me.mode_steps += model_of(core, s).modes * count * (bank.strings[s].factor if engaged else 1)
-            if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
+            if me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
                 if bank.strings[s].of_first:  # the first direction, just before, has decided for both
                     me.phase = NO_FINGER
                 else:
@@ -225,7 +228,7 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
             refresh(core, thread, s)
             refresh_end(core, thread, s, whole)
             changed = True
-        fingered = me.phase != NO_FINGER
+        fingered = is_held(me)
         contacts = bank.models[me.model].contacts
         line = s - instrument.first_string
         coupling.line_model[line] = model_address(core, s)
@@ -241,8 +244,10 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
             look_at(shared.coupling_at[i], line, engaged)
             changed = True
         string_of(core, s).finger[0].on = 1 if fingered else 0
-        if fingered:
+        if me.phase != NO_FINGER:
             count = min(count, (me.finger_steps - me.finger_step) // bank.strings[s].factor)
+        if me.phase == HIT:
+            count = min(count, 1)
     for s in range(instrument.first_string, instrument.end_string):
         if state.sounding[s].phase != NO_FINGER:
             make_path(core, thread, s, count * bank.strings[s].factor, end_at(shared.end_at[s]).path)

@@ -7,33 +7,27 @@ where all are positive, else linearly; beyond the outer anchors the nearest hold
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    SerializeAsAny,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
 from synth.files.sources import read_bytes
 from synth.instrument import effects, excitations
+from synth.instrument.articulations import Articulation, Hand, switching_problems
 from synth.instrument.effects import EffectTable, as_effect
 from synth.instrument.excitations import ExcitationTable, as_excitation
 from synth.instrument.faults import value_got, wanted
+from synth.instrument.fields import NoteRange, Scaled, anchors, each_within, within
+from synth.instrument.fields import at_note as at_note
 from synth.instrument.table import Table
 from synth.spelling import perhaps
-from synth.units import midi_to_note, note_to_midi
+from synth.units import midi_to_note
 
 FORMAT = 2
 #: largest preset that is read [bytes]
@@ -59,116 +53,13 @@ class PresetError(ValueError):
         self.problems = tuple(problems)
 
 
-def _note(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | str):
-        raise ValueError("a note is a name such as C3 or F#2, or a MIDI number")
-    number = note_to_midi(value) if isinstance(value, str) and not value.strip().isdigit() else int(value)
-    if not 0 <= number <= 127:
-        raise ValueError(f"a note lies between 0 and 127, got {number}")
-    return number
-
-
-Note = Annotated[int, BeforeValidator(_note)]
-
-
-def _note_range(value: Any) -> tuple[int, int]:
-    if isinstance(value, list | tuple) and len(value) == 2:
-        return _note(value[0]), _note(value[1])
-    text = "" if isinstance(value, bool) or not isinstance(value, str | int) else str(value).strip()
-    ends = re.fullmatch(r"([A-Ga-g][#b♯♭]*-?\d+|\d+)(?:\s*-\s*([A-Ga-g][#b♯♭]*-?\d+|\d+))?", text)
-    if ends is None:
-        raise ValueError(f"must be one note (G2) or a range (E1-C7), got {value!r}")
-    low = _note(ends[1])
-    return low, _note(ends[2]) if ends[2] else low
-
-
-#: lowest and highest note
-NoteRange = Annotated[tuple[int, int], BeforeValidator(_note_range)]
-
-
-def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"must be {what}, got {value!r}")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise ValueError(f"must be finite, got {number}")
-    return number
-
-
-def _anchors(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        if not value:
-            raise ValueError("anchors need at least one note")
-        return {_note(key): _number(number, "a number at every note") for key, number in value.items()}
-    return _number(value, "a number, or numbers at notes such as { C2 = 1.0, C4 = 0.5 }")
-
-
-#: a number, or numbers at anchor notes
-Scaled = Annotated[float | dict[int, float], BeforeValidator(_anchors)]
-
-
-def at_note(value: float | dict[int, float], note: float) -> float:
-    """The value of an anchored number at a MIDI note."""
-    if not isinstance(value, dict):
-        return value
-    points = sorted(value.items())
-    if note <= points[0][0]:
-        return points[0][1]
-    for (n0, v0), (n1, v1) in pairwise(points):
-        if note <= n1:
-            s = (note - n0) / (n1 - n0)
-            if v0 > 0.0 and v1 > 0.0:
-                return v0 * (v1 / v0) ** s
-            return v0 + s * (v1 - v0)
-    return points[-1][1]
-
-
-@dataclass(frozen=True)
-class Between:
-    """A plain or anchored number lies in [low, high]."""
-
-    low: float
-    high: float
-
-    def __call__(self, value: float | dict[int, float]) -> float | dict[int, float]:
-        for number in value.values() if isinstance(value, dict) else (value,):
-            if not self.low <= number <= self.high:
-                raise ValueError(f"must lie between {self.low:g} and {self.high:g}, got {number:g}")
-        return value
-
-
-def _range(low: float, high: float) -> AfterValidator:
-    return AfterValidator(Between(low, high))
-
-
-@dataclass(frozen=True)
-class EachBetween:
-    """All numbers of a list lie in [low, high]."""
-
-    low: float
-    high: float
-
-    def __call__(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        for number, value in enumerate(values, start=1):
-            if not self.low <= value <= self.high:
-                raise ValueError(f"number {number} must lie between {self.low:g} and {self.high:g}, got {value:g}")
-        return values
-
-
-def _each(low: float, high: float) -> AfterValidator:
-    return AfterValidator(EachBetween(low, high))
-
-
 class Tuning(Table):
     """What pitch a note has."""
 
     a4_hz: float = Field(440.0, ge=300.0, le=600.0)
     offset_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
     #: how far the contact raises the sounding fundamental [cents], by note; subtracted from the string's own pitch
-    contact_cents: Annotated[dict[int, float], BeforeValidator(_anchors), _range(-1200.0, 1200.0)] | None = None
+    contact_cents: Annotated[dict[int, float], BeforeValidator(anchors), within(-1200.0, 1200.0)] | None = None
 
 
 class NutMode(Table):
@@ -184,28 +75,28 @@ class StringTable(Table):
 
     name: str = ""
     notes: NoteRange
-    length_m: Annotated[Scaled, _range(0.02, 5.0)]
-    diameter_mm: Annotated[Scaled, _range(0.05, 6.0)]
-    linear_density_g_m: Annotated[Scaled, _range(0.01, 200.0)] | None = None
-    density_kg_m3: Annotated[Scaled, _range(500.0, 20000.0)] | None = None
-    core_diameter_mm: Annotated[Scaled, _range(0.02, 5.0)] | None = None
-    winding_diameter_mm: Annotated[Scaled, _range(0.01, 3.0)] | None = None
-    youngs_modulus_gpa: Annotated[Scaled, _range(0.0, 1000.0)] | None = None
-    inharmonicity: Annotated[Scaled, _range(0.0, 0.1)] | None = None
-    viscoelastic_loss: Annotated[Scaled, _range(0.0, 0.5)] = 0.0
-    thermoelastic_q_inverse: Annotated[Scaled, _range(0.0, 0.1)] = 0.0
+    length_m: Annotated[Scaled, within(0.02, 5.0)]
+    diameter_mm: Annotated[Scaled, within(0.05, 6.0)]
+    linear_density_g_m: Annotated[Scaled, within(0.01, 200.0)] | None = None
+    density_kg_m3: Annotated[Scaled, within(500.0, 20000.0)] | None = None
+    core_diameter_mm: Annotated[Scaled, within(0.02, 5.0)] | None = None
+    winding_diameter_mm: Annotated[Scaled, within(0.01, 3.0)] | None = None
+    youngs_modulus_gpa: Annotated[Scaled, within(0.0, 1000.0)] | None = None
+    inharmonicity: Annotated[Scaled, within(0.0, 0.1)] | None = None
+    viscoelastic_loss: Annotated[Scaled, within(0.0, 0.5)] = 0.0
+    thermoelastic_q_inverse: Annotated[Scaled, within(0.0, 0.1)] = 0.0
     stiffness_law: Literal["sqrt", "linear"] = "sqrt"
     #: whether its own motion raises its tension, and by how many newtons doubling its length would (EA), where that is not
     #: its modulus times its (core's) section: less where it stretches behind nut and saddle, too
     tension_modulation: bool = False
-    axial_stiffness_n: Annotated[Scaled, _range(1.0, 1e6)] | None = None
+    axial_stiffness_n: Annotated[Scaled, within(1.0, 1e6)] | None = None
     cents: float = Field(0.0, ge=-200.0, le=200.0)
-    gain_db: Annotated[Scaled, _range(-60.0, 24.0)] = 0.0
+    gain_db: Annotated[Scaled, within(-60.0, 24.0)] = 0.0
     #: where on the bridge it ends, from its middle; which way it moves when it is plucked, from the normal of the body
-    place_mm: Annotated[Scaled, _range(-500.0, 500.0)] = 0.0
-    angle_deg: Annotated[Scaled, _range(-90.0, 90.0)] = 0.0
-    measured_frequencies_hz: Annotated[tuple[float, ...], _each(0.1, 1e6)] = ()
-    measured_decay_rates: Annotated[tuple[float, ...], _each(1e-9, 1e7)] = ()
+    place_mm: Annotated[Scaled, within(-500.0, 500.0)] = 0.0
+    angle_deg: Annotated[Scaled, within(-90.0, 90.0)] = 0.0
+    measured_frequencies_hz: Annotated[tuple[float, ...], each_within(0.1, 1e6)] = ()
+    measured_decay_rates: Annotated[tuple[float, ...], each_within(1e-9, 1e7)] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> StringTable:
@@ -234,10 +125,10 @@ class StringTable(Table):
 class Layer(Table):
     """What is soft on every contact of an obstacle: a spring and a dashpot, as deep as it is thick; then it is rigid."""
 
-    stiffness_n_mm: Annotated[Scaled, _range(1e-3, 1e6)]
-    resistance_n_s_m: Annotated[Scaled, _range(0.0, 1e4)] = 0.0
+    stiffness_n_mm: Annotated[Scaled, within(1e-3, 1e6)]
+    resistance_n_s_m: Annotated[Scaled, within(0.0, 1e4)] = 0.0
     #: the heights are those of its surface
-    thickness_um: Annotated[Scaled, _range(0.1, 10000.0)]
+    thickness_um: Annotated[Scaled, within(0.1, 10000.0)]
 
 
 class NoObstacle(Table):
@@ -249,10 +140,10 @@ class BridgeObstacle(Table):
 
     kind: Literal["bridge"]
     #: from the saddle end to the point of contact, as mm or as a share of the open length
-    distance_mm: Annotated[Scaled, _range(0.2, 100.0)] | None = None
+    distance_mm: Annotated[Scaled, within(0.2, 100.0)] | None = None
     distance_ratio: float | None = Field(None, gt=0.0, le=0.2)
     #: height of the thread: gap between the string at rest and the contact; negative presses the string
-    jiva_um: Annotated[Scaled, _range(-100.0, 1000.0)] = 0.0
+    jiva_um: Annotated[Scaled, within(-100.0, 1000.0)] = 0.0
     #: thread, felt, skin: soft, in front of what is rigid
     layer: Layer | None = None
     #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
@@ -269,8 +160,8 @@ class PointsObstacle(Table):
     """Any set of points below the string; positions counted from the nut of the open string."""
 
     kind: Literal["points"]
-    positions_mm: Annotated[tuple[float, ...], _each(1e-6, 5000.0)] = Field(min_length=1, max_length=64)
-    heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)]
+    positions_mm: Annotated[tuple[float, ...], each_within(1e-6, 5000.0)] = Field(min_length=1, max_length=64)
+    heights_mm: Annotated[tuple[float, ...], each_within(-200.0, 50.0)]
     #: thread, felt, skin: soft, in front of what is rigid
     layer: Layer | None = None
     #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
@@ -296,7 +187,7 @@ class FretsObstacle(Table):
     action_12th_mm: float | None = Field(None, gt=0.0, le=20.0)
     relief_mm: float = Field(0.0, ge=0.0, le=5.0)
     nut_height_mm: float = Field(0.4, gt=0.0, le=5.0)
-    heights_mm: Annotated[tuple[float, ...], _each(-200.0, 50.0)] = ()
+    heights_mm: Annotated[tuple[float, ...], each_within(-200.0, 50.0)] = ()
     #: thread, felt, skin: soft, in front of what is rigid
     layer: Layer | None = None
     #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
@@ -349,16 +240,26 @@ class Pluck(Table):
     position: float = Field(0.25, gt=0.0, lt=1.0)
     position_hard: float | None = Field(None, gt=0.0, lt=1.0)
     #: displacement of the open string at velocity 127; stopped notes are plucked with the same force
-    displacement_mm: Annotated[Scaled, _range(0.0, 20.0)]
+    displacement_mm: Annotated[Scaled, within(0.0, 20.0)]
     #: displacement ∝ (velocity/127)^exponent
     velocity_exponent: float = Field(1.2, ge=0.0, le=4.0)
     width_mm: float = Field(10.0, gt=0.0, le=100.0)
     width_hard_mm: float | None = Field(None, gt=0.0, le=100.0)
     #: time from touching the string to letting it go
-    draw_ms: Annotated[Scaled, _range(0.5, 100.0)] = 6.0
+    draw_ms: Annotated[Scaled, within(0.5, 100.0)] = 6.0
     finger_stiffness_n_mm: float = Field(50.0, gt=0.0, le=10000.0)
     #: loss of the finger, in units of the string's impedance
     finger_loss: float = Field(0.5, ge=0.0, le=100.0)
+    #: time in which the string slides off the finger, softly and hard plucked: its force fades away
+    slip_ms: float = Field(0.0, ge=0.0, le=20.0)
+    slip_hard_ms: float | None = Field(None, ge=0.0, le=20.0)
+    #: how unsteadily the finger rubs along the string while it draws, as a share of how far it draws
+    roughness: float = Field(0.0, ge=0.0, le=1.0)
+
+    @property
+    def hardest_slip_ms(self) -> float:
+        """Time of letting go at velocity 127."""
+        return self.slip_ms if self.slip_hard_ms is None else self.slip_hard_ms
 
     @property
     def hardest_position(self) -> float:
@@ -386,7 +287,7 @@ class Damping(Table):
 
     ring_on: bool = False
     #: time to −60 dB after note-off
-    release_s: Annotated[Scaled, _range(0.01, 60.0)] = 0.15
+    release_s: Annotated[Scaled, within(0.01, 60.0)] = 0.15
 
 
 class Output(Table):
@@ -416,7 +317,7 @@ class MovingMode(Table):
     #: at the point of the bridge from which `place_mm` of the strings is counted
     mass_kg: float = Field(ge=1e-4, le=1000.0)
     #: how the bridge moves with it: normal to the body, along it across the strings, and rocking per metre of place
-    shape: Annotated[tuple[float, ...], _each(-100.0, 100.0)] = Field((1.0,), min_length=1, max_length=3)
+    shape: Annotated[tuple[float, ...], each_within(-100.0, 100.0)] = Field((1.0,), min_length=1, max_length=3)
     #: how much of its acceleration is heard, of either sign, and from where (−1 left … 1 right)
     radiation: float = Field(1.0, ge=-1000.0, le=1000.0)
     pan: float = Field(0.0, ge=-1.0, le=1.0)
@@ -443,7 +344,7 @@ class Mapping_(Table):
 
     polyphony: int = Field(24, ge=1, le=256)
     #: how far the bridge is raised (negative: lowered) under a string at full channel or key pressure
-    pressure_um: Annotated[Scaled, _range(-200.0, 50.0)] = 0.0
+    pressure_um: Annotated[Scaled, within(-200.0, 50.0)] = 0.0
     #: how far the tension of a string rises at full pressure
     pressure_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
 
@@ -467,6 +368,11 @@ class Preset(Table):
     nut: tuple[NutMode, ...] = ()
     obstacle: Obstacle = NoObstacle()
     pluck: Pluck
+    hand: Hand = Hand()
+    #: other ways to begin a note, by name
+    articulations: dict[Annotated[str, Field(pattern=f"^{NAME_PATTERN.pattern}$")], Articulation] = Field(
+        default_factory=dict
+    )
     #: what the hand does at the start of a note, where it does not pluck
     excitation: Annotated[SerializeAsAny[ExcitationTable], BeforeValidator(as_excitation)] | None = None
     #: strings move in two directions
@@ -485,6 +391,13 @@ class Preset(Table):
         return f"<Preset {self.name}: {count} string{'' if count == 1 else 's'}, {notes}, obstacle {self.obstacle.kind}>"
 
     __str__ = __repr__
+
+    @model_validator(mode="after")
+    def _articulations_are_reached(self) -> Preset:
+        problems = switching_problems(self.articulations, playable_notes(self))
+        if problems:
+            raise ValueError("; ".join(f"{place}: {what}" for place, what in problems))
+        return self
 
     @model_validator(mode="after")
     def _pressure_moves_a_bridge(self) -> Preset:

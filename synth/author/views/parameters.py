@@ -46,9 +46,9 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, WORDS, Words
 from synth.instrument.compile import axial_stiffness, ideal_string, obstacle_of, string_frequency
+from synth.instrument.fields import Between
 from synth.instrument.preset import (
     KINDS,
-    Between,
     BodyMode,
     BridgeObstacle,
     FretsObstacle,

@@ -23,6 +23,7 @@ def power_up(channels: np.ndarray) -> None:
     channels["bend_range"] = PLAIN_BEND
     channels["rpn"] = RPN_NONE
     channels["timbre"] = 64
+    channels["ruled"] = -1
     channels["master"] = np.arange(channels.size)
 
 

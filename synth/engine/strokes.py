@@ -1,0 +1,195 @@
+"""Strokes of the right hand, as a string's articulation has them: drawn aside and let go, or hit by what flies at it.
+
+Letting go takes the time in which the string slides off: the finger's force fades as half a cosine (`SLIP`), which takes
+from the partials above the inverse of that time (Chadefaux et al., JASA 133(4), 2013, 2444, on the harp).
+
+What is thrown (`HIT`) is a mass behind the finger's spring, in free flight but for the string's force. Over a frame it
+moves evenly, at the speed that it would have half way through under the force at the frame's start.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from synth.engine.chance import even, key_of, spread
+from synth.engine.core import bank_of, scratch_of, settings_of, state_of, string_of
+from synth.engine.expression import pluck_place
+from synth.engine.hold import LEAST_STIFFNESS, begin_phase, last, take_hold
+from synth.engine.layout import (
+    CORE,
+    DRAW,
+    HIT,
+    PLUCK_AMOUNT,
+    PLUCK_POSITION,
+    PLUCK_WIDTH,
+    SLIP,
+    THROWN,
+    TOUCHED,
+    VARIATION,
+)
+from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
+from synth.engine.touches import LAY_S
+
+#: what is thrown has left the string by then [s]
+MOST_HIT_S = 0.03
+#: a finger that rubs takes another way after so long [s]
+RUB_S = 5e-5
+#: what varies, by number
+_PLACE, _LEVEL, _WIDTH, _DRAW_TIME, _SLIP_TIME, _RUB = range(6)
+
+_finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
+_pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
+
+
+@njit(**CORE)
+def begin_stroke(core: int, s: int, velocity: float) -> None:
+    """The stroke of the string's articulation begins."""
+    bank, state = bank_of(core), state_of(core)
+    me, fixed = state.sounding[s], bank.strings[s]
+    part, way, model = bank.parts[fixed.part], bank.articulations[me.articulation], bank.models[me.model]
+    parameters = state.parameters[fixed.part]
+    strength = velocity / 127.0
+    me.strokes += 1
+    key, varied = key_of(settings_of(core).seed, fixed.dice, me.strokes), parameters[VARIATION]
+    position = pluck_place(way.place_ratio * parameters[PLUCK_POSITION], me.timbre) + strength * way.place_shift
+    if part.place_spread > 0.0:
+        position += varied * part.place_spread * spread(key, _PLACE) / fixed.open_length
+    level, wider, draw_s, slip_s = way.amount, 1.0, fixed.draw_s, way.slip_s + strength * (way.hard_slip_s - way.slip_s)
+    if way.draw_s > 0.0:
+        draw_s = way.draw_s
+    if part.level_spread > 0.0:
+        level *= math.exp(varied * part.level_spread * spread(key, _LEVEL))
+    if part.width_spread > 0.0:
+        wider = math.exp(varied * part.width_spread * spread(key, _WIDTH))
+    if part.time_spread > 0.0:
+        draw_s *= math.exp(varied * part.time_spread * spread(key, _DRAW_TIME))
+        slip_s *= math.exp(varied * part.time_spread * spread(key, _SLIP_TIME))
+    distance = _finger_distance(position, fixed.open_length, model.length)
+    soft = 1e-3 * parameters[PLUCK_WIDTH] * way.width_ratio * wider
+    width = _finger_width(soft, way.hard_width_ratio, strength, distance)
+    resistance = part.finger_loss * fixed.impedance
+    if way.stroke == THROWN:
+        take_hold(core, s, distance, width, way.stiffness, resistance, MOST_HIT_S)
+        me.finger_to = 0.0
+        me.thrown = -level * way.speed * strength**part.velocity_exponent
+        begin_phase(core, s, HIT)
+        return
+    me.slip_s = min(slip_s, LONGEST_SLIP_S)
+    me.roughness = way.roughness
+    take_hold(core, s, distance, width, part.finger_stiffness, resistance, min(draw_s, LONGEST_DRAW_S))
+    force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT] * level, strength, part.velocity_exponent)
+    drawn = _drawn_by(force, distance, model.length, model.tension)
+    me.finger_to = drawn
+    begin_phase(core, s, DRAW)
+    if fixed.second >= 0:
+        me.finger_to = part.pluck_first * drawn
+        state.sounding[fixed.second].finger_to = part.pluck_second * drawn
+
+
+#: longest that drawing and letting go take, with what varies [s]
+LONGEST_DRAW_S, LONGEST_SLIP_S = 0.5, 0.05
+
+
+@njit(**CORE)
+def slips(core: int, s: int) -> bool:
+    """Whether a string that has been drawn aside slides off the finger from now on; else it is let go at once."""
+    state = state_of(core)
+    seconds, second = state.sounding[s].slip_s, bank_of(core).strings[s].second
+    if seconds * settings_of(core).rate_hz < 1.0:
+        return False
+    for direction in range(2):
+        line = s if direction == 0 else second
+        if line >= 0:
+            me, finger = state.sounding[line], string_of(core, line).finger[0]
+            # a spring so soft that what the path pulls with is a force that is given
+            me.finger_from = finger.push / LEAST_STIFFNESS
+            me.finger_to = 0.0
+            finger.stiffness = LEAST_STIFFNESS
+            finger.resistance = 0.0
+            if me.stale == 0:
+                me.stale = 2
+    last(core, s, seconds)
+    begin_phase(core, s, SLIP)
+    return True
+
+
+@njit(**CORE)
+def has_bounced(core: int, s: int) -> bool:
+    """Whether what was thrown at a string is about to pull at it: it has left."""
+    me = state_of(core).sounding[s]
+    return me.phase == HIT and string_of(core, s).finger[0].push >= 0.0
+
+
+@njit(**CORE)
+def follow_stroke(core: int, thread: int, s: int, steps: int) -> None:
+    """Scratch.path: where the finger is before these steps and after each of them."""
+    me = state_of(core).sounding[s]
+    if me.phase == HIT and not bank_of(core).strings[s].of_first:
+        _fly(core, thread, s, steps)
+    elif me.phase == TOUCHED:
+        _lie(core, thread, s, steps)
+    else:
+        _go_evenly(core, thread, s, steps)
+        if me.phase == DRAW and me.roughness > 0.0:
+            _rub(core, thread, s, steps)
+
+
+@njit(**CORE)
+def _go_evenly(core: int, thread: int, s: int, steps: int) -> None:
+    """From where to where it goes, as half a cosine."""
+    scratch = scratch_of(thread)
+    me = state_of(core).sounding[s]
+    first = me.finger_step
+    turn = math.pi / me.finger_steps
+    cosine, sine = math.cos(turn * first), math.sin(turn * first)
+    further, aside = math.cos(turn), math.sin(turn)
+    half = 0.5 * (me.finger_to - me.finger_from)
+    for t in range(steps + 1):
+        scratch.path[t] = me.finger_from + half * (1.0 - cosine)
+        cosine, sine = cosine * further - sine * aside, sine * further + cosine * aside
+
+
+@njit(**CORE)
+def _rub(core: int, thread: int, s: int, steps: int) -> None:
+    """What is unsteady about it, most of it half way."""
+    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    key = key_of(settings_of(core).seed, fixed.dice, me.strokes)
+    per_step = 1.0 / (RUB_S * settings_of(core).rate_hz * fixed.factor)
+    known, before, after = -1, 0.0, 0.0
+    for t in range(steps + 1):
+        at = (me.finger_step + t) * per_step
+        knot = int(at)
+        if knot != known:
+            known, before, after = knot, even(key, 64 * _RUB + knot), even(key, 64 * _RUB + knot + 1)
+        rises = math.sin(math.pi * (me.finger_step + t) / me.finger_steps)
+        scratch.path[t] += me.roughness * rises * rises * (before + (at - knot) * (after - before))
+
+
+@njit(**CORE)
+def _fly(core: int, thread: int, s: int, steps: int) -> None:
+    """A mass behind the finger's spring, `thrown` its speed; finger_to keeps the force at the last frame's start."""
+    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
+    me, push = state_of(core).sounding[s], string_of(core, s).finger[0].push
+    dt = 1.0 / (settings_of(core).rate_hz * fixed.factor)
+    per_mass = dt * steps / bank_of(core).articulations[me.articulation].mass
+    if me.finger_step > 0:
+        me.thrown -= 0.5 * (me.finger_to + push) * per_mass
+    me.finger_to = push
+    speed = me.thrown - 0.5 * push * per_mass
+    for t in range(steps + 1):
+        scratch.path[t] = me.finger_from + speed * dt * t
+    me.finger_from += speed * dt * steps
+
+
+@njit(**CORE)
+def _lie(core: int, thread: int, s: int, steps: int) -> None:
+    """From where the string was touched to its rest line."""
+    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    turn = math.pi / (LAY_S * settings_of(core).rate_hz * fixed.factor)
+    for t in range(steps + 1):
+        share = 0.5 * (1.0 + math.cos(min(math.pi, turn * (me.finger_step + t))))
+        scratch.path[t] = share * me.finger_from
