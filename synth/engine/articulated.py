@@ -87,7 +87,7 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
         draw_s=0.0 if table.draw_ms is None else 1e-3 * table.draw_ms,
         slip_s=1e-3 * own.slip_ms,
         hard_slip_s=1e-3 * own.hardest_slip_ms,
-        roughness=own.roughness,
+        roughness=1e-6 * own.roughness_um,
         mass=1e-3 * table.mass_g,
         speed=table.speed_m_s,
         stiffness=1e3 * stiffness,
@@ -99,4 +99,4 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
 
 
 #: fields of a stroke that an articulation may have of its own
-_STROKE = ("position", "position_hard", "width_mm", "width_hard_mm", "slip_ms", "slip_hard_ms", "roughness")
+_STROKE = ("position", "position_hard", "width_mm", "width_hard_mm", "slip_ms", "slip_hard_ms", "roughness_um")

@@ -14,7 +14,7 @@ import math
 from numba import njit
 
 from synth.engine.chance import even, key_of, spread
-from synth.engine.core import bank_of, scratch_of, settings_of, state_of, string_of
+from synth.engine.core import bank_of, model_of, scratch_of, settings_of, state_of, string_of
 from synth.engine.expression import pluck_place
 from synth.engine.hold import LEAST_STIFFNESS, begin_phase, last, take_hold
 from synth.engine.layout import (
@@ -31,6 +31,7 @@ from synth.engine.layout import (
 )
 from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
 from synth.engine.touches import LAY_S
+from synth.solver.laws import EXACT_HOLD
 
 #: what is thrown has left the string by then [s]
 MOST_HIT_S = 0.03
@@ -41,6 +42,14 @@ _PLACE, _LEVEL, _WIDTH, _DRAW_TIME, _SLIP_TIME, _RUB = range(6)
 
 _finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
 _pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
+
+
+@njit(**CORE)
+def _between(soft: float, hard: float, strength: float) -> float:
+    """In ratios, where neither is 0."""
+    if soft > 0.0 and hard > 0.0:
+        return soft * (hard / soft) ** strength
+    return soft + strength * (hard - soft)
 
 
 @njit(**CORE)
@@ -56,7 +65,7 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     position = pluck_place(way.place_ratio * parameters[PLUCK_POSITION], me.timbre) + strength * way.place_shift
     if part.place_spread > 0.0:
         position += varied * part.place_spread * spread(key, _PLACE) / fixed.open_length
-    level, wider, draw_s, slip_s = way.amount, 1.0, fixed.draw_s, way.slip_s + strength * (way.hard_slip_s - way.slip_s)
+    level, wider, draw_s, slip_s = way.amount, 1.0, fixed.draw_s, _between(way.slip_s, way.hard_slip_s, strength)
     if way.draw_s > 0.0:
         draw_s = way.draw_s
     if part.level_spread > 0.0:
@@ -93,6 +102,15 @@ LONGEST_DRAW_S, LONGEST_SLIP_S = 0.5, 0.05
 
 
 @njit(**CORE)
+def _force(core: int, s: int) -> float:
+    """What the finger does to the string [N]: in the last step, which laws of velocities take as an impulse."""
+    push = string_of(core, s).finger[0].push
+    if model_of(core, s).law == EXACT_HOLD:
+        return push
+    return push * settings_of(core).rate_hz * bank_of(core).strings[s].factor
+
+
+@njit(**CORE)
 def slips(core: int, s: int) -> bool:
     """Whether a string that has been drawn aside slides off the finger from now on; else it is let go at once."""
     state = state_of(core)
@@ -104,7 +122,7 @@ def slips(core: int, s: int) -> bool:
         if line >= 0:
             me, finger = state.sounding[line], string_of(core, line).finger[0]
             # a spring so soft that what the path pulls with is a force that is given
-            me.finger_from = finger.push / LEAST_STIFFNESS
+            me.finger_from = _force(core, line) / LEAST_STIFFNESS
             me.finger_to = 0.0
             finger.stiffness = LEAST_STIFFNESS
             finger.resistance = 0.0
@@ -172,7 +190,7 @@ def _rub(core: int, thread: int, s: int, steps: int) -> None:
 def _fly(core: int, thread: int, s: int, steps: int) -> None:
     """A mass behind the finger's spring, `thrown` its speed; finger_to keeps the force at the last frame's start."""
     scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
-    me, push = state_of(core).sounding[s], string_of(core, s).finger[0].push
+    me, push = state_of(core).sounding[s], _force(core, s)
     dt = 1.0 / (settings_of(core).rate_hz * fixed.factor)
     per_mass = dt * steps / bank_of(core).articulations[me.articulation].mass
     if me.finger_step > 0:

@@ -105,7 +105,7 @@ class Articulation(Table):
     draw_ms: float | None = Field(None, ge=0.5, le=100.0)
     slip_ms: float | None = Field(None, ge=0.0, le=20.0)
     slip_hard_ms: float | None = Field(None, ge=0.0, le=20.0)
-    roughness: float | None = Field(None, ge=0.0, le=1.0)
+    roughness_um: float | None = Field(None, ge=0.0, le=100.0)
     #: of what is thrown, its speed at velocity 127, and whether it comes from the side where frets and bridge are not
     mass_g: float = Field(20.0, gt=0.01, le=1000.0)
     speed_m_s: float = Field(1.0, gt=0.0, le=20.0)

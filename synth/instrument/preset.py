@@ -253,8 +253,8 @@ class Pluck(Table):
     #: time in which the string slides off the finger, softly and hard plucked: its force fades away
     slip_ms: float = Field(0.0, ge=0.0, le=20.0)
     slip_hard_ms: float | None = Field(None, ge=0.0, le=20.0)
-    #: how unsteadily the finger rubs along the string while it draws, as a share of how far it draws
-    roughness: float = Field(0.0, ge=0.0, le=1.0)
+    #: how far the finger jumps while it rubs along the string that it draws
+    roughness_um: float = Field(0.0, ge=0.0, le=100.0)
 
     @property
     def hardest_slip_ms(self) -> float:

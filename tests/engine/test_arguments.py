@@ -93,7 +93,7 @@ def test_wrong_stems_are_refused(made, stems):
         ((9, PRESSURE, 0, 0, 128), r"events\[1\].b of PRESSURE"),
         ((9, KEY_PRESSURE, 0, 200, 1), r"events\[1\].a of KEY_PRESSURE"),
         ((9, PARAMETER, 2, 0, 0, 1.0), r"events\[1\].channel \(the part\) of PARAMETER must lie between 0 and 1, got 2"),
-        ((9, PARAMETER, 0, 6, 0, 1.0), r"events\[1\].a of PARAMETER must lie between 0 and 5, got 6"),
+        ((9, PARAMETER, 0, 7, 0, 1.0), r"events\[1\].a of PARAMETER must lie between 0 and 6, got 7"),
         ((9, PARAMETER, 0, 1, 0, np.nan), r"events\[1\].value of PARAMETER must be finite, got nan"),
         ((9, TUNING, 0, 128, 0, 60.0), r"events\[1\].a of TUNING"),
     ],

@@ -85,7 +85,7 @@ def test_foreign_and_broken_states_are_refused():
         ("sounding", (0,), "model", 10**6, r"sounding.model\[0\] must lie between 0 and"),
         ("sounding", (0,), "model", 1, r"sounding.model\[0\] is 1, which is of another string"),
         ("sounding", (0,), "channel", 16, r"sounding.channel\[0\] must lie between 0 and 15, got 16"),
-        ("sounding", (0,), "phase", 3, r"sounding.phase\[0\] must lie between 0 and 2"),
+        ("sounding", (0,), "phase", 7, r"sounding.phase\[0\] must lie between 0 and 6"),
         ("sounding", (0,), "row_to", 64, r"sounding.row_to\[0\] must lie between 0 and 0"),
         ("sounding", (0,), "hand", np.nan, r"sounding.hand\[0\] must lie between"),
         ("sounding", (1,), "finger_steps", 2**60, r"sounding.finger_steps\[1\] must lie between 1 and"),
