@@ -100,7 +100,7 @@ def partials(out: np.ndarray, at: int, count: int, first_hz: float) -> np.ndarra
 def test_partials_above_the_inverse_of_that_time_are_weaker() -> None:
     hz = 440.0 * 2.0 ** ((43 - 69) / 12)
     levels = [
-        partials(play(engine(one(pluck=f"slip_ms = {ms}")), [(0, NOTE_ON, 0, 43, 90)], 12000), 2000, 16, hz)
+        partials(play(engine(one(pluck=f"draw_ms = 100\nslip_ms = {ms}")), [(0, NOTE_ON, 0, 43, 90)], 16000), 5000, 16, hz)
         for ms in (0.0, 2.0)
     ]
     lost = levels[0] - levels[1]
