@@ -9,8 +9,8 @@ from synth.instrument.articulations import NORMAL, Articulation, Hand, Touch, ar
 from synth.instrument.preset import Pluck, Preset
 from synth.native.arrays import record
 
-#: a velocity that no note has
-_NEVER = 128
+#: a velocity that no note has, and a time that is the string's own
+_NEVER, _OF_THE_STRING = 128, -1.0
 _DB = math.log(10.0) / 20.0
 
 
@@ -66,9 +66,8 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
         own = own.model_copy(update={"position_hard": None})
     if "width_mm" in table.model_fields_set and table.width_hard_mm is None:
         own = own.model_copy(update={"width_hard_mm": None})
-    if "slip_ms" in table.model_fields_set and table.slip_hard_ms is None:
-        own = own.model_copy(update={"slip_hard_ms": None})
     soft, hard = table.velocity or ((1, 127) if normal else (_NEVER, _NEVER))
+    soft_slip, hard_slip = table.slip_ms, table.slip_ms if table.slip_hard_ms is None else table.slip_hard_ms
     stiffness = pluck.finger_stiffness_n_mm if table.stiffness_n_mm is None else table.stiffness_n_mm
     return record(
         layout.ARTICULATION,
@@ -85,8 +84,8 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
         hard_width_ratio=own.hardest_width_mm / own.width_mm,
         amount=table.displacement_ratio,
         draw_s=0.0 if table.draw_ms is None else 1e-3 * table.draw_ms,
-        slip_s=1e-3 * own.slip_ms,
-        hard_slip_s=1e-3 * own.hardest_slip_ms,
+        slip_s=_OF_THE_STRING if soft_slip is None else 1e-3 * soft_slip,
+        hard_slip_s=_OF_THE_STRING if hard_slip is None else 1e-3 * hard_slip,
         roughness=1e-6 * own.roughness_um,
         mass=1e-3 * table.mass_g,
         speed=table.speed_m_s,
@@ -99,4 +98,4 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
 
 
 #: fields of a stroke that an articulation may have of its own
-_STROKE = ("position", "position_hard", "width_mm", "width_hard_mm", "slip_ms", "slip_hard_ms", "roughness_um")
+_STROKE = ("position", "position_hard", "width_mm", "width_hard_mm", "roughness_um")

@@ -169,6 +169,8 @@ class _Lists:
                 pluck_force=string.pluck_force_n,
                 impedance=string.impedance_kg_s,
                 draw_s=string.draw_s,
+                slip_s=string.slip_s,
+                hard_slip_s=string.hard_slip_s,
                 release_s=string.release_s,
                 row=self._row,
                 direct_bus=bus_of[1] if factor > 1 and heard is None else -1,

@@ -71,6 +71,8 @@ STRING = np.dtype(
         ("pluck_force", "f8"),
         ("impedance", "f8"),
         ("draw_s", "f8"),
+        ("slip_s", "f8"),  # at velocity 0 and 127
+        ("hard_slip_s", "f8"),
         ("release_s", "f8"),
         ("row", "i8"),  # where its outputs of a span begin
         ("direct_bus", "i8"),  # of the output rate; −1: that is its own rate
@@ -165,7 +167,7 @@ ARTICULATION = np.dtype(
         ("hard_width_ratio", "f8"),  # of the finger at velocity 127 to velocity 0
         ("amount", "f8"),
         ("draw_s", "f8"),  # 0: the string's own
-        ("slip_s", "f8"),
+        ("slip_s", "f8"),  # below 0: the string's own
         ("hard_slip_s", "f8"),
         ("roughness", "f8"),
         ("mass", "f8"),

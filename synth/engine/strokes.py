@@ -65,7 +65,12 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     position = pluck_place(way.place_ratio * parameters[PLUCK_POSITION], me.timbre) + strength * way.place_shift
     if part.place_spread > 0.0:
         position += varied * part.place_spread * spread(key, _PLACE) / fixed.open_length
-    level, wider, draw_s, slip_s = way.amount, 1.0, fixed.draw_s, _between(way.slip_s, way.hard_slip_s, strength)
+    level, wider, draw_s = way.amount, 1.0, fixed.draw_s
+    slip_s = _between(
+        fixed.slip_s if way.slip_s < 0.0 else way.slip_s,
+        fixed.hard_slip_s if way.hard_slip_s < 0.0 else way.hard_slip_s,
+        strength,
+    )
     if way.draw_s > 0.0:
         draw_s = way.draw_s
     if part.level_spread > 0.0:

@@ -98,6 +98,8 @@ class CompiledString:
     pluck_force_n: float  # at velocity 127
     impedance_kg_s: float
     draw_s: float
+    slip_s: float  # in which the finger lets go at velocity 0 and 127
+    hard_slip_s: float
     release_s: float
     axial_stiffness_n: float  # where its motion raises its tension; else 0
     friction: float  # of its second direction at the contacts of its first
@@ -493,6 +495,8 @@ def compile_string(
         full_pluck_force(preset, opened, note),
         opened.impedance_kg_s,
         1e-3 * at_note(preset.pluck.draw_ms, note),
+        1e-3 * at_note(preset.pluck.slip_ms, note),
+        1e-3 * at_note(preset.pluck.hardest_slip_ms, note),
         at_note(preset.damping.release_s, note),
         axial_stiffness(table, note) if table.tension_modulation else 0.0,
         preset.obstacle.friction if isinstance(preset.obstacle, PointContacts) else 0.0,

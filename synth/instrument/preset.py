@@ -251,13 +251,13 @@ class Pluck(Table):
     #: loss of the finger, in units of the string's impedance
     finger_loss: float = Field(0.5, ge=0.0, le=100.0)
     #: time in which the string slides off the finger, softly and hard plucked: its force fades away
-    slip_ms: float = Field(0.0, ge=0.0, le=20.0)
-    slip_hard_ms: float | None = Field(None, ge=0.0, le=20.0)
+    slip_ms: Annotated[Scaled, within(0.0, 20.0)] = 0.0
+    slip_hard_ms: Annotated[Scaled, within(0.0, 20.0)] | None = None
     #: how far the finger jumps while it rubs along the string that it draws
     roughness_um: float = Field(0.0, ge=0.0, le=100.0)
 
     @property
-    def hardest_slip_ms(self) -> float:
+    def hardest_slip_ms(self) -> float | dict[int, float]:
         """Time of letting go at velocity 127."""
         return self.slip_ms if self.slip_hard_ms is None else self.slip_hard_ms
 
