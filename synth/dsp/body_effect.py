@@ -1,4 +1,4 @@
-"""The body as an effect: the direct sound, and the resonances' response added to it."""
+"""The body as an effect: the direct sound, and the resonances' response added to it, to each side its share."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ _PIECE = 32
 
 class Made(NamedTuple):
     direct: float
-    coefficients: Annotated[np.ndarray, f8("3, resonances")]
-    dry: Annotated[np.ndarray, f8("PIECE")]  # a piece of the input; carries nothing from call to call
+    coefficients: Annotated[np.ndarray, f8("sides, 3, resonances")]
 
 
 class State(NamedTuple):
-    ringing: Annotated[np.ndarray, f8("3, resonances")]  # see `body_state`
+    ringing: Annotated[np.ndarray, f8("rows, resonances")]  # see `body_state`, of each side three rows
+    dry: Annotated[np.ndarray, f8("PIECE")]  # a piece of a channel; carries nothing from call to call
+    wet: Annotated[np.ndarray, f8("PIECE")]  # the same
 
 
 _made, _state = openers(Made, State)
@@ -32,32 +33,39 @@ _made, _state = openers(Made, State)
 def _make(body: Any, rate_hz: float) -> Made:
     """body : the preset's table, `direct_db` and at least one `resonance`."""
     peaks = body.resonance
-    return allocate(
-        Made,
-        {"resonances": len(peaks), "PIECE": _PIECE},
-        direct=db_to_gain(body.direct_db),
-        coefficients=body_coefficients(
-            [peak.frequency_hz for peak in peaks], [peak.q for peak in peaks], [peak.gain_db for peak in peaks], rate_hz
-        ),
+    whole = body_coefficients(
+        [peak.frequency_hz for peak in peaks], [peak.q for peak in peaks], [peak.gain_db for peak in peaks], rate_hz
     )
+    sides = np.stack([whole] * (2 if body.wide else 1))
+    if body.wide:  # of constant power, as channels are panned; the filter is linear in its first row
+        angle = 0.25 * np.pi * (1.0 + np.array([peak.pan for peak in peaks]))
+        sides[0, 0] *= np.sqrt(2.0) * np.cos(angle)
+        sides[1, 0] *= np.sqrt(2.0) * np.sin(angle)
+    sizes = {"sides": len(sides), "resonances": len(peaks)}
+    return allocate(Made, sizes, direct=db_to_gain(body.direct_db), coefficients=sides)
 
 
 def _at_rest(made: Made, channels: int) -> State:
-    if channels != 1:
-        raise ValueError(f"a body has one channel, got {channels}; it belongs to a part")
-    return allocate(State, {"resonances": made.coefficients.shape[1]})
+    sides, rows, resonances = made.coefficients.shape
+    if channels != sides:
+        raise ValueError(f"this body has {sides} channel{'' if sides == 1 else 's'}, got {channels}; it belongs to a part")
+    return allocate(State, {"rows": sides * rows, "resonances": resonances, "PIECE": _PIECE})
 
 
 def _process(effect: int, x: int, frames: int, channels: int) -> None:
-    made = _made(effect)
-    whole = frames_at(x, frames, channels).reshape(frames)
-    for begin in range(0, frames, _PIECE):
-        wet = whole[begin : min(begin + _PIECE, frames)]
-        dry = made.dry[: wet.size]
-        for i in range(wet.size):
-            dry[i] = wet[i]
-            wet[i] = made.direct * wet[i]
-        body_filter(made.coefficients, _state(effect).ringing, dry, wet)
+    made, state = _made(effect), _state(effect)
+    whole = frames_at(x, frames, channels)
+    for side in range(channels):
+        ringing = state.ringing[3 * side : 3 * side + 3]
+        for begin in range(0, frames, _PIECE):
+            size = min(_PIECE, frames - begin)
+            dry, wet = state.dry[:size], state.wet[:size]
+            for i in range(size):
+                dry[i] = whole[begin + i, side]
+                wet[i] = made.direct * dry[i]
+            body_filter(made.coefficients[side], ringing, dry, wet)
+            for i in range(size):
+                whole[begin + i, side] = wet[i]
 
 
 def _silent(effect: int) -> int:

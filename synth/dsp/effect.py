@@ -1,6 +1,7 @@
 """What an effect is: a filter on the sound of a part (mono) or on the mix (stereo).
 
     made     its constants, from settings and the output rate: a NamedTuple of numbers and of arrays declared by `arrays`
+             (plugins hold them in memory that cannot be written: room for sums belongs into the state)
     at rest  its state: a NamedTuple of arrays of float64 and int64, which is all that it remembers
     process  a span of frames in place
     silent   whether, once nothing comes in, nothing worth going on with would come out

@@ -84,7 +84,7 @@ def follow_quantum(core: int, s: int, k: int) -> None:
     me = state.sounding[s]
     follow(core, s)
     press_on(core, s)
-    bend = bend_of(core, s, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
+    bend = bend_of(core, s, k, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
     height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if bank_of(core).strings[s].axial_stiffness > 0.0:
         bend = bend_with_motion(core, s, k, bend)

@@ -122,9 +122,11 @@ class _Lists:
                 finger_stiffness=1e3 * pluck.finger_stiffness_n_mm,
                 finger_loss=pluck.finger_loss,
                 pressure_bend=1e-2 * preset.mapping.pressure_cents,
-                stereo=int(part.body is not None),
+                stereo=int(preset.stereo),
+                two_buses=int(part.body is not None),
                 pluck_first=math.cos(angle),
                 pluck_second=math.sin(angle),
+                choirs=max((string.choir for string in part.strings), default=1),
                 first_articulation=first_articulation,
                 end_articulation=len(self.articulations),
                 release_touch=release_touch,
@@ -164,7 +166,7 @@ class _Lists:
                 instrument=len(self.instruments) - 1,
                 bus=bus_of[factor],
                 factor=factor,
-                positions=string.places,
+                positions=0 if string.sympathetic else string.places,
                 open_length=string.open_length_m,
                 pluck_force=string.pluck_force_n,
                 impedance=string.impedance_kg_s,
@@ -182,6 +184,8 @@ class _Lists:
                 of_first=int(is_second),
                 second_models=len(string.positions) if has_second else 0,
                 axial_stiffness=string.axial_stiffness_n,
+                choir=string.choir,
+                pluck_shift=string.pluck_shift,
                 friction=string.friction if is_second else 0.0,
             )
         )
@@ -189,7 +193,7 @@ class _Lists:
         self._fade += FADE * factor
         for position in string.positions:
             place = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(self.models)}
-            if not is_second:
+            if not (is_second or string.sympathetic):
                 self.positions.append(record(layout.POSITION, **place))
             if string.board is not None:
                 dt = 1.0 / (self.rate_hz * factor)

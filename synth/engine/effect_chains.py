@@ -74,7 +74,7 @@ class Chains:
         self.placed: list[Placed] = []
         self._chains = np.zeros((len(of_parts) + 1, 2), np.int64)
         sizes = {"f": 0, "i": 0}
-        of_part = (2 if preset.coupled else 1 for preset in parts)
+        of_part = (2 if preset.stereo else 1 for preset in parts)
         for row, (chain, channels) in enumerate([*zip(of_parts, of_part, strict=True), (last, 2)]):
             self._chains[row, 0] = len(self.placed)
             for link, made in chain:

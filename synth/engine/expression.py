@@ -11,11 +11,13 @@ import math
 from numba import njit
 
 from synth.engine.core import bank_of, settings_of, shared_of, state_of
-from synth.engine.layout import CORE, HEIGHT, PARAMETER_RANGES, QUANTUM
+from synth.engine.layout import CORE, FIRST_QUANTUM, HEIGHT, NO_FINGER, PARAMETER_RANGES, QUANTUM
 from synth.solver.board_table import board_at
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
 CONTROL_S = 0.01
+#: …and this is how a string that is pulled aside comes back under a stroke or another finger
+LET_BACK_S = 0.003
 #: no string is ever bent further than this [semitones]
 MOST_BEND = 96.0
 #: pluck position, as a share of the open length, of the brightest and of the darkest timbre
@@ -69,20 +71,48 @@ def follow(core: int, s: int) -> None:
         share = control_share(core)
         me.retuned = approach(me.retuned, me.retune_to, share, 1e-4)
         me.pressure = approach(me.pressure, pressed, share, 1e-4)
+    if me.pull != me.pull_to:
+        seconds = bank_of(core).parts[bank_of(core).strings[s].part].meend_s if me.phase == NO_FINGER else LET_BACK_S
+        me.pull = approach(me.pull, me.pull_to, 1.0 - math.exp(-QUANTUM / (seconds * settings_of(core).rate_hz)), 1e-3)
     if me.slide != 0.0:
         board = board_at(shared_of(core).board_at[me.model])
         me.slide = approach(me.slide, 0.0, 1.0 - math.exp(-QUANTUM / (board.slide_s * settings_of(core).rate_hz)), 1e-3)
 
 
 @njit(**CORE)
-def bend_of(core: int, s: int, of_channel: float, of_master: float) -> float:
-    """Semitones of a string: bends of its channel and its zone's master, tuning, a finger's slide, pressure."""
+def vibrato_of(core: int, s: int, k: int) -> float:
+    """Semitones by which the hand shakes a string in quantum k of the span: as far as the wheels of its channel and of its
+    zone's master ask for, at instants that follow from the number of the quantum alone."""
+    state, shared = state_of(core), shared_of(core)
+    me, part = state.sounding[s], bank_of(core).parts[bank_of(core).strings[s].part]
+    if part.vibrato == 0.0 or me.idle:
+        return 0.0
+    c = me.channel
+    master = state.channels[c].master
+    wheel = shared.shakes[k, c]
+    if master != c:
+        wheel = min(1.0, wheel + shared.shakes[k, master])
+    if wheel == 0.0:
+        return 0.0
+    turns = (shared.task[FIRST_QUANTUM] + k) * (QUANTUM * part.vibrato_hz / settings_of(core).rate_hz)
+    angle = 2.0 * math.pi * (turns - math.floor(turns))
+    way = 0.5 * (1.0 - math.cos(angle)) if part.vibrato_up else math.sin(angle)
+    return part.vibrato * wheel * way
+
+
+@njit(**CORE)
+def bend_of(core: int, s: int, k: int, of_channel: float, of_master: float) -> float:
+    """Semitones of a string in quantum k of the span: bends of its channel and its zone's master, tuning, a finger's slide,
+    its pull across the fret, its vibrato, pressure. No hand bends one that no key plays."""
     state = state_of(core)
     me = state.sounding[s]
+    if bank_of(core).strings[s].positions == 0:
+        return me.retuned
     bend = of_channel
     if state.channels[me.channel].master != me.channel:
         bend += of_master
     bend += me.retuned + me.slide + me.pressure * bank_of(core).parts[bank_of(core).strings[s].part].pressure_bend
+    bend += me.pull + vibrato_of(core, s, k)
     return max(-MOST_BEND, min(MOST_BEND, bend))
 
 

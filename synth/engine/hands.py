@@ -63,4 +63,5 @@ def voices_for(bank: Bank, state: State, shared: Shared, settings: Settings, cor
     """The policy's view of an engine whose strings it moves."""
     arrays = {**bank._asdict(), **state._asdict(), **shared._asdict()}
     seen = {name: arrays[name] for name, field in fields(Voices).items() if field.shape}
-    return Voices(**seen, polyphony=settings.polyphony, respond=entry(_respond, 5).address, core=core, thread=thread)
+    respond = entry(_respond, 5).address
+    return Voices(**seen, polyphony=settings.polyphony, rate_hz=settings.rate_hz, respond=respond, core=core, thread=thread)

@@ -66,7 +66,7 @@ STRING = np.dtype(
         ("instrument", "i8"),
         ("bus", "i8"),
         ("factor", "i8"),
-        ("positions", "i8"),  # how many; more than one: a neck
+        ("positions", "i8"),  # how many; more than one: a neck; none: no key plays it
         ("open_length", "f8"),
         ("pluck_force", "f8"),
         ("impedance", "f8"),
@@ -85,6 +85,8 @@ STRING = np.dtype(
         ("second_models", "i8"),  # how many models later those of the second are
         ("friction", "f8"),  # of a second at the contacts of its first, else 0
         ("axial_stiffness", "f8"),  # EA [N], where its motion raises its tension; else 0
+        ("choir", "i8"),  # a key sounds one string of every choir of its part, 1 …
+        ("pluck_shift", "f8"),  # of its pluck from the part's position, parts of the open length
     ],
     align=True,
 )
@@ -128,9 +130,11 @@ PART = np.dtype(
         ("finger_stiffness", "f8"),
         ("finger_loss", "f8"),
         ("pressure_bend", "f8"),  # tension at full pressure [semitones]
-        ("stereo", "i8"),  # its buses are two, left and right
+        ("stereo", "i8"),  # its chain has left and right
+        ("two_buses", "i8"),  # …and so have its buses, which are two
         ("pluck_first", "f8"),  # share of a pluck in the first direction of strings that have two, …
         ("pluck_second", "f8"),  # … and in the second
+        ("choirs", "i8"),
         ("first_articulation", "i8"),
         ("end_articulation", "i8"),
         ("release_touch", "i8"),  # what is laid on a string when its note ends; −1: nothing
@@ -319,6 +323,7 @@ CHANNEL = np.dtype(
         ("pressure", "f8"),  # 0 … 1
         ("timbre", "i8"),  # controller 74
         ("wheel", "f8"),  # modulation, controller 1: 0 … 1
+        ("shaking", "f8"),  # the same, smoothed
         ("articulation", "i8"),  # of its part, as keys have switched it; 0: the normal one
         ("ruled", "i8"),  # the one that a controller asks for; −1: none does
         ("master", "i8"),  # of its MPE zone; itself outside of zones
@@ -341,7 +346,7 @@ PART_STATE = np.dtype(
         ("silenced", "i8"),  # times that its filters held what is no sound
         ("strum_at", "i8"),  # frame at which a chord began, …
         ("strum_first", "i8"),  # …the string that began it, …
-        ("strum_up", "i8"),  # …and whether it goes from the highest string down
+        ("strum_down", "i8"),  # …and whether the last one of several notes went from the lowest string on
     ],
     align=True,
 )
@@ -378,6 +383,7 @@ class State(NamedTuple):
     fade: Annotated[np.ndarray, f8("fades")]  # what still fades, at the internal rate
     direct_fade: Annotated[np.ndarray, f8("strings, FADE")]
     pending: Annotated[np.ndarray, struct(EVENT, "PENDING_EVENTS")]
+    keys: Annotated[np.ndarray, i8("16, 128")]  # number of the note that each key holds; 0: it is up
     unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]  # last row: channels without a part
     counters: Annotated[np.ndarray, i8("N_COUNTERS")]
     meters: Annotated[np.ndarray, f8("N_METERS")]
@@ -444,6 +450,7 @@ class Shared(NamedTuple):
     radiated: Annotated[np.ndarray, f8("bodies, 2, frames")]  # of every body, left and right
     radiated_frames: Annotated[np.ndarray, i8("bodies, 2")]  # from where to where of the span they are there
     bends: Annotated[np.ndarray, f8("span, 16")]  # smoothed, per quantum
+    shakes: Annotated[np.ndarray, f8("span, 16")]  # CHANNEL.shaking
     heights: Annotated[np.ndarray, f8("span, parts")]
     mono: Annotated[np.ndarray, f8("frames")]
     pair: Annotated[np.ndarray, f8("frames, 2")]

@@ -124,17 +124,24 @@ def _levels(core: int, p: int) -> tuple[float, float]:
 
 @njit(**CORE)
 def _add_stereo_part(core: int, p: int, start: int, frames: int, mix) -> None:
-    """The same of a part whose two buses are left and right; panning is balance."""
+    """The same of a part that has left and right, from its buses or from its body on; panning is balance."""
     bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
     me = state.part_state[p]
     to_left, to_right = _levels(core, p)
     share, pole = settings.smoothing, settings.dc
     pair, mono = shared.pair[:frames], shared.mono[:frames]
-    for channel in range(2):
-        mono[:] = 0.0
-        _add_bus(core, bank.parts[p].first_bus + channel, frames, mono)
+    part = bank.parts[p]
+    if part.two_buses:
+        for channel in range(2):
+            mono[:] = 0.0
+            _add_bus(core, part.first_bus + channel, frames, mono)
+            for i in range(frames):
+                pair[i, channel] = mono[i]
+    else:
+        for b in range(part.first_bus, part.end_bus):
+            _add_bus(core, b, frames, mono)
         for i in range(frames):
-            pair[i, channel] = mono[i]
+            pair[i, 0] = pair[i, 1] = mono[i]
     for begin in range(0, frames, QUANTUM):
         x = pair[begin : begin + QUANTUM]
         flat = x.reshape(-1)

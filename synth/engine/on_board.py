@@ -155,7 +155,8 @@ def slide(core: int, s: int, target: int) -> None:
     old = string_model(shared.model_at[me.model, PLAIN])
     new = string_model(shared.model_at[target, PLAIN])
     back = 12.0 * math.log2(old.omega[0] / new.omega[0])
-    me.slide += back
+    me.slide += back + me.pull
+    me.pull = me.pull_to = 0.0
     me.bend = max(-MOST_BEND, min(MOST_BEND, me.bend + back))  # from now on, not from the next quantum on
     for j in range(new.modes, string.q.size):
         string.q[j] = 0.0

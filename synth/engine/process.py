@@ -176,13 +176,15 @@ def _quantum_with_events(core: int, thread: int, start: int) -> None:
 
 @njit(**CORE)
 def _smooth_controls(core: int, k: int) -> None:
-    """Bends and heights of quantum k of the span."""
+    """Bends, vibrato and heights of quantum k of the span."""
     bank, state, shared = bank_of(core), state_of(core), shared_of(core)
     share = control_share(core)
     for c in range(state.channels.size):
         channel = state.channels[c]
         channel.bend = approach(channel.bend, channel.bend_raw * channel.bend_range, share, 1e-4)
         shared.bends[k, c] = channel.bend
+        channel.shaking = approach(channel.shaking, channel.wheel, share, 1e-4)
+        shared.shakes[k, c] = channel.shaking
     for p in range(bank.parts.size):
         part = state.part_state[p]
         part.height = approach(part.height, 1e-6 * state.parameters[p, HEIGHT], share, 1e-10)

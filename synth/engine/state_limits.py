@@ -133,7 +133,7 @@ def limits_of(
     yield from _of_strings(here, bank, settings, strings, arrays)
     yield from _bridges(here, bank, strings, arrays)
     yield from _boards(here, bank, strings, arrays)
-    yield from _parts(here, settings, defaults)
+    yield from _parts(here, settings, bank.strings.size, defaults)
     yield from _events(here, waiting)
     yield Limit(here.of("ring"), -settings.ceiling, settings.ceiling)
 
@@ -147,6 +147,7 @@ def _time(here: _Layout) -> Iterator[Limit]:
     yield Limit(produced, -QUANTUM, 0, above=now, below=now, said=said)
     yield Limit(here.of("meters"), 0.0, MOST)
     yield Limit(here.of("unplayed"), 0, MOST_COUNT)
+    yield Limit(here.of("keys"), 0, MOST_COUNT)
     yield Limit(here.of("quiet"), 0, MOST_COUNT)
 
 
@@ -167,6 +168,7 @@ def _channels(here: _Layout) -> Iterator[Limit]:
         ("pressure", 0.0, 1.0),
         ("timbre", 0, 127),
         ("wheel", 0.0, 1.0),
+        ("shaking", 0.0, 1.0),
         ("articulation", 0, MOST_ARTICULATIONS - 1),
         ("ruled", -1, MOST_ARTICULATIONS - 1),
         ("master", 0, CHANNELS - 1),
@@ -372,7 +374,7 @@ def _boards(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, np
         yield Limit(here.of("sounding", "slide", free), 0.0, 0.0, said="{label} of a string that has no board under it")
 
 
-def _parts(here: _Layout, settings: Settings, defaults: np.ndarray) -> Iterator[Limit]:
+def _parts(here: _Layout, settings: Settings, strings: int, defaults: np.ndarray) -> Iterator[Limit]:
     loudest = 2.0 * _LOUDEST * PARAMETER_RANGES[layout.GAIN][1] * settings.gain
     height = [1e-6 * bound for bound in PARAMETER_RANGES[layout.HEIGHT]]
     yield from here.all_of(
@@ -385,8 +387,8 @@ def _parts(here: _Layout, settings: Settings, defaults: np.ndarray) -> Iterator[
         ("channel", 0, CHANNELS - 1),
         ("silenced", 0, MOST_COUNT),
         ("strum_at", 0, MOST_COUNT),
-        ("strum_first", 0, MOST_COUNT),
-        ("strum_up", 0, 1),
+        ("strum_first", 0, strings - 1),
+        ("strum_down", 0, 1),
     )
     low, high = (np.broadcast_to(bound, defaults.shape).reshape(-1) for bound in np.array(PARAMETER_RANGES).T)
     values = defaults.reshape(-1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from synth.engine.coefficients import rest_state, set_rest
@@ -11,7 +12,7 @@ from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state
 from synth.engine.ends import add_end_speed, bridge_under, on_bridge
 from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
-from synth.engine.hold import begin_phase, last
+from synth.engine.hold import LOUD, begin_phase, last
 from synth.engine.hold import take_hold as take_hold
 from synth.engine.layout import (
     BEGIN_HOLD,
@@ -26,6 +27,7 @@ from synth.engine.layout import (
     WAIT,
 )
 from synth.engine.on_board import leave, may_slide, slide
+from synth.engine.slurs import PRESS_S, is_on_the_way, sets_out
 from synth.engine.strokes import begin_stroke, slips
 from synth.engine.touches import lay_on, lift_touch
 from synth.native.views import call_back
@@ -33,8 +35,6 @@ from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import INNER
 from synth.units import LN_1000
 
-#: time in which the left hand brings a sounding string to a higher fret [s]
-PRESS_S = 0.004
 #: T60 of what a string still sounds while the plucking finger lies on it [s]
 FINGER_S = 0.04
 #: longest that a stroke is put off [s]
@@ -60,10 +60,11 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     me.fade_at = me.fade_to = 0
     me.phase = NO_FINGER
     me.glide_to = -1
+    me.pull = me.pull_to = 0.0
     settle(core, s)
     master = state.channels[me.channel].master
     me.rise = 0.0
-    me.bend = bend_of(core, s, state.channels[me.channel].bend, state.channels[master].bend)
+    me.bend = bend_of(core, s, int(np.int64(0)), state.channels[me.channel].bend, state.channels[master].bend)
     me.height = height_of(core, s, state.part_state[fixed.part].height)
     set_rest(core, me)
     me.base = me.rest
@@ -115,6 +116,7 @@ def sleep(core: int, s: int) -> None:
     me, string = state_of(core).sounding[s], string_of(core, s)
     me.awake = 0
     me.idle = 0
+    me.pull = me.pull_to = 0.0
     me.level = 0.0
     me.stolen = 0
     me.phase = NO_FINGER
@@ -219,8 +221,8 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         string.q[j] = scratch.q[j] if j < n_new else 0.0
         string.v[j] = scratch.v[j] if j < n_new else 0.0
     me.model = target
-    me.bend -= me.slide
-    me.slide = 0.0
+    me.bend -= me.slide + me.pull
+    me.slide = me.pull = me.pull_to = 0.0
     leave(core, target)
     if end_speed != 0.0:
         add_end_speed(core, s, -end_speed)
@@ -266,6 +268,8 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
         if legato and may_slide(core, s, target):
             slide(core, s, target)
             return
+        if legato and sets_out(core, s, target):
+            return
         if bank.models[target].length < bank.models[me.model].length:
             press(core, s, target, 0.0 if legato else velocity)
             return
@@ -284,9 +288,22 @@ def _wait(core: int, s: int, target: int, velocity: float, legato: bool) -> None
     me.pending_legato = 1 if legato else 0
     last(core, s, min(MOST_WAIT_S, me.wait / settings_of(core).rate_hz))
     me.wait = 0
+    me.level = LOUD
     begin_phase(core, s, WAIT)
     if bank.strings[s].second >= 0:
         state_of(core).sounding[bank.strings[s].second].pending_model = target + bank.strings[s].second_models
+
+
+@njit(**CORE)
+def _glide(core: int, thread: int, s: int) -> None:
+    """The finger leaves a fret on its way for the next one."""
+    bank, me = bank_of(core), state_of(core).sounding[s]
+    if bank.models[me.pending_model].length < bank.models[me.model].length:
+        press(core, s, me.pending_model, 0.0)
+        return
+    change_model(core, thread, s, me.pending_model)
+    if not is_on_the_way(core, s):
+        let_go(core, thread, s)
 
 
 @njit(**CORE)
@@ -336,6 +353,9 @@ def finger_done(core: int, thread: int, s: int) -> None:
     phase = me.phase
     if phase == WAIT:
         begin_phase(core, s, NO_FINGER)
+        if me.glide_to >= 0:
+            _glide(core, thread, s)
+            return
         pluck(core, thread, s, me.pending_model, me.pending_velocity, me.pending_legato != 0)
         return
     if phase == DRAW and slips(core, s):
@@ -345,6 +365,8 @@ def finger_done(core: int, thread: int, s: int) -> None:
         change_model(core, thread, s, me.pending_model)
         if me.pending_velocity > 0.0:
             excite(core, thread, s, me.pending_velocity, True)
+            return
+        if is_on_the_way(core, s):
             return
     elif phase != TOUCHED:
         _lift_hand(core, s)

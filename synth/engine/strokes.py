@@ -29,7 +29,7 @@ from synth.engine.layout import (
     TOUCHED,
     VARIATION,
 )
-from synth.engine.stroke import drawn_by, finger_distance, finger_width, pluck_force
+from synth.engine.stroke import NEAREST, drawn_by, finger_distance, finger_width, pluck_force
 from synth.engine.touches import LAY_S
 from synth.solver.laws import EXACT_HOLD
 
@@ -62,7 +62,8 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     strength = velocity / 127.0
     me.strokes += 1
     key, varied = key_of(settings_of(core).seed, fixed.dice, me.strokes), parameters[VARIATION]
-    position = pluck_place(way.place_ratio * parameters[PLUCK_POSITION], me.timbre) + strength * way.place_shift
+    place = way.place_ratio * max(NEAREST, parameters[PLUCK_POSITION] + fixed.pluck_shift)
+    position = pluck_place(place, me.timbre) + strength * way.place_shift
     if part.place_spread > 0.0:
         position += varied * part.place_spread * spread(key, _PLACE) / fixed.open_length
     level, wider, draw_s = way.amount, 1.0, fixed.draw_s

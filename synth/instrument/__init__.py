@@ -1,6 +1,7 @@
 """Instruments as files describe them, and what follows before anything sounds.
 
 preset, presetfile   a preset: read, checked, written
+catalogue            presets by family and tag
 table, faults        what its tables have in common; what is wrong, in words
 effects, excitations what a preset may name beside what it has
 plan, calibration    rates and modes that a promised quality needs

@@ -54,6 +54,11 @@ class Hand(Table):
     #: the finger that is laid on the string when a note ends, beside damping.release_s
     release: Touch | None = None
 
+    def varied(self, share: float) -> Hand:
+        """So much of the variation."""
+        spreads = ("place_mm", "level_db", "width_percent", "time_percent")
+        return self.model_copy(update={name: share * getattr(self, name) for name in spreads})
+
     @property
     def varies(self) -> bool:
         """Whether no two strokes are the same."""
@@ -78,7 +83,9 @@ class Controller(Table):
         return self
 
 
-def _rising(value: tuple[int, int]) -> tuple[int, int]:
+def _rising(value: tuple[int, int] | None) -> tuple[int, int] | None:
+    if value is None:
+        return None
     low, high = value
     if not 1 <= low <= high <= 127:
         raise ValueError(f"must be two velocities of 1 to 127 that rise, got {list(value)}")
@@ -119,11 +126,16 @@ class Articulation(Table):
     #: legato goes from fret to fret, each taking so long
     slide_ms: float = Field(0.0, ge=0.0, le=500.0)
 
+    @property
+    def roams(self) -> bool:
+        """Whether notes need more of the instrument than the strings and frets that they sound on."""
+        return self.harmonic or self.slide_ms > 0.0 or self.strum_ms > 0.0
+
     @model_validator(mode="after")
     def _consistent(self) -> Articulation:
         if self.stroke != "throw":
             for field in ("mass_g", "speed_m_s", "stiffness_n_mm"):
-                if field in self.model_fields_set:
+                if getattr(self, field) != type(self).model_fields[field].default:
                     raise ValueError(f'{field} is of what is thrown: it needs stroke = "throw"; leave it out')
         if self.harmonic and self.touch is None:
             raise ValueError(

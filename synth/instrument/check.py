@@ -82,7 +82,7 @@ def _found(preset: Preset, everywhere: bool) -> Iterator[tuple[str, str, str]]:
             if wrong:
                 yield from ((path, what, place) for path, what in wrong)
                 continue
-            frets = range(string_places(preset, note))
+            frets = range(string_places(preset, table, note))
             looked_at = frets if everywhere else sorted({0, min(1, frets[-1]), frets[-1]})
             try:
                 opened, below = open_string(preset, table, note)
@@ -108,7 +108,7 @@ def _in_the_way(
     length = at_note(table.length_m, note)
     for fret in frets:
         try:
-            fretted(obstacle_of(preset, note, length), fret, length)
+            fretted(obstacle_of(preset, table, note, length), fret, length)
         except ValueError as error:
             yield *_blamed(number, table, error, preset), f"{place}, fret {fret}" if fret else place
 
@@ -146,7 +146,7 @@ def _blamed(number: int, table: StringTable, error: Exception, preset: Preset | 
     if not isinstance(error, ValueError):
         return f"string.{number}", "numbers too large or too small to compute with; check the units"
     text = in_file_words(str(error), table)
-    if text.startswith(("pluck.", "output.")):
+    if text.startswith(("pluck.", "output.", "obstacle.")):
         return text.split()[0], text
     if "nut" in text and "mass_kg" in text:
         return "nut", text

@@ -42,7 +42,7 @@ from synth.physics.modes import (
     modal_frequencies,
     mode_shapes,
 )
-from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted
+from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted, parabola_height
 from synth.physics.string import NutResonance, String
 from synth.physics.tail import lumped_tail
 from synth.physics.tuning import tuned
@@ -104,6 +104,9 @@ class CompiledString:
     axial_stiffness_n: float  # where its motion raises its tension; else 0
     friction: float  # of its second direction at the contacts of its first
     board: StringBoard | None = None  # what lies under it, where that is a board
+    choir: int = 1
+    pluck_shift: float = 0.0  # of its pluck from that of the others, parts of its open length
+    sympathetic: bool = False  # no key plays it
 
 
 @dataclass(frozen=True)
@@ -122,8 +125,10 @@ def string_notes(table: StringTable) -> range:
 
 def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None) -> float:
     """Pitch that a note must sound at [Hz]."""
+    if table.sounds is not None:
+        note += table.sounds - table.notes[0]
     if note_hz is not None:
-        base = float(note_hz[note])
+        base = float(note_hz[min(note, 127)])
     else:
         base = midi_to_hz(note, preset.tuning.a4_hz)
     return base * 2.0 ** ((preset.tuning.offset_cents + table.cents) / 1200.0)
@@ -131,7 +136,9 @@ def note_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.nd
 
 def string_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None = None) -> float:
     """First mode that a string is tuned to for a note [Hz]: the note's pitch less the contact's calibrated shift."""
-    return note_frequency(preset, table, note, note_hz) * 2.0 ** (-contact_cents(preset, note) / 1200.0)
+    return note_frequency(preset, table, note, note_hz) * 2.0 ** (
+        -contact_cents(preset, note, sympathetic=table.sympathetic) / 1200.0
+    )
 
 
 def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
@@ -190,8 +197,8 @@ def axial_stiffness(table: StringTable, note: int) -> float:
     return 1e9 * at_note(table.youngs_modulus_gpa, note) * math.pi * (1e-3 * at_note(diameter, note)) ** 2 / 4.0
 
 
-def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
-    """The obstacle under an open string of `length_m` in metres from the nut."""
+def obstacle_of(preset: Preset, table: StringTable, note: int, length_m: float) -> Obstacle:
+    """The obstacle under an open string of a table, of `length_m`, in metres from the nut."""
     shape = preset.obstacle
     if isinstance(shape, BridgeObstacle):
         if shape.distance_mm is not None:
@@ -199,7 +206,13 @@ def obstacle_of(preset: Preset, note: int, length_m: float) -> Obstacle:
         else:
             assert shape.distance_ratio is not None
             distance = shape.distance_ratio * length_m
-        return Obstacle((length_m - distance,), (-1e-6 * at_note(shape.jiva_um, note),))
+        met = shape.points if table.bridge_points is None else table.bridge_points
+        places = [distance * k / shape.points for k in range(met, 0, -1)]
+        fallen = (0.0,) * met
+        if shape.points > 1:
+            fallen = tuple(parabola_height(np.array(places), 0.0, 0.0, 1e-3 * shape.radius_mm).tolist())
+        jiva = 1e-6 * at_note(shape.jiva_um, note)
+        return Obstacle(tuple(length_m - each for each in places), tuple(each - jiva for each in fallen))
     if isinstance(shape, PointsObstacle):
         return Obstacle(tuple(1e-3 * x for x in shape.positions_mm), tuple(1e-3 * h for h in shape.heights_mm))
     if isinstance(shape, FretsObstacle):
@@ -239,14 +252,29 @@ def open_string(preset: Preset, table: StringTable, note: int, note_hz: np.ndarr
     """The open string of a table at one of its notes and what lies below it. Raises ValueError where it cannot be tuned."""
     opened = make_string(preset, table, note, string_frequency(preset, table, note, note_hz))
     _refuse_wider_than_string(preset, opened.length_m)
-    below = obstacle_of(preset, note, opened.length_m)
+    below = obstacle_of(preset, table, note, opened.length_m)
     below.check(opened.length_m)
     return opened, below
 
 
-def string_places(preset: Preset, note: int) -> int:
+def string_places(preset: Preset, table: StringTable, note: int) -> int:
     """At how many places a string of this open note is played: open, and at every fret."""
-    return min(fret_count(preset), 127 - note) + 1
+    return min(fret_count(preset, table), 127 - note) + 1
+
+
+def stopped(preset: Preset, fret: int, opened: String, below: Obstacle) -> tuple[float, Obstacle, float]:
+    """Speaking length [m] of a string over frets or a bridge, stopped at a fret (0: open), what is left below it, and the
+    height of its fret [m]. Over a bridge it lies as the open string does: the hand presses it down to no fret of its own
+    height. Raises ValueError for a fret in its way, and where a bridge's points begin before the fret."""
+    if isinstance(preset.obstacle, FretsObstacle):
+        length, left = fretted(below, fret, opened.length_m)
+        return length, left, below.heights_m[fret - 1] if fret else 0.0
+    if not fret:
+        return opened.length_m, below, 0.0
+    behind = float(fret_positions(opened.length_m, fret)[-1])
+    left = Obstacle(tuple(x - behind for x in below.positions_m), below.heights_m)
+    left.check(opened.length_m - behind)
+    return opened.length_m - behind, left, 0.0
 
 
 def speaking_string(
@@ -265,20 +293,32 @@ def speaking_string(
     if isinstance(preset.obstacle, BoardObstacle):
         wanted_hz = string_frequency(preset, table, note + fret, note_hz)
         return on_board(preset.obstacle, opened, fret, wanted_hz)
-    if not isinstance(preset.obstacle, FretsObstacle):
-        return opened, below, 0.0
-    length, left = fretted(below, fret, opened.length_m)
+    length, left, height = stopped(preset, fret, opened, below)
     if not fret:
-        return opened, left, 0.0
-    string = tuned(opened.with_length(length), string_frequency(preset, table, note + fret, note_hz))
-    return string, left, below.heights_m[fret - 1]
+        return opened, with_sawari(preset, note, left), 0.0
+    return tuned(opened.with_length(length), string_frequency(preset, table, note + fret, note_hz)), left, height
+
+
+def with_sawari(preset: Preset, note: int, frets: Obstacle) -> Obstacle:
+    """What lies below an open string: its frets, and before them the hill that it buzzes on, if there is one."""
+    shape = preset.obstacle
+    if not isinstance(shape, FretsObstacle) or shape.sawari_distance_mm is None or shape.sawari_um is None:
+        return frets
+    x, first = 1e-3 * shape.sawari_distance_mm, frets.positions_m[0]
+    if x >= first:
+        raise ValueError(
+            f"obstacle.sawari_distance_mm must be less than the {1e3 * first:.4g} mm from nut to first fret, got "
+            f"{1e3 * x:g}; take less"
+        )
+    return Obstacle((x, *frets.positions_m), (-1e-6 * at_note(shape.sawari_um, note), *frets.heights_m))
 
 
 def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
     """What kind of scene (`plan.scene_kind`) an open string over its obstacle is, plucked softly and hard."""
     pluck = preset.pluck
     shares = (pluck.position, pluck.hardest_position)
-    return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in shares])
+    curved = isinstance(preset.obstacle, BridgeObstacle)
+    return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in shares], curved=curved)
 
 
 def output_distance(preset: Preset, string: String, open_length_m: float) -> float:
@@ -286,10 +326,15 @@ def output_distance(preset: Preset, string: String, open_length_m: float) -> flo
     return min(preset.output.position * open_length_m, FARTHEST_OUTPUT * string.length_m)
 
 
-def full_pluck_force(preset: Preset, opened: String, note: int) -> float:
-    """Force [N] that draws an open string at the pluck's place by its displacement: that of velocity 127."""
+def pluck_shift(preset: Preset, table: StringTable, note: int) -> float:
+    """How much farther from the saddle than `pluck.position` a table's string is plucked, as a share of its open length."""
+    return 0.0 if table.pluck_position is None else at_note(table.pluck_position, note) - preset.pluck.position
+
+
+def full_pluck_force(preset: Preset, table: StringTable, opened: String, note: int) -> float:
+    """Force [N] that draws a table's open string at the pluck's place by its displacement: that of velocity 127."""
     length = opened.length_m
-    x = preset.pluck.position * length
+    x = (preset.pluck.position + pluck_shift(preset, table, note)) * length
     return 1e-3 * at_note(preset.pluck.displacement_mm, note) * opened.tension_n * length / (x * (length - x))
 
 
@@ -453,7 +498,7 @@ def compile_string(
         if isinstance(preset.obstacle, BoardObstacle):
             board = string_board(preset, opened, gain)
         positions = []
-        places = string_places(preset, note)
+        places = string_places(preset, table, note)
         for fret in range(places):
             if only_notes is not None and note + fret not in only_notes:
                 continue
@@ -492,7 +537,7 @@ def compile_string(
         length,
         positions[0].plan.factor,
         tuple(positions),
-        full_pluck_force(preset, opened, note),
+        full_pluck_force(preset, table, opened, note),
         opened.impedance_kg_s,
         1e-3 * at_note(preset.pluck.draw_ms, note),
         1e-3 * at_note(preset.pluck.slip_ms, note),
@@ -501,6 +546,9 @@ def compile_string(
         axial_stiffness(table, note) if table.tension_modulation else 0.0,
         preset.obstacle.friction if isinstance(preset.obstacle, PointContacts) else 0.0,
         board,
+        table.choir,
+        pluck_shift(preset, table, note),
+        table.sympathetic,
     )
 
 
@@ -520,7 +568,7 @@ def compile_preset(
     progress: Callable[[int], None] | None = None,
 ) -> CompiledPart:
     """All strings of a preset; `only_notes` leaves out strings none of whose notes is wanted, and, unless `every_fret`,
-    positions too.
+    positions too; of one whose articulations go through others, none.
 
     made: strings of earlier calls that differ in `only_notes` at most, which are not made again; new ones are added.
     progress: called with the number of strings after each of them.
@@ -528,6 +576,7 @@ def compile_preset(
     made = {} if made is None else made
     strings = []
     ends = wanted_notes(preset, only_notes)
+    every_fret = every_fret or roams(preset)
     for number, note in ends:
         wanted = None if every_fret or only_notes is None else frozenset(only_notes)
         if preset.coupled and wanted is not None:
@@ -597,15 +646,24 @@ def _rubbing_direction(across: Polarisation, string: CompiledString) -> Compiled
     return replace(string, positions=tuple(positions))
 
 
+def roams(preset: Preset) -> bool:
+    """Whether some of a preset's articulations need the whole of its strings."""
+    return any(each.roams for each in preset.articulations.values())
+
+
 def wanted_notes(preset: Preset, only_notes: Set[int] | None) -> list[tuple[int, int]]:
     """(number of its table, open note) of every string that one of the notes is played on; None: of all. Where strings share
-    a body, all of them as soon as one is played."""
-    neck = fret_count(preset)
+    a body, or a note may need others than its own, all of them as soon as one is played."""
     every = [(number, note) for number, table in enumerate(preset.string) for note in string_notes(table)]
     if only_notes is None:
         return every
-    played = [(number, note) for number, note in every if any(n in only_notes for n in range(note, note + neck + 1))]
-    return every if preset.coupled and played else played
+    played = [
+        (number, note)
+        for number, note in every
+        if not preset.string[number].sympathetic
+        and any(n in only_notes for n in range(note, note + fret_count(preset, preset.string[number]) + 1))
+    ]
+    return every if played and (preset.coupled or roams(preset)) else played
 
 
 def describe_plan(
@@ -624,9 +682,11 @@ def describe_plan(
     rows: list[dict[str, Any]] = []
     for table in preset.string:
         opens = string_notes(table)
-        neck = fret_count(preset)
+        neck = fret_count(preset, table)
         if note is None:
             wanted = sorted({opens[0], opens[len(opens) // 2], opens[-1]})
+        elif table.sympathetic:
+            wanted = []
         else:
             wanted = [opened for opened in opens if opened <= note <= opened + neck]
         for opened in wanted:
@@ -647,6 +707,7 @@ def describe_plan(
                     {
                         "string": string.name,
                         "note": midi_to_note(position.note),
+                        "sympathetic": string.sympathetic,
                         "fret": position.fret,
                         "frequency_hz": float(position.omega[0]) / (2.0 * math.pi),
                         "tension_n": position.tension_n,
@@ -668,7 +729,10 @@ def describe_plan(
         )
     head = f"{preset.name} at {quality}, {scheme}, {rate_hz:g} Hz out"
     lines = [
-        f"  {row['string']} {row['note']}" + (f" fret {row['fret']}" if row["fret"] else "") + f": {row['reason']}"
+        f"  {row['string']} {row['note']}"
+        + (f" fret {row['fret']}" if row["fret"] else "")
+        + (" (sympathetic)" if row["sympathetic"] else "")
+        + f": {row['reason']}"
         for row in rows
     ]
     return {

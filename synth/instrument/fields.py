@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
 
+from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator
 
 from synth.units import note_to_midi
@@ -23,7 +24,7 @@ def _note(value: Any) -> int:
     return number
 
 
-Note = Annotated[int, BeforeValidator(_note)]
+Note = Annotated[int, BeforeValidator(_note), Ge(0), Le(127)]
 
 
 def _note_range(value: Any) -> tuple[int, int]:

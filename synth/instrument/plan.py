@@ -12,6 +12,8 @@ far       such a point, but the string is plucked beyond its middle, nearer to t
           a few blows a period among the rolling. Promised is what is promised of a bridge; it takes a higher rate. Neither
           the height of the point nor the size of the pluck decides: with a point raised into the string, plucked close
           to it, the rates of a bridge suffice.
+curved    several points that are one curved bridge, over which the string wraps and unwraps without blows. It takes the
+          rates of a bridge of one point; nothing is promised of it.
 impacts   any other points: short blows, each of which magnifies what two runs differ by. After some of them the
           motion is chaotic: runs at several times the highest rate offered here differ as signals too. Promised are e
           over the first 100 ms and the log-spectral distance over the note where converged runs agree in them, and where
@@ -43,7 +45,7 @@ MAX_MODES = 2000
 #: how far from an end a single point is still a bridge, over the string's length, and what part of that distance the
 #: bending length must be: among random strings near an end, converged runs differed where it was less
 BRIDGE_REACH, BRIDGE_STIFFNESS = 0.03, 0.07
-FREE, BRIDGE, FAR, IMPACTS = "free", "bridge", "far", "impacts"
+FREE, BRIDGE, CURVED, FAR, IMPACTS = "free", "bridge", "curved", "far", "impacts"
 #: the part of random scenes that keeps a promise
 KEPT = 0.95
 IN_HOW_MANY = f"in {100.0 * KEPT:g} % of random scenes"
@@ -78,14 +80,16 @@ class StringPlan:
         )
 
 
-def scene_kind(string: String, positions_m: Sequence[float], plucks_m: Sequence[float] = ()) -> str:
-    """FREE, BRIDGE, FAR or IMPACTS for points of contact at these places of a string, plucked at those; none are known: near
-    the contact."""
+def scene_kind(string: String, positions_m: Sequence[float], plucks_m: Sequence[float] = (), *, curved: bool = False) -> str:
+    """FREE, BRIDGE, CURVED, FAR or IMPACTS for points of contact at these places of a string, plucked at those; none are
+    known: near the contact. `curved`: several points are those of one bridge."""
     if len(positions_m) == 0:
         return FREE
     distance = min(positions_m[0], string.length_m - positions_m[0])
     bending_length = math.sqrt(string.bending_stiffness_n_m2 / string.tension_n)
     near = distance <= BRIDGE_REACH * string.length_m and bending_length >= BRIDGE_STIFFNESS * distance
+    if len(positions_m) > 1 and curved:
+        return CURVED
     if len(positions_m) > 1 or not near:
         return IMPACTS
     middle = 0.5 * string.length_m
@@ -96,6 +100,8 @@ def promise(kind: str, quality: str) -> str:
     """What the quality promises of such a scene, in words, and of how many of them."""
     if kind == FREE:
         return "exact"
+    if kind == CURVED:
+        return "not calibrated on a curved bridge"
     if quality == "reference":
         return "as close as converged runs"
     if kind in (BRIDGE, FAR):
@@ -111,7 +117,7 @@ def wanted_rate_hz(fundamental_hz: float, kind: str, quality: str) -> float:
     """The internal rate that keeps the promise [Hz]; 0: any."""
     if kind == FREE:
         return 0.0
-    return STEPS[kind][quality] * fundamental_hz
+    return STEPS[BRIDGE if kind == CURVED else kind][quality] * fundamental_hz
 
 
 def choose_factor(

@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
 from synth.files.sources import read_bytes
 from synth.instrument import effects, excitations
@@ -23,13 +23,15 @@ from synth.instrument.articulations import Articulation, Hand, switching_problem
 from synth.instrument.effects import EffectTable, as_effect
 from synth.instrument.excitations import ExcitationTable, as_excitation
 from synth.instrument.faults import value_got, wanted
-from synth.instrument.fields import NoteRange, Scaled, anchors, each_within, within
+from synth.instrument.fields import Note, NoteRange, Scaled, anchors, each_within, within
 from synth.instrument.fields import at_note as at_note
 from synth.instrument.table import Table
 from synth.spelling import perhaps
 from synth.units import midi_to_note
 
 FORMAT = 2
+#: points of a curved bridge
+MOST_BRIDGE_POINTS = 32
 #: largest preset that is read [bytes]
 MOST_BYTES = 1 << 20
 
@@ -60,6 +62,8 @@ class Tuning(Table):
     offset_cents: float = Field(0.0, ge=-1200.0, le=1200.0)
     #: how far the contact raises the sounding fundamental [cents], by note; subtracted from the string's own pitch
     contact_cents: Annotated[dict[int, float], BeforeValidator(anchors), within(-1200.0, 1200.0)] | None = None
+    #: the same of strings that nobody plays
+    sympathetic_cents: Annotated[dict[int, float], BeforeValidator(anchors), within(-1200.0, 1200.0)] | None = None
 
 
 class NutMode(Table):
@@ -90,7 +94,18 @@ class StringTable(Table):
     #: its modulus times its (core's) section: less where it stretches behind nut and saddle, too
     tension_modulation: bool = False
     axial_stiffness_n: Annotated[Scaled, within(1.0, 1e6)] | None = None
-    cents: float = Field(0.0, ge=-200.0, le=200.0)
+    cents: float = Field(0.0, ge=-2400.0, le=2400.0)
+    #: a key sounds one string of every choir that has its note
+    choir: int = Field(1, ge=1, le=4)
+    #: where it is plucked, as a share of its open length, where that is not the pluck's position
+    pluck_position: Annotated[Scaled, within(0.02, 0.5)] | None = None
+    #: what it sounds, where `notes` is another key that plays it
+    sounds: Note | None = None
+    #: it rings with the others and no key plays it
+    sympathetic: bool = False
+    #: how many of the neck's frets, and of the bridge's points from the saddle on, are under it; all where not given
+    frets: int | None = Field(None, ge=0, le=36)
+    bridge_points: int | None = Field(None, ge=0, le=MOST_BRIDGE_POINTS)
     gain_db: Annotated[Scaled, within(-60.0, 24.0)] = 0.0
     #: where on the bridge it ends, from its middle; which way it moves when it is plucked, from the normal of the body
     place_mm: Annotated[Scaled, within(-500.0, 500.0)] = 0.0
@@ -102,6 +117,13 @@ class StringTable(Table):
     def _consistent(self) -> StringTable:
         if self.notes[1] < self.notes[0]:
             raise ValueError(f"notes must rise, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}")
+        for key, given in (("sympathetic", self.sympathetic), ("sounds", self.sounds is not None)):
+            if given and self.notes[0] != self.notes[1]:
+                low, high = (midi_to_note(note) for note in self.notes)
+                raise ValueError(f"{key} is of one string, got notes {low}-{high}; give one note")
+        for key in ("sounds", "frets"):
+            if self.sympathetic and getattr(self, key) is not None:
+                raise ValueError(f"{key} has no meaning for a sympathetic string, which no key plays: leave it out")
         if (self.linear_density_g_m is None) == (self.density_kg_m3 is None):
             raise ValueError("give either linear_density_g_m or density_kg_m3 (of a plain string)")
         if (self.youngs_modulus_gpa is None) == (self.inharmonicity is None):
@@ -144,6 +166,11 @@ class BridgeObstacle(Table):
     distance_ratio: float | None = Field(None, gt=0.0, le=0.2)
     #: height of the thread: gap between the string at rest and the contact; negative presses the string
     jiva_um: Annotated[Scaled, within(-100.0, 1000.0)] = 0.0
+    #: a curved bridge: so many points, evenly from the saddle to `distance`, on an arc that falls away from the string there
+    points: int = Field(1, ge=1, le=MOST_BRIDGE_POINTS)
+    radius_mm: float = Field(900.0, ge=1.0, le=1e5)
+    #: semitones at which a neck stops strings, which are clear of its frets else
+    frets: int = Field(0, ge=0, le=36)
     #: thread, felt, skin: soft, in front of what is rigid
     layer: Layer | None = None
     #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
@@ -188,6 +215,9 @@ class FretsObstacle(Table):
     relief_mm: float = Field(0.0, ge=0.0, le=5.0)
     nut_height_mm: float = Field(0.4, gt=0.0, le=5.0)
     heights_mm: Annotated[tuple[float, ...], each_within(-200.0, 50.0)] = ()
+    #: a hill beside the nut that open strings buzz on (sawari): from the nut, and the gap below the string at rest
+    sawari_distance_mm: float | None = Field(None, gt=0.0, le=200.0)
+    sawari_um: Annotated[Scaled, within(-100.0, 1000.0)] | None = None
     #: thread, felt, skin: soft, in front of what is rigid
     layer: Layer | None = None
     #: of a string that moves in two directions: the share of the force that presses it which holds it back along the contact
@@ -199,6 +229,8 @@ class FretsObstacle(Table):
             raise ValueError("give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm")
         if self.heights_mm and len(self.heights_mm) != self.count:
             raise ValueError(f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}")
+        if (self.sawari_distance_mm is None) != (self.sawari_um is None):
+            raise ValueError("a sawari has both sawari_distance_mm and sawari_um")
         if not self.heights_mm and self.count < 12:
             raise ValueError(
                 f"count must be at least 12 for an action at fret 12, got {self.count}; give heights_mm instead"
@@ -299,7 +331,7 @@ class Output(Table):
     #: pickup: distance of the magnet from the string at rest, and length of string it sees
     distance_mm: float = Field(3.0, gt=0.1, le=50.0)
     aperture_mm: float = Field(10.0, gt=0.0, le=100.0)
-    #: level; presets are set so that velocity 127 peaks near −6 dBFS
+    #: level; presets are set so that all are equally loud (`tools/loudness`)
     gain_db: float = Field(0.0, ge=-200.0, le=200.0)
 
 
@@ -307,6 +339,8 @@ class BodyMode(Table):
     frequency_hz: float = Field(gt=10.0, le=20000.0)
     q: float = Field(ge=1.0, le=1000.0)
     gain_db: float = Field(ge=-120.0, le=60.0)
+    #: from where it is heard (−1 left … 1 right)
+    pan: float = Field(0.0, ge=-1.0, le=1.0)
 
 
 class MovingMode(Table):
@@ -338,6 +372,11 @@ class Body(Table):
     #: modes of the body that the strings drive by the bridge, and that drive them
     mode: tuple[MovingMode, ...] = Field((), max_length=256)
 
+    @property
+    def wide(self) -> bool:
+        """Whether any resonance is heard from a side."""
+        return any(peak.pan != 0.0 for peak in self.resonance)
+
 
 class Mapping_(Table):
     """How many strings may sound at once, and what pressure on the keys does."""
@@ -351,6 +390,34 @@ class Mapping_(Table):
 
 #: what presets may be called
 NAME_PATTERN = re.compile("[a-z0-9][a-z0-9-]{0,63}")
+#: letters of a family or a tag at most, tags at most
+WORD_LETTERS = 24
+MOST_TAGS = 16
+_WORD = re.compile("[a-z0-9]+(-[a-z0-9]+)*")
+
+
+def _word(value: Any) -> str:
+    """A lower-case word by which presets are found. Raises ValueError."""
+    if not isinstance(value, str) or len(value) > WORD_LETTERS or not _WORD.fullmatch(value):
+        raise ValueError(
+            f"must be a word of lower-case letters, digits and hyphens, up to {WORD_LETTERS}, such as bass, got {value!r}"
+        )
+    return value
+
+
+def _word_or_none(value: Any) -> str:
+    return "" if value == "" else _word(value)
+
+
+def _tags(values: tuple[str, ...]) -> tuple[str, ...]:
+    for number, tag in enumerate(values):
+        if tag in values[:number]:
+            raise ValueError(f"has {tag!r} twice; leave one out")
+    return values
+
+
+#: a lower-case word
+Word = Annotated[str, BeforeValidator(_word)]
 
 
 class Preset(Table):
@@ -360,6 +427,9 @@ class Preset(Table):
     name: str = Field(pattern=f"^{NAME_PATTERN.pattern}$")
     title: str = ""
     description: str = ""
+    #: what sort of instrument it is (bass, guitar, tanpura), "" where that is not given; other words by which it is found
+    family: Annotated[str, BeforeValidator(_word_or_none)] = ""
+    tags: Annotated[tuple[Word, ...], AfterValidator(_tags)] = Field((), max_length=MOST_TAGS)
     #: the author's notes, of any number of lines
     remarks: str = ""
     sources: tuple[str, ...] = ()
@@ -403,6 +473,33 @@ class Preset(Table):
     def _pressure_moves_a_bridge(self) -> Preset:
         if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
             raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
+        if self.mapping.pressure_um != 0.0 and isinstance(self.obstacle, BridgeObstacle) and self.obstacle.points > 1:
+            raise ValueError(
+                f"mapping.pressure_um moves a bridge of one point, got obstacle.points = {self.obstacle.points}; "
+                "leave one of them out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _sympathetic_strings_ring_by_a_bridge(self) -> Preset:
+        along = [number for number, table in enumerate(self.string) if table.sympathetic]
+        if along and not self.body.mode:
+            raise ValueError(
+                f"string.{along[0]}.sympathetic: a string rings with others by the bridge that they share; "
+                "give [[body.mode]], or leave sympathetic out"
+            )
+        if len(along) == len(self.string):
+            raise ValueError("string: all strings are sympathetic, and no key plays one; leave sympathetic out of some")
+        return self
+
+    @model_validator(mode="after")
+    def _strings_have_what_the_neck_and_the_bridge_have(self) -> Preset:
+        points = self.obstacle.points if isinstance(self.obstacle, BridgeObstacle) else 0
+        for number, table in enumerate(self.string):
+            for key, most, whose in (("frets", fret_count(self), "the neck"), ("bridge_points", points, "the bridge")):
+                given = getattr(table, key)
+                if given is not None and given > most:
+                    raise ValueError(f"string.{number}.{key} must be at most the {most} of {whose}, got {given}; take fewer")
         return self
 
     @model_validator(mode="after")
@@ -459,6 +556,11 @@ class Preset(Table):
     def coupled(self) -> bool:
         """Whether its strings share a bridge and a body that move."""
         return bool(self.body.mode)
+
+    @property
+    def stereo(self) -> bool:
+        """Whether left and right are heard apart: of a body that moves, or that has resonances to the sides."""
+        return self.coupled or self.body.wide
 
     @property
     def on_rigid_ends(self) -> Preset:
@@ -685,21 +787,27 @@ def in_file_words(text: str, table: StringTable) -> str:
     return re.sub(r"\b(" + "|".join(keys) + r")\b", lambda found: keys[found[0]], text)
 
 
-def fret_count(preset: Preset) -> int:
-    """How many frets the neck has, or semitones are stopped on a board; 0 without a neck."""
-    shape = preset.obstacle
-    return shape.count if isinstance(shape, FretsObstacle) else shape.semitones if isinstance(shape, BoardObstacle) else 0
+def fret_count(preset: Preset, table: StringTable | None = None) -> int:
+    """How many frets the neck has, or semitones are stopped on a board; of a string, those under it. 0 without a neck."""
+    if table is not None and (table.sympathetic or table.frets is not None):
+        return table.frets or 0
+    match preset.obstacle:
+        case FretsObstacle(count=count) | BoardObstacle(semitones=count) | BridgeObstacle(frets=count):
+            return count
+        case _:
+            return 0
 
 
 def playable_range(preset: Preset) -> tuple[int, int]:
     """Lowest and highest MIDI note that the preset's strings can be asked for."""
-    return min(s.notes[0] for s in preset.string), max(s.notes[1] for s in preset.string) + fret_count(preset)
+    played = [table for table in preset.string if not table.sympathetic]
+    return min(table.notes[0] for table in played), max(table.notes[1] + fret_count(preset, table) for table in played)
 
 
 def playable_notes(preset: Preset) -> list[int]:
     """The MIDI notes that the preset's strings and frets give, in order."""
-    frets = fret_count(preset)
-    notes = {note for s in preset.string for note in range(s.notes[0], s.notes[1] + frets + 1)}
+    played = [table for table in preset.string if not table.sympathetic]
+    notes = {note for s in played for note in range(s.notes[0], s.notes[1] + fret_count(preset, s) + 1)}
     return sorted(note for note in notes if note <= 127)
 
 
@@ -709,7 +817,8 @@ def why_unplayed(preset: Preset, note: int) -> str:
     return "no string is tuned to it" if low <= note <= high else f"outside {midi_to_note(low)}-{midi_to_note(high)}"
 
 
-def contact_cents(preset: Preset, note: float) -> float:
-    """The preset's calibrated contact shift at a note [cents]; 0 where none is given."""
-    table = preset.tuning.contact_cents
+def contact_cents(preset: Preset, note: float, *, sympathetic: bool = False) -> float:
+    """The preset's calibrated contact shift at a note [cents], of strings that are played or of the others; 0 where none is
+    given."""
+    table = preset.tuning.sympathetic_cents if sympathetic else preset.tuning.contact_cents
     return at_note(table, note) if table else 0.0

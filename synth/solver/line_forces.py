@@ -155,7 +155,7 @@ def _contacts_and_finger(
     enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
     for i in range(several):
         enabled[i] = 1
-        active[i] = 0
+        active[i] = 1 if forces[i, first] > 0.0 else 0  # when this frame was asked for the last time
     push, push_slope, total = 0.0, 0.0, 1.0
     here, here_slope = finger.here, 0.0
     force, slope, pattern, status, held = 0.0, 0.0, 0, SOLVED, int(np.int64(0))
@@ -181,7 +181,7 @@ def _contacts_and_finger(
                 substitute(b, count, w.factor, w.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i]
-        more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total)
+        more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total, t + 1 < steps)
         force += more
         slope += steeper
         if fingered:

@@ -103,7 +103,7 @@ def answer_of_soft_line(
                 substitute(change, count, w.factor, w.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i] + z[several + i]
-        more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total)
+        more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total, True)
         force += more
         slope += steeper
         if fingered:

@@ -44,9 +44,11 @@ def push_of_finger(s, e, w, dt: float, step: int, t: int, here: float, here_slop
 
 
 @njit(inline="always")
-def act_on_rows(m, s, e, w, first: int, t: int, push: float, push_slope: float, total: float) -> tuple[float, float]:
+def act_on_rows(
+    m, s, e, w, first: int, t: int, push: float, push_slope: float, total: float, later: bool
+) -> tuple[float, float]:
     """Step t's forces, End.forces and slopes of the contacts and the finger's without them, act on the rows of it and later
-    steps: (mean force on the bridge, its slope)."""
+    steps: (mean force on the bridge, its slope). Without `later` ones the rows of contacts are left as they are."""
     several, contacts, near, fingered = e.counts[NEAR], m.shapes.shape[0], e.near, s.finger[0].on != 0
     force, slope = 0.0, 0.0
     if fingered:
@@ -66,7 +68,7 @@ def act_on_rows(m, s, e, w, first: int, t: int, push: float, push_slope: float, 
             add_late(w.forces[i], s.grip_contacts[c], t, push_slope)
         pressed, change = e.forces[i, first + t], e.slopes[i, first + t]
         if pressed > 0.0:
-            for d in range(several):
+            for d in range(several if later else 0):
                 add_late(w.u[d], m.lags[near[d], c], t, pressed)
                 add_late(w.forces[d], m.lags[near[d], c], t, change)
             if fingered:

@@ -365,7 +365,7 @@ def test_a_touch_gives_no_energy_to_strings_that_share_a_body(name: str) -> None
         ('[articulations.a]\nkey = "C1"', "there must be a way back from a: give \\[articulations.normal\\] a key"),
         ('[articulations.a]\nkey = "C1"\n[articulations.normal]\nkey = "C1"', "C1 already switches to a"),
         ("[articulations.a]\ncontroller = 20\n[articulations.b]\ncontroller = 20", "overlaps with that of a"),
-        ("[articulations.a]\nmass_g = 20", 'mass_g is of what is thrown: it needs stroke = "throw"'),
+        ("[articulations.a]\nmass_g = 21", 'mass_g is of what is thrown: it needs stroke = "throw"'),
         ("[articulations.a]\nharmonic = true", "harmonic needs a touch"),
         ("[articulations.a]\nvelocity = [100, 90]", "must be two velocities of 1 to 127 that rise"),
         ("[articulations.a]\ntouch = { place = 1.5, resistance = 1 }", "articulations.a.touch.place"),

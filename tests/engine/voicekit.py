@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -21,13 +21,18 @@ _RESPONDER = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)
 
 class Fake:
     """Parts of strings; a string is the notes of its positions, from the open one on. Part p plays on channel p, a single
-    one on all. `asked`: (action, string or position, velocity) of everything but GO_ON, `went_on`: the strings of these."""
+    one on all. Every part has the articulations, fields of ARTICULATION, and `meend`; there are 1000 frames in a second.
+
+    asked: (action, string or position, velocity) of everything but GO_ON.  went_on: the strings of these.
+    """
 
     def __init__(
         self,
         *parts: Sequence[Sequence[int]],
         polyphony: int = 24,
         bindings: Sequence[tuple[int, int, int, float, float]] = (),
+        articulations: Sequence[Mapping[str, float]] = ({},),
+        meend: float = 0.0,
         decide: Callable[[int], None] = policy.decide,
     ) -> None:
         positions = [
@@ -40,18 +45,31 @@ class Fake:
             "positions": len(positions),
             "parts": len(parts),
             "bindings": len(bindings),
+            "articulations": sum(len(articulations) for _ in parts),
             "N_PARAMETERS": layout.N_PARAMETERS,
             "N_COUNTERS": layout.N_COUNTERS,
         }
         self._respond = _RESPONDER(self._do)  # kept: the table holds its address
         address = ctypes.cast(self._respond, ctypes.c_void_p).value
-        me = self.me = allocate(Voices, sizes, polyphony=polyphony, respond=address, core=0, thread=0)
+        me = self.me = allocate(Voices, sizes, polyphony=polyphony, rate_hz=1000.0, respond=address, core=0, thread=0)
         for k, (p, s, note, fret) in enumerate(positions):
             me.positions[k] = (p, s, note, fret, k)
             me.strings["part"][s] = p
             me.strings["positions"][s] += 1
         me.parts["first_position"] = np.searchsorted(me.positions["part"], np.arange(len(parts)))
         me.parts["end_position"] = np.searchsorted(me.positions["part"], np.arange(len(parts)), "right")
+        me.parts["first_articulation"] = np.arange(len(parts)) * len(articulations)
+        me.parts["end_articulation"] = me.parts["first_articulation"] + len(articulations)
+        me.parts["meend"] = meend
+        me.parts["choirs"] = 1
+        me.strings["choir"] = 1
+        for number, way in enumerate(me.articulations):
+            mine = number % len(articulations)
+            given = {"key": -1, "controller": -1, "soft": 1 if mine == 0 else 128, "hard": 127 if mine == 0 else 128}
+            for field, value in {**given, **articulations[mine]}.items():
+                way[field] = value
+        me.sounding["articulation"] = me.parts["first_articulation"][me.strings["part"]]
+        me.sounding["glide_to"] = -1
         me.program_map[:] = 0 if len(parts) == 1 else np.minimum(np.arange(16), len(parts))[:, None]
         me.program_map[me.program_map == len(parts)] = -1
         me.plays[:] = [[(row == p).any() for p in range(len(parts))] for row in me.program_map]

@@ -32,6 +32,7 @@ from synth.midi.events import (
 )
 from synth.native.processors import cores
 from synth.plugin.bankfile import bank
+from tests.engine.handed import BUSY, HANDED, PULLED, PULLS
 from tests.engine.kit import FREE, SHARED, play, random_events
 from tests.patience import until
 
@@ -136,6 +137,22 @@ def test_a_body_beside_another_part_sounds_as_in_python(library, tmp_path):
     for threads in (1, 2):
         native = library.open_bank(tmp_path / "both.jawari").engine(threads=threads)
         assert same(played(engine, events), native.play(events, FRAMES, 333))
+
+
+@pytest.mark.parametrize(("preset", "events"), [(HANDED, BUSY), (PULLED, PULLS)], ids=["handed", "pulled"])
+def test_articulations_sound_as_in_python(library, tmp_path, preset, events):
+    (tmp_path / "handed.jawari").write_bytes(bank((preset,), [RATE_HZ]))
+    engine, rows, frames, at = Engine([preset]), make_events(events), 36_000, 19_904
+    engine.prepare(RATE_HZ, 4096)
+    wanted = played(engine, rows, frames)
+    opened = library.open_bank(tmp_path / "handed.jawari")
+    assert same(wanted, opened.engine(threads=2).play(rows, frames, 333))
+    first, rest = opened.engine(), rows[rows["frame"] >= at].copy()
+    first.play(rows[rows["frame"] < at], at, 512)
+    rest["frame"] -= at
+    other = opened.engine()
+    other.load(first.save())
+    assert same(wanted[at:], other.play(rest, frames - at, 700))
 
 
 def test_presets_together_sound_as_in_python(library, bank_files):
@@ -476,7 +493,7 @@ def test_values_and_programs_can_be_asked_for(library, bank_files):
     engine, model = opened.engine(), reference(*PRESETS)
     for parameter in model.parameters:
         assert library.value(engine.address, parameter.part, parameter.index) == parameter.default
-    assert np.isnan(library.value(engine.address, 3, 0)) and np.isnan(library.value(engine.address, 0, 6))
+    assert np.isnan(library.value(engine.address, 3, 0)) and np.isnan(library.value(engine.address, 0, 7))
     engine.play([(0, PROGRAM, 4, 2), (0, PARAMETER, 1, 2, 0, 7.0), (0, NOTE_ON, 4, 60, 90)], 200)
     assert [library.program(engine.address, c) for c in (0, 4, 16, -1)] == [0, 2, -1, -1]
     assert library.value(engine.address, 1, 2) == 2.0  # its range ends there

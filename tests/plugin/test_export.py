@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +23,16 @@ from .native import Library
 
 #: cheap: one rate, few modes
 CHEAP = ["--rates", "44100", "--quality", "draft"]
+#: `synth` of an installation that has the presets of a folder, the first argument
+WITH_PRESETS = """
+import sys
+from pathlib import Path
+from synth.instrument import preset
+folder = Path(sys.argv.pop(1))
+preset.preset_folder = lambda: folder
+from synth.cli import main
+sys.exit(main())
+"""
 
 
 class Export:
@@ -32,8 +43,10 @@ class Export:
         self.env = {**os.environ, "JAWARI_NATIVE": str(library_file), "HOME": str(folder / "home")}
         (folder / "home").mkdir()
 
-    def start(self, *arguments: str, **more) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "synth", "export", *arguments]
+    def start(self, *arguments: str, presets: Path | None = None, **more) -> subprocess.Popen[str]:
+        """presets: the folder of those that come with the program, where they are to be others."""
+        program = ["-m", "synth"] if presets is None else ["-c", WITH_PRESETS, str(presets)]
+        command = [sys.executable, *program, "export", *arguments]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more
         return subprocess.Popen(command, cwd=self.folder, env=self.env, text=True, **pipes)
 
@@ -82,11 +95,16 @@ def test_all_formats_are_one_library_and_what_each_wants_beside_it(export: Expor
     assert os.access(export.folder / "tanpura.clap", os.X_OK)
 
 
-def test_several_presets_are_programs_of_one_plugin(export: Export) -> None:
-    out = export("--all", "--name", "all-of-them", "-f", "clap", *CHEAP)
+def test_several_presets_are_programs_of_one_plugin(export: Export, tmp_path: Path) -> None:
+    """`--all` takes every file of the folder; four kinds of instruments stand for all that come with the program."""
+    names = ["fretless-bass", "jawari-harp", "sitar", "steel-guitar"]
+    folder = tmp_path / "presets"
+    folder.mkdir()
+    for name in names:
+        shutil.copy(preset_folder() / f"{name}.toml", folder)
+    out = export("--all", "--name", "all-of-them", "-f", "clap", *CHEAP, presets=folder)
     assert out.startswith("all-of-them: ") and "all-of-them.clap" in out
-    own = sorted(path.stem for path in preset_folder().glob("*.toml"))
-    assert sorted(presets_in(export.folder / "all-of-them.clap")) == own
+    assert sorted(presets_in(export.folder / "all-of-them.clap")) == names
 
 
 def test_a_preset_of_ones_own_with_settings_replaces_what_was_there(export: Export) -> None:

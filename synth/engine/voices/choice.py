@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.layout import CORE, PRESS
+from synth.engine.layout import CORE, PRESS, WAIT
 from synth.engine.voices.channels import legato_on
 from synth.engine.voices.voice_table import voices_of
 
@@ -14,23 +14,22 @@ OCCUPIED, SAME_NOTE, SLURRED = 1000.0, -1000.0, -500.0
 
 
 @njit(**CORE)
-def choose_position(voices: int, p: int, c: int, note: int) -> int:
+def choose_position(voices: int, p: int, c: int, note: int, choir: int) -> int:
     """The string already playing the note, else a string that is not held, nearest to the hand; among equals the one
-    plucked longest ago. −1 where the note is on no string of part p."""
+    plucked longest ago. −1 where the note is on no string of this choir of part p."""
     me = voices_of(voices)
     part = me.parts[p]
     hand = me.part_state[p].hand
     best, best_cost, best_age = -1, 0.0, 0
     for k in range(part.first_position, part.end_position):
         position = me.positions[k]
-        if position.note != note:
+        if position.note != note or me.strings[position.string].choir != choir:
             continue
         voice = me.sounding[position.string]
         cost = 0.0
         if me.strings[position.string].positions > 1:
             cost = abs(position.fret - hand) if position.fret > 0 else 1.0
-            stopped_at = voice.pending_model if voice.phase == PRESS else voice.model
-            if voice.awake and stopped_at == position.model:
+            if voice.awake and _plays(voices, position.string, k):
                 cost += SAME_NOTE
             elif voice.awake and voice.held and voice.channel == c and legato_on(voices, c):
                 cost += SLURRED
@@ -40,3 +39,15 @@ def choose_position(voices: int, p: int, c: int, note: int) -> int:
         if best < 0 or cost < best_cost or (cost == best_cost and age < best_age):
             best, best_cost, best_age = k, cost, age
     return best
+
+
+@njit(**CORE)
+def _plays(voices: int, s: int, k: int) -> bool:
+    """Whether string s, which sounds, is stopped at position k, or about to be; one that is pulled aside plays its key."""
+    me = voices_of(voices)
+    voice, position = me.sounding[s], me.positions[k]
+    if voice.pull_to != 0.0:
+        return voice.note == position.note
+    if voice.phase != PRESS and voice.phase != WAIT:
+        return voice.model == position.model
+    return (voice.glide_to if voice.glide_to >= 0 else voice.pending_model) == position.model

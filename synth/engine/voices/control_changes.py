@@ -1,4 +1,4 @@
-"""Control changes: levels, pedals, registered parameters, and controllers that are bound to live parameters."""
+"""Control changes: levels, pedals, registered parameters, what rules articulations or is bound to live parameters."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from synth.engine.voices.channels import RPN_NONE, belongs, claim, manager
 from synth.engine.voices.mpe import set_zone
 from synth.engine.voices.notes import release_all, silence, sustain
 from synth.engine.voices.retuning import set_parameter
+from synth.engine.voices.switching import forget_switches, rule
 from synth.engine.voices.voice_table import voices_of
 from synth.midi.zones import CONFIGURATION, MOST_MEMBERS
 
@@ -28,6 +29,10 @@ def control(voices: int, c: int, controller: int, value: int) -> None:
     x = value / 127.0
     if 0 <= controller < 128 and me.bound[controller + 1] > me.bound[controller]:
         _set_bound(voices, c, me.bound[controller], me.bound[controller + 1], value)
+        return
+    rule(voices, c, controller, value)
+    if controller == 1:
+        channel.wheel = x
     elif controller == 7:  # unity at the power-up value of 100; the curve is the recommended 40 log₁₀
         channel.volume = (127.0 * x / 100.0) ** 2
         claim(voices, c)
@@ -101,6 +106,7 @@ def _reset_controllers(voices: int, c: int) -> None:
     """Of a channel, or of a whole zone by its master, as the recommended practice RP-015 has it: levels, pan, program and
     sound controllers stay."""
     me = voices_of(voices)
+    forget_switches(voices, c)
     for k in range(me.channels.size):
         if belongs(voices, k, c):
             channel = me.channels[k]
@@ -109,6 +115,7 @@ def _reset_controllers(voices: int, c: int) -> None:
             channel.rpn = RPN_NONE
             channel.bend_raw = 0.0
             channel.pressure = 0.0
+            channel.wheel = 0.0
             sustain(voices, k, 0)
     for s in range(me.sounding.size):
         if belongs(voices, me.sounding[s].channel, c):

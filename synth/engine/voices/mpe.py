@@ -31,6 +31,9 @@ def set_zone(voices: int, zone: int, members: int) -> None:
         channels[c].bend_range = PLAIN_BEND if master == c else MEMBER_BEND
         channels[c].bend_raw = 0.0
         channels[c].pressure = 0.0
+        channels[c].wheel = 0.0
+        channels[c].articulation = 0
+        channels[c].ruled = -1
         channels[c].timbre = 64
         channels[c].master = master
     for p in range(me.part_state.size):

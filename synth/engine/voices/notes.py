@@ -7,8 +7,15 @@ from numba import njit
 from synth.engine.layout import CORE, N_NOTES, N_TAKEN
 from synth.engine.voices.channels import belongs, legato_on, part_of, pedal, timbre_of
 from synth.engine.voices.choice import choose_position
+from synth.engine.voices.harmonics import choose_harmonic
+from synth.engine.voices.slurring import has_begun, position_held_below, slur
 from synth.engine.voices.stealing import make_room
+from synth.engine.voices.strumming import take_turn
+from synth.engine.voices.switching import articulation_of, switch
 from synth.engine.voices.voice_table import cut, go_on, let_go, pluck, voices_of
+
+#: what a slur back to a key is asked with, which has no loudness of its own
+RELEASE_VELOCITY = 64
 
 
 @njit(**CORE)
@@ -17,49 +24,99 @@ def note_on(voices: int, c: int, note: int, velocity: int) -> None:
     me = voices_of(voices)
     if not 0 <= note <= 127:
         return
+    p = part_of(voices, c)
+    if p >= 0 and switch(voices, c, p, note):
+        return
     velocity = min(velocity, 127)
     me.counters[N_NOTES] += 1
-    p = part_of(voices, c)
+    me.keys[c, note] = me.counters[N_NOTES]
     if p < 0:
         me.unplayed[me.parts.size, note] += 1
         return
-    chosen = choose_position(voices, p, c, note)
-    if chosen < 0:
+    way = articulation_of(voices, c, p, velocity)
+    if me.articulations[way].harmonic:
+        chosen, node = choose_harmonic(voices, p, c, note)
+        if chosen >= 0:
+            _begin(voices, p, c, note, velocity, chosen, way, node)
+            return
+        way = me.parts[p].first_articulation  # too low for one
+    played = False
+    for choir in range(1, me.parts[p].choirs + 1):
+        chosen = choose_position(voices, p, c, note, choir)
+        if chosen >= 0:
+            _begin(voices, p, c, note, velocity, chosen, way, 0.0)
+            played = True
+    if not played:
         me.unplayed[p, note] += 1
-        return
+
+
+@njit(**CORE)
+def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, way: int, node: float) -> None:
+    """The note on one position of part p, by this articulation; touched at `node` for a harmonic, 0 for none."""
+    me = voices_of(voices)
     position = me.positions[chosen]
     voice = me.sounding[position.string]
     go_on(voices, position.string)
     if not voice.awake or voice.idle or voice.stolen:
         make_room(voices)
-    legato = legato_on(voices, c) and voice.held != 0 and voice.awake != 0 and voice.model != position.model
+    elsewhere = voice.model != position.model or voice.pull_to != 0.0
+    legato = legato_on(voices, c) and node == 0.0 and voice.held != 0 and has_begun(voices, position.string) and elsewhere
     if voice.held and voice.awake and not legato and (voice.note != note or voice.channel != c):
         me.counters[N_TAKEN] += 1
+    voice.articulation = way
+    voice.node = node
+    voice.wait = 0
+    if me.articulations[way].strum_s > 0.0 and not legato:
+        take_turn(voices, chosen, velocity)
     voice.note = note
     voice.channel = c
     voice.held = 1
     voice.sustained = 0
     voice.stolen = 0
     voice.plucked_at = me.counters[N_NOTES]
-    voice.retune_to = me.tuning[note]
+    voice.retune_to = me.tuning[position.note]
     voice.key_pressure = 0.0
     voice.timbre = timbre_of(voices, c)
     me.part_state[p].channel = me.channels[c].master
     if position.fret > 0:
         me.part_state[p].hand = position.fret
-    pluck(voices, chosen, velocity, legato)
+    if legato:
+        slur(voices, chosen, velocity)
+    else:
+        voice.pull_to = 0.0
+        pluck(voices, chosen, velocity, False)
 
 
 @njit(**CORE)
 def note_off(voices: int, c: int, note: int) -> None:
-    sounding = voices_of(voices).sounding
-    for s in range(sounding.size):
-        voice = sounding[s]
+    me = voices_of(voices)
+    if not 0 <= note <= 127:
+        return
+    me.keys[c, note] = 0
+    for s in range(me.sounding.size):
+        voice = me.sounding[s]
         if voice.held and voice.channel == c and voice.note == note:
             go_on(voices, s)
+            below = position_held_below(voices, s)
+            if below >= 0:
+                _go_back(voices, s, below)
+                continue
             voice.held = 0
             voice.sustained = pedal(voices, c)
             let_go(voices, s)
+
+
+@njit(**CORE)
+def _go_back(voices: int, s: int, k: int) -> None:
+    """A string whose key is let go goes back to a key that is still held."""
+    me = voices_of(voices)
+    position, voice = me.positions[k], me.sounding[s]
+    voice.note = position.note
+    voice.retune_to = me.tuning[position.note]
+    voice.key_pressure = 0.0
+    if position.fret > 0:
+        me.part_state[me.strings[s].part].hand = position.fret
+    slur(voices, k, RELEASE_VELOCITY)
 
 
 @njit(**CORE)
@@ -76,6 +133,7 @@ def press_key(voices: int, c: int, note: int, pressure: int) -> None:
 def release_all(voices: int, c: int) -> None:
     """All notes off: as if every key of the channel, or of its zone, were let go."""
     sounding = voices_of(voices).sounding
+    _forget_keys(voices, c)
     for s in range(sounding.size):
         voice = sounding[s]
         if (voice.held or voice.sustained) and belongs(voices, voice.channel, c):
@@ -104,6 +162,7 @@ def sustain(voices: int, c: int, value: int) -> None:
 def silence(voices: int, c: int) -> None:
     """All sound off: cut short what the channel, or its zone, sounds."""
     sounding = voices_of(voices).sounding
+    _forget_keys(voices, c)
     for s in range(sounding.size):
         voice = sounding[s]
         if voice.awake and belongs(voices, voice.channel, c):
@@ -117,9 +176,19 @@ def silence(voices: int, c: int) -> None:
 def give_up(voices: int, c: int) -> None:
     """Nothing holds any longer what channel c alone has begun."""
     sounding = voices_of(voices).sounding
+    voices_of(voices).keys[c] = 0
     for s in range(sounding.size):
         if sounding[s].channel == c:
             go_on(voices, s)
             sounding[s].held = 0
             sounding[s].sustained = 0
             let_go(voices, s)
+
+
+@njit(**CORE)
+def _forget_keys(voices: int, c: int) -> None:
+    """No key of the channel, or of its zone, is down any more."""
+    me = voices_of(voices)
+    for k in range(me.channels.size):
+        if belongs(voices, k, c):
+            me.keys[k] = 0

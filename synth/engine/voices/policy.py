@@ -13,6 +13,7 @@ from synth.engine.layout import CORE
 from synth.engine.voices.control_changes import control
 from synth.engine.voices.notes import note_off, note_on, press_key
 from synth.engine.voices.retuning import set_parameter, tune
+from synth.engine.voices.switching import choose_program
 from synth.engine.voices.voice_table import voices_of
 from synth.jit import entries
 from synth.midi.events import (
@@ -55,7 +56,7 @@ def handle(voices: int) -> None:
     elif kind == BEND:
         me.channels[c].bend_raw = max(-1.0, min(1.0, a / 8192.0))
     elif kind == PROGRAM:
-        me.channels[c].program = a & 127
+        choose_program(voices, c, a & 127)
     elif kind == PRESSURE:
         me.channels[c].pressure = min(max(b, 0), 127) / 127.0
     elif kind == KEY_PRESSURE:

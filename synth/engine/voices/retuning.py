@@ -35,8 +35,13 @@ def tune(voices: int, key: int, pitch: float, at_once: int) -> None:
     offset = 0.0
     if math.isfinite(pitch):
         offset = max(-MOST_RETUNING, min(MOST_RETUNING, pitch - me.pitch[key]))
+    before = me.tuning[key]
     me.tuning[key] = offset
     if at_once:
         for s in range(me.sounding.size):
             if me.sounding[s].note == key:
-                me.sounding[s].retune_to = offset
+                voice = me.sounding[s]
+                if voice.pull_to != 0.0:  # the string's own fret keeps its tuning
+                    voice.pull_to += offset - before
+                else:
+                    voice.retune_to = offset

@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.engine.layout import BINDING, CHANNEL, CORE, PART, PART_STATE, POSITION, SOUNDING, STRING
+from synth.engine.layout import ARTICULATION, BINDING, CHANNEL, CORE, PART, PART_STATE, POSITION, SOUNDING, STRING
 from synth.midi.events import EVENT
 from synth.native.arrays import f8, i8, struct
 from synth.native.views import ask, opener
@@ -36,23 +36,26 @@ class Voices(NamedTuple):
     """Of the strings and their positions, of channels and parts what decides who plays. Arrays of `Bank` and `State`."""
 
     sounding: Annotated[np.ndarray, struct(SOUNDING, "strings")]  # the voices, one for each string
-    strings: Annotated[np.ndarray, struct(STRING, "strings")]  # read: part, positions
+    strings: Annotated[np.ndarray, struct(STRING, "strings")]  # read: part, positions, choir
     positions: Annotated[np.ndarray, struct(POSITION, "positions")]
-    parts: Annotated[np.ndarray, struct(PART, "parts")]  # read: first_position, end_position
+    parts: Annotated[np.ndarray, struct(PART, "parts")]  # read: positions, choirs, articulations, meend
+    articulations: Annotated[np.ndarray, struct(ARTICULATION, "articulations")]  # read: keys, controllers, velocities; times
     program_map: Annotated[np.ndarray, i8("16, 128")]
     plays: Annotated[np.ndarray, i8("16, parts")]
     pitch: Annotated[np.ndarray, f8("128")]
     bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]
     bound: Annotated[np.ndarray, i8("129")]
     channels: Annotated[np.ndarray, struct(CHANNEL, "16")]
-    part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]  # hand, channel
+    part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]  # hand, channel, strum
     parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
     tuning: Annotated[np.ndarray, f8("128")]
     zones: Annotated[np.ndarray, i8("2")]
+    keys: Annotated[np.ndarray, i8("16, 128")]
     unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]
     counters: Annotated[np.ndarray, i8("N_COUNTERS")]  # N_NOTES, N_STOLEN, N_TAKEN
     event: Annotated[np.ndarray, struct(EVENT, "1")]  # at hand
     polyphony: int
+    rate_hz: float
     respond: int  # address of the responder, and what it is called with
     core: int
     thread: int
