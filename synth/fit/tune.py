@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from synth.units import cents, midi_to_note
 
 #: the reference pluck, and the part of the sound that has a pitch, counted from the moment the string is let go
 VELOCITY = 64
+#: strings that nobody plucks move little
+SYMPATHETIC_VELOCITY = 16
 WINDOW_S = (0.2, 2.0)
 #: how far an instrument of few strings is tuned up and down [semitones]
 TUNING_RANGE = 5
@@ -38,6 +40,7 @@ class Pitch:
     fret: int
     target_hz: float
     cents: float
+    sympathetic: bool = False
 
 
 def tunings(preset: Preset) -> tuple[int, ...]:
@@ -69,16 +72,27 @@ def retuned(preset: Preset, semitones: int) -> Preset:
 
 
 def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tuple[int, int, Preset]]:
-    """Every string of a preset alone: (index of its table, its open note, a preset with only that string).
+    """Every string of a preset that is played, alone: (index of its table, its open note, a preset with only that string).
 
     notes: only strings that can play one of these; None: all.
     """
-    frets = fret_count(preset)
     for index, table in enumerate(preset.string):
+        if table.sympathetic:
+            continue
+        frets = fret_count(preset, table)
         for opened in range(table.notes[0], table.notes[1] + 1):
             if notes is None or any(opened <= note <= opened + frets for note in notes):
                 alone = table.model_copy(update={"notes": (opened, opened)})
                 yield index, opened, preset.model_copy(update={"string": (alone,)})
+
+
+def sympathetic_played(preset: Preset) -> Preset | None:
+    """The strings that no key plays as a preset in which each has one, with their corrections; None: there are none."""
+    strings = [table.model_copy(update={"sympathetic": False, "frets": 0}) for table in preset.string if table.sympathetic]
+    if not strings:
+        return None
+    tuning = preset.tuning.model_copy(update={"contact_cents": preset.tuning.sympathetic_cents})
+    return preset.model_copy(update={"string": tuple(strings), "tuning": tuning})
 
 
 def _sound(engine: Engine, note: int, velocity: int, seconds: float) -> np.ndarray:
@@ -129,12 +143,17 @@ def measure(
 
 
 def measure_all(preset: Preset, *, rate_hz: float = 44100.0, quality: str = "standard") -> list[Pitch]:
-    """`measure` of every position in every one of the preset's `tunings`."""
-    return [
+    """`measure` of every position in every one of the preset's `tunings`, and of its sympathetic strings as if played."""
+    pitches = [
         pitch
         for semitones in tunings(preset)
         for pitch in measure(retuned(preset, semitones), rate_hz=rate_hz, quality=quality)
     ]
+    along = sympathetic_played(preset)
+    if along is not None:
+        found = measure(along, rate_hz=rate_hz, quality=quality, velocity=SYMPATHETIC_VELOCITY)
+        pitches += [replace(pitch, sympathetic=True) for pitch in found]
+    return pitches
 
 
 def worst(pitches: list[Pitch]) -> Pitch:
@@ -158,17 +177,21 @@ def calibrate(
     """
     for _ in range(rounds):
         pitches = measure_all(preset, rate_hz=rate_hz, quality=quality)
-        errors: dict[int, list[float]] = {}
+        errors: dict[tuple[bool, int], list[float]] = {}
         for pitch in pitches:
-            errors.setdefault(pitch.note, []).append(pitch.cents)
-        middle = {note: 0.5 * (min(values) + max(values)) for note, values in errors.items()}
+            errors.setdefault((pitch.sympathetic, pitch.note), []).append(pitch.cents)
+        middle = {key: 0.5 * (min(values) + max(values)) for key, values in errors.items()}
         if max(abs(value) for value in middle.values()) <= residual_cents:
             return preset, pitches
-        table = {note: round(contact_cents(preset, note) + value, 2) for note, value in sorted(middle.items())}
-        preset = preset.model_copy(update={"tuning": preset.tuning.model_copy(update={"contact_cents": table})})
-    note = max(middle, key=lambda n: abs(middle[n]))
+        tables: dict[bool, dict[int, float]] = {}
+        for (along, note), value in sorted(middle.items()):
+            tables.setdefault(along, {})[note] = round(contact_cents(preset, note, sympathetic=along) + value, 2)
+        kept = {("contact_cents", "sympathetic_cents")[along]: table for along, table in tables.items()}
+        preset = preset.model_copy(update={"tuning": preset.tuning.model_copy(update=kept)})
+    key = max(middle, key=lambda each: abs(middle[each]))
+    note = key[1]
     raise ValueError(
-        f"{preset.name}: pitch must settle within {residual_cents:g} cents, got {middle[note]:+.2f} cents at "
+        f"{preset.name}: pitch must settle within {residual_cents:g} cents, got {middle[key]:+.2f} cents at "
         f"{midi_to_note(note)} after {rounds} rounds; the pitch is not steady there, lower the pluck or the buzz"
     )
 

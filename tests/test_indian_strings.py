@@ -1,0 +1,333 @@
+"""Tanpuras, sitars and veenas: what their sound is held to, strings that ring along, bridges that are curved."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from synth.author.views.analysis import analyse
+from synth.author.views.instrument import draw
+from synth.dsp.measures import click_ratios, log_spectral_distance, sounding_fundamental, third_octave_distance
+from synth.engine.engine import Engine
+from synth.fit.tune import measure, sympathetic_played
+from synth.instrument.check import check
+from synth.instrument.compile import describe_plan, note_frequency, obstacle_of
+from synth.instrument.plan import IMPACT_BANDS_DB, IMPACT_DISTANCE_DB
+from synth.instrument.preset import (
+    Preset,
+    PresetError,
+    list_presets,
+    load_preset,
+    parse_preset,
+    playable_notes,
+    playable_range,
+)
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, make_events
+from synth.units import cents, midi_to_hz
+
+RATE = 44100
+TANPURAS = ("tanpura", "tanpura-male", "tanpura-female")
+FAMILIES = ("tanpura", "sitar", "veena")
+ALL = tuple(preset.name for preset in list_presets() if preset.family in FAMILIES)
+
+
+preset_of = functools.cache(load_preset)
+_engines: dict[tuple, Engine] = {}
+
+
+def prepared(preset: Preset, *notes: int) -> Engine:
+    """One engine for a preset and some of its notes, which keeps the preset."""
+    key = id(preset), notes
+    if key not in _engines:
+        _engines[key] = Engine([preset], limiter=False, only_notes=[set(notes)], every_fret=False)
+        _engines[key].prepare(RATE, 512)
+    return _engines[key]
+
+
+def play(engine: Engine, rows: list[tuple], seconds: float) -> np.ndarray:
+    """(frames,) left and right together."""
+    engine.reset()
+    out = np.zeros((round(seconds * RATE), 2))
+    engine.process(make_events(sorted(rows, key=lambda row: row[0])), out)
+    assert np.isfinite(out).all() and engine.report().unsolved_contacts == 0
+    return out.mean(axis=1)
+
+
+def level_db(x: np.ndarray) -> float:
+    return 10.0 * float(np.log10(max(np.mean(x**2), 1e-30)))
+
+
+def open_notes(preset: Preset) -> list[int]:
+    return [table.notes[0] for table in preset.string if not table.sympathetic]
+
+
+def energies(engine: Engine) -> dict[str, float]:
+    """Of every string's first direction, by its name, up to a factor common to strings of one wire."""
+    strings = engine.compiled[0].strings
+    lines = len(engine._strings.states.items) // len(strings)
+    found = {}
+    for number, string in enumerate(strings):
+        state, position = engine._strings.states.items[lines * number], string.positions[0]
+        n = position.own
+        found[string.name] = 0.5 * position.mu * float(np.sum(state.v[:n] ** 2 + (position.omega[:n] * state.q[:n]) ** 2))
+    return found
+
+
+@pytest.mark.parametrize("name", TANPURAS)
+def test_a_drone_is_carried_by_its_partials(name: str) -> None:
+    """Energy below 180 Hz at most -5 dB of all, the spectrum's middle (in octaves) at 330 to 1700 Hz, as in recordings."""
+    preset = preset_of(name)
+    rows = [(round(0.9 * i * RATE), NOTE_ON, 0, note, 64) for i, note in enumerate(2 * open_notes(preset))]
+    x = play(prepared(preset, *open_notes(preset)), rows, 7.2)
+    hz, power = welch(x[3 * RATE :], RATE, nperseg=8192)
+    heard = (hz > 40.0) & (hz < 10000.0)
+    assert 10.0 * np.log10(power[heard & (hz < 180.0)].sum() / power[heard].sum()) <= -5.0
+    middle = 2.0 ** (np.sum(np.log2(hz[heard]) * power[heard]) / power[heard].sum())
+    assert 330.0 < middle < 1700.0
+
+
+@pytest.mark.parametrize("name", TANPURAS)
+def test_the_fundamental_is_not_the_strongest_partial_of_a_tanpura(name: str) -> None:
+    preset = preset_of(name)
+    below = []
+    for note in sorted(set(open_notes(preset))):
+        x = play(prepared(preset, *open_notes(preset)), [(0, NOTE_ON, 0, note, 64)], 2.2)[RATE // 10 :]
+        spectrum, hz = np.abs(np.fft.rfft(x * np.hanning(x.size))), np.fft.rfftfreq(x.size, 1.0 / RATE)
+        f = float(midi_to_hz(note))
+        partials = [spectrum[np.abs(hz - k * f) < 0.3 * f].max() for k in range(1, 25)]
+        below.append(20.0 * np.log10(max(partials) / partials[0]))
+    assert all(10.0 <= each <= 25.0 for each in below), below
+
+
+@pytest.mark.parametrize(("name", "note"), [("tanpura-male", 44), ("tanpura-female", 51)])
+def test_the_formant_falls_through_a_gourd_too(name: str, note: int) -> None:
+    found = analyse(preset_of(name), note, 64, 2.3)["formant"]
+    t, hz = (np.array([point[key] for point in found]) for key in ("t_s", "hz"))
+    assert hz[t < 0.4].mean() > 1.4 * hz[t > 1.8].mean()
+
+
+def test_a_plucked_string_wakes_its_neighbours() -> None:
+    """Sa 1 is plucked: Sa 2 in unison and the kharaj an octave below take over some of it, Pa, a fourth below, much less."""
+    preset = preset_of("tanpura-male")
+    engine = prepared(preset, *open_notes(preset))
+    play(engine, [(0, NOTE_ON, 0, 49, 100)], 1.0)
+    with_it = energies(engine)
+    assert min(with_it["Sa 2"], with_it["kharaj"]) > 1e-3 * with_it["Sa 1"]
+    assert min(with_it["Sa 2"], with_it["kharaj"]) > 10.0 * with_it["Pa"] > 0.0
+    apart = prepared(preset.on_rigid_ends, *open_notes(preset))
+    play(apart, [(0, NOTE_ON, 0, 49, 100)], 1.0)
+    without = energies(apart)
+    assert without["Sa 1"] > 0.0 and without["Sa 2"] == without["Pa"] == without["kharaj"] == 0.0
+
+
+def sitar(*, tarafs: bool = True) -> Preset:
+    preset = preset_of("sitar")
+    if tarafs:
+        return preset
+    return preset.model_copy(update={"string": tuple(table for table in preset.string if not table.sympathetic)})
+
+
+WITH, WITHOUT = sitar(), sitar(tarafs=False)
+
+
+def left_db(preset: Preset, note: int) -> float:
+    """Level from 0.4 s after the note's end, when the hand has damped it, against the note [dB]."""
+    engine = prepared(preset, 65, 67)
+    x = play(engine, [(0, NOTE_ON, 0, note, 100), (RATE, NOTE_OFF, 0, note, 64)], 2.0)
+    return level_db(x[round(1.4 * RATE) :]) - level_db(x[RATE // 2 : RATE])
+
+
+def test_tarafs_of_a_note_ring_on_after_it_and_others_do_not() -> None:
+    """F4 is one of the tarafs, G4 is none."""
+    ringing, none = left_db(WITH, 65), left_db(WITH, 67)
+    assert ringing > none + 10.0
+    assert ringing > left_db(WITHOUT, 65) + 10.0
+    left_db(WITH, 65)
+    found = energies(prepared(WITH, 65, 67))
+    tarafs = {name: energy for name, energy in found.items() if name.startswith("taraf")}
+    assert len(tarafs) == 13
+    loudest = max(tarafs, key=lambda name: tarafs[name])
+    assert loudest == next(table.name for table in WITH.string if table.sympathetic and table.notes[0] == 65)
+    others = [energy for name, energy in tarafs.items() if name != loudest]
+    assert max(others) < 0.25 * tarafs[loudest] and min(others) > 0.0  # 6 dB
+
+
+def test_meend_of_five_semitones_has_neither_click_nor_jump() -> None:
+    """The string is pulled from 0.5 to 0.8 s; the detector knows a step of a tenth of the peak."""
+    bends = [(round((0.5 + 0.01 * i) * RATE), BEND, 0, 8191 * i // 30) for i in range(31)]
+    reach = [(0, CONTROL, 0, 101, 0), (0, CONTROL, 0, 100, 0), (0, CONTROL, 0, 6, 5)]
+    engine = prepared(WITH, 65, 67)
+    steady = play(engine, [(0, NOTE_ON, 0, 65, 90)], 1.0)
+    x = play(engine, [*reach, (0, NOTE_ON, 0, 65, 90), *bends], 2.2)
+    places = round(0.5 * RATE) + engine.latency_samples + np.arange(0, round(0.3 * RATE), 5)
+    known = steady.copy()
+    known[places[4000 // 5] :] += 0.1 * np.abs(steady).max()
+    assert click_ratios(known, places).max() > 1.5 * click_ratios(steady, places).max()
+    assert click_ratios(x, places).max() < 1.2 * click_ratios(steady, places).max()
+    levels = np.array([level_db(part) for part in np.array_split(x[round(0.45 * RATE) : RATE], 27)])  # of 20 ms
+    assert np.abs(np.diff(levels)).max() < 3.0
+    heard = sounding_fundamental(x[round(1.2 * RATE) :], RATE, float(midi_to_hz(70)))
+    assert abs(float(cents(heard, float(midi_to_hz(70))))) < 5.0
+
+
+@pytest.mark.parametrize("velocity", [40, 100])
+def test_points_two_millimetres_apart_are_enough(velocity: int) -> None:
+    """The baj alone with ends at rest, against twice as many points, and against eight steps a frame instead of two: within
+    what `standard` promises of a string that touches several points."""
+    baj = WITH.on_rigid_ends.model_copy(update={"string": (WITH.string[0],), "articulations": {}})
+    baj = baj.with_setting("output.position", "0.05").with_setting("output.gain_db", "0")
+
+    def sound(preset: Preset, rate_hz: float | None = None) -> np.ndarray:
+        engine = Engine([preset], limiter=False, only_notes=[{54}], every_fret=False, internal_rate_hz=rate_hz)
+        engine.prepare(RATE, 512)
+        return play(engine, [(0, NOTE_ON, 0, 54, velocity)], 0.7)[engine.latency_samples : RATE // 2]
+
+    mine = sound(baj)
+    for finer in (sound(baj.with_setting("obstacle.points", "8")), sound(baj, 8.0 * RATE)):
+        assert log_spectral_distance(mine, finer, RATE) < IMPACT_DISTANCE_DB["standard"]
+        assert third_octave_distance(mine, finer, RATE) < IMPACT_BANDS_DB["standard"]
+
+
+@pytest.mark.parametrize(
+    ("name", "notes"), [("tanpura-male", {37, 44, 49}), ("sitar", {37, 49, 54, 65}), ("veena", {40, 52, 59})]
+)
+def test_notes_are_in_tune(name: str, notes: set[int]) -> None:
+    assert all(abs(pitch.cents) <= 2.0 for pitch in measure(preset_of(name), notes))
+
+
+def test_strings_that_ring_along_are_in_tune() -> None:
+    along = sympathetic_played(WITH)
+    assert along is not None and sympathetic_played(WITHOUT) is None
+    assert all(abs(pitch.cents) <= 2.0 for pitch in measure(along, {61, 72}, velocity=16))
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_one_can_sound_and_is_tuned(name: str) -> None:
+    preset = check(preset_of(name), name, everywhere=False)
+    assert preset.sources and preset.tags
+    measured = preset.tuning.contact_cents or {}
+    assert set(playable_notes(preset)) <= set(measured)
+    along = {table.notes[0] for table in preset.string if table.sympathetic}
+    assert along <= set(preset.tuning.sympathetic_cents or {})
+
+
+SMALL = """
+format = 2
+name = "small"
+[[string]]
+name = "played"
+notes = "C3"
+length_m = 0.9
+diameter_mm = 0.33
+density_kg_m3 = 7850
+youngs_modulus_gpa = 200
+[[string]]
+name = "along"
+notes = "C4"
+sympathetic = true
+length_m = 0.5
+diameter_mm = 0.25
+density_kg_m3 = 7850
+youngs_modulus_gpa = 200
+[[string]]
+name = "high"
+notes = "A2"
+sounds = "C5"
+frets = 0
+bridge_points = 1
+length_m = 0.38
+diameter_mm = 0.23
+density_kg_m3 = 7850
+youngs_modulus_gpa = 200
+[obstacle]
+kind = "bridge"
+distance_mm = 6
+points = 3
+radius_mm = 2000
+frets = 2
+[pluck]
+displacement_mm = 2
+[output]
+kind = "body"
+gain_db = -30
+[[body.mode]]
+frequency_hz = 300
+q = 10
+mass_kg = 0.3
+"""
+
+
+def test_no_key_plays_a_string_that_rings_along() -> None:
+    preset = parse_preset(SMALL, "small")
+    assert playable_notes(preset) == [45, 48, 49, 50] and playable_range(preset) == (45, 50)
+    engine = Engine([preset], limiter=False)
+    engine.prepare(RATE, 512)
+    play(engine, [(0, NOTE_ON, 0, 60, 100)], 0.1)
+    assert engine.notes_unplayed == 1 and engine.silent
+    play(engine, [(0, NOTE_ON, 0, 48, 100)], 0.5)
+    assert engine.strings_sounding == 1  # what rings along is not counted among those that are played
+    assert energies(engine)["along"] > 0.0
+
+
+def test_no_hand_bends_a_string_that_rings_along() -> None:
+    engine = Engine([parse_preset(SMALL, "small")], limiter=False)
+    engine.prepare(RATE, 512)
+    play(engine, [(0, BEND, 0, 8191), (0, NOTE_ON, 0, 48, 100)], 0.5)
+    bends = engine._state.sounding["bend"]
+    assert bends[0] > 1.99 and bends[1] == 0.0
+
+
+def test_the_plan_names_strings_that_ring_along() -> None:
+    plan = describe_plan(parse_preset(SMALL, "small"))
+    assert [row["sympathetic"] for row in plan["strings"]] == [False, True, False]
+    assert "along C4 (sympathetic): 3 contacts" in plan["text"]
+    assert [row["string"] for row in describe_plan(parse_preset(SMALL, "small"), 50)["strings"]] == ["played"]
+
+
+def test_a_curved_bridge_falls_away_from_the_string() -> None:
+    preset = parse_preset(SMALL, "small")
+    played, _, high = preset.string
+    below = obstacle_of(preset, played, 48, 0.9)
+    np.testing.assert_allclose(below.positions_m, [0.894, 0.896, 0.898], atol=1e-12)
+    np.testing.assert_allclose(below.heights_m, [-9e-6, -4e-6, -1e-6], atol=1e-12)
+    near = obstacle_of(preset, high, 45, 0.38)
+    np.testing.assert_allclose((*near.positions_m, *near.heights_m), [0.378, -1e-6], atol=1e-12)
+    assert note_frequency(preset, high, 45, None) == pytest.approx(float(midi_to_hz(72)))
+    drawing = draw(preset, 50)
+    assert drawing["fret"] == 2 and len(drawing["points"]) == 3
+    assert drawing["length_m"] == pytest.approx(0.9 * 2.0 ** (-2.0 / 12.0), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "[[body.mode]]\nfrequency_hz = 300\nq = 10\nmass_kg = 0.3",
+            "",
+            r"string\.1\.sympathetic: .*give \[\[body\.mode\]\]",
+        ),
+        ('notes = "C4"', 'notes = "C4-D4"', r"string\.1: sympathetic is of one string, got notes C4-D4; give one note"),
+        ("sympathetic = true", "sympathetic = true\nfrets = 2", r"string\.1: frets has no meaning for a sympathetic string"),
+        ("sympathetic = true", 'sympathetic = true\nsounds = "C5"', r"string\.1: sounds has no meaning"),
+        ("frets = 0", "frets = 3", r"string\.2\.frets must be at most the 2 of the neck, got 3"),
+        ("bridge_points = 1", "bridge_points = 4", r"string\.2\.bridge_points must be at most the 3 of the bridge, got 4"),
+        ("[pluck]", "[mapping]\npressure_um = -5\n[pluck]", r"mapping\.pressure_um moves a bridge of one point"),
+        ("points = 3", "points = 0", r"obstacle\.points: .*got 0"),
+    ],
+)
+def test_nonsense_is_said(old: str, new: str, message: str) -> None:
+    text = SMALL.replace(old, new, 1)
+    if "[[body.mode]]" in old:
+        text = text.replace('kind = "body"', 'kind = "force"')
+    with pytest.raises(PresetError, match=message):
+        parse_preset(text, "small.toml")
+
+
+def test_one_string_at_least_is_played() -> None:
+    text = SMALL.replace('notes = "C3"', 'notes = "C3"\nsympathetic = true')
+    text = text.replace('notes = "A2"\nsounds = "C5"\nfrets = 0', 'notes = "A2"\nsympathetic = true')
+    with pytest.raises(PresetError, match="all strings are sympathetic, and no key plays one"):
+        parse_preset(text, "small.toml")
