@@ -94,12 +94,10 @@ WRONG = [
     ([], "COMMAND"),
     (["sing"], "invalid choice"),
     (["render"], "IN.mid"),
-    (
-        ["render", DRONE, "-p", "tampura"],
-        "'tampura' is not one of fretless-bass, fretted-bass, jawari-harp, steel-guitar, tanpura (perhaps tanpura?)",
-    ),
+    (["render", DRONE, "-p", "tampura"], "'tampura' is not one of "),
+    (["render", DRONE, "-p", "tampura"], "(perhaps tanpura?)"),
     (["render", DRONE, "--map", "1=Fretted-Bas"], "(perhaps fretted-bass?)"),
-    (["render", DRONE, "--fallback", "harp"], "(perhaps jawari-harp?)"),
+    (["render", DRONE, "--fallback", "jawari-hrp"], "(perhaps jawari-harp?)"),
     (["render", DRONE, "-p", "tanpura", "--set", "pluk.position=0.3"], "no such key (perhaps pluck?)"),
     (["render", DRONE, "--transpose", "up"], "--transpose 'up' is not SEMITONES or CHANNEL=SEMITONES"),
     (["render", DRONE, "--transpose", "-97"], "-96 to 96 semitones, got -97"),
@@ -125,7 +123,7 @@ WRONG = [
     (["render", DRONE, "-o", "x.wav", "--start", "20", "--end", "10"], "later than --start"),
     (["render", DRONE, "-o", "x.wav", "--start", "99"], "within the song"),
     (["render", DRONE, "-o", "x.wav", "--polyphony", "0"], "got '0'"),
-    (["render", DRONE, "-o", "x.wav", "--seed", "-1"], "from 0 to 4294967295, got '-1'"),
+    (["render", DRONE, "-o", "x.wav", "--seed", "-1"], "from 0 to 2147483647, got '-1'"),
     (["render", DRONE, "-o", "x.wav", "--bit-depth", "12"], "invalid choice: '12'"),
     (["render", DRONE, "-o", "x.wav", "--map", "17=tanpura"], "must be 1 to 16, got 17"),
     (["render", DRONE, "-o", "x.wav", "--set", "loud"], "KEY=VALUE"),
@@ -206,7 +204,7 @@ def rendered(tmp_path_factory) -> Path:
         (10, off(12)),
     ]
     (directory / "song.mid").write_bytes(header() + track(*events))
-    done = anew("render", "song.mid", "-o", "song.wav", "--tail", "0.25", "--json", cwd=directory)
+    done = anew("render", "song.mid", "-o", "song.wav", "--tail", "0.25", "--no-fold", "--json", cwd=directory)
     assert done.returncode == 0, done.stderr
     (directory / "report.json").write_text(done.stdout)
     return directory
@@ -229,7 +227,19 @@ def test_a_render_by_the_real_engine(rendered) -> None:
 def test_block_size_and_threads_do_not_show_in_the_file(rendered, tmp_path) -> None:
     song = str(rendered / "song.mid")
     done = synth(
-        "render", song, "-o", "other.wav", "--tail", "0.25", "--block", "37", "--threads", "3", "--quiet", cwd=tmp_path
+        "render",
+        song,
+        "-o",
+        "other.wav",
+        "--tail",
+        "0.25",
+        "--no-fold",
+        "--block",
+        "37",
+        "--threads",
+        "3",
+        "--quiet",
+        cwd=tmp_path,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "other.wav").read_bytes() == (rendered / "song.wav").read_bytes()
@@ -245,7 +255,9 @@ def test_a_part_of_the_song_is_a_slice_of_the_whole(rendered, tmp_path) -> None:
 
 def test_standard_output_carries_the_samples_and_nothing_else(rendered, tmp_path) -> None:
     song = str(rendered / "song.mid")
-    arguments = command_line("render", song, "-o", "-", "--format", "raw", "--tail", "0.25", "--bit-depth", "24")
+    arguments = command_line(
+        "render", song, "-o", "-", "--format", "raw", "--tail", "0.25", "--no-fold", "--bit-depth", "24"
+    )
     done = subprocess.run(arguments, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, timeout=compiling_s())
     assert done.returncode == 0
     whole, _ = soundfile.read(rendered / "song.wav", dtype="int32")
@@ -284,16 +296,41 @@ def test_an_interrupted_render_leaves_nothing(tmp_path, how: signal.Signals, cod
 
 def test_presets_are_listed_shown_and_checked(capsys, tmp_path) -> None:
     assert cli.main(["presets"]) == 0
-    listed = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    listed = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
     assert {"tanpura", "fretted-bass", "jawari-harp"} <= set(listed)
     assert cli.main(["presets", "list", "--json"]) == 0
-    assert [row["name"] for row in json.loads(capsys.readouterr().out)] == listed
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == listed
+    assert next(row for row in rows if row["name"] == "fretted-bass")["range"] == ["E1", "D#4"]
     for name in listed:
         assert cli.main(["presets", "show", name]) == 0
         text = capsys.readouterr().out
         (tmp_path / "mine.toml").write_text(text)
         assert cli.main(["presets", "check", str(tmp_path / "mine.toml")]) == 0
         assert f"{name} is in order" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "options", [["list", "--tag", "Buzz", "--family", "HARP"], ["--tag", "buzz", "--tag", "harp", "list"]]
+)
+def test_presets_are_found_by_tag_and_family(capsys, options: list[str]) -> None:
+    assert cli.main(["presets", *options]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "harp" and lines[1].startswith("  jawari-harp ") and "E1–C7" in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--tag", "buz"], ["no preset has the tag 'buz' (perhaps buzz?); there are ", "tanpura"]),
+        (["list", "--family", "gitar"], ["no preset has the family 'gitar' (perhaps guitar?); there are bass, "]),
+        (["list", "--family", "bass", "--tag", "drone"], ["no preset has family bass and tag drone together"]),
+    ],
+)
+def test_tags_and_families_that_there_are_not(capsys, options: list[str], words: list[str]) -> None:
+    assert cli.main(["presets", *options]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and all(word in told.err for word in words)
 
 
 def test_a_wrong_preset_is_told_with_all_its_faults(capsys, tmp_path) -> None:
@@ -306,8 +343,8 @@ def test_a_wrong_preset_is_told_with_all_its_faults(capsys, tmp_path) -> None:
 
 
 def test_a_preset_that_is_not_there(tmp_path, capsys) -> None:
-    assert cli.main(["render", DRONE, "-p", "sitar", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
-    assert "preset 'sitar'" in capsys.readouterr().err
+    assert cli.main(["render", DRONE, "-p", "sarod", "-o", str(tmp_path / "x.wav"), "--stems", str(tmp_path / "s")]) == 2
+    assert "preset 'sarod'" in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
 
 

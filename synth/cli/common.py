@@ -135,7 +135,19 @@ def add_instruments(group: Any) -> None:
         metavar="CH=PRESET,…",
         help="presets of single channels (1 to 16); none leaves a channel out",
     )
+    group.add_argument(
+        "--only-strings",
+        action="store_true",
+        help="leave out the programs of General MIDI that are no plucked or struck strings",
+    )
+    group.add_argument(
+        "--gm",
+        action="store_true",
+        help="live, and for takes: programs choose from the whole table of General MIDI (default for songs)",
+    )
     add_settings(group)
+    variation = "how much strokes of a preset with a human hand vary: 0 not at all, 1 (default) as the preset says, up to 2"
+    group.add_argument("--variation", type=number(float, 0, 2), default=1.0, metavar="SHARE", help=variation)
     group.add_argument("--polyphony", type=number(int, 1, 1024), metavar="N", help="most strings that sound at once")
     group.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
     group.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
@@ -164,6 +176,17 @@ def add_controllers(group: Any) -> None:
         help="controller N sets a live parameter, such as 74=pluck.position; may be repeated",
     )
     group.add_argument("--mpe", action="store_true", help="begin with an MPE zone: every note has a channel of its own")
+
+
+def add_seed(group: Any) -> None:
+    """--seed."""
+    group.add_argument(
+        "--seed",
+        type=number(int, 0, 2**31 - 1),
+        default=0,
+        metavar="N",
+        help="of whatever is random: the same seed, the same variation of strokes, the same dither (default 0)",
+    )
 
 
 def add_threads(group: Any) -> None:

@@ -12,6 +12,7 @@ from synth.cli.common import (
     add_controllers,
     add_instruments,
     add_physics,
+    add_seed,
     add_threads,
     add_verbose,
     asked_by_signals,
@@ -27,7 +28,8 @@ def add(commands: Any) -> None:
         help="play live: MIDI keyboard, computer keyboard or a MIDI file",
         allow_abbrev=False,
         description="Plays until Ctrl-C. Listens to every MIDI input and offers one of its own, jawari. Without -p, General "
-        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp. In a terminal ? lists the keys.",
+        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp; with --gm, and in a song that is "
+        "played, each goes to the preset that is nearest to it. In a terminal ? lists the keys.",
     )
     what = parser.add_argument_group("instruments")
     add_instruments(what)
@@ -64,6 +66,7 @@ def add(commands: Any) -> None:
     how = parser.add_argument_group("computation")
     add_physics(how, default_rate=None)
     add_threads(how)
+    add_seed(how)
 
     control = parser.add_argument_group("control")
     control.add_argument(
@@ -150,7 +153,11 @@ def _play(options: argparse.Namespace) -> int:
         keyboard=options.kbm,
         bindings=bindings,
         mpe=options.mpe,
+        gm=options.gm,
+        only_strings=options.only_strings,
         polyphony=options.polyphony,
+        seed=options.seed,
+        variation=options.variation,
         quality=options.quality,
         scheme=options.scheme,
         internal_rate_hz=options.internal_rate,

@@ -13,6 +13,7 @@ from synth.cli.common import (
     add_controllers,
     add_instruments,
     add_physics,
+    add_seed,
     add_threads,
     add_verbose,
     number,
@@ -26,8 +27,8 @@ def add(commands: Any) -> None:
         "render",
         help="a MIDI file to an audio file",
         allow_abbrev=False,
-        description="Renders a Standard MIDI File. Without -p, General MIDI basses go to fretted-bass, "
-        "everything else to jawari-harp; percussion (channel 10) is left out.",
+        description="Renders a Standard MIDI File. Without -p, each program of General MIDI goes to the preset that is "
+        "nearest to it; percussion (channel 10) is left out.",
     )
     parser.add_argument("midi", metavar="IN.mid")
     parser.add_argument(
@@ -44,7 +45,11 @@ def add(commands: Any) -> None:
         help="transpose all channels or single ones (1 to 16), such as --transpose=-12,3=7",
     )
     what.add_argument(
-        "--fold", action="store_true", help="notes that the preset has no string for go by octaves to where it has one"
+        "--fold",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="notes that the preset has no string for go by octaves to where it has one (default: where a program has "
+        "chosen the preset)",
     )
     what.add_argument("--fallback", metavar="PRESET", help="preset that plays the notes which the channel's own cannot")
 
@@ -64,13 +69,7 @@ def add(commands: Any) -> None:
         help="frames per block (no effect on the sound)",
     )
     add_threads(how)
-    how.add_argument(
-        "--seed",
-        type=number(int, 0, 2**32 - 1),
-        default=0,
-        metavar="N",
-        help="for whatever is random (default 0)",
-    )
+    add_seed(how)
 
     level = parser.add_argument_group("level")
     level.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
@@ -144,12 +143,15 @@ def _render(options: argparse.Namespace) -> int:
         start_s=options.start,
         end_s=options.end,
         seed=options.seed,
+        variation=options.variation,
         tuning=options.tuning,
         keyboard=options.kbm,
         bindings=bindings,
         mpe=options.mpe,
         transpose=parse_transpose(options.transpose),
         fold=options.fold,
+        gm=options.gm,
+        only_strings=options.only_strings,
         fallback=options.fallback,
     )
 

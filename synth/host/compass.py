@@ -1,5 +1,5 @@
 """What becomes of notes before they are played: transposed, folded into the compass, given to another preset; and which of
-them no string plays.
+them no string plays. Keys that switch articulations are no notes and stay where they are.
 
 A note's place is settled when it begins: its end and its pressure go where it went, whatever is changed in between.
 """
@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from synth.host.general_midi import answer
 from synth.host.parts import Casting, Part
 from synth.midi.events import EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM
 from synth.midi.programs import PROGRAMS
@@ -31,18 +32,27 @@ _OCTAVES = sorted(range(-10, 11), key=lambda octave: (abs(octave), octave))
 @dataclass(frozen=True)
 class Wishes:
     """transpose: channel (0…15; None: all others) → semitones.  fold: notes that their preset cannot play go by octaves to
-    the nearest that it can.  fallback: name of the preset that plays what is still left.
+    the nearest that it can; fold_programs: those of presets that a program chose do.  fallback: name of the preset that
+    plays what is still left.
     """
 
     transpose: Mapping[int | None, int] = field(default_factory=dict)
     fold: bool = False
+    fold_programs: bool = False
     fallback: str | None = None
 
     def semitones(self, channel: int) -> int:
         return self.transpose.get(channel, self.transpose.get(None, 0))
 
-    def __bool__(self) -> bool:
-        return any(self.transpose.values()) or self.fold or self.fallback is not None
+    def folds(self, part: Part) -> bool:
+        return self.fold or (self.fold_programs and part.by_program)
+
+    def change(self, part: Part, notes: np.ndarray, preset: Preset) -> bool:
+        """Whether any of a part's notes is played otherwise than it stands there."""
+        if any(self.transpose.values()) or self.fold or self.fallback is not None:
+            return True
+        known = playable(preset) | switches(part.played(preset))
+        return self.folds(part) and not set(np.unique(notes).tolist()) <= known
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,7 @@ class Arrangement:
 
     events: EVENT.  casting: its parts, those of the fallback among them.  part: (n,) of every note-on, −1 for those that no
     part plays and for other events.  program: (n,) that its channel has, 0…127.  leader: (n,) channel that chose its part.
+    folded: (n,) bool, note-ons that are played octaves away.
     """
 
     events: np.ndarray
@@ -58,6 +69,7 @@ class Arrangement:
     part: np.ndarray
     program: np.ndarray
     leader: np.ndarray
+    folded: np.ndarray
 
 
 def parse_transpose(texts: Iterable[str]) -> dict[int | None, int]:
@@ -90,8 +102,9 @@ def arrange(
     by = song.players if events is song.events else players(events, mpe)
     leader, program = np.where(by >= 0, by >> 7, -1), np.where(by >= 0, by & 0x7F, -1)
     part = np.where(by >= 0, casting.program_map[leader, program], -1)
-    if not wishes:
-        return Arrangement(events, casting, part, program, leader)
+    changed = (wishes.change(each, events["a"][part == p], presets[each.preset]) for p, each in enumerate(casting.parts))
+    if not any(changed):
+        return Arrangement(events, casting, part, program, leader, np.zeros(len(events), bool))
     return _Arranger(casting, presets, wishes).arranged(events, part, program, leader)
 
 
@@ -101,22 +114,23 @@ class _Arranger:
         self._presets = presets
         self._parts = list(casting.parts)
         self._map = casting.program_map.copy()
-        self._left_out = casting.left_out
+        self._casting = casting
         self._playable = [playable(presets[part.preset]) for part in casting.parts]
+        self._switches = [switches(part.played(presets[part.preset])) for part in casting.parts]
         self._spare: dict[int, tuple[int, int]] = {}  # of a channel: its fallback's program and part
         self._other = frozenset() if wishes.fallback is None else playable(presets[wishes.fallback])
 
     def arranged(self, events: np.ndarray, part: np.ndarray, program: np.ndarray, leader: np.ndarray) -> Arrangement:
         rows: list[tuple] = []  # of EVENT
-        told: list[tuple[int, int, int]] = []  # part, program and leader of each
+        told: list[tuple[int, int, int, int]] = []  # part, program and leader of each, whether it is folded
         held: dict[tuple[int, int], list[int]] = {}  # (channel, key) → notes that it has begun, oldest first
         sounding: dict[tuple[int, int], Counter[int]] = {}  # (channel, note) → keys that hold it
         latest: dict[tuple[int, int], int] = {}  # (channel, key) → note of its last beginning
         counts: Counter[int] = Counter()
 
-        def put(row: tuple, p: int = -1, program: int = -1, leader: int = -1) -> None:
+        def put(row: tuple, p: int = -1, program: int = -1, leader: int = -1, folded: bool = False) -> None:
             rows.append(row)
-            told.append((p, program, leader))
+            told.append((p, program, leader, folded))
 
         lines = zip(events.tolist(), part.tolist(), program.tolist(), leader.tolist(), strict=True)
         for row, first, its_program, its_leader in lines:
@@ -126,11 +140,12 @@ class _Arranger:
                 held.setdefault((channel, key), []).append(note)
                 sounding.setdefault((channel, note), Counter())[key] += 1
                 latest[channel, key] = note
-                counts[p] += 1
+                counts[p] += 0 if p >= 0 and note in self._switches[p] else 1
                 spare = self._spare.get(its_leader) if p != first else None
                 if spare is not None:
                     put((frame, PROGRAM, its_leader, spare[0], 0, 0.0))
-                put((frame, kind, channel, note, b, value), p, its_program, its_leader)
+                folded = note != key + self._wishes.semitones(its_leader)
+                put((frame, kind, channel, note, b, value), p, its_program, its_leader, folded)
                 if spare is not None:
                     put((frame, PROGRAM, its_leader, its_program, 0, 0.0))
             elif kind in (NOTE_ON, NOTE_OFF):
@@ -146,17 +161,19 @@ class _Arranger:
                 put((frame, kind, channel, latest.get((channel, key), key), b, value))
             else:
                 put(row)
-        parts = tuple(Part(each.channel, each.preset, counts[p]) for p, each in enumerate(self._parts))
-        of = np.array(told, np.int64).reshape(-1, 3)
-        casting = Casting(parts, self._map, self._left_out)
-        return Arrangement(np.array(rows, EVENT), casting, of[:, 0], of[:, 1], of[:, 2])
+        parts = tuple(replace(each, notes=counts[p]) for p, each in enumerate(self._parts))
+        of = np.array(told, np.int64).reshape(-1, 4)
+        casting = replace(self._casting, parts=parts, program_map=self._map)
+        return Arrangement(np.array(rows, EVENT), casting, of[:, 0], of[:, 1], of[:, 2], of[:, 3] > 0)
 
     def _place(self, p: int, leader: int, key: int) -> tuple[int, int]:
         """(part, note) for a key. A note beyond all keys stays one, which no string plays."""
+        if p >= 0 and key in self._switches[p]:
+            return p, key
         note = key + self._wishes.semitones(leader)
         if p < 0 or note in self._playable[p]:
             return p, note
-        if self._wishes.fold:
+        if self._wishes.folds(self._parts[p]):
             folded = fold(note, self._playable[p])
             if folded is not None:
                 return p, folded
@@ -175,6 +192,7 @@ class _Arranger:
                 own = [len(self._parts)]
                 self._parts.append(Part(leader, name, 0))
                 self._playable.append(playable(self._presets[name]))
+                self._switches.append(switches(self._presets[name]))
             self._map[leader, free[-1]] = own[0]
             self._spare[leader] = free[-1], own[0]
         return self._spare[leader][1]
@@ -185,6 +203,13 @@ def playable(preset: Preset) -> frozenset[int]:
     from synth.instrument.preset import playable_notes
 
     return frozenset(playable_notes(preset))
+
+
+def switches(preset: Preset) -> frozenset[int]:
+    """The keys that switch a preset's articulations."""
+    from synth.instrument.ways import switch_keys
+
+    return frozenset(switch_keys(preset))
 
 
 def fold(note: int, playable: frozenset[int]) -> int | None:
@@ -213,7 +238,8 @@ def channel_rows(
     """What every channel has to play in these frames, one row for each of its presets, as plain data:
 
     channel (1…16), programs (0…127), names of the programs, preset, notes, unplayed, low and high of the notes (names),
-    unplayed_low, unplayed_high, remedies: option → how many of the unplayed it would play.
+    unplayed_low, unplayed_high, remedies: option → how many of the unplayed it would play; folded: how many are played
+    octaves away.
 
     fallback: the preset of that name that may be offered as a remedy.
     """
@@ -224,7 +250,10 @@ def channel_rows(
         mine = heard & (arrangement.part == p)
         if not mine.any():
             continue
-        counts = Counter(events["a"][mine].tolist())
+        keys = events["a"][mine]
+        counts = Counter(keys[~np.isin(keys, list(switches(part.played(presets[part.preset]))))].tolist())
+        if not counts:
+            continue
         can = playable(presets[part.preset])
         missed = {note: count for note, count in counts.items() if note not in can}
         programs = np.unique(arrangement.program[mine]).tolist()
@@ -241,6 +270,7 @@ def channel_rows(
                 "unplayed_low": _name(min(missed)) if missed else None,
                 "unplayed_high": _name(max(missed)) if missed else None,
                 "remedies": _remedies(part, counts, missed, can, fallback) if missed else {},
+                "folded": int(arrangement.folded[mine].sum()),
             }
         )
     return rows
@@ -272,6 +302,35 @@ def _remedies(
     return found
 
 
+def stand_ins(arrangement: Arrangement, frames: slice) -> list[dict[str, Any]]:
+    """The presets that programs have chosen for what is no plucked or struck string, as plain data: preset, names of the
+    programs, notes in these frames."""
+    heard = within(arrangement.events, frames)
+    found: dict[str, Counter[int]] = {}
+    for p, part in enumerate(arrangement.casting.parts):
+        if part.by_program:
+            programs = Counter(arrangement.program[heard & (arrangement.part == p)].tolist())
+            others = {program: count for program, count in programs.items() if not answer(program).string}
+            if others:
+                found.setdefault(part.preset, Counter()).update(others)
+    return [
+        {"preset": preset, "names": [PROGRAMS[program] for program in sorted(counts)], "notes": counts.total()}
+        for preset, counts in found.items()
+    ]
+
+
+def stand_in_line(rows: Iterable[Mapping[str, Any]]) -> str:
+    """Rows of `stand_ins` for people."""
+    who = "; ".join(f"{row['preset']} plays {', '.join(row['names'])} ({_notes(row['notes'])})" for row in rows)
+    return f"no plucked or struck strings: {who}; --only-strings leaves them out"
+
+
+def skipped_line(skipped: Iterable[Mapping[str, Any]]) -> str:
+    """What --only-strings has left out, for people."""
+    who = ", ".join(f"channel {row['channel']} ({row['name']}, {_notes(row['notes'])})" for row in skipped)
+    return f"no plucked or struck strings, left out: {who}"
+
+
 def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], frames: slice) -> list[dict[str, Any]]:
     """Notes that no string plays in these frames: part (its label), note (name), count and reason of each."""
     from synth.instrument.preset import why_unplayed
@@ -286,7 +345,7 @@ def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], fram
         rows += [
             {"part": part.label, "note": _name(note), "count": count, "reason": why_unplayed(preset, note)}
             for note, count in sorted(counts.items())
-            if note not in can
+            if note not in can | switches(part.played(preset))
         ]
     return rows
 
@@ -296,14 +355,19 @@ def channel_line(row: Mapping[str, Any]) -> str:
     names = ", ".join(row["names"][:3]) + (f" and {len(row['names']) - 3} more" if len(row["names"]) > 3 else "")
     stem = row["preset"].replace("\\", "/").rsplit("/", 1)[-1]
     who = f"channel {row['channel']} ({names}) → {stem}"
-    notes = f"{row['notes']} note{'' if row['notes'] == 1 else 's'}"
+    notes = _notes(row["notes"])
+    folded = f", {row['folded']} of them octaves away" if row["folded"] else ""
     if not row["unplayed"]:
-        return f"{who}: {notes}, {_reach(row['low'], row['high'])}"
+        return f"{who}: {notes}, {_reach(row['low'], row['high'])}{folded}"
     remedies = [
         f"{option} plays {'them all' if count == row['unplayed'] else count}" for option, count in row["remedies"].items()
     ]
     missed = f"{row['unplayed']} of {notes} not played, {_reach(row['unplayed_low'], row['unplayed_high'])}"
-    return f"{who}: {missed}: {'; '.join(remedies) or 'choose another preset with --map'}"
+    return f"{who}: {missed}{folded}: {'; '.join(remedies) or 'choose another preset with --map'}"
+
+
+def _notes(count: int) -> str:
+    return f"{count} note{'' if count == 1 else 's'}"
 
 
 def _name(note: int) -> str:

@@ -17,6 +17,7 @@ from synth.host import audiofile, compass, offline, parts, scala
 from synth.host.bindings import check_parts
 from synth.host.compass import Arrangement, Wishes, channel_line
 from synth.midi.events import NOTE_OFF, NOTE_ON
+from synth.midi.programs import PROGRAMS
 from synth.midi.song import PERCUSSION_CHANNEL, Song, read_song
 from synth.solver.schemes import energy_warning
 from synth.units import db_to_gain, gain_to_db, midi_to_note
@@ -37,13 +38,16 @@ class RenderSettings:
     """What to render and how; times in seconds.
 
     output: file name, '-' for standard output, or None if only stems are wanted.
-    preset: for all channels but percussion (None: the default by General MIDI program).
+    preset: for all channels but percussion (None: the programs choose).
+    gm: whether programs choose by the whole table of General MIDI also in a take of a session where they did not.
+    only_strings: programs that are no plucked or struck strings are left out.
     channel_presets: channel 0…15 → preset or 'none', before `preset`.
     settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
     threads: how many compute, or 'auto': one per processor.
     bindings: controller → live parameters it sets, see `bindings.parse_bindings`.
     mpe: begin with an MPE zone of all channels.
-    transpose, fold, fallback: what becomes of notes before they are played, see `compass.Wishes`.
+    transpose, fold, fallback: what becomes of notes before they are played, see `compass.Wishes`; fold None: those of
+    presets that a program chose are folded, but in a take.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
     normalize_dbfs: peak to scale the mix to, or None. It takes the limiter's place: nothing is limited then.
     """
@@ -71,24 +75,31 @@ class RenderSettings:
     start_s: float = 0.0
     end_s: float | None = None
     seed: int = 0
+    variation: float = 1.0
     tuning: str | None = None
     keyboard: str | None = None
     bindings: dict[int, list[Binding]] = field(default_factory=dict)
     mpe: bool = False
     transpose: dict[int | None, int] = field(default_factory=dict)
-    fold: bool = False
+    fold: bool | None = None
     fallback: str | None = None
+    gm: bool = False
+    only_strings: bool = False
 
-    @property
-    def wishes(self) -> Wishes:
-        return Wishes(self.transpose, self.fold, self.fallback)
+    def wishes(self, song: Song) -> Wishes:
+        return Wishes(self.transpose, bool(self.fold), self.fold is None and not song.take, self.fallback)
+
+    def choice(self, song: Song) -> parts.Choice:
+        return parts.Choice(self.preset, self.channel_presets, self.gm or song.gm, self.only_strings, song.take)
 
 
 @dataclass
 class RenderReport:
     """What was rendered: of the notes those between start and end. `strings`: most that sounded at once; `channels`: see
     `compass.channel_rows`; `unplayed`: dicts of part, note, count, reason; `left_out`: channel (1…16) → notes;
-    `limiter_reduction_db`: None where nothing was limited; `normalize_gain_db`: None where nothing was normalized.
+    `stand_ins`: see `compass.stand_ins`; `skipped`: dicts of channel, name and notes of programs that are no strings;
+    `headroom_db`: see `parts.headroom_db`; `limiter_reduction_db`: None where nothing was limited; `normalize_gain_db`: None
+    where nothing was normalized.
     """
 
     output: str | None
@@ -96,6 +107,7 @@ class RenderReport:
     rate_hz: int
     quality: str
     scheme: str
+    seed: int
     length_s: float
     peak_dbfs: float | None
     realtime_factor: float | None
@@ -105,6 +117,7 @@ class RenderReport:
     channels: list[dict[str, Any]]
     notes: int
     strings: int
+    headroom_db: float
     limiter_reduction_db: float | None
     normalize_gain_db: float | None
     clipped_samples: int
@@ -114,6 +127,8 @@ class RenderReport:
     silenced: int
     unplayed: list[dict[str, Any]]
     left_out: dict[int, int]
+    stand_ins: list[dict[str, Any]]
+    skipped: list[dict[str, Any]]
     warnings: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -139,6 +154,12 @@ class RenderReport:
         notes = f"{self.notes} note{'' if self.notes == 1 else 's'}{unplayed}"
         closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {notes}, {limiter}"]
         details = [f"  {channel_line(row)}" for row in self.channels]
+        if self.headroom_db > 0.0 and self.normalize_gain_db is None:
+            details.append(f"  lowered by {self.headroom_db:.1f} dB, as several channels play; --gain raises it")
+        if self.stand_ins:
+            details.append(f"  {compass.stand_in_line(self.stand_ins)}")
+        if self.skipped:
+            details.append(f"  {compass.skipped_line(self.skipped)}")
         silent = sum(entry["count"] for entry in self.unplayed if entry["reason"] == SILENT_KEY)
         if silent:
             details.append(f"  {silent} of the notes not played lie on keys that the keyboard mapping leaves silent")
@@ -236,7 +257,7 @@ def render_song(
     for warning in song.warnings:
         note(f"{settings.midi}: {warning}")
     span = _span(settings, song)
-    casting = parts.cast(song.channels, settings.preset, settings.channel_presets)
+    casting = parts.cast(song.channels, settings.choice(song))
     # A note may begin where the song ends; of a part of a song it is no more among it.
     heard = slice(span.begin, span.end if settings.end_s is not None else np.iinfo(np.int64).max)
     left_out = _left_out(song, casting, heard)
@@ -255,16 +276,17 @@ def render_song(
     names = [part.preset for part in casting.parts]
     if settings.fallback is not None:
         names.append(settings.fallback)
-    loaded = parts.load_presets(names, settings.settings, presets)
-    played = parts.played_events(song.events, casting)
-    if len(played) == len(song.events):
-        played = song.events
-    arrangement = compass.arrange(song, played, casting, loaded, settings.wishes, settings.mpe)
-    arrangement, untuned = _playable(arrangement, silent, heard)
+    loaded = parts.varied(parts.load_presets(names, settings.settings, presets), settings.variation)
+    played = parts.played_events(song.events, song.players, casting)
+    events = song.events if played.all() else song.events[played]
+    arrangement = compass.arrange(song, events, casting, loaded, settings.wishes(song), settings.mpe)
+    arrangement, untuned = _playable(arrangement, loaded, silent, heard)
     casting = arrangement.casting
 
     outputs = outputs_of(settings, casting.parts, span)
-    engine = _engine(settings, arrangement, loaded, note_hz, span) if casting.parts else _Silence()
+    headroom_db = parts.headroom_db(song, casting)
+    lowered = replace(settings, gain_db=settings.gain_db - headroom_db)
+    engine = _engine(lowered, arrangement, loaded, note_hz, span) if casting.parts else _Silence()
     engine.prepare(settings.rate_hz, settings.block, preparing)
     prepared_s = time.perf_counter() - began
 
@@ -293,6 +315,7 @@ def render_song(
         rate_hz=settings.rate_hz,
         quality=settings.quality,
         scheme=settings.scheme,
+        seed=settings.seed,
         length_s=length_s,
         peak_dbfs=gain_to_db(peak) if peak > 0.0 else None,
         realtime_factor=length_s / rendering.wall_s if length_s > 0.0 else None,
@@ -302,6 +325,7 @@ def render_song(
         channels=rows,
         notes=sum(row["notes"] for row in rows) + sum(entry["count"] for entry in untuned),
         strings=int(told.most_strings),
+        headroom_db=headroom_db,
         limiter_reduction_db=float(told.limiter_reduction_db) if _limits(settings) else None,
         normalize_gain_db=gain_to_db(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
@@ -311,6 +335,8 @@ def render_song(
         silenced=int(told.silenced),
         unplayed=untuned + compass.unplayed_notes(arrangement, loaded, heard),
         left_out=left_out,
+        stand_ins=compass.stand_ins(arrangement, heard),
+        skipped=_skipped(song, casting, heard),
         warnings=warnings,
     )
 
@@ -336,6 +362,20 @@ def _left_out(song: Song, casting: parts.Casting, heard: slice) -> dict[int, int
     return {channel + 1: count for channel, count in counts.items() if count}
 
 
+def _skipped(song: Song, casting: parts.Casting, heard: slice) -> list[dict[str, Any]]:
+    """Channel (1…16), name and notes in these frames of each program that is skipped."""
+    within = compass.within(song.events, heard)
+    rows = [
+        {
+            "channel": channel + 1,
+            "name": PROGRAMS[program],
+            "notes": int((within & (song.players == channel << 7 | program)).sum()),
+        }
+        for channel, program in casting.skipped
+    ]
+    return [row for row in rows if row["notes"]]
+
+
 def _span(settings: RenderSettings, song: Song) -> offline.Span:
     tail = settings.tail
     if tail is None:
@@ -355,13 +395,19 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     return span
 
 
-def _playable(arrangement: Arrangement, silent: np.ndarray | None, heard: slice) -> tuple[Arrangement, list[dict[str, Any]]]:
+def _playable(
+    arrangement: Arrangement, presets: Mapping[str, Preset], silent: np.ndarray | None, heard: slice
+) -> tuple[Arrangement, list[dict[str, Any]]]:
     """Without the notes on keys that the tuning leaves silent ((128,) bool; None: no tuning), and those in these frames."""
     if silent is None:
         return arrangement, []
     events = arrangement.events
     is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF)) & (events["a"] >= 0) & (events["a"] < 128)
     dropped = is_note & silent[np.where(is_note, events["a"], 0)]
+    for p, part in enumerate(arrangement.casting.parts):
+        dropped &= ~(
+            (arrangement.part == p) & np.isin(events["a"], list(compass.switches(part.played(presets[part.preset]))))
+        )
     lost = dropped & (arrangement.part >= 0) & compass.within(events, heard)
     pairs, counts = np.unique(np.stack((events["channel"][lost], events["a"][lost])), axis=1, return_counts=True)
     unplayed = [
@@ -375,6 +421,7 @@ def _playable(arrangement: Arrangement, silent: np.ndarray | None, heard: slice)
         part=arrangement.part[kept],
         program=arrangement.program[kept],
         leader=arrangement.leader[kept],
+        folded=arrangement.folded[kept],
     )
     return left, unplayed
 
@@ -390,7 +437,7 @@ def _engine(
     from synth.engine.engine import Engine
 
     casting = arrangement.casting
-    playing = [presets[part.preset] for part in casting.parts]
+    playing = [part.played(presets[part.preset]) for part in casting.parts]
     check_parts(settings.bindings, playing)
     return Engine(
         playing,
@@ -407,6 +454,7 @@ def _engine(
         threads=settings.threads,
         bindings=settings.bindings,
         mpe=settings.mpe,
+        seed=settings.seed,
         warn=lambda text: None,  # said before anything was prepared
     )
 

@@ -2,12 +2,12 @@
 
 Programs, bends, pressures, controllers, registered parameters (bend range, MPE zones), tunings and live parameters: of each
 the last before that place, in the order in which they were set; and before them, everything that the song sets anywhere at
-its power-up value. Notes are not among them.
+its power-up value. Notes are not among them, but keys that switch articulations are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,22 +38,32 @@ class PowerUp:
 
     programs: of each of the 16 channels.  parameters: (parts, N_PARAMETERS) as the presets have them.
     bindings: controller → indices of the live parameters that it sets.  mpe: it begins with a zone of all channels.
+    switches: (channel, program) → keys that switch articulations of the part that plays there.
     """
 
     programs: Sequence[int]
     parameters: np.ndarray
     bindings: dict[int, set[int]] = field(default_factory=dict)
     mpe: bool = False
+    switches: Mapping[tuple[int, int], Collection[int]] = field(default_factory=dict)
 
 
-def controls_at(events: np.ndarray, end: int | None = None, *, mpe: bool = False) -> list[Row]:
-    """How the events (EVENT) before place `end` leave the controls, each set once. mpe: a zone of all channels is there."""
+def controls_at(
+    events: np.ndarray, end: int | None = None, *, mpe: bool = False, engine: PowerUp | None = None
+) -> list[Row]:
+    """How the events (EVENT) before place `end` leave the controls, each set once. mpe: a zone of all channels is there.
+
+    engine: whose articulations keys switch; None: they switch none.
+    """
     last: dict[Hashable, list[Row]] = {}
     chosen: dict[int, tuple[int, int] | None] = {}  # channel → registered parameter; None: one that is not registered
     numbers = ("kind", "channel", "a", "b", "value")
     members = [MOST_MEMBERS if mpe else 0, 0]
     part = events[:end]
-    part = part[(part["kind"] != NOTE_ON) & (part["kind"] != NOTE_OFF)]
+    switches = {} if engine is None else engine.switches
+    programs = {} if engine is None else dict(enumerate(engine.programs))
+    switching = np.isin(part["a"], [key for keys in switches.values() for key in keys]) & (part["b"] > 0)
+    part = part[((part["kind"] != NOTE_ON) | switching) & (part["kind"] != NOTE_OFF)]
     zones = 0
     for row in zip(*(part[name].tolist() for name in numbers), strict=True):
         kind, c, a, b, _ = row
@@ -82,12 +92,20 @@ def controls_at(events: np.ndarray, end: int | None = None, *, mpe: bool = False
                 rows = [*_choice(c, number), row]
             else:
                 if a == RESET_CONTROLLERS:  # of a zone's master: of its members, too
+                    last.pop((NOTE_ON, c), None)
                     chosen.update({k: _NONE for k in chosen if c in (k, master_of(k, members[LOWER], members[UPPER]))})
                 key = (kind, c, a)
         elif kind in (PROGRAM, BEND, PRESSURE):
             key = (kind, c)
+            if kind == PROGRAM:
+                programs[c] = a
+                last.pop((NOTE_ON, c), None)
         elif kind == PARAMETER:
             key = (kind, c, a)
+        elif kind == NOTE_ON:
+            if a not in switches.get((c, programs[c]), ()):
+                continue
+            key = (kind, c)
         elif kind == TUNING:
             key = (kind, a)
         else:
@@ -106,10 +124,10 @@ def _choice(channel: int, number: tuple[int, int]) -> list[Row]:
 
 def power_up_rows(events: np.ndarray, engine: PowerUp) -> list[Row]:
     """What brings everything that a song (EVENT) sets anywhere to its power-up value."""
-    set_anywhere = controls_at(events)
+    set_anywhere = controls_at(events, engine=engine)
     rows: list[Row] = []
     controllers = sorted({(c, a) for kind, c, a, _, _ in set_anywhere if kind == CONTROL})
-    of_channel = (CONTROL, BEND, PRESSURE, PROGRAM)
+    of_channel = (CONTROL, BEND, PRESSURE, PROGRAM, NOTE_ON)
     for c in sorted({c for kind, c, *_ in set_anywhere if kind in of_channel}):
         rows.append((CONTROL, c, RESET_CONTROLLERS, 0, 0.0))
     rows += [(CONTROL, c, a, POWER_UP[a], 0.0) for c, a in controllers if a in POWER_UP and a not in engine.bindings]

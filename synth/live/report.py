@@ -26,6 +26,7 @@ class LiveReport:
     block_asked: int
     device_latency_s: float
     parts: list[str]
+    seed: int
     prepare_s: float
     played_s: float
     ended: str

@@ -28,9 +28,10 @@ from synth.engine.engine import Engine
 from synth.engine.layout import GAIN
 from synth.engine.uncopied import Uncopied
 from synth.files.targets import check_target
-from synth.host import parts, scala
+from synth.host import compass, parts, scala
 from synth.host.bindings import check_parts
 from synth.instrument.preset import Preset
+from synth.instrument.ways import keys_that_switch
 from synth.live.deck import Deck, Meters
 from synth.live.errors import DeviceError
 from synth.live.player import Player
@@ -74,6 +75,7 @@ class SessionSettings:
     """What to play on, and how.
 
     preset, channel_presets, settings, tuning, keyboard, bindings, mpe: as in RenderSettings.
+    gm, only_strings: as in RenderSettings; where others play beside a song, programs choose from the whole table, too.
     made: presets that the program has made, by the names that stand for them in `preset`.
     song: MIDI file to play.
     device: name or number of an output; None: the default.  jack: name of the client if JACK itself is the output.
@@ -93,7 +95,11 @@ class SessionSettings:
     keyboard: str | None = None
     bindings: dict[int, list[Binding]] = field(default_factory=dict)
     mpe: bool = False
+    gm: bool = False
+    only_strings: bool = False
     polyphony: int | None = None
+    seed: int = 0
+    variation: float = 1.0
     quality: str = "standard"
     scheme: str = "exact-hold"
     internal_rate_hz: int | None = None
@@ -181,6 +187,7 @@ class Session(Uncopied):
         self._output_lock = threading.Lock()
         self._recorder: Recorder | None = None
         self._unplayed = 0
+        self._gm = settings.gm
         self.files: list[str] = []
         self.report: LiveReport | None = None
 
@@ -201,7 +208,14 @@ class Session(Uncopied):
         self.rate_hz = self._choose_rate()
         casting, song = self._cast()
         self._labels = [part.preset for part in casting.parts] if song is None else [part.label for part in casting.parts]
-        presets = parts.load_presets([part.preset for part in casting.parts], settings.settings, settings.made)
+        names = [part.preset for part in casting.parts]
+        presets = parts.varied(parts.load_presets(names, settings.settings, settings.made), settings.variation)
+        arrangement, headroom_db = None, 0.0
+        if song is not None:
+            played = song.events[parts.played_events(song.events, song.players, casting)]
+            headroom_db = parts.headroom_db(song, casting)
+            wishes = compass.Wishes(fold_programs=not song.take)
+            arrangement = compass.arrange(song, played, casting, presets, wishes, settings.mpe)
         check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
         note_hz, only_notes = self._tuning()
         self._check_inputs()
@@ -209,19 +223,20 @@ class Session(Uncopied):
         self._line.say(f"preparing {', '.join(dict.fromkeys(part.preset for part in casting.parts))} …")
         began = time.perf_counter()
         engine = Engine(
-            [presets[part.preset] for part in casting.parts],
+            [part.played(presets[part.preset]) for part in casting.parts],
             casting.program_map,
             quality=settings.quality,
             scheme=settings.scheme,
             internal_rate_hz=settings.internal_rate_hz,
             limiter=settings.limiter,
-            gain_db=settings.gain_db,
+            gain_db=settings.gain_db - headroom_db,
             max_polyphony=settings.polyphony,
             note_hz=note_hz,
-            only_notes=self._notes(casting, song, only_notes),
+            only_notes=self._notes(casting, arrangement, only_notes),
             threads=settings.threads,
             bindings=settings.bindings,
             mpe=settings.mpe,
+            seed=settings.seed,
             warn=self._line.say,
         )
         stack.callback(self._close_engine)
@@ -251,14 +266,17 @@ class Session(Uncopied):
                 rate_hz=self.rate_hz,
                 bit_depth=settings.bit_depth,
                 say=self._line.say,
+                gm=self._gm,
+                headroom_db=headroom_db,
             )
             stack.enter_context(self._recorder)
         self._unplayable = Unplayable(engine.parts, frozenset(range(128)) - (only_notes or frozenset(range(128))))
+        self._switches = keys_that_switch(engine.parts)
         if song is not None:
-            events = parts.played_events(song.events, casting)
+            assert arrangement is not None
             length = round(song.length_s * self.rate_hz)
             power_up = power_up_of(engine, settings.bindings)
-            self._song = SongPlayer(events, length, engine.latency_samples, self.rate_hz, power_up)
+            self._song = SongPlayer(arrangement.events, length, engine.latency_samples, self.rate_hz, power_up)
             self.add_player(self._song)
         self._open_inputs(stack)
 
@@ -305,19 +323,21 @@ class Session(Uncopied):
     def _cast(self) -> tuple[parts.Casting, songs.Song | None]:
         settings = self._settings
         if settings.song is None:
-            only = settings.midi_channel
-            return parts.cast_live(settings.preset, settings.channel_presets, only_channel=only), None
+            choice = parts.Choice(settings.preset, settings.channel_presets, settings.gm, settings.only_strings, True)
+            return parts.cast_live(choice, only_channel=settings.midi_channel), None
         song = songs.read_song(settings.song, self.rate_hz, settings.mpe)
         for warning in song.warnings:
             self._line.say(f"{settings.song}: {warning}")
-        casting = parts.cast(song.channels, settings.preset, settings.channel_presets)
+        self._gm = settings.gm or song.gm
+        choice = parts.Choice(settings.preset, settings.channel_presets, self._gm, settings.only_strings, song.take)
+        casting = parts.cast(song.channels, choice)
         for channel, count in casting.left_out.items():
             if channel not in settings.channel_presets:
                 self._line.say(
                     f"channel {channel + 1} (percussion) is left out: {count} notes; --map {channel + 1}=PRESET plays it"
                 )
         if self._listens:
-            casting = parts.cast_live(settings.preset, settings.channel_presets, song=casting)
+            casting = parts.cast_live(choice, song=casting)
         if not casting.parts:
             raise ValueError(f"{settings.song}: there is nothing to play in it; its notes: {song.notes}")
         return casting, song
@@ -337,12 +357,12 @@ class Session(Uncopied):
         return note_hz, {int(key) for key in np.flatnonzero(~silent)}
 
     def _notes(
-        self, casting: parts.Casting, song: songs.Song | None, sounding: set[int] | None
+        self, casting: parts.Casting, arrangement: compass.Arrangement | None, sounding: set[int] | None
     ) -> Sequence[set[int] | None] | None:
         """The MIDI notes that every part is prepared for; None: all."""
-        if song is None or self._listens:
+        if arrangement is None or self._listens:
             return None if sounding is None else [sounding for _ in casting.parts]
-        wanted = parts.notes_of_parts(song.keys, casting)
+        wanted = compass.keys_of_parts(arrangement, np.iinfo(np.int64).max)
         return wanted if sounding is None else [keys & sounding for keys in wanted]
 
     def _open_output(self) -> Any:
@@ -540,6 +560,7 @@ class Session(Uncopied):
                 spare_db=meters.spare_db,
                 events_lost=self._events_lost(meters),
                 unplayed=self._unplayable.look(changed, meters.last_note, time.monotonic()),
+                articulation=self._switches.get(meters.last_note, "") if meters.last_velocity else "",
                 position=self._position(meters.frames),
             )
         )
@@ -658,6 +679,7 @@ class Session(Uncopied):
             block_asked=settings.block,
             device_latency_s=meters.device_latency_s,
             parts=self._labels,
+            seed=settings.seed,
             prepare_s=self._prepare_s,
             played_s=meters.frames / self.rate_hz,
             ended=self._ended,

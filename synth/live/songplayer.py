@@ -14,6 +14,7 @@ import numpy as np
 from synth.engine.bank import default_parameters
 from synth.engine.engine import Engine
 from synth.engine.parameters import INDEX_OF, Binding
+from synth.instrument.ways import switch_keys
 from synth.live.chase import PowerUp, at_frame, controls_at, let_go_rows, power_up_rows
 from synth.live.player import AHEAD_S, Player, Schedule
 
@@ -23,11 +24,14 @@ LEAD_S = 0.15
 
 def power_up_of(engine: Engine, bindings: Mapping[int, Sequence[Binding]]) -> PowerUp:
     """How a prepared engine begins; `bindings` of controllers as it was given them."""
+    keys = [frozenset(switch_keys(preset)) for preset in engine.parts]
+    played = zip(*np.nonzero(engine.program_map >= 0), strict=True)
     return PowerUp(
         (engine.program_map >= 0).argmax(axis=1),
         default_parameters(engine.compiled),
         {controller: {INDEX_OF[row[1]] for row in bound} for controller, bound in bindings.items()},
         engine.mpe,
+        {(int(c), int(program)): keys[engine.program_map[c, program]] for c, program in played},
     )
 
 
@@ -141,7 +145,7 @@ class SongPlayer(Player):
         start = frame + round(LEAD_S * self._rate_hz)
         place = int(np.searchsorted(self._events["frame"], self._target))
         rows = power_up_rows(self._events, self._power_up) if self._moved else []
-        rows += controls_at(self._events, place, mpe=self._power_up.mpe)
+        rows += controls_at(self._events, place, mpe=self._power_up.mpe, engine=self._power_up)
         self._waiting = np.concatenate((self._waiting, at_frame(rows, frame)))
         self._asked = frame
         self._offset = start - self._target

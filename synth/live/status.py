@@ -24,7 +24,7 @@ _WHO = "synth: "
 class Status:
     """What the line shows. Loads are shares of a block's time; peak is linear; note −1: none yet; recorded_s None: no
     recording. spare_db: level below which strings are spared, −inf: none are. events_lost: since the start. unplayed: why no
-    string plays the last note. position: where in a song it is.
+    string plays the last note. articulation: what the last key has switched to. position: where in a song it is.
     """
 
     load_median: float
@@ -38,6 +38,7 @@ class Status:
     spare_db: float = -math.inf
     events_lost: int = 0
     unplayed: str = ""
+    articulation: str = ""
     position: str = ""
 
 
@@ -53,7 +54,7 @@ def status_text(status: Status, width: int) -> str:
         f"{status.strings:2d} string{'' if status.strings == 1 else 's'}",
         level,
         f"[{'=' * filled}{' ' * (METER_CELLS - filled)}]",
-        status.unplayed or note,
+        status.unplayed or status.articulation or note,
         f"sparing below {status.spare_db:.0f} dB" if status.spare_db > -math.inf else "",
         "" if status.recorded_s is None else f"REC {clock_text(status.recorded_s)}",
         f"{status.events_lost} lost" if status.events_lost else "",

@@ -20,6 +20,9 @@ SMPTE_FRAMES_PER_SECOND = {24: 24.0, 25: 25.0, 29: 30000.0 / 1001.0, 30: 30.0}
 
 #: A meta event (sequencer-specific) that this program's takes begin with: simultaneous events are in their order.
 TAKE_MARK = b"\xff\x7f\x04\x7dJW\x03"
+#: the same of takes of sessions in which programs chose by the whole table of General MIDI; behind it the headroom of their
+#: song in tenths of a decibel
+GM_TAKE_MARK = b"\xff\x7f\x05\x7dJW\x04"
 
 # System common messages have no place in a file, but some hold them: skipped with their data.
 _SYSTEM_DATA_BYTES = {0xF1: 1, 0xF2: 2, 0xF3: 1}
@@ -36,7 +39,8 @@ class Track:
     ticks: time since the track's start; status: status byte (0x80…0xEF); data1, data2: data bytes (data2 is 0
     where the message has one). tempos: (tick, microseconds per quarter note). sysex: (place, tick, body without F0 and
     F7), `place` being how many channel messages come before; one sent in several packets has the tick of the last.
-    end_tick: time of the track's end. take: whether this program recorded it, and simultaneous events are in their order.
+    end_tick: time of the track's end. take: whether this program recorded it, and simultaneous events are in their order;
+    gm, headroom_db: whether, if so, programs chose by the whole table of General MIDI, and what its song was lowered by.
     """
 
     ticks: list[int] = field(default_factory=list)
@@ -47,6 +51,8 @@ class Track:
     sysex: list[tuple[int, int, bytes]] = field(default_factory=list)
     end_tick: int = 0
     take: bool = False
+    gm: bool = False
+    headroom_db: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -218,6 +224,8 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
                     track.tempos.append((tick, int.from_bytes(payload[:3], "big")))
                 if kind == TAKE_MARK[1] and payload == TAKE_MARK[3:]:
                     track.take = True
+                if kind == GM_TAKE_MARK[1] and size == GM_TAKE_MARK[2] and payload[:-1] == GM_TAKE_MARK[3:]:
+                    track.take, track.gm, track.headroom_db = True, True, payload[-1] / 10.0
             elif status in (0xF0, 0xF7):
                 size, at = _variable_length(body, at)
                 packet = body[at : at + size]

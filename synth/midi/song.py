@@ -9,7 +9,7 @@ read (`sysex`); meta events other than tempo and end of track are passed over.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -43,6 +43,9 @@ class Song:
     keys: (channel, program) → the MIDI notes that occur.
     warnings: what was odd about the file, one line each.
     players: of every event, see `players`.
+    take: whether it is a take of this program's, which is played as it was.  gm: whether programs choose by the whole table
+        of General MIDI, as in all songs but takes of sessions that did otherwise.  headroom_db: of a take, what its song was
+        lowered by.
     """
 
     events: np.ndarray
@@ -53,6 +56,9 @@ class Song:
     notes: int
     warnings: tuple[str, ...]
     players: np.ndarray
+    take: bool = False
+    gm: bool = True
+    headroom_db: float = 0.0
 
 
 def read_song(path: str | Path, rate_hz: int, mpe: bool = False, until_s: float | None = None) -> Song:
@@ -104,7 +110,10 @@ def song_from_file(file: MidiFile, rate_hz: int, mpe: bool = False, until_s: flo
     if len(events):
         played_s = np.minimum(np.concatenate(seconds), LONGEST_SONG_S)
         events["frame"] = np.rint(played_s * rate_hz).astype(np.int64)
-    return song_of(events, rate_hz, start_s, mpe, tuple(dict.fromkeys(warnings)))
+    song = song_of(events, rate_hz, start_s, mpe, tuple(dict.fromkeys(warnings)))
+    takes = [track for track in file.tracks if track.take]
+    headroom_db = max((track.headroom_db for track in takes), default=0.0)
+    return replace(song, take=bool(takes), gm=all(track.gm for track in takes), headroom_db=headroom_db)
 
 
 def song_of(events: np.ndarray, rate_hz: int, length_s: float, mpe: bool = False, warnings: tuple[str, ...] = ()) -> Song:

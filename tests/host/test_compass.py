@@ -12,10 +12,14 @@ from synth.host.compass import (
     fold,
     keys_of_parts,
     parse_transpose,
+    skipped_line,
+    stand_in_line,
+    stand_ins,
+    switches,
     unplayed_notes,
 )
-from synth.host.parts import cast
-from synth.instrument.preset import load_preset
+from synth.host.parts import Choice, cast, played_events
+from synth.instrument.preset import load_preset, parse_preset, preset_text, read_preset_bytes
 from synth.midi.events import CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM, make_events
 from synth.midi.song import song_of
 
@@ -25,7 +29,7 @@ ALL = slice(0, 1 << 60)
 
 def arranged(rows: list[tuple], wishes: Wishes, preset: str = "tanpura") -> Arrangement:
     song = song_of(make_events(rows), 44100, 10.0)
-    return arrange(song, song.events, cast(song.channels, preset), PRESETS, wishes)
+    return arrange(song, song.events, cast(song.channels, Choice(preset)), PRESETS, wishes)
 
 
 def plain(arrangement: Arrangement) -> list[tuple[int, int, int, int]]:
@@ -34,7 +38,7 @@ def plain(arrangement: Arrangement) -> list[tuple[int, int, int, int]]:
 
 def test_without_wishes_the_events_are_the_songs_own() -> None:
     song = song_of(make_events([(0, NOTE_ON, 0, 48, 90), (9, NOTE_OFF, 0, 48, 64)]), 44100, 1.0)
-    assert arrange(song, song.events, cast(song.channels), PRESETS, Wishes()).events is song.events
+    assert arrange(song, song.events, cast(song.channels, Choice("tanpura")), PRESETS, Wishes()).events is song.events
 
 
 def test_transposing_takes_ends_and_pressure_along_and_nothing_else() -> None:
@@ -123,6 +127,7 @@ def test_a_row_in_words() -> None:
         "unplayed": 0,
         "low": "C4",
         "high": "C4",
+        "folded": 0,
     }
     assert channel_line(row) == "channel 3 (A, B, C) → own: 1 note, C4"
     row |= {"names": ["A", "B", "C", "D", "E"], "notes": 5, "high": "D4"}
@@ -164,7 +169,7 @@ def test_a_second_press_of_a_key_is_ended_second() -> None:
 def test_every_note_of_a_thicket_moves_alike() -> None:
     rows = [(n, NOTE_ON if n % 2 else NOTE_OFF, n % 8, 40 + n % 50, 90) for n in range(3000)]
     song = song_of(make_events(rows), 44100, 1.0)
-    both = arrange(song, song.events, cast(song.channels, "jawari-harp"), PRESETS, Wishes({None: 2}))
+    both = arrange(song, song.events, cast(song.channels, Choice("jawari-harp")), PRESETS, Wishes({None: 2}))
     assert np.array_equal(both.events["a"][both.part >= 0], song.events["a"][song.players >= 0] + 2)
 
 
@@ -179,3 +184,72 @@ def test_transpositions(text: str, found: dict) -> None:
 def test_transpositions_that_are_none(text: str) -> None:
     with pytest.raises(ValueError, match="--transpose"):
         parse_transpose([text])
+
+
+def gm(rows: list[tuple], wishes: Wishes, **choice: bool) -> Arrangement:
+    """As `arranged`, by the programs' own choice of two presets."""
+    song = song_of(make_events(rows), 44100, 10.0)
+    casting = cast(song.channels, Choice(gm=False, **choice))
+    played = song.events[played_events(song.events, song.players, casting)]
+    return arrange(song, played, casting, PRESETS, wishes)
+
+
+def test_what_a_program_chose_is_folded_and_counted() -> None:
+    rows = [(0, PROGRAM, 0, 33, 0), (1, NOTE_ON, 0, 24, 90), (2, NOTE_ON, 0, 40, 90), (3, NOTE_OFF, 0, 24, 64)]
+    found = gm(rows, Wishes(fold_programs=True))
+    assert [a for _, kind, _, a in plain(found) if kind != PROGRAM] == [36, 40, 36]
+    assert found.folded.tolist() == [False, True, False, False]
+    (row,) = channel_rows(found, PRESETS, ALL)
+    assert (row["unplayed"], row["folded"]) == (0, 1)
+    assert channel_line(row) == (
+        "channel 1 (Electric Bass (finger)) → fretted-bass: 2 notes, C2 to E2, 1 of them octaves away"
+    )
+    # what the user chose is not, and where every note has a string the events are the song's own
+    assert plain(arranged(rows, Wishes(fold_programs=True), "fretted-bass"))[1] == (1, NOTE_ON, 0, 24)
+    assert not gm(rows[:1] + rows[2:3], Wishes(fold_programs=True)).folded.any()
+
+
+def test_what_is_no_string_is_told_with_its_stand_in() -> None:
+    rows = [(0, PROGRAM, 0, 73, 0), (1, NOTE_ON, 0, 60, 90), (1, NOTE_ON, 1, 60, 90), (1, PROGRAM, 2, 38, 0)]
+    rows += [(2, NOTE_ON, 2, 40, 90), (2, PROGRAM, 0, 19, 0), (3, NOTE_ON, 0, 62, 90), (9, NOTE_ON, 0, 64, 90)]
+    told = stand_ins(gm(rows, Wishes()), slice(0, 9))
+    assert told == [
+        {"preset": "jawari-harp", "names": ["Church Organ", "Flute"], "notes": 2},
+        {"preset": "fretted-bass", "names": ["Synth Bass 1"], "notes": 1},
+    ]
+    line = "jawari-harp plays Church Organ, Flute (2 notes); fretted-bass plays Synth Bass 1 (1 note)"
+    assert stand_in_line(told) == f"no plucked or struck strings: {line}; --only-strings leaves them out"
+    assert stand_ins(arranged(rows, Wishes(), "jawari-harp"), ALL) == []
+
+
+def test_only_strings_leaves_out_the_notes_of_others_and_nothing_else() -> None:
+    rows = [(0, CONTROL, 0, 7, 90), (0, PROGRAM, 0, 73, 0), (1, NOTE_ON, 0, 60, 90), (2, NOTE_OFF, 0, 60, 64)]
+    rows += [(3, PROGRAM, 0, 46, 0), (4, NOTE_ON, 0, 62, 90), (5, NOTE_ON, 1, 64, 90)]
+    found = gm(rows, Wishes(), only_strings=True)
+    assert [a for _, kind, _, a in plain(found) if kind == NOTE_ON] == [62, 64]
+    assert len(found.events) == len(rows) - 1 and found.casting.skipped == {(0, 73): 1}
+    assert skipped_line([{"channel": 1, "name": "Flute", "notes": 1}]) == (
+        "no plucked or struck strings, left out: channel 1 (Flute, 1 note)"
+    )
+
+
+def test_keys_that_switch_are_no_notes() -> None:
+    bass = PRESETS["fretted-bass"]
+    switched = parse_preset(
+        preset_text(read_preset_bytes("fretted-bass"), "fretted-bass").split("[articulations")[0]
+        + '[articulations.normal]\nkey = "C0"\n'
+        + '[articulations.mute]\nkey = "D0"\ntouch = { place = 0.1, resistance = 1.0 }\n',
+        "switched",
+    )
+    presets = {**PRESETS, "switched": switched}
+    song = song_of(make_events([(0, NOTE_ON, 0, key, 90) for key in (14, 15, 40)]), 44100, 1.0)
+    casting = cast(song.channels, Choice("switched"))
+    found = arrange(song, song.events, casting, presets, Wishes({None: 12}, fold=True))
+    assert [row[3] for row in plain(found)] == [14, 39, 52]  # 15 + 12 is folded up by an octave, 14 stays
+    untouched = arrange(song, song.events, casting, presets, Wishes())
+    assert [row["note"] for row in unplayed_notes(untouched, presets, ALL)] == ["D#0"]
+    (row,) = channel_rows(untouched, presets, ALL)
+    assert (row["notes"], row["unplayed"], row["low"]) == (2, 1, "D#0")
+    assert switches(switched) == {12, 14} and switches(bass) == {
+        each.key for each in bass.articulations.values() if each.key is not None
+    }

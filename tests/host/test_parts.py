@@ -7,21 +7,22 @@ import numpy as np
 import pytest
 
 from synth.host.parts import (
+    Choice,
     cast,
     cast_live,
     files_read,
     load_presets,
-    notes_of_parts,
     parse_channel_map,
     played_events,
     unplayed_rows,
 )
 from synth.instrument.preset import load_preset, preset_folder
 from synth.midi.events import CONTROL, N_PARAMETERS, NOTE_ON, PARAMETER, TUNING, make_events
+from synth.midi.song import players
 
 
 def test_by_default_basses_are_basses_and_percussion_is_left_out() -> None:
-    casting = cast({(0, 0): 5, (1, 32): 1, (1, 39): 2, (1, 40): 4, (9, 0): 7})
+    casting = cast({(0, 0): 5, (1, 32): 1, (1, 39): 2, (1, 40): 4, (9, 0): 7}, Choice(gm=False))
     assert [(part.label, part.notes) for part in casting.parts] == [
         ("ch01-jawari-harp", 5),
         ("ch02-fretted-bass", 3),
@@ -34,7 +35,7 @@ def test_by_default_basses_are_basses_and_percussion_is_left_out() -> None:
 
 
 def test_a_preset_for_all_leaves_percussion_out_still() -> None:
-    casting = cast({(0, 0): 1, (0, 33): 1, (9, 0): 1}, "tanpura")
+    casting = cast({(0, 0): 1, (0, 33): 1, (9, 0): 1}, Choice("tanpura"))
     assert [part.label for part in casting.parts] == ["ch01-tanpura"]
     assert casting.parts[0].notes == 2
     assert casting.left_out == {9: 1}
@@ -43,7 +44,7 @@ def test_a_preset_for_all_leaves_percussion_out_still() -> None:
 def test_the_map_goes_before_all_else() -> None:
     by_channel = parse_channel_map(["1=none, 10=my/own.toml", "3=tanpura"])
     assert by_channel == {0: "none", 9: "my/own.toml", 2: "tanpura"}
-    casting = cast({(0, 0): 1, (2, 33): 1, (9, 0): 2, (4, 0): 1}, "fretted-bass", by_channel)
+    casting = cast({(0, 0): 1, (2, 33): 1, (9, 0): 2, (4, 0): 1}, Choice("fretted-bass", by_channel))
     assert [part.label for part in casting.parts] == ["ch03-tanpura", "ch05-fretted-bass", "ch10-own"]
     assert casting.left_out == {0: 1}
 
@@ -64,12 +65,13 @@ def test_the_ends_of_the_channels() -> None:
 
 
 def test_labels_are_channel_and_name() -> None:
-    labels = [part.label for part in cast({(8, 0): 1, (15, 0): 1}, None, {8: "my\\own.toml", 15: "a/b/c.toml"}).parts]
+    by_channel = {8: "my\\own.toml", 15: "a/b/c.toml"}
+    labels = [part.label for part in cast({(8, 0): 1, (15, 0): 1}, Choice(None, by_channel)).parts]
     assert labels == ["ch09-own", "ch16-c"]
 
 
 def test_live_every_channel_has_a_part_and_shares_it() -> None:
-    casting = cast_live()
+    casting = cast_live(Choice(gm=False))
     assert [(part.channel, part.preset, part.notes) for part in casting.parts] == [
         (0, "jawari-harp", 0),
         (0, "fretted-bass", 0),
@@ -78,28 +80,22 @@ def test_live_every_channel_has_a_part_and_shares_it() -> None:
     expected[:, 32:40] = 1
     expected[9] = -1
     assert np.array_equal(casting.program_map, expected) and casting.left_out == {}
-    one = cast_live("tanpura", only_channel=3)
+    one = cast_live(Choice("tanpura"), only_channel=3)
     assert [(part.channel, part.preset) for part in one.parts] == [(3, "tanpura")]
     assert (one.program_map[3] == 0).all() and (np.delete(one.program_map, 3, axis=0) == -1).all()
     with pytest.raises(ValueError, match="no channel has a preset"):
-        cast_live(by_channel={channel: "none" for channel in range(16)})
+        cast_live(Choice(by_channel={channel: "none" for channel in range(16)}))
 
 
 def test_live_beside_a_song_its_parts_come_first() -> None:
-    song = cast({(1, 0): 5, (2, 0): 4, (9, 0): 3}, "tanpura", {2: "jawari-harp"})
-    casting = cast_live("jawari-harp", {1: "tanpura", 3: "tanpura"}, song=song)
+    song = cast({(1, 0): 5, (2, 0): 4, (9, 0): 3}, Choice("tanpura", {2: "jawari-harp"}))
+    casting = cast_live(Choice("jawari-harp", {1: "tanpura", 3: "tanpura"}), song=song)
     assert casting.parts == song.parts and casting.left_out == {9: 3}
     # of a song's channel the other programs go to a part of its own channel, of others to the first that fits
     assert [casting.program_map[channel, 7] for channel in (1, 2, 3, 4, 9)] == [0, 1, 0, 1, -1]
-    both = cast({(1, 0): 5, (2, 0): 4}, "tanpura")
-    assert cast_live("tanpura", song=both).program_map[[0, 1, 2], 7].tolist() == [0, 0, 1]
+    both = cast({(1, 0): 5, (2, 0): 4}, Choice("tanpura"))
+    assert cast_live(Choice("tanpura"), song=both).program_map[[0, 1, 2], 7].tolist() == [0, 0, 1]
     assert (song.program_map >= 0).sum() == 2  # the song's own is as it was
-
-
-def test_the_notes_of_parts_are_those_of_their_channels_and_programs() -> None:
-    keys = {(0, 0): {60, 62}, (0, 1): {62, 64}, (1, 33): {30}, (9, 0): {36}}
-    casting = cast({pair: len(notes) for pair, notes in keys.items()}, None)
-    assert notes_of_parts(keys, casting) == [{60, 62, 64}, {30}]
 
 
 def test_rows_of_notes_that_found_no_string() -> None:
@@ -145,7 +141,7 @@ def test_files_that_are_read() -> None:
 
 
 def test_parameters_of_a_file_that_are_not_there_are_not_played() -> None:
-    casting = cast({(0, 0): 1, (2, 33): 1}, "tanpura", {2: "none"})
+    casting = cast({(0, 0): 1, (2, 33): 1}, Choice("tanpura", {2: "none"}))
     rows = [
         (0, NOTE_ON, 0, 60, 100, 0.0),
         (0, PARAMETER, 0, N_PARAMETERS - 1, 0, 1.0),
@@ -156,4 +152,6 @@ def test_parameters_of_a_file_that_are_not_there_are_not_played() -> None:
         (3, TUNING, 9, 60, 1, math.nan),
         (3, CONTROL, 2, 7, 100, 0.0),
     ]
-    assert played_events(make_events(rows), casting)["kind"].tolist() == [NOTE_ON, PARAMETER, TUNING]
+    events = make_events(rows)
+    played = played_events(events, players(events), casting)
+    assert events["kind"][played].tolist() == [NOTE_ON, PARAMETER, TUNING]

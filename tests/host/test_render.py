@@ -68,7 +68,7 @@ def song(tmp_path) -> str:
 def test_a_render_and_its_report(tmp_path, song, engine) -> None:
     out = str(tmp_path / "song.wav")
     heard: list[str] = []
-    report = render_file(RenderSettings(song, out, tail=0.0, block=50), warn=heard.append)
+    report = render_file(RenderSettings(song, out, "jawari-harp", tail=0.0, block=50), warn=heard.append)
     assert engine.prepared == (44100, 50)
     sound, rate_hz = soundfile.read(out)
     assert rate_hz == report.rate_hz == 44100
@@ -92,7 +92,7 @@ def test_a_render_and_its_report(tmp_path, song, engine) -> None:
 def test_normalizing_scales_mix_and_stems_alike(tmp_path, song, engine) -> None:
     stems = tmp_path / "stems"
     settings = RenderSettings(
-        song, str(tmp_path / "song.wav"), normalize_dbfs=-6.0, stems=str(stems), bit_depth="float", tail=0.0
+        song, str(tmp_path / "song.wav"), "jawari-harp", normalize_dbfs=-6.0, stems=str(stems), bit_depth="float", tail=0.0
     )
     report = render_file(settings)
     mix, _ = soundfile.read(tmp_path / "song.wav")
@@ -115,7 +115,7 @@ def test_a_fallback_where_nothing_is_played(tmp_path, song) -> None:
 
 
 def test_stems_alone(tmp_path, song, engine) -> None:
-    report = render_file(RenderSettings(song, None, stems=str(tmp_path / "s"), container="flac", tail=0.0))
+    report = render_file(RenderSettings(song, None, "jawari-harp", stems=str(tmp_path / "s"), container="flac", tail=0.0))
     assert sorted(os.listdir(tmp_path / "s")) == ["ch01-jawari-harp.flac", "ch02-jawari-harp.flac"]
     assert report.output is None
 
@@ -259,8 +259,11 @@ def test_the_closing_lines(tmp_path, song, engine) -> None:
     lost = [{"count": 2, "reason": SILENT_KEY}, {"count": 1, "reason": "another"}]
     assert "2 notes (3 not played)" in line(unplayed=lost)
     told = replace(report, channels=[], unplayed=lost, stolen=4, taken_over=5, clipped_samples=6, clipped_stem_samples=7)
-    assert [text.strip().split()[0] for text in told.lines()[1:]] == ["2", "4", "5", "6", "7"]
-    assert replace(report, channels=[]).lines()[1:] == []
+    assert [text.strip().split()[0] for text in told.lines()[1:]] == ["lowered", "2", "4", "5", "6", "7"]
+    lowered = ["  lowered by 3.0 dB, as several channels play; --gain raises it"]
+    assert replace(report, channels=[]).lines()[1:] == lowered
+    assert replace(report, channels=[], normalize_gain_db=1.0).lines()[1:] == []
+    assert replace(report, channels=[], headroom_db=0.0).lines()[1:] == []
 
 
 def test_what_is_told_of_the_time_it_took(tmp_path, song, engine) -> None:
@@ -307,7 +310,7 @@ def test_a_folder_of_stems_that_cannot_be_completed_is_taken_away(tmp_path, song
         committed(writer, kind, *more)
 
     monkeypatch.setattr(job.audiofile.AudioWriter, "__exit__", fails)
-    settings = RenderSettings(song, None, stems=str(tmp_path / "s"), tail=0.0)
+    settings = RenderSettings(song, None, "jawari-harp", stems=str(tmp_path / "s"), tail=0.0)
     with pytest.raises(OSError, match="no"):
         render_file(settings)
     assert not (tmp_path / "s").exists()
@@ -380,8 +383,8 @@ def test_only_what_is_rendered_is_reported(tmp_path, engine) -> None:
     far = [on(10 + beat, channel=1) for beat in range(8)]  # below the harp's strings
     drums = [on(36, channel=9) for _ in range(8)]
     path.write_bytes(header(1, tracks=3) + beats(*late) + beats(*far) + beats(*drums))
-    whole = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), tail=0.0))
-    part = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), start_s=1.0, end_s=2.0))
+    whole = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), "jawari-harp", tail=0.0))
+    part = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), "jawari-harp", start_s=1.0, end_s=2.0))
     assert (whole.notes, len(whole.unplayed), whole.left_out) == (16, 8, {10: 8})
     assert (part.notes, [entry["note"] for entry in part.unplayed], part.left_out) == (4, ["C0", "C#0"], {10: 2})
     assert [(row["channel"], row["notes"], row["low"], row["high"]) for row in part.channels] == [
@@ -393,6 +396,7 @@ def test_only_what_is_rendered_is_reported(tmp_path, engine) -> None:
     assert [line.split(":")[0] for line in whole.lines()[1:]] == [
         "  channel 1 (Acoustic Grand Piano) → jawari-harp",
         "  channel 2 (Acoustic Grand Piano) → jawari-harp",
+        "  lowered by 3.0 dB, as several channels play; --gain raises it",
     ]
     assert "8 of 8 notes not played, A#-1 to F0: --transpose 2=24 plays them all; --fold plays them all" in whole.lines()[2]
 

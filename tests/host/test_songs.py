@@ -80,8 +80,10 @@ def test_the_demos_sound_as_they_should(song: str, preset: str, tmp_path: Path) 
     )
     sound, _ = soundfile.read(tmp_path / "demo.wav")
     assert report.unplayed == []
-    assert report.limiter_reduction_db == 0.0
-    assert -12.0 < report.peak_dbfs < -1.0
+    # the hardest strokes alone may go as far beyond full scale as those of presets may (test_presets.py): presets are level
+    # at velocity 80
+    assert report.limiter_reduction_db < 6.0
+    assert -12.0 < report.peak_dbfs <= 0.0
     assert abs(sound.mean()) < 1e-4
     borders = np.arange(32, len(sound) - 300, 32)[::7]
     # sound itself gives a few; a step at a border of the engine's quanta would give tens and more at most of them

@@ -27,7 +27,7 @@ RATE_HZ = 44100
 
 
 def test_by_default_programs_choose_one_of_two_parts_on_every_channel_but_ten() -> None:
-    made = parts.cast_live()
+    made = parts.cast_live(parts.Choice(gm=False))
     assert [part.preset for part in made.parts] == ["jawari-harp", "fretted-bass"]
     for channel in range(16):
         if channel == 9:
@@ -38,7 +38,7 @@ def test_by_default_programs_choose_one_of_two_parts_on_every_channel_but_ten() 
 
 
 def test_one_part_per_preset_shared_by_its_channels() -> None:
-    made = parts.cast_live("tanpura", {2: "mine.toml", 4: "tanpura", 5: "none", 9: "mine.toml"})
+    made = parts.cast_live(parts.Choice("tanpura", {2: "mine.toml", 4: "tanpura", 5: "none", 9: "mine.toml"}))
     assert [part.preset for part in made.parts] == ["tanpura", "mine.toml"]
     expected = [0, 0, 1, 0, 0, -1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0]
     assert made.program_map[:, 0].tolist() == expected
@@ -46,16 +46,17 @@ def test_one_part_per_preset_shared_by_its_channels() -> None:
 
 
 def test_one_channel_alone_and_none_at_all() -> None:
-    made = parts.cast_live("tanpura", only_channel=4)
+    made = parts.cast_live(parts.Choice("tanpura"), only_channel=4)
     assert np.flatnonzero((made.program_map >= 0).any(axis=1)).tolist() == [4]
     with pytest.raises(ValueError, match="no channel has a preset"):
-        parts.cast_live(None, {3: "none"}, only_channel=3)
+        parts.cast_live(parts.Choice(None, {3: "none"}), only_channel=3)
 
 
 def test_a_song_keeps_its_parts_and_others_share_them() -> None:
-    song = parts.cast({(0, 0): 5, (0, 33): 2, (1, 0): 3})
+    choice = parts.Choice(gm=False)
+    song = parts.cast({(0, 0): 5, (0, 33): 2, (1, 0): 3}, choice)
     assert [part.label for part in song.parts] == ["ch01-jawari-harp", "ch01-fretted-bass", "ch02-jawari-harp"]
-    made = parts.cast_live(song=song)
+    made = parts.cast_live(choice, song=song)
     assert made.parts == song.parts
     kept = song.program_map >= 0
     np.testing.assert_array_equal(made.program_map[kept], song.program_map[kept])

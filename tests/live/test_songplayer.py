@@ -297,3 +297,19 @@ def test_power_up_knows_what_the_engine_begins_with(engine: Engine) -> None:
     engine.reset()
     np.testing.assert_array_equal(power_up.programs, engine._state.channels["program"])
     np.testing.assert_array_equal(power_up.parameters, engine._state.parameters)
+
+
+def test_the_key_that_switched_last_is_told_until_a_program_or_a_reset_takes_it_back() -> None:
+    engine = PowerUp([0] * 16, np.zeros((1, 1)), switches={(0, 0): {12, 14}, (0, 1): {13}})
+    rows = [(NOTE_ON, 0, 12, 90), (NOTE_ON, 0, 14, 90), (NOTE_ON, 0, 13, 90), (NOTE_ON, 0, 40, 90), (NOTE_ON, 1, 12, 90)]
+    song = make_events([(frame, *row) for frame, row in enumerate(rows)])
+    assert controls_at(song, engine=engine) == [(NOTE_ON, 0, 14, 90, 0.0)]
+    assert controls_at(song, 1, engine=engine) == [(NOTE_ON, 0, 12, 90, 0.0)]
+    assert controls_at(song) == []
+    assert (CONTROL, 0, 121, 0, 0.0) in power_up_rows(song, engine)
+    for kind, a, b in ((PROGRAM, 1, 0), (CONTROL, 121, 0)):
+        later = make_events(
+            [*((frame, *row) for frame, row in enumerate(rows)), (9, kind, 0, a, b), (10, NOTE_ON, 0, 13, 90)]
+        )
+        told = controls_at(later, engine=engine)
+        assert [row for row in told if row[0] == NOTE_ON] == ([(NOTE_ON, 0, 13, 90, 0.0)] if kind == PROGRAM else [])
