@@ -46,13 +46,12 @@ class Bands:
         self._half = int(np.ceil(_KEPT * spacing_hz * self._size / rate_hz))
         self._window = blackman_harris(self.length)
         self._window /= self._window.sum()
-        offsets = np.arange(-self._half, self._half + 1) / self._size
-        self._response = _zero_phase_response(self._window, offsets)
+        self._response = _zero_phase_response(self._window, self._half, self._size)
         # Between two partials only a window of twice the length sees neither. Its noise is made comparable.
         narrow = blackman_harris(2 * self.length + 1)
         narrow /= narrow.sum()
         raised = np.sqrt((self._window @ self._window) / (narrow @ narrow))
-        self._narrow_response = raised * _zero_phase_response(narrow, offsets)
+        self._narrow_response = raised * _zero_phase_response(narrow, self._half, self._size)
 
     def envelope(self, frequency_hz: float) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """(times from the onset [s], envelope) where the window lies inside the note; an amplitude A gives |y| = A."""
@@ -91,17 +90,14 @@ class Bands:
         return float(self._window @ np.exp(np.clip(-decay * middle, -50.0, 50.0)))
 
 
-def _zero_phase_response(window: NDArray[np.float64], offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Transform of a symmetric window around its middle at `offsets` [cycles per sample]; real, (offsets,)."""
-    response = np.empty(offsets.size)
-    block = max(1, 4_000_000 // window.size)
-    half = window.size // 2
-    folded = window[half:].copy()
-    folded[1:] *= 2.0
-    for first in range(0, offsets.size, block):
-        phases = 2.0 * np.pi * np.outer(offsets[first : first + block], np.arange(folded.size))
-        response[first : first + block] = np.cos(phases) @ folded
-    return response
+def _zero_phase_response(window: NDArray[np.float64], half: int, size: int) -> NDArray[np.float64]:
+    """Transform of a symmetric window around its middle at −half … half bins of `size` samples; real, (2·half + 1,)."""
+    middle = window.size // 2
+    around = np.zeros(size)
+    around[: window.size - middle] = window[middle:]
+    around[-middle:] = window[:middle]
+    response = np.fft.rfft(around)[: half + 1].real
+    return np.concatenate([response[:0:-1], response])
 
 
 @dataclass(frozen=True)

@@ -89,11 +89,11 @@ class Stretch:
 
 
 def measure_partials(
-    note: Note, series: Series, done: Callable[[float], None] = lambda _: None
+    note: Note, series: Series, done: Callable[[float], None] = lambda _: None, most: int = MOST_PARTIALS
 ) -> tuple[list[Measured], Stretch]:
-    """The partials that stand out, and what their frequencies say; done(0 … 1) is called before each of them.
+    """The partials that stand out, up to number `most`, and what their frequencies say.
 
-    Raises FitRefused with fewer than four."""
+    done(0 … 1) is called before each of them.  Raises FitRefused with fewer than four."""
     try:
         bands = Bands(note.samples, note.rate_hz, series.f0_hz)
     except ValueError as error:
@@ -101,8 +101,8 @@ def measure_partials(
     stretch = Stretch(series.f0_hz, series.inharmonicity, 0.0, 0.0, 0.0)
     found: list[Measured] = []
     missed = 0
-    for n in range(1, MOST_PARTIALS + 1):
-        done((n - 1) / MOST_PARTIALS)
+    for n in range(1, most + 1):
+        done((n - 1) / most)
         if len(found) >= 3:
             stretch = _quick_stretch(found, stretch)
         expected = float(stretch.frequencies_hz(n))

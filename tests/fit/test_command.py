@@ -14,8 +14,8 @@ import pytest
 import soundfile
 
 from synth import cli
-from synth.instrument.preset import load_preset, note_to_midi, parse_preset
-from synth.units import hz_to_midi
+from synth.instrument.preset import load_preset, parse_preset
+from synth.units import hz_to_midi, note_to_midi
 from tests.fit.strings import render, steel
 from tests.patience import compiling_s
 
