@@ -7,6 +7,7 @@ document    one preset being worked on: edits, undo, save, what is recovered
 documents   the documents that are open
 sound       the player behind a connection
 phrases     what is played to hear a preset
+samples     a few seconds of each that comes with the program
 jobs        long computations with progress
 app         the HTTP and WebSocket interface
 serve       the server

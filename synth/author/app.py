@@ -28,6 +28,7 @@ from synth.author.fitting import FittedString, StringChanged, fit_string
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.measured import measured_mobility
 from synth.author.phrases import phrase
+from synth.author.samples import Samples
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
@@ -160,6 +161,7 @@ class App:
         self.stage = Stage()
         self.viewer = Viewer()
         self.jobs = Jobs()
+        self.samples = Samples(rate_hz, quality)
         self.kernels = "loading"
         self._device: tuple[str | None, str | None] = (None, None)
         documents.listen(self.stage.tell)
@@ -175,6 +177,8 @@ class App:
                 Mount("/page", StaticFiles(directory=PAGE)),
                 on("/api/session", self._session),
                 on("/api/kernels", self._kernels),
+                on("/api/presets", self._presets),
+                on("/api/presets/{name}/sample.wav", self._sample),
                 on("/api/open", self._open, "POST"),
                 on("/api/import", self._import, "POST"),
                 on(doc, self._state),
@@ -519,6 +523,13 @@ class App:
             return phrase_wav(engine, wanted, seconds)
 
         return Response(await asyncio.to_thread(render), media_type="audio/wav")
+
+    async def _presets(self, _: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(self.samples.rows))
+
+    async def _sample(self, request: Request) -> Response:
+        data = await asyncio.to_thread(self.samples.wav, request.path_params["name"])
+        return Response(data, media_type="audio/wav")
 
     async def _export(self, request: Request) -> Response:
         document = self._document(request)

@@ -107,8 +107,8 @@ def _at(data: Any, parts: Sequence[str]) -> Any:
 
 
 def _consequences(data: Mapping[str, Any], path: str, value: Any, named: set[str]) -> list[tuple[str, Any]]:
-    """What else changes with `path`, unless `named` says it itself: one of a pair takes the other's place, and a fret more
-    has a height."""
+    """What else changes with `path`, unless `named` says it itself: one of a pair takes the other's place, a fret more has a
+    height, and a string whose tension stays has no axial stiffness."""
     *table, key = path.split(".")
     wanted: list[tuple[str, Any]] = []
     if value is not None:
@@ -117,6 +117,8 @@ def _consequences(data: Mapping[str, Any], path: str, value: Any, named: set[str
     if isinstance(heights, list) and heights and isinstance(value, int) and 1 <= value <= MOST_FRETS:
         heights = list(heights)
         wanted.append(("obstacle.heights_mm", (heights + [heights[-1]] * value)[:value]))
+    if key == "tension_modulation" and not value:
+        wanted.append((".".join([*table, "axial_stiffness_n"]), None))
     return [(each, new) for each, new in wanted if each not in named]
 
 

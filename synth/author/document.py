@@ -25,6 +25,7 @@ from synth.author import changes
 from synth.author.workspace import check_regular, read_text, regular
 from synth.files.targets import is_special, write_text
 from synth.instrument.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes
+from synth.instrument.ways import switch_keys
 
 STEPS = 500
 
@@ -170,6 +171,8 @@ class Document:
             "notices": self.notices,
             "notes": playable_notes(preset),
             "saved_notes": playable_notes(saved.preset),
+            "switches": _switches(preset),
+            "saved_switches": _switches(saved.preset),
             "kind": preset.obstacle.kind,
         }
 
@@ -412,3 +415,8 @@ def preset_name(stem: str) -> str:
     bare = "".join(letter for letter in unicodedata.normalize("NFKD", stem.lower()) if not unicodedata.combining(letter))
     name = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in bare).strip("-")
     return name[:64] or "preset"
+
+
+def _switches(preset: Preset) -> list[dict[str, Any]]:
+    """Keys that switch articulations, and what they switch to."""
+    return [{"key": key, "name": name} for key, name in switch_keys(preset).items()]

@@ -67,7 +67,7 @@ def _note(_: Preset, note: int, __: Sequence[int]) -> Steps:
 
 def _drone(preset: Preset, note: int, there: Sequence[int]) -> Steps:
     """Two cycles of the open strings in the order of the file, where there are at most eight; else of notes like them."""
-    opens = [key for table in preset.string for key in string_notes(table)]
+    opens = [key for table in preset.string if not table.sympathetic for key in string_notes(table)]
     keys = opens if len(opens) <= 8 else [_near(note + step, there) for step in DRONE]
     return [(number * DRONE_S, DRONE_S * min(len(keys), 3), key) for number, key in enumerate(2 * keys)]
 

@@ -25,6 +25,7 @@ from synth.author.speaker import Speaker
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
 from synth.instrument.preset import Preset, playable_notes
+from synth.instrument.ways import switch_keys
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 
 LOG = logging.getLogger(__name__)
@@ -86,6 +87,7 @@ class Player:
         self._speaker: Speaker | None = None
         self._controls: dict[int, int] = {}
         self._bend = 0
+        self._switch: int | None = None
         self._whole: threading.Thread | None = None
         self._stream = self._frame = self._told_at = 0
         self._heard: int | None = None
@@ -247,6 +249,13 @@ class Player:
         self._start()
 
     def _note_on(self, preset: Preset, text: str, key: int, velocity: int) -> None:
+        if key in switch_keys(preset):
+            self._switch = key
+            for voice in self._voices:
+                self._send_switch(voice)
+            if self._speaker is not None:
+                self._send_switch(self._speaker)
+            return
         if key not in playable_notes(preset):
             return
         self._begins()
@@ -298,11 +307,17 @@ class Player:
         return whole if whole in self._engines else (name, frozenset({key}))
 
     def _set_up(self, voice: Voice | Speaker) -> None:
-        """Give a new voice the controllers as they are."""
+        """Give a new voice the articulation and the controllers as they are."""
+        self._send_switch(voice)
         for controller, value in self._controls.items():
             voice.send(CONTROL, 0, controller, value)
         if self._bend:
             voice.send(BEND, 0, self._bend)
+
+    def _send_switch(self, voice: Voice | Speaker) -> None:
+        """Let a voice play the articulation that is chosen, if its preset has it."""
+        if self._switch is not None and self._switch in switch_keys(voice.engine.parts[0]):
+            voice.send(NOTE_ON, 0, self._switch, 64)
 
     def _begin_whole(self, preset: Preset, name: str) -> None:
         if self._whole is None:

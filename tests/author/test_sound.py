@@ -22,7 +22,7 @@ from synth.author.document import Document
 from synth.author.phrases import NAMES, phrase
 from synth.author.sound import Player
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
-from synth.instrument.preset import Preset, playable_notes, preset_folder
+from synth.instrument.preset import Preset, parse_preset, playable_notes, preset_folder
 from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
 from tests.patience import patience_s
 
@@ -146,6 +146,43 @@ def test_keys_of_the_saved_version(server: Server) -> None:
             assert np.array_equal(listen(page, 2048), expected)
             page.send("stop")
             page.until("stopped")
+    doc.do("revert")
+
+
+SWITCHED = """
+format = 2
+name = "switched"
+[[string]]
+notes = "C3"
+length_m = 0.9
+diameter_mm = 0.4
+density_kg_m3 = 7850
+youngs_modulus_gpa = 200
+viscoelastic_loss = 4.5e-3
+[pluck]
+displacement_mm = 2.0
+[articulations.normal]
+key = "C0"
+[articulations.mute]
+key = "D0"
+touch = { place = 0.05, resistance = 2.0 }
+"""
+
+
+def test_keys_that_switch_articulations(server: Server) -> None:
+    doc = server.open("tanpura")
+    doc.do("text", text=SWITCHED)
+    assert doc.state["switches"] == [{"key": 12, "name": "normal"}, {"key": 14, "name": "mute"}]
+    preset, note = parse_preset(SWITCHED, "switched"), (0, NOTE_ON, 0, 48, 100)
+    muted = offline(preset, make_events([(0, NOTE_ON, 0, 14, 64), note]), 4096)
+    assert not np.array_equal(muted, offline(preset, make_events([note]), 4096))
+    with doc.connect() as page:
+        page.send("note_on", key=14, velocity=100)
+        page.send("note_off", key=14)
+        page.send("note_on", key=48, velocity=100)
+        assert np.array_equal(listen(page, 4096), muted)
+        page.send("stop")
+        page.until("stopped")
     doc.do("revert")
 
 

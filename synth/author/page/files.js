@@ -2,6 +2,7 @@
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
+import { makeBrowser } from "./browse.js";
 import { h } from "./format.js";
 import { moment, where } from "./presets.js";
 import { dropTarget, menu, sheet } from "./sheets.js";
@@ -19,7 +20,7 @@ export function mount(element, { store, api }) {
 
   // ---- open
   async function open() {
-    const session = await store.refreshSession();
+    const [session, browser] = await Promise.all([store.refreshSession(), makeBrowser({ store, api, open: (preset) => choose(preset) })]);
     const presets = session?.presets ?? [];
     const choose = async (preset) => {
       dialog.close();
@@ -27,7 +28,6 @@ export function mount(element, { store, api }) {
     };
     const unsaved = presets.filter((preset) => preset.unsaved);
     const own = presets.filter((preset) => !preset.embedded && !preset.unsaved);
-    const embedded = presets.filter((preset) => preset.embedded);
     const list = (title, some) =>
       some.length === 0
         ? []
@@ -50,7 +50,7 @@ export function mount(element, { store, api }) {
                       onclick: () => choose(preset),
                     },
                     h("span", {}, preset.title || preset.name),
-                    h("span", { class: "unit" }, preset.embedded ? preset.name : where(preset)),
+                    h("span", { class: "unit" }, where(preset)),
                   ),
                 ),
               ),
@@ -71,10 +71,13 @@ export function mount(element, { store, api }) {
         ...dirty,
         ...list("Not saved", unsaved),
         ...list(session ? session.folder : "", own),
-        ...list("Built in", embedded),
+        h("h3", {}, "Built in"),
+        browser.element,
       ],
       [h("button", { type: "button", onclick: () => (dialog.close(), picker.click()) }, "Import a file…")],
+      { small: false, onclose: browser.silence },
     );
+    browser.search.focus();
   }
 
   // ---- save

@@ -70,6 +70,7 @@ export function mount(element, { store, api }) {
   let layout = localStorage.getItem(LAYOUT) ?? "piano";
   let sustained = false;
   let shape = "";
+  let latched = null;
 
   // ---- playing
   /** The notes of the version that is shown. */
@@ -78,10 +79,20 @@ export function mount(element, { store, api }) {
     return (which === "saved" ? doc?.saved_notes : doc?.notes) ?? [];
   };
   const playable = (key) => notesShown().includes(key);
+  /** Keys that switch articulations, [{key, name}], of the version that is shown. */
+  const switchesShown = () => {
+    const { doc, which } = store.state;
+    return (which === "saved" ? doc?.saved_switches : doc?.switches) ?? [];
+  };
+  const switches = (key) => switchesShown().some((one) => one.key === key);
   const keysOf = (key) => element.querySelectorAll(`[data-key="${key}"]`);
 
   function press(key, velocity = store.state.velocity) {
-    if (!playable(key)) return false;
+    if (!playable(key) && !switches(key)) return false;
+    if (switches(key)) {
+      latched = key;
+      markSwitches();
+    }
     held.set(key, (held.get(key) ?? 0) + 1);
     api.socket.send({ type: "note_on", key, velocity, which: store.state.which });
     for (const one of keysOf(key)) one.classList.add("down");
@@ -273,6 +284,31 @@ export function mount(element, { store, api }) {
     return bed;
   }
 
+  /** The keys that switch articulations, with the name of each; hidden where there are none. */
+  function switchRow() {
+    const all = switchesShown();
+    const row = h("div", { class: "key-switches", role: "group", "aria-label": "Articulations" });
+    row.hidden = all.length === 0;
+    row.append(
+      ...all.map(({ key, name }) =>
+        h(
+          "div",
+          { class: "key switch", "data-key": key, title: `${noteName(key)} switches to ${name}` },
+          h("span", { class: "switch-name" }, name),
+          h("span", { class: "switch-note" }, noteName(key)),
+        ),
+      ),
+    );
+    return row;
+  }
+
+  function markSwitches() {
+    const all = switchesShown();
+    const normal = all.find(({ name }) => name === "normal") ?? all[0];
+    const now = switches(latched) ? latched : normal?.key;
+    for (const one of keys.querySelectorAll(".switch")) one.classList.toggle("latched", Number(one.dataset.key) === now);
+  }
+
   function build() {
     const { doc } = store.state;
     if (notesShown().length === 0) {
@@ -288,8 +324,9 @@ export function mount(element, { store, api }) {
         h("button", { type: "button", "aria-pressed": String(shown === name), onclick: () => change(name) }, label),
       ),
     );
-    keys.replaceChildren(shown === "neck" ? fretboard(rows) : piano(notesShown()));
-    for (const one of keys.querySelectorAll(".key")) {
+    keys.replaceChildren(switchRow(), shown === "neck" ? fretboard(rows) : piano(notesShown()));
+    markSwitches();
+    for (const one of keys.querySelectorAll(".key:not(.switch)")) {
       const key = Number(one.dataset.key);
       one.classList.toggle("mute", !playable(key));
       one.title = noteName(key) + (playable(key) ? "" : ": no string plays it");
@@ -385,7 +422,7 @@ export function mount(element, { store, api }) {
       const key = 12 * (octave + 1) + place;
       if (!typed.has(event.code) && press(key)) {
         typed.set(event.code, key);
-        store.setNote(key);
+        if (playable(key)) store.setNote(key);
       }
     } else if (event.code === "KeyZ" || event.code === "KeyX") {
       octave = Math.max(-1, Math.min(8, octave + (event.code === "KeyX" ? 1 : -1)));
@@ -409,7 +446,7 @@ export function mount(element, { store, api }) {
 
   // ---- following the store
   store.on(["doc", "which"], ({ doc }) => {
-    const next = doc && JSON.stringify([doc.doc, notesShown(), neck(store.data())]);
+    const next = doc && JSON.stringify([doc.doc, notesShown(), neck(store.data()), switchesShown()]);
     if (next === shape) return;
     const other = !shape || !doc || JSON.parse(shape)[0] !== doc.doc;
     shape = next ?? "";

@@ -1,13 +1,17 @@
 // Before a document is open: the presets that there are.
 
+import { makeBrowser } from "./browse.js";
 import { h } from "./format.js";
 import { where } from "./presets.js";
 
-export function mount(element, { store }) {
-  store.on(["session"], ({ session }) => {
+export function mount(element, { store, api }) {
+  const builtIn = h("section", { class: "cards-browser", "aria-label": "Built in" });
+  let browser = null;
+  store.on(["session"], async ({ session, doc }) => {
     element.replaceChildren();
     if (session === null) return;
-    const cards = session.presets.map((preset) =>
+    const own = session.presets.filter((preset) => !preset.embedded);
+    const cards = own.map((preset) =>
       h(
         "li",
         {},
@@ -27,7 +31,11 @@ export function mount(element, { store }) {
     element.append(
       h("h2", {}, "Which instrument?"),
       h("p", {}, "Open a preset to see its strings, hear them and shape them. What comes with the program is never written over."),
-      h("ul", { class: "cards" }, ...cards),
+      cards.length ? h("ul", { class: "cards" }, ...cards) : "",
+      builtIn,
     );
+    if (browser !== null || doc !== null) return;
+    browser = await makeBrowser({ store, api, open: (preset) => (browser.silence(), store.open(preset)) });
+    builtIn.append(browser.element);
   });
 }

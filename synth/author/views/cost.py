@@ -37,7 +37,7 @@ from synth.engine.engine import Engine
 from synth.instrument.boards import board_plan
 from synth.instrument.compile import note_frequency, string_kind
 from synth.instrument.coupled_plan import choose_steps
-from synth.instrument.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor
+from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, QUALITIES, choose_factor
 from synth.instrument.preset import BoardObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.physics.string import String
@@ -52,6 +52,7 @@ SCENES = {
     BOARD: "board without frets",
     FREE: "nothing to touch",
     BRIDGE: "bridge",
+    CURVED: "curved bridge",
     FAR: "bridge plucked from afar",
     IMPACTS: "impacts",
 }

@@ -46,10 +46,10 @@ from synth.author.views.place import Place, find, open_string, speaking
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
 from synth.fit.tune import single_strings
 from synth.instrument.boards import fingerboard_of
-from synth.instrument.compile import full_pluck_force, output_distance
+from synth.instrument.compile import full_pluck_force, output_distance, pluck_shift, with_sawari
 from synth.instrument.preset import BoardObstacle, BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
 from synth.physics.fingerboard import board_height
-from synth.physics.obstacle import Obstacle
+from synth.physics.obstacle import Obstacle, fret_positions
 from synth.physics.string import String
 from synth.units import midi_to_note
 
@@ -67,10 +67,11 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     length = opened.length_m
     drags = _Drags(place, length)
     neck = isinstance(preset.obstacle, FretsObstacle)
-    stopped = 0 < place.fret <= len(obstacle)
-    fret_x, fret_height = (
-        (obstacle.positions_m[place.fret - 1], obstacle.heights_m[place.fret - 1]) if stopped else (0.0, 0.0)
-    )
+    fret_x, fret_height = 0.0, 0.0
+    if neck and 0 < place.fret <= len(obstacle):
+        fret_x, fret_height = obstacle.positions_m[place.fret - 1], obstacle.heights_m[place.fret - 1]
+    elif isinstance(preset.obstacle, BridgeObstacle) and place.fret:
+        fret_x = float(fret_positions(length, place.fret)[-1])
     reason = ""
     try:
         string = speaking(place).string
@@ -80,7 +81,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     if isinstance(preset.obstacle, BoardObstacle):
         board, fret_x, fret_height = _board(preset.obstacle, length, string.length_m)
     rest = _rest(fret_x, fret_height, length, obstacle, place)
-    points = _points(obstacle, place, rest, fret_x, drags)
+    points = _sawari(obstacle, place, rest, drags) + _points(obstacle, place, rest, fret_x, drags)
     pluck = _pluck(place, opened, string, velocity, fret_height, drags)
     output = _output(place, string, length, drags)
     heights = [
@@ -124,7 +125,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
         "reason": reason,
         "places": _elsewhere(preset, place),
     }
-    if isinstance(preset.obstacle, BridgeObstacle):
+    if isinstance(preset.obstacle, BridgeObstacle) and len(obstacle):
         _raise_thread(drawing, obstacle, drags, preset.obstacle)
     return drawing
 
@@ -245,6 +246,31 @@ def _points(obstacle: Obstacle, place: Place, rest: list[list[float]], fret_x: f
     return out
 
 
+def _sawari(frets: Obstacle, place: Place, rest: list[list[float]], drags: _Drags) -> list[dict[str, Any]]:
+    """The hill by the nut that an open string has; it is counted behind the frets."""
+    whole = frets if place.fret else with_sawari(place.preset, place.opened, frets)
+    shape = place.preset.obstacle
+    if len(whole) == len(frets) or not isinstance(shape, FretsObstacle):
+        return []
+    x, height = whole.positions_m[0], whole.heights_m[0]
+    drag = {
+        "x": drags.along("obstacle.sawari_distance_mm", 0.0, 1e3, shape.sawari_distance_mm),
+        "height": drags.along("obstacle.sawari_um", 0.0, -1e3, shape.sawari_um),
+    }
+    gap = round(_height_at(rest, x) - 1e3 * height, 5)
+    return [
+        {
+            "index": len(frets),
+            "x": _m(x),
+            "height": _mm(height),
+            "gap_mm": gap,
+            "label": "sawari",
+            "in_play": True,
+            "drag": drag,
+        }
+    ]
+
+
 def _label(place: Place, index: int) -> str:
     match place.preset.obstacle:
         case FretsObstacle():
@@ -258,10 +284,11 @@ def _label(place: Place, index: int) -> str:
 def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) -> dict[str, Drag | None]:
     shape, length = place.preset.obstacle, drags.length_m
     if isinstance(shape, BridgeObstacle):
+        part = shape.points / (len(obstacle) - index)  # how many times as far from the saddle the last point is
         if shape.distance_mm is not None:
-            x = drags.along("obstacle.distance_mm", 1e3 * length, -1e3, shape.distance_mm)
+            x = drags.along("obstacle.distance_mm", 1e3 * length * part, -1e3 * part, shape.distance_mm)
         else:
-            x = drags.along("obstacle.distance_ratio", 1.0, -1.0 / length, shape.distance_ratio)
+            x = drags.along("obstacle.distance_ratio", part, -part / length, shape.distance_ratio)
         return {"x": x, "height": None}  # it is the thread that is raised
     if isinstance(shape, PointsObstacle):
         return {
@@ -272,7 +299,9 @@ def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) 
     edits: list[dict[str, Any]] = []
     if not shape.heights_mm:  # a neck given by its action gets the heights that it has, one by one
         heights = [_mm(height) for height in obstacle.heights_m]
-        table = {"kind": "frets", "count": shape.count, "heights_mm": heights}
+        table: dict[str, Any] = {"kind": "frets", "count": shape.count, "heights_mm": heights}
+        if shape.sawari_distance_mm is not None:
+            table |= {"sawari_distance_mm": shape.sawari_distance_mm, "sawari_um": shape.sawari_um}
         edits = [{"path": "obstacle", "value": table}]
     height = drags.along(f"obstacle.heights_mm.{index}", 0.0, 1.0, None, edits)
     return {"x": None, "height": height}
@@ -282,21 +311,23 @@ def _pluck(place: Place, opened: String, string: String, velocity: int, fret_hei
     table, length, speaking = place.preset.pluck, opened.length_m, string.length_m
     strength = velocity / 127.0
     hard = table.hardest_position
-    share = table.position + strength * (hard - table.position)
+    shift = pluck_shift(place.preset, place.table, place.opened)
+    share = table.position + shift + strength * (hard - table.position)
     distance = finger_distance(share, length, speaking)
     width = finger_width(1e-3 * table.width_mm, table.hardest_width_mm / table.width_mm, strength, distance)
     full = at_note(table.displacement_mm, place.opened)
-    full_force = full_pluck_force(place.preset, opened, place.opened)
+    full_force = full_pluck_force(place.preset, place.table, opened, place.opened)
     moved = drawn_by(pluck_force(full_force, strength, table.velocity_exponent), distance, speaking, string.tension_n)
     crest = fret_height * distance / speaking + moved
     start = [] if not place.fret else [[0.0, 0.0]]
     if table.position_hard is None:
-        place_now = drags.along("pluck.position", 1.0, -1.0 / length, table.position)
+        place_now = drags.along("pluck.position", 1.0 - shift, -1.0 / length, table.position)
     elif strength < 0.5:  # share = (1 − strength) position + strength position_hard
         part = 1.0 - strength
-        place_now = drags.along("pluck.position", (1.0 - strength * hard) / part, -1.0 / (length * part), table.position)
+        at_saddle = (1.0 - shift - strength * hard) / part
+        place_now = drags.along("pluck.position", at_saddle, -1.0 / (length * part), table.position)
     else:
-        offset = (1.0 - (1.0 - strength) * table.position) / strength
+        offset = (1.0 - shift - (1.0 - strength) * table.position) / strength
         place_now = drags.along("pluck.position_hard", offset, -1.0 / (length * strength), hard)
     displacement = None
     if moved > 0.0:  # the crest lies above the fret's line by what the pluck moves, which is proportional to the setting

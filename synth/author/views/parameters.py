@@ -45,6 +45,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, WORDS, Words
+from synth.instrument.articulations import Touch
 from synth.instrument.compile import axial_stiffness, ideal_string, obstacle_of, string_frequency
 from synth.instrument.fields import Between
 from synth.instrument.preset import (
@@ -61,10 +62,12 @@ from synth.instrument.preset import (
     StringTable,
     Table,
     at_note,
+    fret_count,
 )
 
-#: no setting: the version of the file's form; effects and excitations, whose fields are their own, are set in the file
-NOT_SETTINGS = frozenset({"format", "effect", "excitation"})
+#: no setting: the version of the file's form; articulations, effects and excitations, of names or fields of their own, are
+#: set in the file
+NOT_SETTINGS = frozenset({"format", "articulations", "effect", "excitation"})
 #: texts of several lines
 MULTILINE = frozenset({"description", "remarks"})
 #: from which ratio of the usual range's ends on a slider is logarithmic
@@ -83,6 +86,8 @@ NEW_ITEMS: dict[type[Table], dict[str, float]] = {
     BodyMode: {"frequency_hz": 200.0, "q": 20.0, "gain_db": -12.0},
     MovingMode: {"frequency_hz": 200.0, "q": 25.0, "mass_kg": 0.6},
 }
+#: a hill by the nut to begin with
+SAWARI = {"sawari_distance_mm": 12.0, "sawari_um": 5.0}
 #: pairs of which one stands in place of the other, and pairs that go together
 INSTEAD = (
     ("linear_density_g_m", "density_kg_m3"),
@@ -90,7 +95,7 @@ INSTEAD = (
     ("distance_mm", "distance_ratio"),
     ("action_12th_mm", "heights_mm"),
 )
-TOGETHER = (("core_diameter_mm", "winding_diameter_mm"),)
+TOGETHER = (("core_diameter_mm", "winding_diameter_mm"), ("sawari_distance_mm", "sawari_um"))
 
 Numbers = float | dict[int, float]
 
@@ -136,7 +141,7 @@ def _is_of_the_other_kind(preset: Preset, value: Any, inner: Any) -> bool:
     """Whether a table that is not there can only be where strings share a body, or only where they do not, or several of its
     keys need each other: that is begun in the file."""
     absent = value is None or value == ()
-    if absent and inner is Layer:
+    if absent and inner in (Layer, Touch):
         return True
     of_bodies = inner is Polarisation or get_args(inner)[:1] == (MovingMode,)
     of_others = get_args(inner)[:1] == (BodyMode,)
@@ -212,7 +217,7 @@ def _control(
     elif inner in (int, float):
         entry.update(kind="number")
     elif get_origin(inner) is tuple:
-        entry.update(kind="list", **_list_item(get_args(inner)[0], table, name))
+        entry.update(kind="list", **_list_item(_unwrapped(get_args(inner)[0], [])[0], table, name))
     else:
         entry.update(kind="anchored")
     return entry
@@ -304,6 +309,13 @@ def _obstacles(preset: Preset) -> list[dict[str, Any]]:
         edits: list[dict[str, Any]] = [{"path": "obstacle", "value": value}]
         if kind != "bridge" and preset.mapping.pressure_um != 0.0:  # there would be no bridge to move
             edits.append({"path": "mapping.pressure_um", "value": None})
+        if kind == "board":  # where a finger follows every bend
+            edits += [
+                {"path": f"string.{number}.{key}", "value": None}
+                for number, table in enumerate(preset.string)
+                if table.tension_modulation
+                for key in ("axial_stiffness_n", "tension_modulation")
+            ]
         out.append({"value": kind, "label": OBSTACLES[kind], "edits": edits})
     return out
 
@@ -313,6 +325,8 @@ def _suggestion(preset: Preset, table: Table, name: str) -> Any:
     if isinstance(table, StringTable):
         return _of_string(preset, table, name)
     if isinstance(table, BridgeObstacle):
+        if name not in ("distance_mm", "distance_ratio"):
+            return None
         first = preset.string[0]
         length = at_note(first.length_m, first.notes[0])
         if name == "distance_mm" and table.distance_ratio is not None:
@@ -321,15 +335,18 @@ def _suggestion(preset: Preset, table: Table, name: str) -> Any:
             _rounded(at_note(table.distance_mm, first.notes[0]) * 1e-3 / length) if table.distance_mm is not None else None
         )
     if isinstance(table, FretsObstacle):
+        if name in SAWARI:
+            return SAWARI[name]
         if name == "action_12th_mm":
             return _rounded(-table.heights_mm[11]) if table.count >= 12 else None
         first = preset.string[0]
         try:
-            heights = obstacle_of(preset, first.notes[0], at_note(first.length_m, first.notes[0])).heights_m
+            heights = obstacle_of(preset, first, first.notes[0], at_note(first.length_m, first.notes[0])).heights_m
         except ValueError:
             return None
         return [_rounded(1e3 * height) for height in heights]
-    return {"position_hard": preset.pluck.position, "width_hard_mm": preset.pluck.width_mm}.get(name)
+    pluck = preset.pluck
+    return {"position_hard": pluck.position, "width_hard_mm": pluck.width_mm, "slip_hard_ms": pluck.slip_ms}.get(name)
 
 
 def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
@@ -338,6 +355,14 @@ def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
         return _mapped(table.diameter_mm, 0.35)
     if name == "winding_diameter_mm":
         return _mapped(table.diameter_mm, 0.3)
+    if name == "pluck_position":
+        return preset.pluck.position
+    if name == "sounds":
+        return table.notes[0]
+    if name == "frets":
+        return fret_count(preset) or None
+    if name == "bridge_points":
+        return preset.obstacle.points if isinstance(preset.obstacle, BridgeObstacle) else None
     if name == "axial_stiffness_n":
         return _rounded(axial_stiffness(table, table.notes[0])) if table.tension_modulation else None
     values = {}

@@ -6,17 +6,23 @@ from dataclasses import dataclass
 
 from synth.fit.tune import single_strings
 from synth.instrument.boards import on_board
-from synth.instrument.compile import make_string, note_frequency, obstacle_of, string_frequency
+from synth.instrument.compile import (
+    make_string,
+    note_frequency,
+    obstacle_of,
+    stopped,
+    string_frequency,
+    with_sawari,
+)
 from synth.instrument.preset import (
     BoardObstacle,
-    FretsObstacle,
     Preset,
     PresetError,
     StringTable,
     fret_count,
     playable_range,
 )
-from synth.physics.obstacle import Obstacle, fretted
+from synth.physics.obstacle import Obstacle
 from synth.physics.string import String
 from synth.physics.tuning import tuned
 from synth.units import midi_to_note
@@ -68,7 +74,7 @@ class Speaking:
 def open_string(place: Place) -> tuple[String, Obstacle]:
     """The open string of a place and what lies below it. Raises ValueError for a string that cannot be tuned."""
     opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
-    return opened, obstacle_of(place.preset, place.opened, opened.length_m)
+    return opened, obstacle_of(place.preset, place.table, place.opened, opened.length_m)
 
 
 def speaking(place: Place) -> Speaking:
@@ -78,9 +84,9 @@ def speaking(place: Place) -> Speaking:
     shape = place.preset.obstacle
     if isinstance(shape, BoardObstacle):
         return Speaking(opened, on_board(shape, opened, place.fret, place.model_hz(place.fret))[0], below, below)
-    if not isinstance(shape, FretsObstacle):
-        return Speaking(opened, opened, below, below)
-    length, reached = fretted(below, place.fret, opened.length_m)
+    length, reached, _ = stopped(place.preset, place.fret, opened, below)
+    if not place.fret:
+        reached = with_sawari(place.preset, place.opened, reached)
     string = tuned(opened.with_length(length), place.model_hz(place.fret)) if place.fret else opened
     return Speaking(opened, string, below, reached)
 

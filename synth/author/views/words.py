@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from synth.instrument.articulations import Hand, Touch
 from synth.instrument.preset import (
     BoardObstacle,
     Body,
@@ -55,6 +56,8 @@ GROUPS = {
     "name": "about",
     "title": "about",
     "description": "about",
+    "family": "about",
+    "tags": "about",
     "sources": "about",
     "remarks": "about",
     "tuning": "string",
@@ -66,6 +69,7 @@ GROUPS = {
     "output": "output",
     "body": "output",
     "polarisation": "pluck",
+    "hand": "pluck",
     "mapping": "mapping",
 }
 
@@ -93,6 +97,12 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "name": Words("Name", "How commands call the preset: lower-case letters, digits and hyphens, up to 64."),
         "title": Words("Title", "What people read in lists."),
         "description": Words("Description", "The instrument in a sentence: strings, tuning, what makes its sound."),
+        "family": Words(
+            "Family",
+            "What sort of instrument it is, in one lower-case word: bass, guitar, sitar, tanpura, harp, keyboard. Lists are "
+            "grouped by it.",
+        ),
+        "tags": Words("Tags", "Lower-case words by which it is found, such as wound, bright or finger, one a line."),
         "sources": Words("Sources", "Where the numbers come from: papers, measurements, makers' data, one a line."),
         "remarks": Words(
             "Remarks", "The author's notes: what was tried, what is still to do. Nothing reads them but people."
@@ -116,6 +126,13 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "That much is taken off its tension, by note; measured by tools/tune-presets.",
             "cents",
             (0.0, 5.0),
+            0.01,
+        ),
+        "sympathetic_cents": Words(
+            "Correction of sympathetic strings",
+            "The same of the strings that no key plays, by note; measured by tools/tune-presets.",
+            "cents",
+            (-5.0, 5.0),
             0.01,
         ),
     },
@@ -236,7 +253,37 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             100.0,
         ),
         "cents": Words("Fine tuning", "Of this string alone, by its tension.", "cents", (-50.0, 50.0), 0.1),
+        "sounds": Words(
+            "Sounds",
+            "The note that it gives where another key plays it: drone strings out of the way of a melody that passes "
+            "their pitch.",
+            "",
+            (24, 84),
+            1,
+        ),
+        "sympathetic": Words(
+            "Sympathetic",
+            "No key plays it: it rings with the others by the bridge that they share, as a sitar's tarafs do.",
+        ),
+        "frets": Words("Frets", "How many of the neck's frets are under it, from the nut on.", "", (0.0, 24.0), 1.0),
+        "bridge_points": Words(
+            "Points of the bridge", "How many of the bridge's points are under it, from the saddle on.", "", (0.0, 8.0), 1.0
+        ),
         "gain_db": Words("Level", "Of this string in the mix; it changes nothing of its motion.", "dB", (-12.0, 12.0), 0.1),
+        "choir": Words(
+            "Choir",
+            "A key sounds one string of every choir that has its note, as the two or three of a harpsichord.",
+            "",
+            (1.0, 4.0),
+            1.0,
+        ),
+        "pluck_position": Words(
+            "Where it is plucked",
+            "Of this string alone, from the saddle, as a share of its length; where it is not given, the pluck's position.",
+            "of L",
+            (0.02, 0.5),
+            0.01,
+        ),
         "place_mm": Words(
             "Place on the bridge",
             "From its middle, of strings that share a body: where that rocks.",
@@ -319,6 +366,28 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             live=True,
             travel=(-100.0, 1000.0),
             setup=True,
+        ),
+        "points": Words(
+            "Points",
+            "How many points the string may touch, evenly from its end to the edge of contact: one is a thread before "
+            "an edge, several are the arc of a curved bridge.",
+            "",
+            (1.0, 12.0),
+            1.0,
+        ),
+        "radius_mm": Words(
+            "Radius of the bridge",
+            "Of a bridge of several points: the larger, the flatter it is, and the longer and buzzier the string wraps it.",
+            "mm",
+            (200.0, 5000.0),
+            10.0,
+        ),
+        "frets": Words(
+            "Frets",
+            "Semitones at which a neck before the bridge stops strings; between them its frets are out of reach.",
+            "",
+            (0.0, 24.0),
+            1.0,
         ),
     },
     PointsObstacle: {
@@ -445,6 +514,23 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             0.01,
             setup=True,
         ),
+        "sawari_distance_mm": Words(
+            "Sawari from the nut",
+            "Where the neck rises to a hill, before the first fret, that open strings buzz on.",
+            "mm",
+            (4.0, 30.0),
+            0.1,
+            setup=True,
+        ),
+        "sawari_um": Words(
+            "Gap of the sawari",
+            "Between that hill and the open string at rest, by open note: a few µm buzz, 1000 is out of reach.",
+            "µm",
+            (0.0, 30.0),
+            0.5,
+            travel=(-100.0, 1000.0),
+            setup=True,
+        ),
         "nut_height_mm": Words(
             "Gap at fret 1",
             "Between the open string and fret 1: what the nut's slots leave.",
@@ -537,6 +623,28 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             0.05,
             travel=(0.0, 5.0),
         ),
+        "slip_ms": Words(
+            "Slip time",
+            "Time in which the string slides off the finger. Partials above its inverse are left out: 0.1 a plectrum, 0.3 a "
+            "nail, 1 and more soft flesh. 0 is at once.",
+            "ms",
+            (0.0, 3.0),
+            0.05,
+        ),
+        "slip_hard_ms": Words(
+            "Slip time, hard",
+            "At the hardest pluck; softer ones lie between. Shorter when hard: loud notes become brighter.",
+            "ms",
+            (0.0, 3.0),
+            0.05,
+        ),
+        "roughness_um": Words(
+            "Roughness",
+            "How far the finger jumps while it rubs along the string that it draws: the noise of a stroke.",
+            "µm",
+            (0.0, 20.0),
+            0.5,
+        ),
     },
     Damping: {
         "ring_on": Words(
@@ -584,7 +692,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "gain_db": Words(
             "Level",
-            "Of the whole instrument. Set so that the hardest key peaks near −6 dBFS.",
+            "Of the whole instrument. Presets that come with the program are equally loud: −18 LUFS for a phrase at "
+            "velocity 80.",
             "dB",
             (-60.0, 60.0),
             0.5,
@@ -625,6 +734,86 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "pan": Words("Heard from", "−1 left, 1 right.", "", (-1.0, 1.0), 0.1),
     },
+    Hand: {
+        "place_mm": Words(
+            "Places vary by",
+            "From stroke to stroke the hand comes down here and there: standard deviation along the string.",
+            "mm",
+            (0.0, 10.0),
+            0.1,
+        ),
+        "level_db": Words(
+            "Levels vary by",
+            "No two strokes are as strong, at the same velocity: standard deviation of how far the string is drawn.",
+            "dB",
+            (0.0, 3.0),
+            0.05,
+        ),
+        "width_percent": Words(
+            "Widths vary by",
+            "More or less of the finger lies on the string from stroke to stroke: standard deviation.",
+            "%",
+            (0.0, 30.0),
+            0.5,
+        ),
+        "time_percent": Words(
+            "Times vary by",
+            "Drawing the string and letting it go are quicker or slower from stroke to stroke: standard deviation.",
+            "%",
+            (0.0, 30.0),
+            0.5,
+        ),
+        "vibrato_hz": Words(
+            "Vibrato, rate", "How fast the modulation wheel (controller 1) shakes the string.", "Hz", (4.0, 7.0), 0.1
+        ),
+        "vibrato_cents": Words(
+            "Vibrato, width",
+            "How far the modulation wheel, full on, shakes it to either side; 0 is none.",
+            "cent",
+            (0.0, 60.0),
+            1.0,
+        ),
+        "vibrato": Words("Vibrato, way", "A string over a fret can only be pulled sharp; over a board it goes both ways."),
+        "meend_semitones": Words(
+            "Pulled across the fret by",
+            "Legato to a higher note of the same string pulls it aside by at most so much, as on a sitar, without a change "
+            "of fret. 0: it is stopped at the next fret.",
+            "st",
+            (0.0, 5.0),
+            0.5,
+        ),
+        "meend_ms": Words(
+            "Pulled within", "Time constant in which it is pulled aside and let back.", "ms", (20.0, 300.0), 1.0
+        ),
+        "release": Words(
+            "Finger at the end",
+            "What is laid on a string when its note ends, beside the damping. It is begun in the file, as hand.release.",
+        ),
+    },
+    Touch: {
+        "place": Words(
+            "Place, from saddle",
+            "Where it lies, as a share of the speaking length: partials with a node there ring on, all others are damped.",
+            "of L",
+            (0.02, 0.98),
+            0.001,
+        ),
+        "width_mm": Words("Width", "Length of string under the finger, palm or felt.", "mm", (2.0, 50.0), 0.5),
+        "resistance": Words(
+            "Resistance",
+            "What it takes from passing waves, in the string's own impedance: 1 damps within some periods, 10 nearly stops "
+            "the string there.",
+            "× Z",
+            (0.1, 20.0),
+            0.05,
+        ),
+        "stiffness_n_mm": Words(
+            "Stiffness", "How firmly it holds the string in its place; 0 only damps.", "N/mm", (0.0, 10.0), 0.01
+        ),
+        "lift_ms": Words(
+            "Lifted after", "How long it lies there; without it, until the next stroke.", "ms", (10.0, 500.0), 1.0
+        ),
+    },
     Polarisation: {
         "detuning_cents": Words(
             "Second direction, detuned",
@@ -646,6 +835,13 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "frequency_hz": Words("Peak", "Frequency of the resonance's maximum.", "Hz", (60.0, 5000.0), 1.0),
         "q": Words("Q", "How narrow and how long: it rings to −60 dB in 2.2·Q/f seconds.", "", (3.0, 100.0), 0.1),
         "gain_db": Words("Gain", "Of the peak, relative to the string's own sound.", "dB", (-40.0, 20.0), 0.5),
+        "pan": Words(
+            "Side",
+            "From where it is heard: −1 left, 1 right. Several to both sides make the body wide.",
+            "",
+            (-0.7, 0.7),
+            0.05,
+        ),
     },
     Mapping_: {
         "polyphony": Words(
@@ -675,6 +871,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
 
 #: values of choices and what they say
 CHOICES: dict[tuple[type[Table], str], dict[str, str]] = {
+    (Hand, "vibrato"): {"both": "both ways", "up": "up only"},
     (StringTable, "stiffness_law"): {"sqrt": "pinned stiff string", "linear": "1 + Bj²/2"},
     (Output, "kind"): {
         "force": "force on the saddle",

@@ -148,3 +148,29 @@ def test_on_400_pixels_nothing_is_cut_off(page):
         set_value(page, "pluck.position", 0.25)
     finally:
         page.size(1280, 900)
+
+
+SWITCHES = """
+[articulations.normal]
+key = "C0"
+[articulations.mute]
+key = "D0"
+touch = { place = 0.05, resistance = 2.0 }
+"""
+
+
+def test_keys_that_switch_have_their_names_and_switch(firefox, folder):
+    with (folder / "mine.toml").open("a", encoding="utf-8") as file:
+        file.write(SWITCHES)
+    with Author(folder, "mine.toml") as author:
+        firefox.open(author.address)
+        shown = "return [...document.querySelectorAll('.switch')].map((e) => e.textContent)"
+        firefox.until(lambda: firefox.script(shown) == ["normalC0", "muteD0"])
+        latched = "return document.querySelector('.switch.latched .switch-name')?.textContent"
+        assert firefox.script(latched) == "normal"
+        before = firefox.script("return document.querySelector('.keys').getAttribute('aria-valuenow')")
+        firefox.click("[data-key='14']")
+        firefox.until(lambda: firefox.script(latched) == "mute")
+        assert firefox.script("return document.querySelector('.keys').getAttribute('aria-valuenow')") == before
+        assert firefox.errors() == []
+        firefox.open_nothing()

@@ -55,6 +55,7 @@ def chord(page, *keys):
 def test_start_offers_the_presets_and_opens_one(driver, author):
     page = Page(driver)
     page.open(author.address)
+    page.find("[data-preset]")
     assert {"tanpura", "fretted-bass", "jawari-harp"} <= {
         each.get_attribute("data-preset") for each in page.all("[data-preset]")
     }

@@ -62,6 +62,14 @@ relief_mm = 0.2
 nut_height_mm = 0.5
 [pluck]
 displacement_mm = 3.0
+[hand]
+place_mm = 3.0
+release = { place = 0.3, resistance = 2.0, stiffness_n_mm = 0.1 }
+[articulations.normal]
+key = "C0"
+[articulations.mute]
+key = "D0"
+touch = { place = 0.05, resistance = 1.0 }
 """
 
 FREE = """
@@ -79,7 +87,8 @@ displacement_mm = 2.0
 """
 
 TEXTS = {"points": POINTS, "action": ACTION, "free": FREE} | {
-    path.stem: path.read_text(encoding="utf-8") for path in sorted(preset_folder().glob("*.toml"))
+    name: (preset_folder() / f"{name}.toml").read_text(encoding="utf-8")
+    for name in ("fretless-bass", "fretted-bass", "jawari-harp", "shamisen", "steel-guitar", "tanpura")
 }
 
 
