@@ -319,7 +319,7 @@ print(json.dumps([said(set(entries) - names), said(names - set(compiling._wanted
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["render", str(ROOT / "presets" / "demos" / "drone.mid"), "-p", "tanpura", "--end", "1.5", "--quiet", "-o"],
+        ["render", str(ROOT / "presets" / "demos" / "drone.mid"), "-p", "jawari-harp", "--end", "1.5", "--quiet", "-o"],
         ["render", str(ROOT / "presets" / "demos" / "bassline.mid"), "-p", "fretted-bass", "--end", "0.2", "--quiet", "-o"],
         ["simulate", "tanpura", "--duration", "0.001", "--modes", "20", "--quiet", "-o"],
     ],

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth import list_presets
 from synth.engine.parameters import INDEX_OF
 from synth.instrument.plan import QUALITIES
 from synth.midi import events
@@ -25,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 from same_sound import render
 from same_sound.compare import DIFFERS, EQUAL, MISSING, NEW, compare, compared
 from same_sound.run import judged, verdict_of
-from same_sound.scenes import COUPLED, scenes
+from same_sound.scenes import COUPLED, PRESETS, scenes
 from same_sound.session import COMPILED, DONE, FAILED, UNKNOWN, Answer, Worker
 from same_sound.trees import Side
 
@@ -165,9 +164,8 @@ def test_every_preset_is_played_at_every_quality_by_every_law() -> None:
         for preset in scene["presets"]
         if isinstance(preset, str)
     }
-    presets = {each if isinstance(each, str) else each.name for each in list_presets()}
-    laws = {preset: ("exact-hold",) if preset in COUPLED else tuple(LAWS) for preset in presets}
-    wanted = {(preset, quality, law) for preset in presets for quality in QUALITIES for law in laws[preset]}
+    laws = {preset: ("exact-hold",) if preset in COUPLED else tuple(LAWS) for preset in PRESETS}
+    wanted = {(preset, quality, law) for preset in PRESETS for quality in QUALITIES for law in laws[preset]}
     assert wanted <= played
 
 

@@ -155,7 +155,8 @@ def _controls() -> list[Scene]:
     levels = [*chord, *(control(0.04 * i, number, value) for i, (number, value) in enumerate(
         [(7, 60), (11, 90), (10, 10), (10, 120), (7, 127), (11, 20)]))]  # fmt: skip
     shares = {"pluck.position": [0.1, 0.4, 0.03], "pluck.amount": [0.3, 1.9, 1.0], "pluck.width": [1.0, 30.0, 6.0],
-              "damping.release": [0.2, 8.0, 1.0], "output.gain": [0.2, 3.0, 1.0]}  # fmt: skip
+              "damping.release": [0.2, 8.0, 1.0], "output.gain": [0.2, 3.0, 1.0],
+              "hand.variation": [0.0, 2.0, 1.0]}  # fmt: skip
     strokes = [each for i in range(6) for each in note(0.05 * i, (36, 43, 48)[i % 3], 60 + 10 * i, 0.04)]
     lively = [each for id_, values in shares.items() for each in sweep("parameter", 0.0, 0.25, values, 0, id_)]
     jiva = sweep("parameter", 0.02, 0.25, [0.0, 10.0, 30.0, 50.0, -20.0, -150.0, 0.0, 5.0], 0, "obstacle.height")
