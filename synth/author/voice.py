@@ -12,6 +12,7 @@ from synth.author.phrases import Phrase, phrase
 from synth.author.views.place import find
 from synth.engine.engine import Engine
 from synth.host import offline
+from synth.instrument.articulations import NORMAL
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
 
@@ -32,9 +33,14 @@ def prepared_engine(preset: Preset, notes: Iterable[int] | None, rate_hz: float,
 
 
 def phrase_preset(preset: Preset, phrase: Phrase) -> Preset:
-    """The preset with no more strings than a phrase needs: a single note takes one, which `find` knows beforehand."""
+    """The preset with no more strings than a phrase needs: a single note takes one, which `find` knows beforehand, and no
+    articulations that only a key or a controller would choose and that go through all its frets."""
     struck = phrase.events["a"][phrase.events["kind"] == NOTE_ON]
-    return find(preset, int(struck[0])).preset if len(struck) == 1 else preset
+    if len(struck) != 1:
+        return preset
+    alone = find(preset, int(struck[0])).preset
+    reached = {name: each for name, each in alone.articulations.items() if not each.roams or name == NORMAL or each.velocity}
+    return alone.model_copy(update={"articulations": reached})
 
 
 def warm_up(rate_hz: float, quality: str) -> None:

@@ -304,7 +304,7 @@ def test_a_newer_format_is_refused(serve: Serve, folder: Path) -> None:
     ("arguments", "words"),
     [
         (["nowhere.toml"], "nowhere.toml does not exist"),
-        (["sitar"], "no such preset"),
+        (["sarod"], "no such preset"),
         (["--folder", "nowhere"], "there is no such directory"),
         (["broken.toml"], "/broken.toml: not valid TOML"),
         (["--port", "70000"], "from 0 to 65535"),

@@ -258,8 +258,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "The note that it gives where another key plays it: drone strings out of the way of a melody that passes "
             "their pitch.",
             "",
-            (24, 84),
-            1,
+            (24.0, 84.0),
+            1.0,
         ),
         "sympathetic": Words(
             "Sympathetic",

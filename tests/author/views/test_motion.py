@@ -55,7 +55,8 @@ def test_a_taped_engine_sounds_as_the_engine(name: str, note: int, velocity: int
 def at_one_tension(name: str) -> Preset:
     """The preset with strings that keep the tension for which their coefficients were made."""
     data = preset(name).model_dump(exclude_unset=True)
-    strings = [string | {"tension_modulation": False} for string in data["string"]]
+    of_tension = ("tension_modulation", "axial_stiffness_n")
+    strings = [{key: value for key, value in string.items() if key not in of_tension} for string in data["string"]]
     return Preset.model_validate(data | {"string": strings})
 
 
