@@ -374,6 +374,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "",
             (1.0, 12.0),
             1.0,
+            setup=True,
         ),
         "radius_mm": Words(
             "Radius of the bridge",
@@ -381,6 +382,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "mm",
             (200.0, 5000.0),
             10.0,
+            setup=True,
         ),
         "frets": Words(
             "Frets",
@@ -388,6 +390,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "",
             (0.0, 24.0),
             1.0,
+            setup=True,
         ),
     },
     PointsObstacle: {
