@@ -168,6 +168,7 @@ export function createStore(api) {
 
   // Edits leave one after the other; while one is under way, later ones of the same drag replace each other.
   const queue = [];
+  let looking = 0;
   let sending = false;
   let sent = Promise.resolve();
 
@@ -224,12 +225,21 @@ export function createStore(api) {
     });
   }
 
-  /** Kernels that were loading may be there: a socket, which would say so, is there for documents only. */
+  /**
+   * Kernels that were loading may be there: a socket, which would say so, is there for documents only. Without a
+   * connection nothing is asked: that is taken up again with the connection.
+   */
   async function lookAgain() {
-    if (state.kernels !== "loading") return;
+    clearTimeout(looking);
+    if (state.kernels !== "loading" || !state.connected) return;
     const now = await api.get("/api/kernels").catch(() => null);
     if (now !== null) set({ kernels: now.kernels, compiling: now.compiling });
-    if (now?.kernels !== "ready") setTimeout(lookAgain, KERNELS_MS);
+    lookLater();
+  }
+
+  function lookLater() {
+    clearTimeout(looking);
+    if (state.kernels === "loading") looking = setTimeout(lookAgain, KERNELS_MS);
   }
 
   const actions = {
@@ -261,7 +271,7 @@ export function createStore(api) {
       try {
         const session = await api.get("/api/session");
         set({ session, kernels: session.kernels, compiling: session.compiling });
-        if (session.kernels === "loading") setTimeout(lookAgain, KERNELS_MS);
+        lookLater();
       } catch (error) {
         failed(error);
       }
@@ -303,6 +313,7 @@ export function createStore(api) {
     // what happened while the connection was down
     if (!state.connected && state.doc) actions.resume(state.doc.doc);
     set({ connected: true });
+    lookLater();
   });
   api.socket.on("closed", () => set({ connected: false }));
 

@@ -380,7 +380,7 @@ def test_toolbars_are_one_stop_and_go_by_arrows(page):
         "const bars = [...document.querySelectorAll('[role=toolbar]')];"
         "return bars.map((bar) => [...bar.querySelectorAll('button')].filter(own).length)"
     )
-    assert bars == [1] * 4
+    assert bars == [1] * 6
     page.script("document.querySelector('[data-phrase=note]').focus()")
     page.hand().send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT).perform()
     assert page.script("return document.activeElement.dataset.phrase") == "riff"
