@@ -72,7 +72,10 @@ TOO_FAR = 10.0
 @njit(**CORE)
 def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
     """What is decided about an awake string at the start of quantum k of the span."""
-    follow_quantum(core, s, k)
+    if bank_of(core).strings[s].of_first:
+        follow_first(core, s)
+    else:
+        follow_quantum(core, s, k)
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
         _check(core, thread, s)
 
@@ -93,6 +96,14 @@ def follow_quantum(core: int, s: int, k: int) -> None:
 
 
 @njit(**CORE)
+def follow_first(core: int, s: int) -> None:
+    """The bend of a string's second direction, which is that of its first, just before."""
+    me, first = state_of(core).sounding[s], state_of(core).sounding[s - 1]
+    if me.bend != first.bend:
+        _follow_controls(core, s, first.bend, me.height)
+
+
+@njit(**CORE)
 def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
     """Take over another pitch bend and obstacle height."""
     me = state_of(core).sounding[s]
@@ -104,32 +115,62 @@ def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
 
 @njit(**CORE)
 def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> None:
-    """`frames` output frames of one awake string from frame `start` of the span, into its row."""
+    """`frames` output frames of one awake string from frame `start` of the span, in all of its directions, into their
+    rows."""
     fixed = bank_of(core).strings[s]
+    me, second = state_of(core).sounding[s], fixed.second
+    _land(core, thread, s)
+    if second >= 0:
+        _land(core, thread, second)
+    done = int(np.int64(0))
+    while done < frames:
+        count = frames - done
+        if not me.flying and me.phase != NO_FINGER:
+            count = min(count, max(1, (me.finger_steps - me.finger_step) // fixed.factor))
+            if me.phase == HIT:
+                count = min(count, 1)
+        _advance_line(core, thread, s, start + done, count)
+        if second >= 0:
+            _advance_line(core, thread, second, start + done, count)
+        done += count
+        if not me.flying and me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
+            finger_done(core, thread, s)
+    fade(core, s, start, frames)
+    if second >= 0:
+        fade(core, second, start, frames)
+    if not _is_sound(core, s, start) or (second >= 0 and not _is_sound(core, second, start)):
+        _silence(core, s, start)
+        me.silenced += 1
+        if second >= 0:
+            _silence(core, second, start)
+
+
+@njit(**CORE)
+def _land(core: int, thread: int, s: int) -> None:
+    """A string that flies but may not any more is back at its internal rate."""
     me = state_of(core).sounding[s]
     if me.flying and (me.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s)):
         touch_down(core, thread, s)
+
+
+@njit(**CORE)
+def _advance_line(core: int, thread: int, s: int, start: int, frames: int) -> None:
+    """The same of one direction, while the hand does one and the same thing to it."""
+    me = state_of(core).sounding[s]
     if me.flying:
         fly(core, thread, s, start, frames)
-    else:
-        row = row_of(core, s, start, frames)
-        at = 0
-        while at < row.size:
-            steps = row.size - at
-            if me.stale:
-                refresh(core, thread, s)
-            if me.phase != NO_FINGER:
-                steps = min(steps, me.finger_steps - me.finger_step)
-            if me.phase == HIT:
-                steps = min(steps, fixed.factor)
-            call_back(shared_of(core).task[STEP], core, thread, s, steps)
-            me.base = collect(core, thread, s, steps, fixed.factor, me.base, row[at:])
-            at += steps
-            if me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
-                finger_done(core, thread, s)
-    fade(core, s, start, frames)
-    if not (moves_like_a_string(core, s) and _sounds(core, s, start)):
-        _silence(core, s, start)
+        return
+    row = row_of(core, s, start, frames)
+    if me.stale:
+        refresh(core, thread, s)
+    call_back(shared_of(core).task[STEP], core, thread, s, row.size)
+    me.base = collect(core, thread, s, row.size, bank_of(core).strings[s].factor, me.base, row)
+
+
+@njit(**CORE)
+def _is_sound(core: int, s: int, start: int) -> bool:
+    """Whether a string in one direction moves like a string, and what it gives may be a sound."""
+    return moves_like_a_string(core, s) and _sounds(core, s, start)
 
 
 @njit(**CORE)
@@ -186,7 +227,6 @@ def _silence(core: int, s: int, start: int) -> None:
     me.base = me.rest
     me.fade_at = me.fade_to = 0
     me.flying = 0
-    me.silenced += 1
     sleep(core, s)
 
 
@@ -248,10 +288,12 @@ def _check(core: int, thread: int, s: int) -> None:
     me.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.q[:n])
     if model.points == model.on_q:
         me.level += abs(me.base - me.rest)
-    if me.level < SLEEP_BELOW and may_sleep(core, s):
+    if me.level < SLEEP_BELOW and not fixed.of_first and may_sleep(core, s):
         sleep(core, s)
+        if fixed.second >= 0:
+            sleep(core, fixed.second)
         return
-    if me.level < state.meters[SPARE] and not me.held and me.hand < LN_1000 / SPARE_S:
+    if me.level < state.meters[SPARE] and not fixed.of_first and not me.held and me.hand < LN_1000 / SPARE_S:
         damp(core, s, SPARE_S)
         return
     if not settings.economy or model.law != EXACT_HOLD or me.phase != NO_FINGER:

@@ -81,24 +81,24 @@ class _Lists:
             bus_of = {1: left, **{string.factor: left for string in part.strings}}
             body = {"body": len(self.bodies), "bus": left, "output_bound": part.body.swinging_bound}
             self.bodies.append(SharedBody(len(self.instruments), part.body))
+        two = preset.polarisation is not None
         same: Counter[tuple[str, int]] = Counter()
         for number, string in enumerate(part.strings):
             same[string.name, string.open_note] += 1
             dice = crc32(f"{string.name} {string.open_note} {same[string.name, string.open_note]}".encode())
             if not (together and number):
-                lines = len(part.strings) * (1 if preset.polarisation is None else 2)
-                last = len(self.strings) + (lines if together else 1)
-                own = {"first_string": len(self.strings), "end_string": last, "together": int(together)}
+                last = len(self.strings) + (len(part.strings) if together else 1) * (1 + two)
+                own = {"first_string": len(self.strings), "end_string": last, "together": int(together or two)}
                 self.instruments.append(record(layout.INSTRUMENT, **own, **body))
             for factor in (string.factor, 1):
                 if factor not in bus_of:
                     bus_of[factor] = self._bus(p, factor)
-            two = preset.polarisation is not None
             heard = None if part.body is None else (part.body, number * (1 + two))
             self._string(p, preset, string, bus_of, heard, two, False, dice)
-            if heard is not None and preset.polarisation is not None:
-                across = second_direction(preset.polarisation, string)
-                self._string(p, preset, across, bus_of, (heard[0], heard[1] + 1), False, True, dice)
+            if preset.polarisation is not None:
+                across = second_direction(preset, string)
+                beside = None if heard is None else (heard[0], heard[1] + 1)
+                self._string(p, preset, across, bus_of, beside, False, True, dice)
         pluck, output = preset.pluck, preset.output
         first_articulation = len(self.articulations)
         articulations, touches, release_touch = articulation_rows(preset, len(self.touches))

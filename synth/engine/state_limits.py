@@ -322,17 +322,25 @@ def _of_own(here: _Layout, own: Any, s: int, model: Any, where: tuple[Where, ...
 
 
 def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, np.ndarray]) -> Iterator[Limit]:
-    """Strings that share a bridge are awake together, and others are never idle; ends and bodies."""
+    """Strings that share a bridge are awake together, and so are both directions of a string; others are never idle; ends
+    and bodies."""
     for instrument in bank.instruments:
         mine = np.arange(instrument["first_string"], instrument["end_string"])
+        seconds = bank.strings["of_first"][mine] == 1
         awake, idle = (here.of("sounding", field, mine) for field in ("awake", "idle"))
         if instrument["body"] >= 0:
             first = here.of("sounding", "awake", mine[0])
             said = "sounding.awake of strings that share a bridge differ"
             yield Limit(awake, 0, 0, above=first, below=first, said=said)
             yield Limit(idle, 0, 0, below=awake, said="sounding.idle of a string that is not awake")
-        else:
-            yield Limit(idle, 0, 0, said="sounding.idle of a string that shares no bridge")
+            continue
+        alone = here.of("sounding", "idle", mine[~seconds])
+        yield Limit(alone, 0, 0, said="sounding.idle of a string that shares no bridge")
+        for s in mine[seconds]:
+            first, across = here.of("sounding", "awake", s - 1), here.of("sounding", "awake", s)
+            yield Limit(across, 0, 0, above=first, below=first, said="sounding.awake of a string's directions differ")
+            own = here.of("sounding", "idle", s)
+            yield Limit(own, 0, 0, above=across, below=across, said="sounding.idle of a second direction that is awake")
     flat = {name.removeprefix("end."): np.arange(array.size) for name, array in arrays.items() if name.startswith("end.")}
     room = {name: np.arange(array.size) for name, array in strings.bridges.room.items()}
     for place, s in enumerate(strings.bridges.strings):

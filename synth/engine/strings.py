@@ -76,6 +76,30 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
 
 
 @njit(**CORE)
+def _wake(core: int, thread: int, s: int, model_index: int) -> None:
+    """A silent string that shares no bridge begins on the given model, in all of its directions."""
+    state, fixed = state_of(core), bank_of(core).strings[s]
+    wake(core, thread, s, model_index)
+    if fixed.second >= 0:
+        across = state.sounding[fixed.second]
+        across.channel = state.sounding[s].channel
+        wake(core, thread, fixed.second, model_index + fixed.second_models)
+        across.bend = state.sounding[s].bend
+        across.idle = 1
+        across.reached = state.sounding[s].reached
+
+
+@njit(**CORE)
+def _land(core: int, thread: int, s: int) -> None:
+    """A string that a hand is about to touch flies no more, in any of its directions."""
+    state, second = state_of(core), bank_of(core).strings[s].second
+    for direction in range(2):
+        line = s if direction == 0 else second
+        if line >= 0 and state.sounding[line].flying:
+            touch_down(core, thread, line)
+
+
+@njit(**CORE)
 def _join(core: int, thread: int, s: int, model_index: int) -> None:
     """A string that nobody plays begins on the given model; those that share its bridge wake with it, open."""
     bank, state, shared = bank_of(core), state_of(core), shared_of(core)
@@ -253,12 +277,12 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
     lift_touch(core, s)
     me.glide_to = -1
     sounding = me.awake != 0 and me.idle == 0
-    if sounding and me.flying:
-        touch_down(core, thread, s)
+    if sounding:
+        _land(core, thread, s)
     if not sounding and on_bridge(core, s):
         _join(core, thread, s, target)
     elif not sounding:
-        wake(core, thread, s, target)
+        _wake(core, thread, s, target)
     else:
         _lift_hand(core, s)
     if me.wait > 0:
@@ -340,8 +364,7 @@ def let_go(core: int, thread: int, s: int) -> None:
         return
     damp(core, s, bank.strings[s].release_s * state.parameters[number, RELEASE])
     if part.release_touch >= 0 and me.awake and not me.idle:
-        if me.flying:
-            touch_down(core, thread, s)
+        _land(core, thread, s)
         lay_on(core, s, part.release_touch, 0.0)
 
 

@@ -13,7 +13,7 @@ from synth.native.views import call_back
 
 def _work_on(core: int, thread: int, i: int, _: int) -> None:
     """Let instrument i do what Shared.task asks."""
-    task, sounding = shared_of(core).task, state_of(core).sounding
+    task, sounding, strings = shared_of(core).task, state_of(core).sounding, bank_of(core).strings
     instrument = bank_of(core).instruments[i]
     first, end, kind = instrument.first_string, instrument.end_string, task[TASK]
     if instrument.body >= 0:
@@ -25,7 +25,7 @@ def _work_on(core: int, thread: int, i: int, _: int) -> None:
     elif kind == STRETCH:
         for s in range(first, end):
             me = sounding[s]
-            if me.awake and me.reached < task[UNTIL]:
+            if me.awake and me.reached < task[UNTIL] and not strings[s].of_first:
                 advance_string(core, thread, s, me.reached, task[UNTIL] - me.reached)
             me.reached = task[UNTIL]
     else:
@@ -34,7 +34,7 @@ def _work_on(core: int, thread: int, i: int, _: int) -> None:
                 if sounding[s].awake:
                     begin_quantum(core, thread, s, k)
             for s in range(first, end):
-                if sounding[s].awake:
+                if sounding[s].awake and not strings[s].of_first:
                     advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.advance import follow_quantum, make_path, moves_like_a_string
+from synth.engine.advance import follow_first, follow_quantum, make_path, moves_like_a_string
 from synth.engine.coefficients import refresh, rest_state
 from synth.engine.core import bank_of, is_held, model_address, model_of, scratch_of, shared_of, state_of, string_of
 from synth.engine.ends import refresh_end
@@ -77,9 +77,8 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
     for s in range(instrument.first_string, instrument.end_string):
         if not bank.strings[s].of_first:
             follow_quantum(core, s, k)
-        elif state.sounding[s].bend != state.sounding[s - 1].bend:
-            state.sounding[s].bend = state.sounding[s - 1].bend
-            state.sounding[s].stale = 1
+        else:
+            follow_first(core, s)
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY != 0:
         return
     fingered = False

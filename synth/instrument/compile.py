@@ -83,6 +83,7 @@ class Position:
     own: int  # the string's own modes; those behind them are lumped (`physics.tail`)
     leverage: np.ndarray  # (C,) of a contact by the motion of the saddle: x/L, less 1 for what rides on the bridge
     layers: np.ndarray  # (3, C) of the contacts (`solver.layers`), or (3, 0)
+    across: np.ndarray  # (2, own) ω and σ in the second direction, or (2, 0)
 
 
 @dataclass(frozen=True)
@@ -459,7 +460,19 @@ def compile_position(
         n,
         positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
         layers,
+        _modes_across(preset.polarisation, string, n),
     )
+
+
+def _modes_across(across: Polarisation | None, string: String, n: int) -> np.ndarray:
+    """`Position.across`: detuned, damped, and with a share of the nut's mobility."""
+    if across is None:
+        return np.zeros((2, 0))
+    if across.nut_share != 1.0:
+        nut = [replace(each, mass_kg=each.mass_kg / across.nut_share) for each in string.nut if across.nut_share > 0.0]
+        string = replace(string, nut=tuple(nut))
+    omega = 2.0 ** (across.detuning_cents / 1200.0) * modal_frequencies(string, n)
+    return np.array([omega, across.loss_ratio * decay_rates(string, n)])
 
 
 def compile_string(
@@ -603,15 +616,20 @@ def compile_preset(
     return CompiledPart(preset, tuple(strings), body)
 
 
-def second_direction(across: Polarisation, string: CompiledString) -> CompiledString:
-    """A string's motion at right angles to its first: its modes, detuned and damped, which touch nothing, or rub."""
+def second_direction(preset: Preset, string: CompiledString) -> CompiledString:
+    """A string's motion at right angles to its first: its modes, detuned and damped, which touch nothing, or rub.
+
+    On rigid ends its output is that of the first, times `Polarisation.share_heard`; a pickup hears its velocity alone.
+    """
+    across = preset.polarisation
+    assert across is not None
     if string.friction > 0.0:
         return _rubbing_direction(across, string)
-    ratio = 2.0 ** (across.detuning_cents / 1200.0)
+    pickup, heard = preset.output.kind == "pickup", 1.0 if preset.coupled else across.share_heard
     positions = []
     for each in string.positions:
         n, law = each.own, law_of(each.plan.scheme)
-        omega, sigma, none = ratio * each.omega[:n], across.loss_ratio * each.sigma[:n], np.zeros((0, 0))
+        (omega, sigma), none = each.across, np.zeros((0, 0))
         positions.append(
             replace(
                 each,
@@ -622,9 +640,11 @@ def second_direction(across: Polarisation, string: CompiledString) -> CompiledSt
                 eta=np.zeros(0),
                 residual=none,
                 matrix=none,
-                wq=each.wq[:n],
-                wv=each.wv[:n],
+                wq=(0.0 if pickup else heard) * each.wq[:n],
+                wv=heard * each.wv[:n],
                 q_rest=np.zeros(n),
+                rest_height_m=0.0,
+                output_rest=0.0,
                 leverage=np.zeros(0),
                 layers=np.zeros((3, 0)),
             )
@@ -637,11 +657,13 @@ def _rubbing_direction(across: Polarisation, string: CompiledString) -> Compiled
     ratio, positions = 2.0 ** (across.detuning_cents / 1200.0), []
     for each in string.positions:
         law = law_of(each.plan.scheme)
-        omega, sigma = ratio * each.omega, across.loss_ratio * each.sigma
+        omega = np.append(each.across[0], ratio * each.omega[each.own :])
+        sigma = np.append(each.across[1], across.loss_ratio * each.sigma[each.own :])
         coef, matrix = coefficients(law, omega, sigma, each.mu, 1.0 / each.plan.rate_hz), np.empty_like(each.matrix)
         contact_matrix(law, coef, each.shapes, each.residual, matrix)
         changed: dict[str, Any] = {"omega": omega, "sigma": sigma, "coef": coef, "matrix": matrix}
         changed |= {"eta": np.full(each.eta.size, _OUT_OF_REACH_M), "q_rest": np.zeros(omega.size)}
+        changed |= {"rest_height_m": 0.0, "output_rest": 0.0}
         positions.append(replace(each, **changed, layers=np.zeros((3, 0))))
     return replace(string, positions=tuple(positions))
 

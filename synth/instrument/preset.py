@@ -305,13 +305,22 @@ class Pluck(Table):
 
 
 class Polarisation(Table):
-    """The second direction in which strings move that share a body, at right angles to the first."""
+    """The second direction in which strings move, at right angles to the first."""
 
     #: how much higher it is tuned, and how much faster it decays
     detuning_cents: float = Field(0.0, ge=-50.0, le=50.0)
     loss_ratio: float = Field(1.0, ge=0.1, le=10.0)
     #: direction of the pluck from that of the string
     pluck_deg: float = Field(30.0, ge=-90.0, le=90.0)
+    #: how far the nut's resonances give way in it, in parts of what they do in the first
+    nut_share: float = Field(1.0, ge=0.0, le=10.0)
+    #: of strings on rigid ends: how much of it the output hears, in parts of what it hears of the first
+    heard: float | None = Field(None, ge=-1.0, le=1.0)
+
+    @property
+    def share_heard(self) -> float:
+        """`heard`, or what it is without."""
+        return 0.3 if self.heard is None else self.heard
 
 
 class Damping(Table):
@@ -545,11 +554,25 @@ class Preset(Table):
         return self
 
     @model_validator(mode="after")
-    def _two_directions_need_a_body(self) -> Preset:
-        if self.polarisation is not None and not self.body.mode:
-            raise ValueError("polarisation: only strings that share a body move in two directions; give [[body.mode]]")
-        if self.polarisation is not None and self.excitation is not None and self.excitation.kind != "pluck":
+    def _two_directions(self) -> Preset:
+        if self.polarisation is None:
+            return self
+        if self.excitation is not None and self.excitation.kind != "pluck":
             raise ValueError('polarisation: only a pluck has a direction; leave it out, or take excitation.kind = "pluck"')
+        if self.coupled and self.polarisation.heard is not None:
+            raise ValueError(
+                f"polarisation.heard has no meaning where strings share a body, which alone is heard, got "
+                f"{self.polarisation.heard:g}: leave it out"
+            )
+        if not self.coupled and isinstance(self.obstacle, BoardObstacle):
+            raise ValueError(
+                'polarisation: strings over obstacle.kind = "board" move in one direction; leave one of the two out'
+            )
+        if not self.coupled and isinstance(self.obstacle, PointContacts) and self.obstacle.friction > 0.0:
+            raise ValueError(
+                f"obstacle.friction is that of strings that share a body, got {self.obstacle.friction:g}; "
+                "give [[body.mode]], or leave it out"
+            )
         return self
 
     @property

@@ -39,6 +39,30 @@ HANDED = preset(
     polyphony=4,
     more=WAYS + HAND,
 )
+#: the same strings, which move along the frets, too, and whose tension rises with their motion
+ACROSS = preset(
+    "across",
+    "".join(
+        wound(*each) + "tension_modulation = true\n" for each in (("E1", 32.5), ("A1", 20.9), ("D2", 13.8), ("G2", 6.69))
+    ),
+    obstacle=NECK_OBSTACLE,
+    output='kind = "pickup"\nposition = 0.165\ndistance_mm = 5\naperture_mm = 12\ngain_db = -18',
+    polyphony=4,
+    more=WAYS
+    + HAND
+    + """
+[polarisation]
+detuning_cents = 1.5
+loss_ratio = 1.2
+pluck_deg = 50
+nut_share = 0.25
+heard = 0.4
+[[nut]]
+frequency_hz = 190
+q = 20
+mass_kg = 2.5
+""",
+)
 #: a string that is pulled, over frets that it does not reach
 PULLED = preset(
     "pulled",

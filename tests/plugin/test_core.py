@@ -32,7 +32,7 @@ from synth.midi.events import (
 )
 from synth.native.processors import cores
 from synth.plugin.bankfile import bank
-from tests.engine.handed import BUSY, HANDED, PULLED, PULLS
+from tests.engine.handed import ACROSS, BUSY, HANDED, PULLED, PULLS
 from tests.engine.kit import FREE, SHARED, play, random_events
 from tests.patience import until
 
@@ -139,7 +139,9 @@ def test_a_body_beside_another_part_sounds_as_in_python(library, tmp_path):
         assert same(played(engine, events), native.play(events, FRAMES, 333))
 
 
-@pytest.mark.parametrize(("preset", "events"), [(HANDED, BUSY), (PULLED, PULLS)], ids=["handed", "pulled"])
+@pytest.mark.parametrize(
+    ("preset", "events"), [(HANDED, BUSY), (ACROSS, BUSY), (PULLED, PULLS)], ids=["handed", "across", "pulled"]
+)
 def test_articulations_sound_as_in_python(library, tmp_path, preset, events):
     (tmp_path / "handed.jawari").write_bytes(bank((preset,), [RATE_HZ]))
     engine, rows, frames, at = Engine([preset]), make_events(events), 36_000, 19_904

@@ -205,10 +205,8 @@ class Frames(Engine):
     def position(self, line: int) -> Position:
         """The model that a line has once the note is played."""
         string = self.strings[line // self.directions]
-        across = self.compiled[0].preset.polarisation
         if line % self.directions:
-            assert across is not None
-            string = second_direction(across, string)
+            string = second_direction(self.compiled[0].preset, string)
         fret = self.place.fret if line // self.directions == self.number else 0
         return next(position for position in string.positions if position.fret == fret)
 

@@ -109,7 +109,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "string": Words("Strings", "One table for each string, or one for a range of notes with a string for every note."),
         "polarisation": Words(
-            "Second direction", "Strings that share a body may move at right angles to their first direction, too."
+            "Second direction", "Strings may move at right angles to their first direction, too, where nothing stops them."
         ),
         "nut": Words(
             "Resonances of the nut end",
@@ -832,6 +832,21 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "°",
             (0.0, 60.0),
             1.0,
+        ),
+        "nut_share": Words(
+            "Second direction, nut",
+            "How far the nut's resonances give way in it, as a share of what they do in the first: necks are stiffer along "
+            "the board. Partials near a resonance then differ between the directions, and beat.",
+            "",
+            (0.0, 1.0),
+            0.05,
+        ),
+        "heard": Words(
+            "Second direction, heard",
+            "Of strings on rigid ends: how much of it pickup or saddle hear, as a share of what they hear of the first.",
+            "",
+            (0.0, 0.6),
+            0.05,
         ),
     },
     BodyMode: {
