@@ -241,7 +241,6 @@ def test_two_directions_decay_apart() -> None:
     [
         ({"output": HEARD}, 'output.kind = "body" and \\[\\[body.mode\\]\\] need each other'),
         ({"more": ONE_WAY}, 'output.kind = "body" and \\[\\[body.mode\\]\\] need each other'),
-        ({"more": TWO_WAYS}, "polarisation: only strings that share a body"),
         (
             {"output": HEARD, "more": ONE_WAY + "[[body.resonance]]\nfrequency_hz = 800\nq = 5\ngain_db = 6\n"},
             "body.resonance filters strings",
