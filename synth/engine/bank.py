@@ -212,11 +212,14 @@ class _Lists:
             omega = position.omega[: position.own]
             pull = position.mu * ramp_moments(position.length_m, position.own) * omega**2
             weights[0, : position.own] = np.abs(pull) * body.heard(omega, line)
-        static = lift = 0.0
+        static = lift = rest = 0.0
         if c:
             bent = position.shapes[0] / (position.mu * position.omega**2)
             static = float(position.shapes[0] @ bent + position.residual[0, 0])
             lift = float(position.wq @ bent)
+            rest = float(position.wq @ position.q_rest)
+        if uses_v or heard is not None:  # of pickups and bridges, the rest line alone is what is counted from
+            lift = rest = 0.0
         stopband = 2.0 * math.pi * STOPBAND_EDGE * self.rate_hz
         self.models.append(
             record(
@@ -232,7 +235,7 @@ class _Lists:
                 mu=position.mu,
                 rest_height=position.rest_height_m,
                 line_output=position.output_rest,
-                rest_output=float(position.wq @ position.q_rest),
+                rest_output=rest,
                 output_bound=bound,
                 static_response=static,
                 lift_output=lift,

@@ -15,27 +15,28 @@ BASE_S = 0.05
 def collect(core: int, thread: int, s: int, steps: int, factor: int, base: float, row) -> float:
     """row (≥ steps,) from Scratch.out after `steps` steps at `factor` times the output rate.
 
-    A force or displacement is counted from `base`, which slowly follows the string's rest; returns where it then is.
+    A force or displacement is counted from `base`, which slowly follows the string's rest, and so is the displacement that
+    moves a string in a pickup's field; returns where it then is.
     """
     bank, settings = bank_of(core), settings_of(core)
     out = scratch_of(thread).out
     me = state_of(core).sounding[s]
     part = bank.parts[bank.strings[s].part]
-    if part.use_q and part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
-        for t in range(steps):
-            near = max(0.2, 1.0 + out[t] / part.pickup_distance)
-            row[t] = out[steps + t] / (near * near * near)
-    elif part.use_v:
+    if part.use_v and not part.use_q:
         for t in range(steps):
             row[t] = out[t]
+        return base
+    line = bank.models[me.model].line_output
+    follow = 1.0 / (BASE_S * settings.rate_hz * factor)
+    if base + follow * (me.rest - base) == base:
+        follow = 0.0
+    if part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
+        for t in range(steps):
+            base += follow * (me.rest - base)
+            near = max(0.2, 1.0 + (out[t] + (line - base)) / part.pickup_distance)
+            row[t] = out[steps + t] / (near * near * near)
     else:
-        line = bank.models[me.model].line_output
-        follow = 1.0 / (BASE_S * settings.rate_hz * factor)
-        if base + follow * (me.rest - base) == base:
-            for t in range(steps):
-                row[t] = out[t] + line - base
-        else:
-            for t in range(steps):
-                base += follow * (me.rest - base)
-                row[t] = out[t] + line - base
+        for t in range(steps):
+            base += follow * (me.rest - base)
+            row[t] = out[t] + line - base
     return base

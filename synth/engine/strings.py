@@ -225,6 +225,10 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
             # ∫₀^ℓ (ξ/ℓ) sin(aξ) dξ = (−1)^(i+1)/a, and φ_i carries the same sign
             q_sum[i] = scale * q_sum[i] - math.sqrt(2.0 / l_new) * at_fret / a[i]
             v_sum[i] = scale * v_sum[i]
+        if new.rest_height != 0.0:
+            # from here on the string is at the fret; where a hand has not brought it there, nobody hears that it jumps
+            there = old.rest_height * l_new / l_old + at_fret
+            me.base += new.line_output * (1.0 - there / new.rest_height)
     else:
         # the string was stopped at height `lift` above the new rest line
         lift = old.rest_height - new.rest_height * l_old / l_new

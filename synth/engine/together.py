@@ -9,7 +9,17 @@ from numba import njit
 
 from synth.engine.advance import follow_first, follow_quantum, make_path, moves_like_a_string
 from synth.engine.coefficients import refresh, rest_state
-from synth.engine.core import bank_of, is_held, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    is_held,
+    model_address,
+    model_of,
+    scratch_of,
+    settings_of,
+    shared_of,
+    state_of,
+    string_of,
+)
 from synth.engine.ends import refresh_end
 from synth.engine.layout import (
     BEGIN,
@@ -28,6 +38,7 @@ from synth.engine.layout import (
     TOUCHED,
     UNTIL,
 )
+from synth.engine.output import BASE_S
 from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
 from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines, look_at
@@ -36,6 +47,9 @@ from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import certify_line
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import FAST, INNER, dot
+
+#: of a pull on the bridge that is about to be counted as nothing, what is nothing [N]
+LEAST_PULL_N = 1e-9
 
 
 def work_together(core: int, thread: int, i: int, _: int) -> None:
@@ -79,6 +93,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
             follow_quantum(core, s, k)
         else:
             follow_first(core, s)
+    _follow_rest(core, i)
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY != 0:
         return
     fingered = False
@@ -251,16 +266,48 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         if state.sounding[s].phase != NO_FINGER:
             make_path(core, thread, s, count * bank.strings[s].factor, end_at(shared.end_at[s]).path)
     if changed:
-        for d in range(coupling.held.size):
-            coupling.held[d] = 0.0
-        for s in range(instrument.first_string, instrument.end_string):
-            me = state.sounding[s]
-            if me.lift > 0.0:
-                pressing = end_at(shared.end_at[s]).leverage[0] * me.lift
-                for d in range(coupling.held.size):
-                    coupling.held[d] += coupling.direction[s - instrument.first_string, d] * pressing
+        _count_forces(core, i)
         gather_lines(shared.coupling_at[i])
     return count
+
+
+@njit(**CORE)
+def _count_forces(core: int, i: int) -> None:
+    """What the forces on the bridge are counted from: those of strings at rest.
+
+    A string that is stopped elsewhere pulls at another angle. The bridge does not feel that as a blow, but the hand's work
+    before: that it is counted as nothing comes slowly (`_follow_rest`).
+    """
+    state, shared = state_of(core), shared_of(core)
+    instrument, coupling = bank_of(core).instruments[i], coupling_at(shared.coupling_at[i])
+    for d in range(coupling.held.size):
+        coupling.held[d] = 0.0
+    for s in range(instrument.first_string, instrument.end_string):
+        me = state.sounding[s]
+        held = me.base - me.rest
+        if me.lift > 0.0:
+            held += end_at(shared.end_at[s]).leverage[0] * me.lift
+        if held != 0.0:
+            for d in range(coupling.held.size):
+                coupling.held[d] += coupling.direction[s - instrument.first_string, d] * held
+
+
+@njit(**CORE)
+def _follow_rest(core: int, i: int) -> None:
+    """Pulls of strings at rest that are not yet counted as nothing, over a quantum."""
+    state = state_of(core)
+    instrument = bank_of(core).instruments[i]
+    follow = 1.0 - math.exp(-QUANTUM / (BASE_S * settings_of(core).rate_hz))
+    changed = False
+    for s in range(instrument.first_string, instrument.end_string):
+        me = state.sounding[s]
+        if me.base != me.rest:
+            me.base += follow * (me.rest - me.base)
+            if abs(me.rest - me.base) < LEAST_PULL_N:
+                me.base = me.rest
+            changed = True
+    if changed:
+        _count_forces(core, i)
 
 
 @njit(**CORE)

@@ -359,11 +359,14 @@ def output_weights(preset: Preset, string: String, open_length_m: float, n: int)
 
 
 def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, height_m: float) -> float:
-    """Output that the straight line from a fret at `height_m` to the saddle has, against the open string's."""
+    """Output that the straight line from a fret at `height_m` to the saddle has, against the open string's; of a pickup the
+    displacement there [m], of a body the force with which it pulls the bridge up [N]."""
     slope = height_m / string.length_m
     if preset.output.kind == "force":
         return -string.tension_n * slope
-    if preset.output.kind in ("velocity", "pickup", "body"):
+    if preset.output.kind == "body":
+        return string.tension_n * slope
+    if preset.output.kind == "velocity":
         return 0.0
     return slope * output_distance(preset, string, open_length_m)
 
@@ -438,6 +441,7 @@ def compile_position(
     coef = coefficients(law, omega, sigma, mu, 1.0 / plan.rate_hz)
     matrix = np.zeros((eta.size, eta.size))
     contact_matrix(law, coef, shapes, residual, matrix)
+    gained = preset.output.kind not in ("pickup", "body")  # a pickup's gain is on its velocity
     return Position(
         note,
         fret,
@@ -452,11 +456,11 @@ def compile_position(
         eta,
         residual,
         matrix,
-        wq if preset.output.kind == "pickup" else gain * wq,  # a pickup's gain is on its velocity
+        gain * wq if gained else wq,
         gain * wv,
         static_state(omega, mu, shapes, eta, residual, layers),
         rest_height_m,
-        gain * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
+        (gain if gained else 1.0) * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
         n,
         positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
         layers,

@@ -7,6 +7,7 @@ import pytest
 
 from synth.dsp.clicks import clicks
 from synth.engine.layout import HIT, WAIT
+from synth.instrument.preset import load_preset
 from synth.midi.events import CONTROL, make_events
 from tests.clicks import with_step
 from tests.engine.handed import (
@@ -208,6 +209,16 @@ def test_no_change_of_articulation_clicks(handed, name):
     for frame in (6_500, 14_321, 23_000, 30_000):
         step = 0.1 * np.abs(x[frame - 500 : frame + 500]).max()
         assert [abs(found - frame) <= 2 for found, _ in clicks(with_step(x, frame, step), RATE_HZ)] == [True]
+
+
+@pytest.mark.parametrize("name, notes", [("fretted-bass", (35, 46, 40, 56)), ("shamisen", (55, 66, 61, 77))])
+def test_the_left_hand_may_jump(name, notes):
+    """Over many frets, on strings that still sound: neither the way to a pickup nor the pull on a bridge jumps with it."""
+    rows = []
+    for number, note in enumerate(notes):
+        rows += [key(441 + 4410 * number, note, 60), up(441 + 4410 * number + 6174, note)]
+    made = engine(load_preset(name), only_notes=[set(notes)])
+    assert clicks(play(made, rows, 22_000), RATE_HZ) == []
 
 
 def test_a_pull_does_not_click(pulled):
