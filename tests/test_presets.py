@@ -10,6 +10,8 @@ from synth.dsp.measures import decay_time_s
 from synth.engine.engine import Engine
 from synth.fit.loudness import RATE_HZ, TARGET_LUFS, TOLERANCE_LU, phrase_sound
 from synth.fit.tune import measure, single_strings
+from synth.host import general_midi
+from synth.host.parts import Choice
 from synth.instrument.compile import open_string
 from synth.instrument.preset import (
     FORMAT,
@@ -199,6 +201,14 @@ def test_velocity_127_is_even_and_leaves_the_limiter_little(name: str, evenness_
 def test_presets_are_equally_loud(name: str) -> None:
     """`tools/loudness` has set them; the meter is BS.1770's by pyloudnorm."""
     lufs = pyloudnorm.Meter(RATE_HZ).integrated_loudness(phrase_sound(load_preset(name)))
+    assert lufs == pytest.approx(TARGET_LUFS, abs=TOLERANCE_LU)
+
+
+@pytest.mark.parametrize("program", [number for number, each in enumerate(general_midi.ANSWERS) if each.articulations])
+def test_programs_in_an_articulation_are_as_loud_as_presets(program: int) -> None:
+    """`tools/loudness --check` measures them."""
+    preset = Choice().part(0, program).played(load_preset(general_midi.answer(program).preset))
+    lufs = pyloudnorm.Meter(RATE_HZ).integrated_loudness(phrase_sound(preset))
     assert lufs == pytest.approx(TARGET_LUFS, abs=TOLERANCE_LU)
 
 

@@ -21,12 +21,14 @@ BASS = "fretted-bass"
 class Answer:
     """presets: names, the nearest first.  why: what makes them near.  string: whether the program is a plucked or struck
     string, which a preset can be; False: it stands in.  articulations: how it is played, the best first; a preset that has
-    none of them plays as it does by itself."""
+    none of them plays as it does by itself.  gain_db: what makes it as loud in that articulation as presets are by
+    themselves (`tools/loudness --check` measures it)."""
 
     presets: tuple[str, ...]
     why: str
     string: bool = True
     articulations: tuple[str, ...] = ()
+    gain_db: float = 0.0
 
     @property
     def preset(self) -> str:
@@ -97,16 +99,16 @@ ANSWERS: tuple[Answer, ...] = (
     Answer(_STEEL, "the steel-string guitar itself"),
     Answer(_JAZZ, "an electric guitar, the pickup at the neck"),
     Answer(_GUITAR, "an electric guitar"),
-    Answer(_GUITAR, "an electric guitar under the palm", articulations=("palm-mute",)),
+    Answer(_GUITAR, "an electric guitar under the palm", articulations=("palm-mute",), gain_db=10.4),
     Answer(_BRIDGE, "an electric guitar, without what overdrives its amplifier"),
     Answer(_BRIDGE, "an electric guitar, without what distorts it"),
-    Answer(_GUITAR, "an electric guitar, touched at a node", articulations=("harmonic",)),
+    Answer(_GUITAR, "an electric guitar, touched at a node", articulations=("harmonic",), gain_db=5.7),
     Answer(_UPRIGHT, "a double bass plucked with a finger, stopped on a bare board: the fretless bass"),
     Answer(_FINGER, "the fretted bass, played with a finger"),
     Answer(_PICK, "the fretted bass, with a plectrum where there is one"),
     Answer(_FRETLESS, "the fretless bass itself"),
     Answer(_SLAP, "the bass that is slapped", articulations=("slap",)),
-    Answer(_SLAP, "the bass that is slapped, with a pop where there is one", articulations=("pop", "slap")),
+    Answer(_SLAP, "the bass that is slapped, with a pop where there is one", articulations=("pop", "slap"), gain_db=3.3),
     Answer(_FINGER, "an oscillator in the bass: the fretted bass plays its notes", string=False),
     Answer(_FRETLESS, "an oscillator in the bass: the fretless bass plays its notes", string=False),
     *(Answer(_CONCERT, _BOWED, string=False) for _ in range(40, 43)),

@@ -36,8 +36,8 @@ LEFT_OUT = "none"
 @dataclass(frozen=True)
 class Part:
     """One preset (by name or file) playing one channel (0…15) with `notes` notes; by_program: whether a program of General
-    MIDI chose it, and not the user; articulations: of these names the first that the preset has is how it plays; switching:
-    whether keys and controllers switch its articulations."""
+    MIDI chose it, and not the user; articulations: of these names the first that the preset has is how it plays, `gain_db`
+    louder; switching: whether keys and controllers switch its articulations."""
 
     channel: int
     preset: str
@@ -45,6 +45,7 @@ class Part:
     by_program: bool = False
     articulations: tuple[str, ...] = ()
     switching: bool = True
+    gain_db: float = 0.0
 
     def played(self, preset: Preset) -> Preset:
         """The preset as the part plays it: with its articulation as the normal one, which velocities then do not change;
@@ -61,7 +62,10 @@ class Part:
         if name != NORMAL:
             key = changed[NORMAL].key if NORMAL in changed else None
             changed[NORMAL] = changed[name].model_copy(update={"key": key, "controller": None})
-        return preset.model_copy(update={"articulations": changed})
+        output = preset.output
+        if name != NORMAL:
+            output = output.model_copy(update={"gain_db": output.gain_db + self.gain_db})
+        return preset.model_copy(update={"articulations": changed, "output": output})
 
     @property
     def label(self) -> str:
@@ -109,8 +113,11 @@ class Choice:
     def part(self, channel: int, program: int, notes: int = 0) -> Part:
         """What plays a channel and program, if it is not left out."""
         mine = self.by_program(channel)
-        ways = general_midi.answer(program).articulations if self.gm and mine else ()
-        return Part(channel, self.of(channel, program), notes, mine, ways, self.switching or not mine)
+        preset, switching = self.of(channel, program), self.switching or not mine
+        if not (self.gm and mine):
+            return Part(channel, preset, notes, mine, (), switching)
+        answer = general_midi.answer(program)
+        return Part(channel, preset, notes, mine, answer.articulations, switching, answer.gain_db)
 
     def by_program(self, channel: int) -> bool:
         """Whether programs choose on a channel."""
