@@ -245,7 +245,8 @@ def test_strings_ring_as_long_as_strings_do(name: str, note: int, low_s: float, 
 def test_the_bass_has_dead_spots() -> None:
     def fundamental_s(note: int) -> float:
         x = play(prepared(string_of("fretted-bass", note, 3)), [(0, NOTE_ON, 0, note, 64)], 6.0)
-        return decay_time_s(x[8820:], RATE, float(midi_to_hz(note)))
+        # early: along the frets, where a neck hardly gives way, a string rings on
+        return decay_time_s(x[8820:], RATE, float(midi_to_hz(note)), fit_db=(-1.0, -8.0))
 
     assert fundamental_s(54) < 0.5 * min(fundamental_s(48), fundamental_s(43))
 

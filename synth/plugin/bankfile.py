@@ -52,7 +52,7 @@ from synth.solver.stringmodel import Scratch, StringModel, StringState
 
 MAGIC = b"JAWARIBK"
 #: of this layout; a change of what HEADER … RATE mean is another version
-VERSION = 2
+VERSION = 3
 RATES = (44100.0, 48000.0, 88200.0, 96000.0)
 MOST_RATES = 32
 #: of `Engine`, what is not the bank's
@@ -124,6 +124,7 @@ PLACES = (
     "peak",
     "unplayed",
     "awake",
+    "idle",
     "silenced_strings",
     "silenced_parts",
     "programs",
@@ -145,6 +146,7 @@ RATE = np.dtype(
         ("rate_hz", "<f8"),
         ("latency", "<i8"),
         ("tail", "<i8"),
+        ("strings", "<i8"),  # each in one direction or two
         ("at", "<u8"),  # the block
         ("size", "<u8"),
         ("checksum", "<u8"),
@@ -343,6 +345,7 @@ def _block(engine: Engine, functions: list[str]) -> tuple[bytes, np.ndarray]:
     out.extend(bytes(_up(len(out), PAGE) - len(out)))
     row["rate_hz"], row["latency"] = engine.rate_hz, engine.latency_samples
     row["tail"] = round(engine.tail_seconds * engine.rate_hz)
+    row["strings"] = sum(len(part.strings) for part in engine.compiled)
     row["sounding"], row["sounding_end"] = sounding
     row["thread_table"] = memory.place(engine._thread_table)
     row["pitch"] = memory.place(engine._strings._kept.bank.pitch)
@@ -491,6 +494,7 @@ def _places(memory: Memory, engine: Engine) -> np.ndarray:
         "peak": words(state.meters, layout.PEAK),
         "unplayed": words(state.unplayed, count=state.unplayed.size),
         "awake": field(state.sounding, "awake"),
+        "idle": field(state.sounding, "idle"),
         "note": field(state.sounding, "note"),
         "channel": field(state.sounding, "channel"),
         "still": field(state.part_state, "still"),

@@ -374,6 +374,7 @@ def test_a_keyboard_that_is_plugged_in_just_works(keys: Keys, listen) -> None:
 def test_only_ports_that_are_named_are_heard(keys: Keys, listen) -> None:
     for name in ("piano", "organ", "other"):
         keys("open", name)
+    until(lambda: {"piano:piano", "organ:organ", "other:other"} <= set(port_names("jack")))
     number = port_names("jack").index("other:other")
     inputs, kept, _ = listen(["PIANO", str(number)])
     inputs.poll()

@@ -98,13 +98,16 @@ def wild(seed: int, parts: int, frames: int = FRAMES, count: int = 250) -> np.nd
 def test_a_preset_sounds_as_in_python(library, bank_files, name):
     events, sizes = wild(3, 1), sizes_of(np.random.default_rng(4))
     native = library.open_bank(bank_files[name]).engine()
-    assert same(played(reference(name), events, blocks=sizes), native.play(events, FRAMES, sizes))
+    python = reference(name)
+    assert same(played(python, events, blocks=sizes), native.play(events, FRAMES, sizes))
+    assert native.voices == python.strings_sounding
 
 
 def sounds_as_in_python(opened, name, events, sizes):
     """20000 frames at once, and by two instances of which the second takes the first one's state over."""
-    wanted = played(reference(name), events, 20000, sizes)
-    assert same(wanted, opened.engine().play(events, 20000, sizes))
+    python = reference(name)
+    wanted, alone = played(python, events, 20000, sizes), opened.engine()
+    assert same(wanted, alone.play(events, 20000, sizes)) and alone.voices == python.strings_sounding > 0
     first, rest = opened.engine(threads=2), events[events["frame"] >= 12345].copy()
     first.play(events[events["frame"] < 12345], 12345, 512)
     rest["frame"] -= 12345

@@ -58,6 +58,8 @@ def begin(preset: Preset, *, quality: str = QUALITY, rate_hz: float = RATE_HZ) -
             if "place_mm" not in table.model_fields_set:
                 edits.append({"path": f"string.{number}.place_mm", "value": SPACING_MM * (number - 0.5 * (count - 1))})
     modes = [{"frequency_hz": hz, "q": q, "mass_kg": mass, "shape": list(shape)} for hz, q, mass, shape in ESTIMATES]
+    if preset.polarisation is not None and preset.polarisation.heard is not None:  # what is heard is the body
+        edits.append({"path": "polarisation.heard", "value": None})
     for name, default in (("resonance", ()), ("direct_db", 0.0)):
         if getattr(preset.body, name) != default:
             edits.append({"path": f"body.{name}", "value": None})
@@ -75,6 +77,8 @@ def _gain_db(preset: Preset, modes: list[dict[str, Any]], quality: str, rate_hz:
     where the preset cannot have a body."""
     data = preset.model_dump(exclude_unset=True)
     data["string"] = [{key: value for key, value in table.items() if key != "gain_db"} for table in data["string"]]
+    if preset.polarisation is not None:
+        data["polarisation"] = {key: value for key, value in data["polarisation"].items() if key != "heard"}
     data |= {"output": {"kind": "body"}, "body": {"mode": modes}, "effect": ()}
     try:
         trial = validate_preset(data, preset.name)

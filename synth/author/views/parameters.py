@@ -316,6 +316,8 @@ def _obstacles(preset: Preset) -> list[dict[str, Any]]:
                 if table.tension_modulation
                 for key in ("axial_stiffness_n", "tension_modulation")
             ]
+            if preset.polarisation is not None and not preset.coupled:
+                edits.append({"path": "polarisation", "value": None})
         out.append({"value": kind, "label": OBSTACLES[kind], "edits": edits})
     return out
 

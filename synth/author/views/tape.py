@@ -1,4 +1,5 @@
 """An engine that keeps a tape of its one string: the modes every few steps and the force at every point in every step.
+A second direction, which touches nothing, is heard and not taped.
 
 The engine calls its strings' steps by address (`engine.tasks.entries`). Here stands another function at that address,
 which has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
@@ -55,6 +56,9 @@ def _taped_steps(core: int, thread: int, s: int, steps: int) -> None:
     bank, state, scratch, tape = bank_of(core), state_of(core), scratch_of(thread), tape_of(core)
     me = state.sounding[s]
     fixed = bank.strings[s]
+    if fixed.of_first:
+        call_back(tape.step, core, thread, s, steps)
+        return
     points = bank.parts[fixed.part].use_q + bank.parts[fixed.part].use_v
     model = bank.models[me.model]
     contacts = model.contacts

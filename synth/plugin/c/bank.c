@@ -42,7 +42,7 @@ struct bank_function {
 _Static_assert(sizeof(struct bank_header) == 336, "as bankfile.HEADER");
 _Static_assert(sizeof(struct bank_preset) == 432, "as bankfile.PRESET");
 _Static_assert(sizeof(struct bank_parameter) == 208, "as bankfile.PARAMETER");
-_Static_assert(sizeof(struct bank_rate) == 240 + 24 * PLACES, "as bankfile.RATE");
+_Static_assert(sizeof(struct bank_rate) == 248 + 24 * PLACES, "as bankfile.RATE");
 _Static_assert(sizeof(struct bank_relocation) == 24, "as addresses.RELOCATION");
 
 _Static_assert(sizeof(struct bank_limit) == 72, "as limits.LIMIT");
@@ -51,7 +51,7 @@ _Static_assert(sizeof(struct bank_name) == 40, "as limits.NAME");
 
 static const char MAGIC[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
 static const char FOOT[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'F', 'T'};
-enum { VERSION = 2, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
+enum { VERSION = 3, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
 /* larger than any bank: sums of two do not overflow */
 #define MOST_BYTES ((uint64_t)1 << 40)
 /* of an engine; that of the largest preset takes some megabytes */
@@ -136,7 +136,10 @@ static bool check_rate(const struct bank_header *h, const struct bank_rate *r, d
             return false;
     }
     const struct bank_place *places = r->places;
-    if (places[PLACE_AWAKE].count != places[PLACE_NOTE].count || places[PLACE_AWAKE].count != places[PLACE_CHANNEL].count)
+    const uint64_t lines = places[PLACE_AWAKE].count;
+    if (lines != places[PLACE_NOTE].count || lines != places[PLACE_CHANNEL].count || lines != places[PLACE_IDLE].count)
+        return false;
+    if (r->strings < 1 || (uint64_t)r->strings > lines)
         return false;
     return places[PLACE_TUNING].count == 128 && places[PLACE_PROGRAMS].count == 16 &&
            places[PLACE_PARAMETERS].count == h->presets;
@@ -402,7 +405,7 @@ const jawari_preset *jawari_preset_of(const jawari_bank *bank, int32_t k) {
 const char *jawari_bank_id(const jawari_bank *bank) { return bank == NULL ? "" : bank->id; }
 const char *jawari_bank_name(const jawari_bank *bank) { return bank == NULL ? "" : bank->name; }
 const uint8_t *jawari_bank_uid(const jawari_bank *bank) { return bank == NULL ? NULL : bank->uid; }
-int32_t jawari_strings(const jawari_bank *bank) { return bank == NULL ? 0 : (int32_t)bank->rate[0].places[PLACE_AWAKE].count; }
+int32_t jawari_strings(const jawari_bank *bank) { return bank == NULL ? 0 : (int32_t)bank->rate[0].strings; }
 int32_t jawari_rates(const jawari_bank *bank) { return bank == NULL ? 0 : bank->rates; }
 double jawari_rate_of(const jawari_bank *bank, int32_t k) {
     return bank == NULL || k < 0 || k >= bank->rates ? 0.0 : bank->rate[k].rate_hz;

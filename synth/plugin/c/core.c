@@ -277,7 +277,9 @@ static int64_t sum(const jawari_engine *engine, int place) {
     return total;
 }
 
-int32_t jawari_voices(const jawari_engine *engine) { return (int32_t)sum(engine, PLACE_AWAKE); }
+int32_t jawari_voices(const jawari_engine *engine) {
+    return (int32_t)(sum(engine, PLACE_AWAKE) - sum(engine, PLACE_IDLE));
+}
 int32_t jawari_silent(const jawari_engine *engine) { return !engine->touched; }
 
 static double number(const int64_t *word) {

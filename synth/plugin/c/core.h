@@ -66,6 +66,7 @@ enum {
     PLACE_PEAK,
     PLACE_UNPLAYED,
     PLACE_AWAKE,
+    PLACE_IDLE,
     PLACE_SILENCED_STRINGS,
     PLACE_SILENCED_PARTS,
     PLACE_PROGRAMS,
@@ -92,7 +93,7 @@ struct bank_ahead {
 
 struct bank_rate {
     double rate_hz;
-    int64_t latency, tail;
+    int64_t latency, tail, strings;
     uint64_t at, size, checksum;
     uint64_t constants_at, constants;
     uint64_t core_at, core_stored, core;
