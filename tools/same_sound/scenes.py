@@ -155,10 +155,10 @@ def _controls() -> list[Scene]:
     levels = [*chord, *(control(0.04 * i, number, value) for i, (number, value) in enumerate(
         [(7, 60), (11, 90), (10, 10), (10, 120), (7, 127), (11, 20)]))]  # fmt: skip
     shares = {"pluck.position": [0.1, 0.4, 0.03], "pluck.amount": [0.3, 1.9, 1.0], "pluck.width": [1.0, 30.0, 6.0],
-              "damping.release": [0.2, 8.0, 1.0], "output.gain": [0.2, 3.0, 1.0],
-              "hand.variation": [0.0, 2.0, 1.0]}  # fmt: skip
+              "damping.release": [0.2, 8.0, 1.0], "output.gain": [0.2, 3.0, 1.0]}  # fmt: skip
     strokes = [each for i in range(6) for each in note(0.05 * i, (36, 43, 48)[i % 3], 60 + 10 * i, 0.04)]
     lively = [each for id_, values in shares.items() for each in sweep("parameter", 0.0, 0.25, values, 0, id_)]
+    varied = sweep("parameter", 0.0, 0.25, [0.0, 2.0, 1.0], 0, "hand.variation")
     jiva = sweep("parameter", 0.02, 0.25, [0.0, 10.0, 30.0, 50.0, -20.0, -150.0, 0.0, 5.0], 0, "obstacle.height")
     bound = {"74": "pluck.position", "1": [[None, "obstacle.height", -50, 20]], "16": [[0, "output.gain", 0.5, 2.0]]}
     turned = [*sweep("control", 0.0, 0.2, waves, 0, 74), *sweep("control", 0.0, 0.25, waves, 0, 1),
@@ -186,6 +186,7 @@ def _controls() -> list[Scene]:
         engine("parameter-jiva", "tanpura", 0.35, [*strokes, *jiva]),
         engine("parameter-jiva-harp", "jawari-harp", 0.35, [*chord, *jiva]),
         engine("parameters-bass", "fretted-bass", 0.3, [*phrase(15, (28, 33, 38), 8, 0.3), *lively]),
+        engine("parameter-variation", "fretted-bass", 0.3, [*phrase(16, (28, 33, 38), 8, 0.3), *varied]),
         engine("bound-controllers", "tanpura", 0.35, [*strokes, *turned], options={"bindings": bound}),
         engine(
             "programs", parts, 0.4, sorted(changing, key=lambda each: each[0]), arrays={"program_map": programs}, stems=True
