@@ -93,7 +93,17 @@ static bool put_variable(plugin_python *python, const char *name, const char *va
 }
 
 bool plugin_python_find(plugin_python *python) {
-    static const char *const passed[] = {"HOME", "PATH", "USER", "LANG", "TMPDIR", "XDG_CACHE_HOME", "JAWARI_NATIVE"};
+    /* OpenBLAS's: they choose its kernels, and with them the last bits of what is compiled */
+    static const char *const passed[] = {"HOME",
+                                         "PATH",
+                                         "USER",
+                                         "LANG",
+                                         "TMPDIR",
+                                         "XDG_CACHE_HOME",
+                                         "JAWARI_NATIVE",
+                                         "OPENBLAS_CORETYPE",
+                                         "OPENBLAS_L2_SIZE",
+                                         "OPENBLAS_NUM_THREADS"};
     char folder[PYTHON_PATH - 16], packages[PYTHON_PATH] = "";
     memset(python, 0, sizeof *python);
     Dl_info info;

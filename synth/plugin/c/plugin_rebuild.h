@@ -49,7 +49,7 @@ void plugin_rebuild_mix(plugin *p, int32_t frames, float *const narrow[2], doubl
 
 /* ---- Python (plugin_python.c) ---- */
 
-enum { PYTHON_PATH = 4096, PYTHON_VARIABLES = 12 };
+enum { PYTHON_PATH = 4096, PYTHON_VARIABLES = 16 };
 
 typedef struct plugin_python {
     char program[PYTHON_PATH];
