@@ -1,0 +1,64 @@
+"""What the site adds to MkDocs: pages that are generated, navigation by folder, formulas, players.
+
+The reference is read from build/docs/reference and the sounds from build/docs/sounds, where `tools/docs` puts them; another
+folder in place of build/docs is named by JAWARI_DOCS_BUILD (the tests').
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import formulas
+import players
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+from navigation import expand
+
+ROOT = Path(__file__).resolve().parents[2]
+#: pages that lie elsewhere in the repository, and where they are shown
+ELSEWHERE = {"changelog.md": ROOT / "CHANGELOG.md"}
+
+
+def build_folder() -> Path:
+    """Where generated pages and sounds are."""
+    return Path(os.environ.get("JAWARI_DOCS_BUILD") or ROOT / "build" / "docs")
+
+
+def generated() -> dict[str, Path]:
+    """Path in the site's sources → file, of all that does not lie in docs/."""
+    found = dict(ELSEWHERE)
+    build = build_folder()
+    for folder in ("reference", "sounds"):
+        for path in sorted((build / folder).rglob("*")):
+            if path.is_file() and path.suffix in (".md", ".svg", ".png", ".ogg", ".css"):
+                found[path.relative_to(build).as_posix()] = path
+    return found
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Replace folders in the navigation by their pages."""
+    files = {path.relative_to(config.docs_dir).as_posix(): path for path in Path(config.docs_dir).rglob("*.md")}
+    config.nav = expand(config.nav or [], files | generated())
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add what is generated."""
+    for name, path in generated().items():
+        if files.get_file_from_path(name) is None:
+            files.append(File.generated(config, name, abs_src_path=str(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Put the players where a page asks for them; a page that lies at the top of the repository links to docs/."""
+    if page.file.src_uri in ELSEWHERE:
+        markdown = markdown.replace("](docs/", "](")
+    return players.fill(markdown, page.file.src_uri, build_folder() / "sounds")
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Formulas as MathML."""
+    return formulas.to_mathml(html, page.file.src_uri)

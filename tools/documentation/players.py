@@ -1,0 +1,44 @@
+"""Players on a page: `<!-- players: SECTION -->` becomes those of a section of build/docs/sounds/sounds.json."""
+
+from __future__ import annotations
+
+import json
+import re
+from html import escape
+from pathlib import Path
+from posixpath import dirname, relpath
+from typing import Any
+
+from mkdocs.plugins import get_plugin_logger
+
+log = get_plugin_logger("players")
+_PLACE = re.compile(r"^<!-- players: ([a-z-]+) -->$", re.MULTILINE)
+
+
+def fill(markdown: str, page: str, folder: Path) -> str:
+    """A page's Markdown with its players. folder: with the sounds and sounds.json (`tools/listen`); without it the site is
+    warned about, which is an error where it is built strictly."""
+
+    def players(match: re.Match[str]) -> str:
+        here = [sound for sound in _sounds(folder) if sound["section"] == match[1]]
+        if not here:
+            log.warning(f"{page}: no sounds of the section {match[1]!r} in {folder}; ./tools/docs renders them")
+        to = relpath("sounds", dirname(page) or ".")
+        return '<div class="players" markdown="0">\n' + "\n".join(_player(sound, to) for sound in here) + "\n</div>"
+
+    return _PLACE.sub(players, markdown)
+
+
+def _sounds(folder: Path) -> list[dict[str, Any]]:
+    try:
+        return json.loads((folder / "sounds.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return []
+
+
+def _player(sound: dict[str, Any], to: str) -> str:
+    title, about = escape(sound["title"]), escape(sound["about"])
+    return (
+        f'<figure class="player"><figcaption><b>{title}</b> <span>{about}</span></figcaption>'
+        f'<audio controls preload="none" src="{to}/{escape(sound["file"])}" aria-label="{title}"></audio></figure>'
+    )
