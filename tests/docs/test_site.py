@@ -1,0 +1,122 @@
+"""README is short, and the site is whole: built without a warning, every link leads somewhere, nothing asks another host."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.docs import links
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+DOCS = REPOSITORY / "docs"
+_MARKDOWN_LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def test_readme_is_short_and_its_links_lead_somewhere() -> None:
+    text = (REPOSITORY / "README.md").read_bytes()
+    assert len(text) <= 6144
+    found = _MARKDOWN_LINK.findall(text.decode())
+    assert len(found) > 10
+    for link in (*found, *_MARKDOWN_LINK.findall((REPOSITORY / "CHANGELOG.md").read_text(encoding="utf-8"))):
+        assert (REPOSITORY / link.split("#")[0]).is_file(), link
+
+
+def stub_sounds(folder: Path) -> None:
+    """What `tools/listen` leaves, without sound: a player for each section that a page asks for."""
+    folder.mkdir(parents=True)
+    sections = {
+        name for page in DOCS.rglob("*.md") for name in re.findall(r"<!-- players: ([a-z-]+) -->", page.read_text("utf-8"))
+    }
+    sounds = [{"section": name, "title": name, "about": "nothing", "file": f"{name}.ogg"} for name in sorted(sections)]
+    for sound in sounds:
+        (folder / sound["file"]).touch()
+    (folder / "sounds.json").write_text(json.dumps(sounds), encoding="utf-8")
+
+
+def build(configuration: Path, site: Path, built: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "JAWARI_DOCS_BUILD": str(built), "NO_MKDOCS_2_WARNING": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(configuration), "-d", str(site)],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site as `tools/docs` builds it, with players of nothing."""
+    folder = tmp_path_factory.mktemp("docs").resolve()
+    stub_sounds(folder / "build" / "sounds")
+    reference = REPOSITORY / "tools" / "reference"
+    if reference.is_file():
+        subprocess.run([sys.executable, str(reference), str(folder / "build" / "reference")], check=True)
+    done = build(REPOSITORY / "mkdocs.yml", folder / "site", folder / "build")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "site"
+
+
+def test_every_page_is_built_and_can_be_reached(site: Path) -> None:
+    wanted = {path.relative_to(DOCS).with_suffix(".html") for path in DOCS.rglob("*.md")} | {Path("changelog.html")}
+    assert wanted <= {path.relative_to(site) for path in site.rglob("*.html")}
+    # the navigation is on every page, whole
+    start = site / "index.html"
+    reached = {
+        (start.parent / address.split("#")[0]).resolve() for address, asks in links.pages(site)[start].links if not asks
+    }
+    assert {site / path for path in wanted} <= reached
+
+
+def test_every_link_anchor_picture_and_sound_is_there(site: Path) -> None:
+    assert links.broken(site) == []
+
+
+def test_nothing_asks_another_host(site: Path) -> None:
+    assert links.foreign(site) == []
+    # what the theme's script would fetch: diagrams' renderer for the one, a repository's stars for the other
+    for path, page in links.pages(site).items():
+        assert "mermaid" not in page.classes and "md-source" not in page.classes, path
+
+
+def test_formulas_and_players_are_on_their_pages(site: Path) -> None:
+    assert "<audio" in (site / "listen.html").read_text(encoding="utf-8")
+    for path in site.rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        assert "<!-- players:" not in text and 'class="arithmatex"' not in text, path
+
+
+def test_a_broken_link_is_found(tmp_path: Path) -> None:
+    (tmp_path / "there.html").write_text('<p id="here">')
+    (tmp_path / "index.html").write_text(
+        """<a href="there.html#here">good</a><a href="there.html#gone">no anchor</a><a href="gone.html">no page</a>
+        <a href="https://example.org/">leads away</a><img src="gone.png"><script src="//example.org/x.js"></script>
+        <p style="background: url(https://example.org/y.png)"><a href="#gone">no anchor here</a>"""
+    )
+    (tmp_path / "style.css").write_text('@import "https://example.org/font.css"; a { background: url(data:x) }')
+    assert links.broken(tmp_path) == [
+        f"index.html: {address}" for address in ("there.html#gone", "gone.html", "gone.png", "#gone")
+    ]
+    assert links.foreign(tmp_path) == [
+        "index.html: //example.org/x.js",
+        "index.html: https://example.org/y.png",
+        "style.css: https://example.org/font.css",
+    ]
+
+
+def test_the_build_refuses_what_is_wrong(tmp_path: Path) -> None:
+    """A page outside the navigation, a link to nothing and sounds that were not rendered: each is told."""
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    (docs / "index.md").write_text("# Start\n\n[gone](gone.md)\n\n<!-- players: none -->\n")
+    (docs / "lost.md").write_text("# Lost\n")
+    text = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8")
+    text = text[: text.index("\nnav:")].replace("tools/documentation", str(REPOSITORY / "tools" / "documentation"))
+    (tmp_path / "mkdocs.yml").write_text(f"{text}\nnav: [index.md]\n", encoding="utf-8")
+    done = build(tmp_path / "mkdocs.yml", tmp_path / "site", tmp_path / "build")
+    assert done.returncode != 0
+    for told in ("gone.md", "lost.md", "'none'"):
+        assert told in done.stderr, done.stderr
