@@ -38,6 +38,8 @@ def _sounds(folder: Path) -> list[dict[str, Any]]:
 
 def _player(sound: dict[str, Any], to: str) -> str:
     title, about = escape(sound["title"]), escape(sound["about"])
+    if sound["file"] is None:  # tools/docs --no-sounds
+        return f'<figure class="player"><figcaption><b>{title}</b> <span>{about} (not rendered)</span></figcaption></figure>'
     return (
         f'<figure class="player"><figcaption><b>{title}</b> <span>{about}</span></figcaption>'
         f'<audio controls preload="none" src="{to}/{escape(sound["file"])}" aria-label="{title}"></audio></figure>'
