@@ -36,8 +36,13 @@ def _first() -> Iterator[Piece]:
 
 
 #: height of the thread [µm], and what the player calls it
-JIVA = ((60, "none: the string never reaches the bridge"), (20, "a touch, when the string swings wide"), (10, "half"),
-        (3, "full: the preset's own"), (0, "the most: the string rests on the bridge"))  # fmt: skip
+JIVA = (
+    (60, "none: the string never reaches the bridge"),
+    (20, "hardly any: strokes of medium strength stay clear"),
+    (10, "some"),
+    (3, "full, the preset's own: rings longest"),
+    (0, "the most: the string rests on the bridge"),
+)
 
 
 def _jiva() -> Iterator[Piece]:
