@@ -87,6 +87,8 @@ def test_formulas_and_players_are_on_their_pages(site: Path) -> None:
     for path in site.rglob("*.html"):
         text = path.read_text(encoding="utf-8")
         assert "<!-- players:" not in text and 'class="arithmatex"' not in text, path
+        assert "\\|" not in re.sub(r"<pre.*?</pre>", "", text, flags=re.DOTALL), path
+    assert "<math" in (site / "theory" / "passivity.html").read_text(encoding="utf-8")
 
 
 def test_a_broken_link_is_found(tmp_path: Path) -> None:

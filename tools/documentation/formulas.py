@@ -7,7 +7,9 @@ from html import unescape
 
 from latex2mathml.converter import convert
 
-_FORMULA = re.compile(r'<(?P<tag>span|div) class="arithmatex">\\(?P<open>[(\[])(?P<tex>.*?)\\[)\]]</(?P=tag)>', re.DOTALL)
+_FORMULA = re.compile(
+    r'<(?P<tag>span|div) class="arithmatex">\\(?P<open>[(\[])(?P<tex>.*?)\\[)\]]</(?P=tag)>(?P<after>[.,;:)]*)', re.DOTALL
+)
 
 
 def to_mathml(html: str, page: str) -> str:
@@ -20,6 +22,9 @@ def to_mathml(html: str, page: str) -> str:
             formula = convert(tex, display="block" if block else "inline")
         except Exception as error:
             raise ValueError(f"{page}: the formula {tex!r} cannot be drawn: {error!r}") from error
-        return f'<div class="formula" tabindex="0">{formula}</div>' if block else formula
+        if block:
+            return f'<div class="formula" tabindex="0">{formula}</div>{match["after"]}'
+        # no line begins with the full stop behind a formula
+        return f'<span class="formula">{formula}{match["after"]}</span>' if match["after"] else formula
 
     return _FORMULA.sub(drawn, html)

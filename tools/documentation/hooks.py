@@ -7,6 +7,7 @@ folder in place of build/docs is named by JAWARI_DOCS_BUILD (the tests').
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import formulas
@@ -60,5 +61,6 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Formulas as MathML."""
+    """Formulas as MathML. A stroke inside code in a table is written `\\|`, which Python-Markdown leaves as it is."""
+    html = re.sub(r"<td.*?</td>", lambda cell: cell[0].replace("\\|", "|"), html, flags=re.DOTALL)
     return formulas.to_mathml(html, page.file.src_uri)
