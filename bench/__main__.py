@@ -23,6 +23,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest
+from documentation import page
 from speed_error.measure import machine
 
 from bench import REPOSITORY, plots, report
@@ -44,7 +45,7 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="fewer rounds, settings and notes")
     parser.add_argument("--only", metavar="WORD", help="benchmarks with the word in their name (as pytest's -k)")
     parser.add_argument("--against", metavar="COMMIT", help="take starts with nothing compiled in turn with those of it")
-    parser.add_argument("--publish", action="store_true", help="also write the picture to docs/growth.png")
+    parser.add_argument("--publish", action="store_true", help="also write docs/growth.png and the tables of docs/speed.md")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default out/bench")
     options = parser.parse_args()
     if options.publish and (options.short or options.only):
@@ -73,7 +74,8 @@ def main() -> int:
     print(text)
     drawn = plots.growth(found, out / "growth.png")
     if options.publish and drawn and not failed:
-        shutil.copyfile(out / "growth.png", REPOSITORY / "docs" / "growth.png")
+        shutil.copyfile(out / "growth.png", page.DOCS / "growth.png")
+        page.put(report.parts(found, here, lanes), page.DOCS / "speed.md")
     print(f"{out}: results.json, tables.md" + (", growth.png" if drawn else ""))
     return failed
 

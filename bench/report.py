@@ -173,6 +173,16 @@ def _float32(found: list[dict[str, Any]]) -> str:
     return "\n".join(parts)
 
 
+def parts(found: list[dict[str, Any]], machine: str, lanes: int) -> dict[str, str]:
+    """What docs/speed.md says of a whole run, by the names of its places there (`documentation.page`)."""
+    return {
+        "machine": f"One core of: {machine}, vectors of {lanes} doubles.",
+        "targets": _targets(found, whole=True),
+        "blocks": _blocks(found),
+        "notes": _notes(found),
+    }
+
+
 def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool = True) -> str:
     """tables.md; sections without figures are left out."""
     present = {info["section"] for info in found}

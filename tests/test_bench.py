@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+
+from documentation import page
 
 from bench import count, float32, kernels, peak, report, scenes
 from bench.kernels import HOLD, Setting
@@ -164,3 +171,13 @@ def test_float32_drift_is_what_its_coefficients_say() -> None:
         assert np.abs(cents[:20]).max() < 1e-3 and float32.drift(plucked, 3.0, form) < 1e-3
         assert np.abs(decay).max() < 2.0**-22 / (8 * plucked.model.dt)
     assert np.abs(float32.two_step_misfit(plucked)[0]) > 0.01
+
+
+def test_the_page_of_the_documentation_has_a_place_for_all_that_is_published(tmp_path: Path) -> None:
+    said = report.parts([kernel_figure("fast", 137, 0.6)], "a machine", 8)
+    copy = tmp_path / "page.md"
+    copy.write_text((page.DOCS / "speed.md").read_text(encoding="utf-8"), encoding="utf-8")
+    page.put(said, copy)
+    text = copy.read_text(encoding="utf-8")
+    assert "One core of: a machine, vectors of 8 doubles." in text and "| ≥ 0.5 | 0.6 | 0.6 | met |" in text
+    assert "## Latency" in text

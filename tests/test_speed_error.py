@@ -11,6 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
+from documentation import page
 from speed_error import grid, kernels, measure, tables
 from speed_error.store import Store
 
@@ -97,3 +98,31 @@ def test_what_is_timed_is_the_run(case: str, scheme: str, factor: int, table: di
     begin = 1 if scheme == "exact-hold" else 2  # Moreau–Jean takes the first step to have a velocity
     there = expected.u[begin : begin + u.size, 0]
     np.testing.assert_allclose(u, there, rtol=0.0, atol=1e-9 * np.abs(there).max())
+
+
+def test_a_page_takes_what_a_run_says(tmp_path: Path) -> None:
+    """Every part has its place on the page of the documentation; what stands around it stays."""
+    rows = []
+    for case, more in (("tanpura", {"e_3s": 0.05}), ("bass", {"e_0.4s": 0.02}), ("fretless", {})):
+        run = grid.Run(case, "exact-hold", 1, 100, ())
+        rows.append({"run": run, "e_0.1s": 0.0123, "spectral_distance_db": 1.26, "times_real_time": 1147.0, **more})
+        rows[-1] |= {"cpu_per_s": 0.1, "cpu_per_s_median": 0.1, "mode_steps_per_s": 1.0}
+    stands = {"half its rate": {"e_0.1s": 2e-5, "spectral_distance_db": 0.0}}
+    references = {row["run"].case: {"run": row["run"], "stands": stands, "values": {"last_contact_s": 3.0}} for row in rows}
+    session = SimpleNamespace(
+        rows=rows, timed=[], references=references, machine="a machine", default_rows=lambda case: rows[:1]
+    )
+    said = tables.parts(session)
+    page_there = page.DOCS / "speed-error.md"
+    copy = tmp_path / "page.md"
+    copy.write_text(page_there.read_text(encoding="utf-8"), encoding="utf-8")
+    page.put(said, copy)
+    text = copy.read_text(encoding="utf-8")
+    assert "One core of: a machine." in text and "## Order of convergence" in text
+    label = rows[0]["run"].label
+    assert f"| **{label}** | 44.1 kHz | 100 | 0.012 | 0.05 | 1.3 | 1147 |" in text
+    assert f"| {label} | 44.1 kHz | 100 | 0.012 | 0.02 | 1.3 | 1147 |" in text
+    assert "| points | e, 0.1 s | LSD, dB |" in text and "differs by e = 2e-05 over 0.1 s, 0.0 dB" in text
+    with pytest.raises(ValueError, match="has no <!-- nothing -->"):
+        page.put({"nothing": "x", "machine": "y"}, copy)
+    assert copy.read_text(encoding="utf-8") == text

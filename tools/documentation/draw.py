@@ -127,9 +127,7 @@ def sound() -> str:
         picture.arrow([(right, 395), (left + wide + 2, 395)])
     picture.arrow([(columns[0] + 100, 364), (columns[0] + 100, 300)], "samples", (columns[0] + 100, 290))
     picture.arrow([(x, 171), (columns[1] + 100, 171), (columns[1] + 100, 362)])
-    picture.text(
-        columns[1] + 112, 160, "certain to touch nothing: at the output rate, no step between", 12.5, ARROW, anchor="start"
-    )
+    picture.text(columns[1] + 112, 160, "certain to touch nothing: straight at the output rate", 12.5, ARROW, anchor="start")
     return picture.svg()
 
 

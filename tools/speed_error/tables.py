@@ -85,6 +85,45 @@ def case_table(session: Session, case: str) -> str:
     return table(head, lines)
 
 
+def short_table(session: Session, case: str) -> str:
+    """Every run of a case: the errors that are promised, and the kernel's speed."""
+    rows = [row for row in session.rows if row["run"].case == case]
+    with_nodes = case.startswith("fretless")
+    spans = ["0.1", *(["3"] if any("e_3s" in row for row in rows) else [] if with_nodes else ["0.4"])]
+    head = ["scheme", "internal rate", "modes"] + ["points"] * with_nodes + [f"e, {span} s" for span in spans]
+    ours = {id(row) for row in session.default_rows(case)}
+    lines = []
+    for row in rows:
+        run: Run = row["run"]
+        lsd = row.get("spectral_distance_db")
+        line = [f"**{run.label}**" if id(row) in ours else run.label, rate(run.rate_hz), str(run.modes)]
+        line += [str(run.nodes or "all")] * with_nodes + [number(row.get(f"e_{span}s")) for span in spans]
+        lines.append([*line, "–" if lsd is None else f"{lsd:.1f}", number(row["times_real_time"])])
+    return table([*head, "LSD, dB", "× real time"], lines)
+
+
+def reference_line(found: dict[str, Any]) -> str:
+    """What a case's runs are compared with, and how far that is from itself."""
+    run = found["run"]
+    points = f", {run.nodes} points" if run.nodes else ""
+    line = f"Reference: {run.label}, {run.modes} modes{points}, {rate(run.rate_hz)}. "
+    for what, stands in found["stands"].items():
+        shown = [f"{number(stands[k])} over {k[2:-1]} s" for k in ("e_0.1s", "e_0.4s", "e_3s") if k in stands]
+        line += f"A run at {what} differs by e = {', '.join(shown)}, {stands['spectral_distance_db']:.1f} dB. "
+    return line + f"Last contact: {number(found['values']['last_contact_s'])} s."
+
+
+def parts(session: Session) -> dict[str, str]:
+    """What docs/speed-error.md says of a whole run, by the names of its places there (`documentation.page`)."""
+    found = {"machine": f"One core of: {session.machine}."}
+    for case in ("tanpura", "bass", "fretless"):
+        reference = session.references[case]
+        found[case] = f"{reference_line(reference)}\n\n{short_table(session, case)}"
+    found["ratios"] = "\n".join(f"- {line.split('; at least ')[0]}" for line in ratios(session))
+    found["paper"] = paper_table(session)
+    return found
+
+
 def paper_table(session: Session) -> str:
     """The paper's table III with what the same schemes take here."""
     ours = {
@@ -171,14 +210,7 @@ def markdown(session: Session) -> str:
         "kernel alone, and with decimation to 44.1 kHz; CPU time, best of the rounds. Bold: the default.\n"
     )
     for case, found in session.references.items():
-        run = found["run"]
-        points = f", {run.nodes} points" if run.nodes else ""
-        parts.append(f"\n## {case}\n")
-        line = f"Reference: {run.label}, {run.modes} modes{points}, {rate(run.rate_hz)}. "
-        for what, stands in found["stands"].items():
-            shown = [f"{number(stands[k])} over {k[2:-1]} s" for k in ("e_0.1s", "e_0.4s", "e_3s") if k in stands]
-            line += f"A run at {what} differs by e = {', '.join(shown)}, {stands['spectral_distance_db']:.1f} dB. "
-        parts.append(line + f"Last contact: {number(found['values']['last_contact_s'])} s.\n")
+        parts.append(reference_line(found) + "\n")
         parts.append(case_table(session, case))
     if "tanpura" in session.references:
         parts.append("\n## Ratios\n")
