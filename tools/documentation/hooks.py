@@ -63,4 +63,5 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Formulas as MathML. A stroke inside code in a table is written `\\|`, which Python-Markdown leaves as it is."""
     html = re.sub(r"<td.*?</td>", lambda cell: cell[0].replace("\\|", "|"), html, flags=re.DOTALL)
-    return formulas.to_mathml(html, page.file.src_uri)
+    html = formulas.to_mathml(html, page.file.src_uri)
+    return f'<div class="reference">{html}</div>' if page.file.src_uri.startswith("reference/") else html
