@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.author.browser.running import chromium, why_not
 from tests.docs import links
+from tests.patience import until
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOCS = REPOSITORY / "docs"
@@ -122,3 +124,26 @@ def test_the_build_refuses_what_is_wrong(tmp_path: Path) -> None:
     assert done.returncode != 0
     for told in ("gone.md", "lost.md", "'none'"):
         assert told in done.stderr, done.stderr
+
+
+def test_it_opens_from_the_folder_and_can_be_searched(site: Path) -> None:
+    """In a browser, as a reader without a server has it: search answers, nothing is asked of another host, no page is wider
+    than a telephone."""
+    if reason := why_not():
+        pytest.skip(reason)
+    with chromium() as driver:
+        driver.get((site / "index.html").as_uri())
+        field = driver.find_element("css selector", "input.md-search__input")
+        driver.execute_script("document.getElementById('__search').click()")
+        until(field.is_displayed)
+        field.send_keys("jiva")
+        until(lambda: driver.find_elements("css selector", ".md-search-result__article"), "search does not answer")
+        for page in ("index.html", "theory/passivity.html", "quality.html", "listen.html"):
+            metrics = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+            driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+            driver.get((site / page).as_uri())
+            asked = driver.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
+            assert all(address.startswith(site.as_uri()) for address in asked), asked
+            assert driver.execute_script("return document.documentElement.scrollWidth") <= 400, page
+        problems = [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
+        assert [problem for problem in problems if ".ogg" not in problem] == []
