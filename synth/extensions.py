@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 
 from synth.spelling import perhaps
 
+#: what extensions of a sort are
 Thing = TypeVar("Thing")
 
 

@@ -15,7 +15,7 @@ def add(commands: Any) -> None:
         help="which rate, modes and contacts a quality means for a preset, and why",
         allow_abbrev=False,
     )
-    parser.add_argument("preset", metavar="PRESET")
+    parser.add_argument("preset", metavar="PRESET", help="preset: a name, or a .toml file")
     parser.add_argument("note", nargs="?", metavar="NOTE", help="a note such as C3 or 48 (default: a survey)")
     add_physics(parser)
     parser.add_argument("--measure", action="store_true", help="play it and say what it costs on this machine")

@@ -25,10 +25,10 @@ def add(commands: Any) -> None:
     show = actions.add_parser(
         "show", help="print a preset's file, and how its articulations are reached", allow_abbrev=False
     )
-    show.add_argument("name", metavar="NAME")
+    show.add_argument("name", metavar="NAME", help="preset: a name, or a .toml file")
     show.set_defaults(run=_show_preset)
     check = actions.add_parser("check", help="say all that is wrong with a preset file", allow_abbrev=False)
-    check.add_argument("file", metavar="FILE")
+    check.add_argument("file", metavar="FILE", help="preset: a .toml file, or a name")
     check.set_defaults(run=_check_preset)
 
 

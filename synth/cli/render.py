@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
         description="Renders a Standard MIDI File. Without -p, each program of General MIDI goes to the preset that is "
         "nearest to it; percussion (channel 10) is left out.",
     )
-    parser.add_argument("midi", metavar="IN.mid")
+    parser.add_argument("midi", metavar="IN.mid", help="the song: a Standard MIDI File")
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="file to write, - for standard output (default: IN.wav, here)"
     )

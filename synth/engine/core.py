@@ -23,6 +23,7 @@ CORE_PARTS: tuple[Any, ...] = (Bank, State, Shared, Settings, Effects)
 #: …and how many words it takes
 CORE_WORDS = sum(map(words, CORE_PARTS))
 
+#: (core) → the Bank, State, … that are there, in compiled code
 bank_of, state_of, shared_of, settings_of, effects_of = (
     opener(kind, sum(map(words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
 )

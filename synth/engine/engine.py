@@ -404,6 +404,7 @@ class Engine:
 
     @property
     def strings_sounding(self) -> int:
+        """How many strings sound, without those that are awake only because they share a bridge."""
         self._prepared()
         return int((self._state.sounding["awake"] - self._state.sounding["idle"]).sum())
 

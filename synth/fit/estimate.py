@@ -57,6 +57,7 @@ class Partial:
 
     @property
     def level_db(self) -> float | None:
+        """Level as measured, None where it was not."""
         return None if self.measured is None else self.measured.level_db
 
 

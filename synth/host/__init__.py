@@ -2,6 +2,7 @@
 
 scala                                 tunings
 parts, bindings, compass              which preset plays what, with which controllers, and what becomes of the rest
+control_words                         controllers and live parameters in words
 render, memory                        one render job, to files or to arrays
 offline                               its loop
 audiofile                             WAV and FLAC that appear whole or not at all

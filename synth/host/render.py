@@ -87,9 +87,11 @@ class RenderSettings:
     only_strings: bool = False
 
     def wishes(self, song: Song) -> Wishes:
+        """What becomes of a song's notes before they are played."""
         return Wishes(self.transpose, bool(self.fold), self.fold is None and not song.take, self.fallback)
 
     def choice(self, song: Song) -> parts.Choice:
+        """Which presets the song's channels are to have."""
         return parts.Choice(self.preset, self.channel_presets, self.gm or song.gm, self.only_strings, song.take)
 
 

@@ -16,7 +16,7 @@ CONTROL = 3  # a = controller, b = value
 BEND = 4  # a = -8192 … 8191
 PROGRAM = 5  # a = program
 PARAMETER = 6  # channel = part, a = `layout.GAIN` or another of N_PARAMETERS, value
-N_PARAMETERS = 7
+N_PARAMETERS = 7  # how many live parameters a part may have
 PRESSURE = 7  # of the channel: b = 0 … 127
 KEY_PRESSURE = 8  # a = note, b = 0 … 127
 #: a = key, value = its pitch in semitones (a MIDI number with a fraction; NaN: as compiled); b = 1: what sounds follows

@@ -189,6 +189,7 @@ def _address_of(typingctx, array):
 #: the answer of the function at an address, compiled for one int64, or for three
 query: Any = intrinsic(_query)
 consult: Any = intrinsic(_consult)
+#: (address, frames, channels) → the float64 that are there as an array of that shape, in compiled code
 frames_at: Any = intrinsic(_frames_at)
 address_of: Any = intrinsic(_address_of)
 #: call the function at an address, compiled for one int64, for four, or for five

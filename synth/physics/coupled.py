@@ -32,6 +32,7 @@ from synth.physics.body_modes import Body
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, ramp_moments
 from synth.physics.string import String
 
+#: float64 of any shape
 Array = NDArray[np.float64]
 
 

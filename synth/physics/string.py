@@ -12,7 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
+#: how partials stretch: √(1 + Bj²), or 1 + Bj²/2
 StiffnessLaw = Literal["sqrt", "linear"]
+#: the same as values
 STIFFNESS_LAWS: tuple[str, ...] = ("sqrt", "linear")
 
 #: Least and greatest value of what describes a string, 0 where an effect may be absent; far beyond all that was ever

@@ -9,6 +9,7 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -39,15 +40,22 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _within(low: float, high: float, unit: str) -> AfterValidator:
+@dataclass(frozen=True)
+class Within:
     """Bounds beyond what any run has use for, and so far within floating point that nothing made of them overflows."""
 
-    def check(value: float) -> float:
-        if not low <= value <= high:
-            raise ValueError(f"must lie between {low:g} and {high:g}{unit}, got {value!r}; check the unit")
+    low: float
+    high: float
+    unit: str
+
+    def __call__(self, value: float) -> float:
+        if not self.low <= value <= self.high:
+            raise ValueError(f"must lie between {self.low:g} and {self.high:g}{self.unit}, got {value!r}; check the unit")
         return value
 
-    return AfterValidator(check)
+
+def _within(low: float, high: float, unit: str) -> AfterValidator:
+    return AfterValidator(Within(low, high, unit))
 
 
 # strict: neither true nor "1.0" is a number

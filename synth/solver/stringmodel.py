@@ -141,6 +141,7 @@ class Scratch(NamedTuple):
     forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
 
 
+#: (address) → the StringModel, the StringState, the Scratch that is there, in compiled code
 string_model, string_state, scratch_of = opener(StringModel), opener(StringState), opener(Scratch)
 
 #: sizes that do not depend on a string

@@ -61,11 +61,13 @@ class Voices(NamedTuple):
     thread: int
 
 
+#: (address) → the Voices that are there, in compiled code
 voices_of = opener(Voices)
 
 
 @njit(**CORE)
 def go_on(voices: int, s: int) -> None:
+    """String s is to move on to the frame of the event: before anything changes that its motion reads."""
     me = voices_of(voices)
     ask(me.respond, me.core, me.thread, GO_ON, s, 0)
 
@@ -78,6 +80,7 @@ def pluck(voices: int, k: int, velocity: int, legato: bool) -> None:
 
 @njit(**CORE)
 def cut(voices: int, s: int) -> None:
+    """String s is to be silent within 30 ms, without a click."""
     me = voices_of(voices)
     ask(me.respond, me.core, me.thread, CUT, s, 0)
 
