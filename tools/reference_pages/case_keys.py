@@ -8,7 +8,7 @@ from synth.instrument.preset import Body, MovingMode
 from synth.instrument.table import Table
 from synth.research.case import OVERRIDES, Case, case_names
 from synth.research.coupled.coupled_case import CoupledCase
-from synth.research.words import MEANINGS, Meaning
+from synth.research.case_words import MEANINGS, Meaning
 from synth.solver.schemes import ON_A_BODY, SCHEMES
 
 from .fields import aliases, default_of, inner_table, is_list, kind_of, range_of
@@ -31,7 +31,7 @@ def meaning_of(kind: type[Table], key: str) -> Meaning:
     try:
         return MEANINGS[kind][key]
     except KeyError:
-        raise LookupError(f"{kind.__name__}.{key} has no words; add them to synth/research/words.py") from None
+        raise LookupError(f"{kind.__name__}.{key} has no words; add them to synth.research.case_words.py") from None
 
 
 def _tables(kind: type[Table], key: str) -> list[type[Table]]:
