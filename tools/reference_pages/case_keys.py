@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from synth.instrument.preset import Body, MovingMode
 from synth.instrument.table import Table
 from synth.research.case import OVERRIDES, Case, case_names
-from synth.research.coupled.coupled_case import CoupledCase
 from synth.research.case_words import MEANINGS, Meaning
+from synth.research.coupled.coupled_case import CoupledCase
 from synth.solver.schemes import ON_A_BODY, SCHEMES
 
 from .fields import aliases, default_of, inner_table, is_list, kind_of, range_of
