@@ -29,6 +29,7 @@ MODULES: dict[str, tuple[str, ...] | None] = {
     "synth.engine.parameters": ("Parameter",),
     "synth.midi.events": None,
     "synth.fit": None,
+    "synth.research.case": ("case_names", "case_path", "case_folder"),
     "synth.research.coupled.coupled_result": ("CoupledResult",),
     "synth.physics.string": None,
     "synth.physics.tuning": None,
