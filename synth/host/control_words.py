@@ -27,7 +27,9 @@ CONTROLLERS: dict[int, ControllerWords] = {
     68: ControllerWords(
         "legato", "From 64 on a note on a string that sounds is hammered on, pulled off or slid to, without a stroke."
     ),
-    74: ControllerWords("timbre", "In an MPE zone: moves the next pluck between the bridge and the middle of the string."),
+    74: ControllerWords(
+        "timbre", "In an MPE zone: where the next pluck is; above 64 towards the bridge, below towards the middle."
+    ),
     98: ControllerWords("non-registered parameter, fine", "Ends the choice of a registered parameter."),
     99: ControllerWords("non-registered parameter", "Ends the choice of a registered parameter."),
     100: ControllerWords(

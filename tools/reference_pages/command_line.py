@@ -93,7 +93,7 @@ def page() -> str:
     for name, parser, what in commands():
         if not what:
             raise LookupError(f"{name} has no description; give it one")
-        parser.formatter_class = partial(argparse.HelpFormatter, width=100)
+        parser.formatter_class = partial(argparse.HelpFormatter, width=78)
         out += [f"## {name}\n", plain(what[0].upper() + what[1:].rstrip(".")) + ".\n", fence(parser.format_usage())]
         rows = [
             (code(name_of(action)), _value(action), _range(action), _default(action), plain(help_of(parser, action)))
