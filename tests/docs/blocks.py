@@ -68,10 +68,14 @@ def blocks_of(text: str) -> Iterator[Block]:
         yield Block(found["kind"], found["title"] or "", found["text"], found["mark"] or "", line)
 
 
-def follow(text: str, printed: Callable[[], str]) -> Iterator[Block]:
+def follow(
+    text: str, printed: Callable[[], str], type_in: Callable[[str, Block], int] | None = None, slow: bool = False
+) -> Iterator[Block]:
     """Do in the current folder what a page says, block by block; those that were run.
 
-    `printed` gives what was printed since it was asked last. AssertionError names the line of the page that is not true.
+    `printed` gives what was printed since it was asked last. type_in: what runs a command and gives its exit code, `typed` if
+    none is given. slow: blocks that are not run because they take minutes are. AssertionError names the line of the page
+    that is not true.
     """
     last: str | None = None
     for block in blocks_of(text):
@@ -79,10 +83,11 @@ def follow(text: str, printed: Callable[[], str]) -> Iterator[Block]:
             path = Path(block.title)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(block.text, encoding="utf-8")
-        if block.runs and all(importlib.util.find_spec(name) for name in block.needs):
+        takes_minutes = slow and block.mark.startswith("not run:") and block.mark.endswith("minutes")
+        if (block.runs or takes_minutes) and all(importlib.util.find_spec(name) for name in block.needs):
             printed()
             for command in commands_of(block):
-                code = typed(command, block)
+                code = (type_in or typed)(command, block)
                 assert code == block.exit_code, f"line {block.line}: {command} ended with {code}: {printed()}"
             last = printed()
             yield block

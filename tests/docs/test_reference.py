@@ -21,10 +21,12 @@ import pytest
 import synth
 from synth.author.views import words as page_words
 from synth.cli import _parser
+from synth.drone import tanpura_keys
 from synth.engine.parameters import INDEX_OF
 from synth.engine.voices import control_changes
 from synth.host import control_words
 from synth.instrument.preset import Damping, Preset
+from synth.live import playkeys
 from synth.research.case import Case
 from synth.research.coupled.coupled_case import CoupledCase
 from synth.solver.schemes import SCHEMES
@@ -34,6 +36,8 @@ sys.path.append(str(ROOT / "tools"))
 
 import reference_pages  # noqa: E402
 from reference_pages import case_keys, command_line, preset_keys, python_api  # noqa: E402
+from reference_pages.fields import number  # noqa: E402
+from reference_pages.markdown import plain  # noqa: E402
 
 #: keys that only a body's filter has, which no case takes
 NO_KEYS_OF_CASES = re.compile(r"body\.body\.(resonance|direct_db).*")
@@ -134,6 +138,56 @@ def test_every_live_parameter_and_controller(pages: dict[str, str]) -> None:
             obeyed |= {each.value for each in node.comparators if isinstance(each, ast.Constant)}
     assert {1, 64, 123} < obeyed
     assert faults(section(pages["controls.md"], "Controllers"), {f"cc-{number}" for number in obeyed - {128}}) == []
+
+
+def test_every_key_of_a_terminal(pages: dict[str, str]) -> None:
+    """What `?` shows, its spaces being those of a terminal's line."""
+    shown = " ".join(section(pages["controls.md"], "Keys of a terminal").split())
+    for keys in (playkeys.keys_of(instrument=True, song=True), tanpura_keys.keys_of(4)):
+        assert len(keys.bindings) > 8
+        for each in keys.bindings:
+            assert f"| `{each.shown}` | {plain(each.does)} |" in shown, each.action
+
+
+def numbers_in(schema: Any) -> set[float]:
+    """Default and limits of a key in a JSON schema, zero left out; of a choice of kinds those of all."""
+    found: set[float] = set()
+    if isinstance(schema, dict):
+        for name, value in schema.items():
+            if name in ("default", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum") and value:
+                found |= {float(value)} if isinstance(value, int | float) and value is not True else set()
+            elif name in ("anyOf", "oneOf", "items"):
+                found |= numbers_in(value)
+    for each in schema if isinstance(schema, list) else ():
+        found |= numbers_in(each)
+    return found
+
+
+UNITS = {
+    "_mm": "mm", "_um": "µm", "_hz": "Hz", "_cents": "cents", "_db": "dB", "_s": "s", "_ms": "ms", "_m": "m", "_kg": "kg",
+    "_n": "N", "_kg_m": "kg/m", "_n_m2": "N", "_g_m": "g/m", "_kg_m3": "kg/m³", "_gpa": "GPa", "_g": "g", "_m_s": "m/s",
+    "_n_mm": "N/mm", "_n_mm2": "N/mm²", "_n_s_m": "N s/m", "_percent": "%", "_deg": "°", "_n_m": "N/m",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "page"), [(Preset, "preset-keys.md"), (Case, "case-keys.md"), (CoupledCase, "case-keys.md")]
+)
+def test_rows_have_default_range_and_unit(pages: dict[str, str], kind: type[Any], page: str) -> None:
+    schema = kind.model_json_schema()
+    lines = [line for line in pages[page].splitlines() if line.startswith("| <a id=")]
+    looked_at = 0
+    tables = [each for name, each in schema["$defs"].items() if name not in ("Body", "BodyMode") or kind is Preset]
+    for table in (schema, *tables):
+        for key, inner in table.get("properties", {}).items():
+            own = [line for line in lines if f"`{key}` |" in line]
+            wanted = {number(value) for value in numbers_in(inner)}
+            assert any(wanted <= set(re.findall(r"[^\s`|]+", line)) for line in own), (key, wanted)
+            suffix = max((each for each in UNITS if key.endswith(each)), key=len, default="")
+            if suffix and inner.get("type") != "array":
+                assert all(re.search(rf"\| {re.escape(UNITS[suffix])}[^|]*\|", line) for line in own), key
+            looked_at += bool(wanted)
+    assert looked_at > 10
 
 
 def entries(page: str) -> dict[str, str]:

@@ -1,11 +1,14 @@
-"""The page of what can be done while it sounds: MIDI controllers, live parameters."""
+"""The page of what can be done while it sounds: MIDI controllers, live parameters, keys of a terminal."""
 
 from __future__ import annotations
 
+from synth.drone import tanpura_keys
 from synth.engine.layout import LINEAR, PARAMETER_CURVES, PARAMETER_RANGES, RATIO, SQUARE
 from synth.engine.parameters import INDEX_OF, NOT_TO_BE_BOUND, Parameter, parameters_of
 from synth.host.control_words import CONTROLLERS, PARAMETERS
 from synth.instrument.preset import list_presets
+from synth.live import playkeys
+from synth.live.keylist import KeyList
 
 from .fields import Range
 from .markdown import anchor, code, plain, table
@@ -31,6 +34,24 @@ def _numbers(numbers: frozenset[int]) -> str:
         else:
             runs.append([each, each])
     return ", ".join(str(low) if low == high else f"{low} to {high}" for low, high in runs)
+
+
+#: where keys do something → the keys
+KEYS: dict[str, KeyList] = {
+    "synth play": playkeys.keys_of(instrument=True, song=False),
+    "synth play --play SONG.mid": playkeys.keys_of(instrument=False, song=True),
+    "synth play --play SONG.mid --keys": playkeys.keys_of(instrument=True, song=True),
+    "synth drone": tanpura_keys.keys_of(4),
+}
+
+
+def _keys() -> str:
+    """The keys of every command."""
+    out = []
+    for command, keys in KEYS.items():
+        rows = [(code(each.shown), plain(each.does)) for each in keys.bindings]
+        out += [f"### {command}\n", table(("keys", "what they do"), rows)]
+    return "\n".join(out)
 
 
 def page() -> str:
@@ -64,5 +85,8 @@ def page() -> str:
             "then has that meaning only. Controllers 1 to 119 may also rule an "
             "[articulation](preset-keys.md#articulations.NAME.controller).\n",
             table(("controller", "name", "meaning"), controllers),
+            "## Keys of a terminal\n",
+            "While it plays; `?` shows them there.\n",
+            _keys(),
         ]
     )

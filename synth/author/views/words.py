@@ -772,7 +772,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "vibrato_cents": Words(
             "Vibrato, width",
             "How far the modulation wheel, full on, shakes it to either side; 0 is none.",
-            "cent",
+            "cents",
             (0.0, 60.0),
             1.0,
         ),
@@ -781,7 +781,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "Pulled across the fret by",
             "Legato to a higher note of the same string pulls it aside by at most so much, as on a sitar, without a change "
             "of fret. 0: it is stopped at the next fret.",
-            "st",
+            "semitones",
             (0.0, 5.0),
             0.5,
         ),
