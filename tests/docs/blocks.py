@@ -73,8 +73,8 @@ def follow(
 ) -> Iterator[Block]:
     """Do in the current folder what a page says, block by block; those that were run.
 
-    `printed` gives what was printed since it was asked last. type_in: what runs a command and gives its exit code, `typed` if
-    none is given. slow: blocks that are not run because they take minutes are. AssertionError names the line of the page
+    `printed` gives what was printed since it was asked last. type_in: what runs a command and gives its exit code, `typed`
+    if none is given. slow: blocks that are not run because they take minutes are. AssertionError names the line of the page
     that is not true.
     """
     last: str | None = None
