@@ -11,7 +11,7 @@ from synth.research.case_words import MEANINGS, Meaning
 from synth.research.coupled.coupled_case import CoupledCase
 from synth.solver.schemes import ON_A_BODY, SCHEMES
 
-from .fields import aliases, default_of, inner_table, is_list, kind_of, range_of
+from .fields import aliases, default_of, inner_table, is_list, takes_of
 from .markdown import anchor, code, plain, table
 from .preset_keys import words_of
 
@@ -63,12 +63,12 @@ def _of(kind: type[Table], root: str) -> Iterator[str]:
             field, words = inner.model_fields[key], meaning_of(inner, key)
             other = "".join(f" Also `{each}`." for each in aliases(field, key))
             name = anchor(".".join(filter(None, (root, path, key)))) + code(key)
-            rows.append((name, kind_of(field), words.unit, range_of(field), default_of(field), plain(words.text) + other))
+            rows.append((name, words.unit, takes_of(field), default_of(field), plain(words.text) + other))
         title = code(f"[[{path}]]" if listed else f"[{path}]") if path else "The file"
         yield f"### {title}\n"
         if what:
             yield plain(what) + "\n"
-        yield table(("key", "takes", "unit", "range", "default", "meaning"), rows)
+        yield table(("key", "unit", "takes", "default", "meaning"), rows)
 
 
 def page() -> str:

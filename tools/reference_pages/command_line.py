@@ -65,7 +65,8 @@ def _value(action: argparse.Action) -> str:
         return ""
     names = action.metavar if isinstance(action.metavar, tuple) else (action.metavar or action.dest.upper(),)
     text = " ".join(names)
-    return code(f"[{text}]" if action.nargs == "?" else text)
+    limits = _range(action)
+    return code(f"[{text}]" if action.nargs == "?" else text) + (f", {limits}" if limits else "")
 
 
 def _range(action: argparse.Action) -> str:
@@ -96,11 +97,11 @@ def page() -> str:
         parser.formatter_class = partial(argparse.HelpFormatter, width=78)
         out += [f"## {name}\n", plain(what[0].upper() + what[1:].rstrip(".")) + ".\n", fence(parser.format_usage())]
         rows = [
-            (code(name_of(action)), _value(action), _range(action), _default(action), plain(help_of(parser, action)))
+            (code(name_of(action)), _value(action), _default(action), plain(help_of(parser, action)))
             for _, action in options(parser)
         ]
         if rows:
-            out.append(table(("option", "value", "range", "default", "meaning"), rows))
+            out.append(table(("option", "value", "default", "meaning"), rows))
         inner = [each for each, _, _ in commands(parser, (name,)) if each.count(" ") == name.count(" ") + 1]
         if inner:
             links = ", ".join(f"[{each}](#{each.replace(' ', '-')})" for each in inner)

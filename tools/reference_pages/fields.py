@@ -34,7 +34,7 @@ class Range:
         low = "" if self.low is None else f"{'above ' if self.low_open else ''}{number(self.low)}"
         high = "" if self.high is None else f"{'below ' if self.high_open else ''}{number(self.high)}"
         if low and high:
-            return f"{low} to {high}"
+            return f"{low}, {high}" if self.high_open else f"{low} to {high}"
         if low:
             return low if self.low_open else f"{low} or more"
         return (high if self.high_open else f"{high} or less") if high else ""
@@ -66,10 +66,23 @@ def is_list(annotation: Any) -> bool:
     return origin in (list, tuple)
 
 
-def kind_of(field: FieldInfo) -> str:
-    """What a field takes, in words."""
+def takes_of(field: FieldInfo) -> str:
+    """What a field takes, in words: its kind and its range."""
     words = list(dict.fromkeys(_kinds(field.annotation, field.metadata)))
-    return " or ".join(words)
+    limits = range_of(field)
+    out = []
+    for word in sorted(words, key=lambda each: each != "number"):
+        if word == "number":
+            out.append(limits or word)
+        elif word == "numbers at notes" and "number" in words:
+            out.append("at notes")
+        elif word == "list of numbers" and "number" in words:
+            out.append("a list of such")
+        elif limits and (word in ("whole number", "note", "numbers at notes") or word.startswith("list of")):
+            out.append(f"{word}, {limits}")
+        else:
+            out.append(word)
+    return " or ".join(out).replace(" or at notes", ", or at notes")
 
 
 def _kinds(annotation: Any, metadata: Iterable[Any] = ()) -> Iterable[str]:

@@ -10,7 +10,7 @@ from synth.author.views.words import CHOICES, OBSTACLES, WORDS, Words
 from synth.instrument.preset import Preset
 from synth.instrument.table import Table
 
-from .fields import default_of, inner_table, is_list, kind_of, number, range_of
+from .fields import default_of, inner_table, is_list, number, takes_of
 from .markdown import anchor, code, plain, table
 
 _INTRODUCTION = """# Keys of presets
@@ -19,9 +19,10 @@ A preset is a TOML file. Unknown keys are errors, and every error is named at on
 more, at every note and fret. `--set TABLE.KEY=VALUE` changes one value for a run (`--set obstacle.jiva_um=10`, `--set
 string.0.cents=3`).
 
-*Numbers at notes* may be one number or several at anchor notes, `{ E1 = 1.1, C7 = 0.12 }`: between them they are
-interpolated, as ratios where all are positive, and beyond the outer ones the nearest holds. A note is a name (`C3`,
-`F#2`, C4 is middle C) or a MIDI number. *Usual* is what real instruments have; the range is what the program takes.
+A number with its range stands under *takes*; *usual* is what real instruments have. One that may be given *at notes* is
+a number for all, or several at anchor notes, `{ E1 = 1.1, C7 = 0.12 }`: between them they are interpolated, as ratios
+where all are positive, and beyond the outer ones the nearest holds. A note is a name (`C3`, `F#2`, C4 is middle C) or a
+MIDI number.
 """
 
 
@@ -67,14 +68,13 @@ def heading(path: str, listed: bool) -> str:
 
 def _row(path: str, kind: type[Table], key: str) -> tuple[str, ...]:
     field, words = kind.model_fields[key], words_of(kind, key)
-    takes = kind_of(field)
     labels = CHOICES.get((kind, key), {}) if get_origin(field.annotation) is Literal else {}
     if path.startswith("obstacle:") and key == "kind":
         words = Words(words.label, f"What the strings touch: {OBSTACLES[path.partition(':')[2]]}.")
     tip = plain(words.tip) + "".join(f" `{value}`: {plain(label)}." for value, label in labels.items())
     usual = "" if words.usual is None else " to ".join(number(end) for end in words.usual)
     place = f"{path}.{key}" if path else key
-    return anchor(place) + code(key), takes, words.unit, range_of(field), usual, default_of(field), tip
+    return anchor(place) + code(key), words.unit, takes_of(field), usual, default_of(field), tip
 
 
 def page() -> str:
@@ -85,6 +85,6 @@ def page() -> str:
             continue
         seen.add(path)
         rows = [_row(path, kind, key) for key in kind.model_fields]
-        head = ("key", "takes", "unit", "range", "usual", "default", "meaning")
+        head = ("key", "unit", "takes", "usual", "default", "meaning")
         out += [f"## {heading(path, listed)}\n", plain(what) + "\n", table(head, rows)]
     return "\n".join(out)
