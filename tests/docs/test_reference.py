@@ -182,7 +182,7 @@ def test_rows_have_default_range_and_unit(pages: dict[str, str], kind: type[Any]
         for key, inner in table.get("properties", {}).items():
             own = [line for line in lines if f"`{key}` |" in line]
             wanted = {number(value) for value in numbers_in(inner)}
-            assert any(wanted <= set(re.findall(r"[^\s`|]+", line)) for line in own), (key, wanted)
+            assert any(wanted <= set(re.findall(r"[^\s`|,]+", line)) for line in own), (key, wanted)
             suffix = max((each for each in UNITS if key.endswith(each)), key=len, default="")
             if suffix and inner.get("type") != "array":
                 assert all(re.search(rf"\| {re.escape(UNITS[suffix])}[^|]*\|", line) for line in own), key
