@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -121,6 +123,17 @@ def test_what_is_not_true_is_said(folder: Path, capfd: pytest.CaptureFixture[str
 def test_what_needs_a_module_that_is_not_there_is_left_out(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     page = "<!-- run, needs nothing_of_that_name -->\n```python\nraise OSError\n```\n<!-- prints -->\n```text\nx\n```\n"
     assert followed(page, capfd) == []
+
+
+def test_the_tool_types_what_pages_say(tmp_path: Path) -> None:
+    true = "<!-- run -->\n```sh\nsynth --version > v; cat v\n```\n<!-- prints -->\n```text\nsynth (jawari) …\n```\n"
+    (tmp_path / "true.md").write_text(true)
+    (tmp_path / "false.md").write_text("\n" + true.replace("jawari", "jiva"))
+    pages = [str(tmp_path / name) for name in ("true.md", "false.md")]
+    done = subprocess.run([sys.executable, ROOT / "tools" / "follow-pages", *pages], capture_output=True, text=True)
+    assert done.returncode == 1 and not done.stderr
+    first, second = done.stdout.split("\n", 1)
+    assert "true.md: 1 blocks, " in first and "false.md: line 7: not printed" in second
 
 
 def test_lines_are_alike() -> None:
