@@ -96,7 +96,7 @@ MEANINGS: dict[type[Table], dict[str, Meaning]] = {
     case.StringTable: _STRING,
     case.FretsTable: {
         "scale_length_m": Meaning("Length by which the frets are placed, in equal temperament.", "m"),
-        "count": Meaning("How many frets."),
+        "count": Meaning("How many frets, at least 12."),
         "action_12th_m": Meaning("Gap between string and fret 12.", "m"),
         "relief_m": Meaning("Hollow of the neck half way.", "m"),
         "nut_height_m": Meaning("Gap between string and fret 1.", "m"),

@@ -27,6 +27,7 @@ from synth.engine.voices import control_changes
 from synth.host import control_words
 from synth.instrument.preset import Damping, Preset
 from synth.live import playkeys
+from synth.physics.string import String
 from synth.research.case import Case
 from synth.research.coupled.coupled_case import CoupledCase
 from synth.solver.schemes import SCHEMES
@@ -188,6 +189,18 @@ def test_rows_have_default_range_and_unit(pages: dict[str, str], kind: type[Any]
                 assert all(re.search(rf"\| {re.escape(UNITS[suffix])}[^|]*\|", line) for line in own), key
             looked_at += bool(wanted)
     assert looked_at > 10
+
+
+def test_limits_of_a_string_are_those_that_judge_it(pages: dict[str, str]) -> None:
+    """A string of a case a little within the range that the page gives is taken, and one beyond it refused."""
+    row = next(line for line in pages["case-keys.md"].splitlines() if '<a id="one.string.tension_n">' in line)
+    low, high = (float(end.replace("−", "-")) for end in re.search(r"\| (\S+) to (\S+) \|", row).groups())  # type: ignore[union-attr]
+    other = {"length_m": 1.0, "linear_density_kg_m": 1e-3, "diameter_m": 1e-3, "bending_stiffness_n_m2": 0.0}
+    for within in (0.9 * high, 1.1 * low):
+        assert String(tension_n=within, **other).tension_n == within
+    for beyond in (1.1 * high, 0.9 * low):
+        with pytest.raises(ValueError, match="tension_n"):
+            String(tension_n=beyond, **other)
 
 
 def entries(page: str) -> dict[str, str]:

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from synth.instrument.preset import Body, MovingMode
 from synth.instrument.table import Table
-from synth.research.case import OVERRIDES, Case, case_names
+from synth.physics.string import LIMITS
+from synth.research.case import OVERRIDES, Case, NutTable, StringTable, case_names
 from synth.research.case_words import MEANINGS, Meaning
 from synth.research.coupled.coupled_case import CoupledCase
 from synth.solver.schemes import ON_A_BODY, SCHEMES
 
-from .fields import aliases, default_of, inner_table, is_list, takes_of
+from .fields import Range, aliases, default_of, inner_table, is_list, takes_of
 from .markdown import anchor, code, plain, table
 from .preset_keys import words_of
 
@@ -56,6 +57,14 @@ def sections(kind: type[Table], path: str = "") -> Iterator[tuple[str, type[Tabl
             yield from sections(inner, place)
 
 
+def _takes(kind: type[Table], key: str) -> str:
+    """What a key takes; of what describes a string the limits of the physics, which judge it after the schema."""
+    if issubclass(kind, StringTable | NutTable) and key in LIMITS:
+        low, high, _ = LIMITS[key]
+        return str(Range(low, high))
+    return takes_of(kind.model_fields[key])
+
+
 def _of(kind: type[Table], root: str) -> Iterator[str]:
     for path, inner, listed, what in sections(kind):
         rows = []
@@ -63,7 +72,7 @@ def _of(kind: type[Table], root: str) -> Iterator[str]:
             field, words = inner.model_fields[key], meaning_of(inner, key)
             other = "".join(f" Also `{each}`." for each in aliases(field, key))
             name = anchor(".".join(filter(None, (root, path, key)))) + code(key)
-            rows.append((name, words.unit, takes_of(field), default_of(field), plain(words.text) + other))
+            rows.append((name, words.unit, _takes(inner, key), default_of(field), plain(words.text) + other))
         title = code(f"[[{path}]]" if listed else f"[{path}]") if path else "The file"
         yield f"### {title}\n"
         if what:
