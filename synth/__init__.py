@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from synth._version import __version__
 from synth.jit import kernel_cache
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from synth.research.case import Case, CaseError, load_case
     from synth.research.result import Result, ResultError, load_result
     from synth.research.simulation import simulate
-
-    __version__: str
 
 __all__ = [
     "EVENT",
@@ -63,13 +62,6 @@ kernel_cache.use()
 
 
 def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            return version("jawari")
-        except PackageNotFoundError:
-            return "unknown"
     if name not in _MODULES:
         raise AttributeError(f"module 'synth' has no attribute {name!r}")
     return getattr(import_module(_MODULES[name]), name)

@@ -207,7 +207,7 @@ def test_a_cache_that_cannot_be_written(tried: Tried, trouble: str) -> None:
 
 
 def test_no_helper_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernel_helpers, "_free_memory", lambda: 64e9)
+    monkeypatch.setattr(kernel_helpers, "free_memory", lambda: 64e9)
     monkeypatch.setattr(kernel_helpers.os, "sched_getaffinity", lambda process: {3, 5, 6}, raising=False)
     monkeypatch.setattr(sys, "executable", "/usr/bin/python3")
     assert kernel_helpers._may_run() == 2
@@ -215,7 +215,7 @@ def test_no_helper_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> No
         here.setattr(kernel_helpers.os, "sched_getaffinity", lambda process: {3}, raising=False)
         assert kernel_helpers._may_run() == 0
     with monkeypatch.context() as here:
-        here.setattr(kernel_helpers, "_free_memory", lambda: 1e9)
+        here.setattr(kernel_helpers, "free_memory", lambda: 1e9)
         assert kernel_helpers._may_run() == 0
     with monkeypatch.context() as here:  # what is started by these names is no interpreter
         here.setattr(sys, "frozen", True, raising=False)

@@ -1,5 +1,5 @@
 """The command line: `synth render`, `play`, `drone`, `author`, `export`, `fit`, `body`, `devices`, `presets`, `plan`,
-`simulate`.
+`simulate`, `doctor`, `completion`; without any, a greeting.
 
 Exit codes: 0 done; 1 failed for a reason that lies in the program, or whoever read its output has enough; 2 wrong usage or
 input, or something that could not be written (one line on standard error says what, and what was there before is as it was);
@@ -16,8 +16,26 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from synth.cli import author, bodies, devices, drone, export, fit, plan, play, presets, render, simulate, streams
-from synth.cli.common import Parser
+from synth._version import __version__
+from synth.cli import (
+    author,
+    bodies,
+    colours,
+    completion,
+    devices,
+    doctor,
+    drone,
+    export,
+    fit,
+    plan,
+    play,
+    presets,
+    render,
+    simulate,
+    streams,
+)
+from synth.cli.common import ERROR, Parser
+from synth.cli.greeting import greet
 from synth.cli.kernel_line import compiling_shown, leave_compiling
 from synth.files import unfinished
 
@@ -50,7 +68,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             return 1
         except (ValueError, OSError) as error:
             for line in wording(_message(error)).splitlines():
-                print(f"synth: error: {line}", file=sys.stderr)
+                print(f"synth: {colours.shown(ERROR, colours.FAULT, sys.stderr)} {line}", file=sys.stderr)
             return 2
         except KeyboardInterrupt:
             unfinished.discard_unfinished()
@@ -105,24 +123,12 @@ def _message(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 
-class _Version(argparse.Action):
-    """Looks the version up only when asked: importlib.metadata costs as much as the rest of --help."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        from importlib import metadata
-
-        try:
-            version = metadata.version("jawari")
-        except metadata.PackageNotFoundError:
-            version = "(not installed)"
-        print(f"synth (jawari) {version}")
-        parser.exit()
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="synth", description="Strings that collide: a MIDI file in, sound out.", allow_abbrev=False)
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=Parser)
+    version = f"synth (jawari) {__version__}"
+    parser.add_argument("--version", action="version", version=version, help="show the version and exit")
+    parser.set_defaults(run=greet)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=Parser)
     render.add(commands)
     play.add(commands)
     drone.add(commands)
@@ -134,4 +140,6 @@ def _parser() -> argparse.ArgumentParser:
     presets.add(commands)
     plan.add(commands)
     simulate.add(commands)
+    doctor.add(commands)
+    completion.add(commands, parser)
     return parser

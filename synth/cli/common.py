@@ -13,18 +13,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
+from synth.cli import colours
 from synth.solver.schemes import LAWS
 
 RATES_HZ = (44100, 48000, 88200, 96000)
 QUALITIES = ("draft", "standard", "fine", "reference")
 MOST_BLOCK = 4096
+#: begins what is wrong
+ERROR = "error:"
 
 
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line; the usage is a --help away."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"synth: error: {message} (see {self.prog} --help)\n")
+        said = colours.shown(ERROR, colours.FAULT, sys.stderr)
+        self.exit(2, f"synth: {said} {message} (see {self.prog} --help)\n")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """argparse passes over what cannot be written; whoever asks for help is to hear of it."""

@@ -252,6 +252,27 @@ def _expected(function: Any) -> list[Any]:
     return []
 
 
+def to_come(sign: str = ENGINE) -> tuple[int, int]:
+    """How many of the kernels that Python calls are still to be compiled before such a thing runs, and how many there are.
+
+    sign: one of ENTRIES, whose module has been imported.
+    """
+    names = ENTRIES[sign]
+    package = __name__.partition(".")[0]
+    entries = [
+        getattr(sys.modules.get(f"{package}.{module}"), wanted, None)
+        for module, _, wanted in (name.partition(":") for name in names)
+    ]
+    functions = [getattr(entry, "py_func", entry) for entry in entries]
+    for function in functions:
+        if function is not None and function not in _caches:  # one that is called by its address only
+            from numba.core import ccallback
+
+            users: Any = ccallback
+            users.FunctionCache(function)
+    return sum(function is None or not is_kept(function) for function in functions), len(names)
+
+
 def is_kept(function: Any) -> bool:
     """Whether it need not be compiled any more."""
     cache = _caches.get(function)

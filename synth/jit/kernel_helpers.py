@@ -135,10 +135,10 @@ def _may_run() -> int:
     """How many helpers there is room for."""
     if getattr(sys, "frozen", False) or not os.path.basename(sys.executable or "").startswith(("python", "pypy")):
         return 0  # what is started by that name is another program
-    return max(0, min(MOST, cores() - 1, int(_free_memory() / NEEDS) - 1))
+    return max(0, min(MOST, cores() - 1, int(free_memory() / NEEDS) - 1))
 
 
-def _free_memory() -> float:
+def free_memory() -> float:
     """Bytes of memory that are free, as far as the system says so."""
     with suppress(OSError, ValueError, IndexError):
         with open("/proc/meminfo", encoding="ascii") as lines:

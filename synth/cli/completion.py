@@ -1,0 +1,102 @@
+"""`synth completion`: commands, options, presets and files completed by the shell (the library shtab writes the scripts)."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import Any
+
+#: how each shell is told; the rest of what shtab knows is not tried here
+SHELLS = {
+    "bash": 'add to ~/.bashrc:  eval "$(synth completion bash)"',
+    "zsh": 'add to ~/.zshrc, behind compinit:  eval "$(synth completion zsh)"',
+    "fish": "synth completion fish > ~/.config/fish/completions/synth.fish",
+}
+#: endings of what a value that is called so may be
+_ENDINGS = {
+    "IN.mid": ("mid", "midi"),
+    "SONG.mid": ("mid", "midi"),
+    "REC.wav": ("wav", "flac"),
+    "FILE.scl": ("scl",),
+    "FILE.kbm": ("kbm",),
+    "RUN.npz": ("npz",),
+    "CASE": ("toml",),
+}
+#: …and what is written, or of any kind
+_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FRF")
+_FOLDERS = ("DIR",)
+
+#: a function of each shell that offers names of presets, and files of one's own; {names} stands for the names
+_FUNCTIONS = {
+    "bash": """
+_synth_presets() {
+  compgen -W "{names}" -- "$1"
+  compgen -f -X '!*.toml' -- "$1"
+  compgen -d -- "$1"
+}
+""",
+    "zsh": """
+_synth_presets() {
+  _alternative 'presets:preset:({names})' 'files:file:_files -g "*.toml"'
+}
+""",
+    "fish": """
+function _synth_presets
+  string split ' ' -- "{names}"
+  for candidate in (__fish_complete_path (commandline -ct))
+    string match -q -r '(\\.toml|/)(\\t|$)' -- "$candidate"; and printf '%s\\n' "$candidate"
+  end
+end
+""",
+}
+
+
+def add(commands: Any, root: argparse.ArgumentParser) -> None:
+    """root: the parser of all commands."""
+    told = "; ".join(f"{shell}: {how}" for shell, how in SHELLS.items())
+    parser = commands.add_parser(
+        "completion",
+        help="a script that lets bash, zsh or fish complete commands, options and presets",
+        allow_abbrev=False,
+        description=f"Prints the script. {told}.",
+    )
+    parser.add_argument("shell", choices=tuple(SHELLS), metavar="SHELL", help=", ".join(SHELLS))
+    parser.set_defaults(run=lambda options: _complete(options, root))
+
+
+def _complete(options: argparse.Namespace, root: argparse.ArgumentParser) -> int:
+    print(script(root, options.shell))
+    return 0
+
+
+def script(root: argparse.ArgumentParser, shell: str) -> str:
+    """What the shell is to read."""
+    import shtab
+
+    from synth.instrument.preset import preset_folder
+
+    names = " ".join(sorted(path.stem for path in preset_folder().glob("*.toml")))
+    for action in _actions(root):
+        kind = action.metavar if isinstance(action.metavar, str) else ""
+        what: Any = None
+        if kind in _ENDINGS:
+            what = shtab.glob(*(f"*.{ending}" for ending in _ENDINGS[kind]))
+        elif kind == "PRESET" or (kind == "NAME" and not action.option_strings):
+            what = {"bash": "_synth_presets", "zsh": "_synth_presets", "fish": "(_synth_presets)"}
+        elif kind in _FOLDERS:
+            what = shtab.DIRECTORY
+        elif kind in _FILES:
+            what = shtab.FILE
+        if what is not None:
+            action.complete = what  # type: ignore[attr-defined]
+    preamble: Any = {shell: _FUNCTIONS[shell].replace("{names}", names)}
+    return shtab.complete(root, shell, preamble=preamble)
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for each in dict.fromkeys(action.choices.values()):
+                yield from _actions(each)
+        else:
+            yield action
