@@ -91,7 +91,6 @@ def test_files_that_are_no_songs(tmp_path, content: bytes | None, problem: str) 
 
 
 WRONG = [
-    ([], "COMMAND"),
     (["sing"], "invalid choice"),
     (["render"], "IN.mid"),
     (["render", DRONE, "-p", "tampura"], "'tampura' is not one of "),

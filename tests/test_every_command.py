@@ -41,9 +41,10 @@ DEVICES = ["devices"]
 PRESETS = ["presets", "show", "my.toml"]
 PLAN = ["plan", "my.toml", "C3", "--quality", "draft"]
 SIMULATE = ["simulate", "case.toml", "-o", "out.npz"]
+COMPLETION = ["completion", "bash"]
 GOOD = {
     "render": RENDER, "drone": DRONE, "play": PLAY, "author": AUTHOR, "fit": FIT, "body": BODY, "devices": DEVICES,
-    "presets": PRESETS, "plan": PLAN, "simulate": SIMULATE,
+    "presets": PRESETS, "plan": PLAN, "simulate": SIMULATE, "completion": COMPLETION,
 }  # fmt: skip
 CONDITIONS = (
     "output is input", "full disk", "closed stdin", "closed stdout", "closed stderr", "SIGHUP", "odd names",
@@ -137,7 +138,7 @@ def _full() -> Iterator[Cell]:
     yield cell("fit", replaced(FIT, new_toml="old.toml"), r"old\.toml: File too large", largest=1000)
     yield cell("body", replaced(BODY, new_toml="old.toml"), r"old\.toml: File too large", largest=300)
     yield cell("simulate", replaced(SIMULATE, out_npz="old.npz"), r"old\.npz: File too large", largest=1000)
-    for command in ("fit", "body", "devices", "presets", "plan"):
+    for command in ("fit", "body", "devices", "presets", "plan", "completion"):
         arguments = {"fit": FIT[:2], "body": BODY[:3]}.get(command, GOOD[command])
         yield cell(command, arguments, "standard output: No space left on device", out="/dev/full")
     yield cell("author", AUTHOR, "standard output: No space left on device", out="/dev/full")
@@ -225,7 +226,7 @@ def _hung_up() -> Iterator[Cell]:
             yield Cell("render", "SIGHUP", long, 128 + signalled["signal"], how=signalled)
     long = ["drone", "-o", "old.wav", "--duration", "86400", *CHEAP]
     yield Cell("drone", "SIGHUP", long, 129, how={"signal": signal.SIGHUP, "at": ".old.wav.*"})
-    for command in ("fit", "body", "devices", "presets", "plan", "simulate"):
+    for command in ("fit", "body", "devices", "presets", "plan", "simulate", "completion"):
         how = {"signal": signal.SIGHUP, "at": "write"}
         # with its file there already, as whole as it will be
         makes = {"fit": ("new.toml",), "body": ("new.toml",), "simulate": ("out.npz",)}.get(command, ())
@@ -243,6 +244,8 @@ NONE = {
     ("devices", "output is input"): "it reads no file and writes none",
     ("presets", "output is input"): "it writes to standard output only, and a shell has emptied a file before it runs",
     ("plan", "output is input"): "it writes to standard output only",
+    ("completion", "output is input"): "it reads no file and writes to standard output only",
+    ("completion", "odd names"): "it takes no names",
     ("play", "full disk"): "it needs a sound server: tests/live/test_recorder.py, as the recording goes on without one",
     ("play", "SIGHUP"): "it needs a sound server: tests/live/test_play.py",
     ("devices", "odd names"): "it takes no names",

@@ -61,7 +61,7 @@ class Patients:
 
     def __exit__(self, *_: Any) -> None:
         for process in self._running.values():
-            if isinstance(process, subprocess.Popen) and process.poll() is None:
+            if not isinstance(process, OSError) and process.poll() is None:
                 with suppress(OSError):
                     process.kill()
                 with suppress(subprocess.TimeoutExpired):  # one that even that does not end is left to itself

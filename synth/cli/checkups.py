@@ -48,6 +48,8 @@ def rendering() -> Finding:
         import soundfile
         import threadpoolctl
         import tomlkit
+
+        version = soundfile.__libsndfile_version__.removeprefix("libsndfile-")
     except Exception as error:  # whatever a broken library raises
         remedy = again
         if "sndfile" in str(error):
@@ -67,7 +69,6 @@ def rendering() -> Finding:
         return Finding(MISSING, f"the presets cannot be read: {error}", again)
     if not count:
         return Finding(MISSING, "there are no presets", again)
-    version = soundfile.__libsndfile_version__.removeprefix("libsndfile-")
     libraries = f"NumPy {numpy.__version__}, Numba {numba.__version__}, libsndfile {version}"
     return Finding(OK, f"{count} presets; {libraries}")
 

@@ -21,9 +21,10 @@ _ENDINGS = {
     "FILE.kbm": ("kbm",),
     "RUN.npz": ("npz",),
     "CASE": ("toml",),
+    "MOBILITY.csv": ("csv",),
 }
 #: …and what is written, or of any kind
-_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FRF")
+_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml")
 _FOLDERS = ("DIR",)
 
 #: a function of each shell that offers names of presets, and files of one's own; {names} stands for the names

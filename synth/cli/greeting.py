@@ -15,9 +15,10 @@ TRY = (
     ("synth author tanpura", "see, hear and shape an instrument in the browser"),
 )
 REST = """\
-No song at hand? synth drone -o drone.wav --duration 30
-synth presets lists the instruments, synth doctor says what works on this machine,
-synth --help has all commands, synth COMMAND --help the options of one."""
+No song at hand?   synth drone -o drone.wav --duration 30
+Instruments:       synth presets
+What works here:   synth doctor
+All commands:      synth --help, and synth COMMAND --help for one"""
 
 
 def greet(options: argparse.Namespace) -> int:
