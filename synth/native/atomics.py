@@ -7,6 +7,7 @@ inside it (it is not checked).
 from __future__ import annotations
 
 import os
+import sys
 from typing import Any
 
 from llvmlite import ir
@@ -14,6 +15,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from synth.native import windows
 from synth.native.denormals import machine
 
 _I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
@@ -75,6 +77,9 @@ def _pause(typingctx):
 
 def _yield(typingctx):
     def generate(context, builder, signature, arguments):
+        if sys.platform == "win32":
+            windows.give_way(builder)
+            return context.get_dummy_value()
         function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_I32, []), "sched_yield")
         builder.call(function, [])
         return context.get_dummy_value()
@@ -87,10 +92,12 @@ def _transfer(name: str) -> Any:
 
     def transfer(typingctx, descriptor):
         def generate(context, builder, signature, arguments):
-            kind = ir.FunctionType(_I64, [_I32, _I8.as_pointer(), _I64])
-            function = cgutils.get_or_insert_function(builder.module, kind, name)
             token = cgutils.alloca_once_value(builder, _I64(1))
             pointer = builder.bitcast(token, _I8.as_pointer())
+            if sys.platform == "win32":
+                return windows.transfer(builder, name, builder.trunc(arguments[0], _I32), pointer)
+            kind = ir.FunctionType(_I64, [_I32, _I8.as_pointer(), _I64])
+            function = cgutils.get_or_insert_function(builder.module, kind, name)
             moved = builder.call(function, [builder.trunc(arguments[0], _I32), pointer, _I64(8)])
             return builder.icmp_signed("==", moved, _I64(8))
 

@@ -10,6 +10,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from synth.native import windows
+
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _MAC = sys.platform == "darwin"
 #: the clock behind time.monotonic_ns, and the processor time of this thread
@@ -19,6 +21,8 @@ MONOTONIC, THREAD = (8, 16) if _MAC else (1, 3)
 def _clock(number: int) -> Any:
     def clock(typingctx):
         def generate(context, builder, signature, arguments):
+            if sys.platform == "win32":
+                return windows.monotonic(builder) if number == MONOTONIC else windows.thread_time(builder)
             kind = ir.FunctionType(_I32, [_I32, _I64.as_pointer()])
             function = cgutils.get_or_insert_function(builder.module, kind, "clock_gettime")
             time = cgutils.alloca_once(builder, _I64, 2)
@@ -41,6 +45,9 @@ def _pointer(typingctx, address):
 
 def _nap(typingctx, nanoseconds):
     def generate(context, builder, signature, arguments):
+        if sys.platform == "win32":
+            windows.sleep(builder, arguments[0])
+            return context.get_dummy_value()
         kind = ir.FunctionType(_I32, [_I64.as_pointer(), _I64.as_pointer()])
         function = cgutils.get_or_insert_function(builder.module, kind, "nanosleep")
         time = cgutils.alloca_once(builder, _I64, 2)
