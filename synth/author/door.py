@@ -63,7 +63,7 @@ def owner_of(client: Address, server: Address) -> int | None:
     """The user whose process holds the client's end of a connection on this machine; None where that cannot be told."""
     for table in TABLES:
         try:
-            text = table.read_text()
+            text = table.read_text(encoding="ascii")
         except OSError:
             continue
         for local, remote, state, uid, inode in _rows(text):

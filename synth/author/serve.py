@@ -102,7 +102,7 @@ def serve(
     token = secrets.token_urlsafe(32)
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     with contextlib.closing(listening), contextlib.ExitStack() as opened:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        _keep_to_ourselves(listening)
         try:
             listening.bind((LOOPBACK, port))
         except OSError as error:
@@ -138,6 +138,12 @@ def serve(
                 asyncio.run(server.serve(sockets=[listening]))
             finally:  # whatever has gone wrong
                 app.end()
+
+
+def _keep_to_ourselves(listening: socket.socket) -> None:
+    """A port that was left just now may be taken again; but Windows would let others take it from us by the same word."""
+    alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", None)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR if alone is None else alone, 1)
 
 
 def _websockets() -> Any:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import re
 import stat
+import sys
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
+from synth.files import locks
 from synth.files.sources import kind_of, read_file
 from synth.files.unfinished import tidy
 from synth.instrument.preset import MOST_BYTES, preset_folder
@@ -69,16 +70,16 @@ class Workspace:
     def alone(self) -> Iterator[None]:
         """Have the folder for this process, so that no other takes its autosaves for those of one that crashed. Raises
         OSError where another has it."""
+        if sys.platform == "win32":  # where a folder cannot be opened
+            tidy(self.folder)
+            yield
+            return
         handle = os.open(self.folder, os.O_RDONLY)
         try:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+            if not locks.taken(handle):
                 raise OSError(
                     f"{self.folder}: another `synth author` works in this folder; open the preset on its page, or end it"
-                ) from None
-            except OSError:  # a file system that knows no locks
-                pass
+                )
             tidy(self.folder)
             yield
         finally:

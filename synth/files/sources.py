@@ -17,6 +17,10 @@ _KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
+#: without waiting, not for processes that are started, bytes as they are: as far as the system has a word for it
+_OPENING = 0
+for _name in ("O_NONBLOCK", "O_CLOEXEC", "O_NOCTTY", "O_BINARY", "O_NOINHERIT"):
+    _OPENING |= getattr(os, _name, 0)
 
 
 def kind_of(mode: int) -> str | None:
@@ -39,7 +43,7 @@ def read_file(path: str | os.PathLike[str], most: int, what: str, *, follow: boo
     for anything else."""
     _refuse(os.stat(path, follow_symlinks=follow).st_mode, path)
     # what it is may have changed meanwhile: opened without waiting, and looked at again
-    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW)
+    flags = os.O_RDONLY | _OPENING | (0 if follow else getattr(os, "O_NOFOLLOW", 0))
     with open(os.open(path, flags), "rb") as file:
         _refuse(os.fstat(file.fileno()).st_mode, path)
         return _checked(file.read(most + 1), Path(path).name, most, what)

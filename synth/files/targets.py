@@ -24,6 +24,9 @@ _REMEDIES = {
     errno.ENAMETOOLONG: "give it a shorter name",
 }
 
+#: Windows renames and removes no file that is open
+_CLOSED_FIRST = os.name == "nt"
+
 
 class Named(NamedTuple):
     """A file by what it is on the command line ('--tuning', '-o') and its path; '-' is standard output."""
@@ -217,6 +220,8 @@ class Whole:
             return
         try:
             with naming(self.path):
+                if _CLOSED_FIRST:
+                    self._close()
                 os.replace(self.partial, self.path)
             self.partial = None
         except OSError as error:
@@ -231,15 +236,20 @@ class Whole:
 
     def discard(self) -> None:
         """Closes and removes what has not got its name; raises nothing."""
+        if _CLOSED_FIRST:
+            self._close()
         partial, self.partial = self.partial, None
         if partial is not None:
             with contextlib.suppress(OSError):
                 partial.unlink(missing_ok=True)
+        self._close()  # last: with its lock, nobody else takes it for left behind
+        unfinished.begun.discard(self)
+
+    def _close(self) -> None:
         handle, self.handle = self.handle, -1
         if handle >= 0:
             with contextlib.suppress(OSError):
                 os.close(handle)
-        unfinished.begun.discard(self)
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object], mode: int = 0o666) -> None:

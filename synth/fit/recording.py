@@ -81,7 +81,7 @@ def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
         if not path.is_file():
             raise ValueError(f"{file}: is a device or a pipe, which cannot be searched; give a WAV or FLAC file")
     try:
-        with soundfile.SoundFile(os.fsencode(file) if isinstance(file, str) else file) as sound:
+        with soundfile.SoundFile(os.fsencode(file) if isinstance(file, str) and os.name != "nt" else file) as sound:
             _check_rate(sound.samplerate)
             frames = min(sound.frames, round((MOST_S + 1.0) * sound.samplerate))
             if frames * sound.channels > MOST_NUMBERS:

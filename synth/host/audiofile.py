@@ -26,6 +26,8 @@ _SUBTYPES = {"16": "PCM_16", "24": "PCM_24", "float": "FLOAT"}
 # A WAV header counts bytes in 32 bits; some room is left for the header itself.
 _LARGEST_WAV_BYTES = 2**32 - 2**16
 _COPY_FRAMES = 65536
+#: libsndfile has a C library of its own on Windows, which knows other numbers of open files than Python
+_BY_NUMBER = os.name != "nt"
 _PROBE_BYTES = 65536
 # Commands of libsndfile (sndfile.h), which soundfile has no names for.
 _SFC_SET_UPDATE_HEADER_AUTO, _SFC_RF64_AUTO_DOWNGRADE = 0x1061, 0x1210
@@ -135,6 +137,7 @@ class AudioWriter:
         self._bytes_left: float = _LARGEST_WAV_BYTES if container == "wav" and not self._big else np.inf
         self._stream: BinaryIO | None = None
         self._sound: Any = None
+        self._files: list[BinaryIO] = []
         self._whole = None if self._is_stream() else Whole(self.path, beside=beside, kept=growing)
 
     @property
@@ -170,7 +173,7 @@ class AudioWriter:
 
         try:
             self._sound = soundfile.SoundFile(
-                os.dup(handle),
+                self._opened(handle, "w+b"),
                 "w",
                 samplerate=self._rate_hz,
                 channels=self._channels,
@@ -182,6 +185,14 @@ class AudioWriter:
         if self._growing:
             for command in (_SFC_RF64_AUTO_DOWNGRADE, _SFC_SET_UPDATE_HEADER_AUTO):
                 soundfile._snd.sf_command(self._sound._file, command, soundfile._ffi.NULL, 1)
+
+    def _opened(self, handle: int, mode: str) -> Any:
+        """The open file as libsndfile takes it; it closes one that it has by its number, `_close` the other."""
+        if _BY_NUMBER:
+            return os.dup(handle)
+        file: Any = open(os.dup(handle), mode, buffering=0)
+        self._files.append(file)
+        return file
 
     def write(self, block: np.ndarray) -> None:
         """Appends (frames, channels) float64 samples. Raises OSError that names the file, ValueError where it is full."""
@@ -209,7 +220,11 @@ class AudioWriter:
         try:
             size = os.fstat(handle).st_size
             try:
-                os.pwrite(handle, bytes(_PROBE_BYTES), size)
+                if hasattr(os, "pwrite"):
+                    os.pwrite(handle, bytes(_PROBE_BYTES), size)
+                else:
+                    os.lseek(handle, size, os.SEEK_SET)
+                    os.write(handle, bytes(_PROBE_BYTES))
                 os.fsync(handle)
             finally:
                 os.ftruncate(handle, size)
@@ -261,6 +276,8 @@ class AudioWriter:
                     self._check_end()
             except soundfile.LibsndfileError as error:
                 raise self._why_not(error) from None
+        while self._files:
+            self._files.pop().close()
         stream, self._stream = self._stream, None
         if stream is not None and self.path != "-":
             with naming(self.path):
@@ -272,7 +289,7 @@ class AudioWriter:
 
         assert self._whole is not None
         os.lseek(self._whole.handle, 0, os.SEEK_SET)
-        with soundfile.SoundFile(os.dup(self._whole.handle)) as sound:
+        with soundfile.SoundFile(self._opened(self._whole.handle, "r+b")) as sound:
             if self.frames and sound.seek(self.frames - 1) == self.frames - 1 and len(sound.read(1)) != 1:
                 raise soundfile.LibsndfileError(0)
 
@@ -282,6 +299,8 @@ class AudioWriter:
         except Exception:
             # What cannot be closed cannot be kept either; the error that led here is the one to show.
             pass
+        while self._files:
+            self._files.pop().close()
         if self._whole is not None:
             self._whole.discard()
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import fcntl
 import functools
 import gc
 import os
@@ -29,6 +28,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
+from synth.files import locks
 from synth.jit import compiling, kernel_claims, kernel_linking
 from synth.jit.kernel_sources import sources_id, users_cache
 from synth.native.processors import level
@@ -116,7 +116,7 @@ def _make(folder: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
         raise PermissionError(0, "cannot be written")
-    if os.getuid() not in (0, folder.stat().st_uid):
+    if hasattr(os, "getuid") and os.getuid() not in (0, folder.stat().st_uid):
         raise PermissionError(0, "belongs to another user")
 
 
@@ -314,7 +314,7 @@ def claim_of(function: Any) -> str:
 @contextlib.contextmanager
 def _writing(folder: Path) -> Iterator[bool]:
     """Whether this process is the only one that writes into the folder. Raises OSError."""
-    handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o600)
     try:
         yield _locked(handle)
     finally:
@@ -323,17 +323,11 @@ def _writing(folder: Path) -> Iterator[bool]:
 
 def _locked(handle: int) -> bool:
     end = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if time.monotonic() > end:
-                return False
-            time.sleep(0.01)
-        except OSError:  # a file system that knows no locks
-            return True
-        else:
-            return True
+    while not locks.taken(handle):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
 
 
 @functools.cache

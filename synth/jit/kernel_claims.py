@@ -6,11 +6,15 @@ is everybody's.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 import zlib
 from contextlib import suppress
+
+try:
+    import fcntl
+except ImportError:  # Windows, where no helpers are started
+    fcntl = None  # type: ignore[assignment]
 
 #: how long another process is waited for; then what it has claimed is done once more [s]
 PATIENCE_S = 600.0
@@ -27,7 +31,7 @@ def share(file: int | None) -> None:
 
 def take(name: str) -> bool:
     """Claim it; False: another process has."""
-    if _file is None:
+    if _file is None or fcntl is None:
         return True
     try:
         fcntl.lockf(_file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(name), os.SEEK_SET)
@@ -50,7 +54,7 @@ def wait_for(name: str) -> bool:
 
 def leave(name: str) -> None:
     """Let others claim it."""
-    if _file is not None:
+    if _file is not None and fcntl is not None:
         with suppress(OSError):
             fcntl.lockf(_file, fcntl.LOCK_UN, 1, _place(name), os.SEEK_SET)
 

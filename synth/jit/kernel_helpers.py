@@ -133,6 +133,8 @@ def _end(running: Sequence[subprocess.Popen[bytes]]) -> None:
 
 def _may_run() -> int:
     """How many helpers there is room for."""
+    if sys.platform == "win32":  # which hands no open file on to them by its number
+        return 0
     if getattr(sys, "frozen", False) or not os.path.basename(sys.executable or "").startswith(("python", "pypy")):
         return 0  # what is started by that name is another program
     return max(0, min(MOST, cores() - 1, int(free_memory() / NEEDS) - 1))

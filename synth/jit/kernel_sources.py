@@ -29,8 +29,12 @@ def sources_id() -> str:
 
 def users_cache() -> Path:
     """The user's folder for what can be made again (not created). Raises RuntimeError where there is no home directory."""
-    if sys.platform == "darwin":
+    if asked := os.environ.get("XDG_CACHE_HOME"):
+        base = Path(asked)
+    elif sys.platform == "darwin":
         base = Path.home() / "Library" / "Caches"
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        base = Path.home() / ".cache"
     return base / "jawari"

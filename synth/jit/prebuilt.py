@@ -59,7 +59,7 @@ def unfit(path: Path) -> str:
     """
     with open(path, "rb") as file:
         about, head = os.fstat(file.fileno()), file.read(64)
-    trusted = (0, os.getuid(), Path(__file__).stat().st_uid)
+    trusted = (0, os.getuid() if hasattr(os, "getuid") else 0, Path(__file__).stat().st_uid)
     if not os.environ.get("JAWARI_NATIVE") and about.st_uid not in trusted:
         return f"{path} belongs to another user"
     if not os.environ.get("JAWARI_NATIVE") and (about.st_mode | path.parent.stat().st_mode) & 0o002:

@@ -16,6 +16,10 @@ from synth.native.stderr import silenced
 INSTALL = "pip install 'jawari[live]'"
 #: rates that are offered where a device refuses one [Hz]
 RATES_HZ = (44100, 48000, 88200, 96000)
+#: of Windows, the one that is best for playing first; WDM-KS takes the device from all other programs
+_WINDOWS_APIS = ("Windows WASAPI", "Windows DirectSound", "MME", "Windows WDM-KS")
+#: letters of a device's name that MME has
+_MME_NAME = 31
 _ABANDONED: list[Any] = []
 
 
@@ -64,6 +68,7 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
         found = found or [each for each in there if text.lower() in full[each["index"]]]
     if not found:
         raise DeviceError(f"--device {text!r}: no such audio output; there are: {listing}")
+    found = _by_best_api(found)
     if len(found) > 1:
         raise DeviceError(
             f"--device {text!r} fits several audio outputs: "
@@ -71,6 +76,15 @@ def find_device(wanted: str | int | None) -> dict[str, Any]:
             + "; give a number"
         )
     return found[0]
+
+
+def _by_best_api(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of a device that Windows offers several times, by WASAPI and by older interfaces, the one that answers soonest."""
+    names = {each["name"][:_MME_NAME] for each in found}
+    if len(names) > 1 or any(each["host_api"] not in _WINDOWS_APIS for each in found):
+        return found
+    best = min((_WINDOWS_APIS.index(each["host_api"]) for each in found), default=0)
+    return [each for each in found if each["host_api"] == _WINDOWS_APIS[best]]
 
 
 class PortAudioOutput(Uncopied):

@@ -220,7 +220,7 @@ class Console(KeySource):
             arrow = {"H": "A", "P": "B", "M": "C", "K": "D"}.get(console.getwch())
             return f"\x1b[{arrow}".encode() if arrow else b""
         if key == "\x03":
-            os.kill(os.getpid(), signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)  # os.kill would end the process at once
             return b""
         return key.encode("utf-8", "ignore")
 
@@ -235,7 +235,10 @@ def signal_as_typed(character: str) -> bool:
     name = {"\x03": "SIGINT", "\x1a": "SIGTSTP", "\x1c": "SIGQUIT"}.get(character)
     if name is None or not hasattr(signal, name):
         return False
-    os.killpg(os.getpgrp(), getattr(signal, name))
+    if hasattr(os, "killpg"):
+        os.killpg(os.getpgrp(), getattr(signal, name))
+    else:
+        signal.raise_signal(getattr(signal, name))
     return True
 
 

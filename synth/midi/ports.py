@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import re
 import socket
+import sys
 import threading
 import time
 from collections import Counter
@@ -33,8 +34,9 @@ _AT_ONCE = 1024
 
 _API_NAMES = {1: "CoreMIDI", 2: "ALSA", 3: "JACK", 4: "Windows MM"}
 _JACK = 3
-# ALSA adds client and port number, which differ when the same device is plugged in again.
+# ALSA adds client and port number, Windows MM the port's number, which differ when the same device is plugged in again.
 _ADDRESS = re.compile(r" \d+:\d+$")
+_ADDRESS_OF_WINDOWS = re.compile(r" \d+$")
 
 
 class MidiPortError(ValueError):
@@ -117,7 +119,7 @@ def find_port(wanted: str, names: Sequence[str]) -> int:
         if int(text) < len(names):
             return int(text)
         raise MidiPortError(f"there is no MIDI port number {text}; {_listing(names)}")
-    plain = [_ADDRESS.sub("", name) for name in names]
+    plain = [_plain(name) for name in names]
     # the first kind of likeness that finds anything counts
     for found in (
         [i for i, name in enumerate(names) if text in (name, plain[i])],
@@ -215,6 +217,8 @@ def _why_none(apis: Sequence[int]) -> str:
 
 def _jack_socket() -> str | None:
     """Where the JACK server in use listens, if it does where JACK 2 does by default."""
+    if not hasattr(os, "getuid") or not hasattr(socket, "AF_UNIX"):
+        return None
     server = os.environ.get("JACK_DEFAULT_SERVER") or "default"
     for folder in ("/dev/shm", "/tmp"):
         path = f"{folder}/jack_{server}_{os.getuid()}_0"
@@ -477,4 +481,4 @@ class MidiInputs:
 
 
 def _plain(name: str) -> str:
-    return _ADDRESS.sub("", name)
+    return (_ADDRESS_OF_WINDOWS if sys.platform == "win32" else _ADDRESS).sub("", name)

@@ -107,7 +107,7 @@ def build(
     with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as temporary:
         place = Path(temporary)
         script = place / "exported.map"
-        script.write_text("{ global: " + " ".join(f"{name};" for name in EXPORTED) + " local: *; };\n")
+        script.write_text("{ global: " + " ".join(f"{name};" for name in EXPORTED) + " local: *; };\n", encoding="ascii")
         defined = [f"-DJAWARI_HAS_{level.replace('-', '_')}=1" for level in levels]
         defined += [f'-DJAWARI_VERSION="{synth.__version__}"', f'-DJAWARI_KERNELS="{kernels_version()}"']
         defined += [f'-DJAWARI_SOURCES="{sources_version()}"']
