@@ -10,6 +10,8 @@ used, so that help comes at once.
 from __future__ import annotations
 
 import argparse
+import errno
+import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -119,7 +121,12 @@ def _raising_on_termination() -> Iterator[None]:
 def _message(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         names = [str(name) for name in (error.filename, error.filename2) if name is not None]
-        return f"{': '.join(names)}: {error.strerror}" if names else error.strerror
+        hint = (
+            "; check the name"
+            if error.errno == errno.ENOENT and names and error.strerror == os.strerror(errno.ENOENT)
+            else ""
+        )
+        return f"{': '.join(names)}: {error.strerror}{hint}" if names else error.strerror
     return str(error) or type(error).__name__
 
 

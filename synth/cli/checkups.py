@@ -39,24 +39,24 @@ def _missing(reason: object, remedy: str = "") -> Finding:
 
 def rendering() -> Finding:
     """Whether `synth render` has what it needs: libraries, a compiler that works, presets."""
-    again = "pip install --force-reinstall jawari"
+    versions = []
+    for name in ("numpy", "numba", "mido", "pydantic", "threadpoolctl", "tomlkit", "soundfile"):
+        try:
+            library = import_module(name)
+            shown = {"numpy": "NumPy", "numba": "Numba"}.get(name)
+            if shown is not None:
+                versions.append(f"{shown} {library.__version__}")
+            elif name == "soundfile":
+                versions.append(f"libsndfile {library.__libsndfile_version__.removeprefix('libsndfile-')}")
+        except Exception as error:  # whatever a broken library raises
+            remedy = f"pip install --force-reinstall {name}"
+            if "sndfile" in str(error):
+                remedy = "install libsndfile (Debian: apt-get install libsndfile1; macOS: brew install libsndfile)"
+            return Finding(MISSING, f"{name} cannot be loaded: {' '.join(str(error).split())}", remedy)
+    again = "pip install --force-reinstall numba llvmlite"
     try:
-        import mido
         import numba
-        import numpy
-        import pydantic
-        import soundfile
-        import threadpoolctl
-        import tomlkit
 
-        version = soundfile.__libsndfile_version__.removeprefix("libsndfile-")
-    except Exception as error:  # whatever a broken library raises
-        remedy = again
-        if "sndfile" in str(error):
-            remedy = "install libsndfile (Debian: apt-get install libsndfile1; macOS: brew install libsndfile)"
-        return Finding(MISSING, f"a library cannot be loaded: {' '.join(str(error).split())}", remedy)
-    del mido, pydantic, threadpoolctl, tomlkit
-    try:
         if numba.jit(nopython=True)(lambda x: x + 1)(1) != 2:
             raise ArithmeticError("it computes wrong")
     except Exception as error:
@@ -66,11 +66,10 @@ def rendering() -> Finding:
     try:
         count = len(list_presets())
     except (OSError, ValueError) as error:
-        return Finding(MISSING, f"the presets cannot be read: {error}", again)
+        return Finding(MISSING, f"the presets cannot be read: {error}", "install jawari again")
     if not count:
-        return Finding(MISSING, "there are no presets", again)
-    libraries = f"NumPy {numpy.__version__}, Numba {numba.__version__}, libsndfile {version}"
-    return Finding(OK, f"{count} presets; {libraries}")
+        return Finding(MISSING, "there are no presets", "install jawari again")
+    return Finding(OK, f"{count} presets; {', '.join(versions)}")
 
 
 def kernels() -> Finding:

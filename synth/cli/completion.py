@@ -20,29 +20,28 @@ _ENDINGS = {
     "FILE.scl": ("scl",),
     "FILE.kbm": ("kbm",),
     "RUN.npz": ("npz",),
-    "CASE": ("toml",),
     "MOBILITY.csv": ("csv",),
 }
 #: …and what is written, or of any kind
 _FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml")
 _FOLDERS = ("DIR",)
 
-#: a function of each shell that offers names of presets, and files of one's own; {names} stands for the names
+#: a function of each shell that offers {names} of presets or of cases (the {kind}), and files of one's own
 _FUNCTIONS = {
     "bash": """
-_synth_presets() {
+_synth_{kind}() {
   compgen -W "{names}" -- "$1"
   compgen -f -X '!*.toml' -- "$1"
   compgen -d -- "$1"
 }
 """,
     "zsh": """
-_synth_presets() {
-  _alternative 'presets:preset:({names})' 'files:file:_files -g "*.toml"'
+_synth_{kind}() {
+  _alternative '{kind}:{kind}:({names})' 'files:file:_files -g "*.toml"'
 }
 """,
     "fish": """
-function _synth_presets
+function _synth_{kind}
   string split ' ' -- "{names}"
   for candidate in (__fish_complete_path (commandline -ct))
     string match -q -r '(\\.toml|/)(\\t|$)' -- "$candidate"; and printf '%s\\n' "$candidate"
@@ -76,12 +75,19 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
 
     from synth.instrument.preset import preset_folder
 
-    names = " ".join(sorted(path.stem for path in preset_folder().glob("*.toml")))
+    own = preset_folder()
+    cases = own / "cases"
+    words = {
+        "presets": sorted(path.stem for path in own.glob("*.toml")),
+        "cases": sorted(path.relative_to(cases).with_suffix("").as_posix() for path in cases.rglob("*.toml")),
+    }
     for action in _actions(root):
         kind = action.metavar if isinstance(action.metavar, str) else ""
         what: Any = None
         if kind in _ENDINGS:
             what = shtab.glob(*(f"*.{ending}" for ending in _ENDINGS[kind]))
+        elif kind == "CASE":
+            what = {"bash": "_synth_cases", "zsh": "_synth_cases", "fish": "(_synth_cases)"}
         elif kind == "PRESET" or (kind == "NAME" and not action.option_strings):
             what = {"bash": "_synth_presets", "zsh": "_synth_presets", "fish": "(_synth_presets)"}
         elif kind in _FOLDERS:
@@ -90,7 +96,10 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
             what = shtab.FILE
         if what is not None:
             action.complete = what  # type: ignore[attr-defined]
-    preamble: Any = {shell: _FUNCTIONS[shell].replace("{names}", names)}
+    functions = [
+        _FUNCTIONS[shell].replace("{kind}", kind).replace("{names}", " ".join(names)) for kind, names in words.items()
+    ]
+    preamble: Any = {shell: "".join(functions)}
     return shtab.complete(root, shell, preamble=preamble)
 
 

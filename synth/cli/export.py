@@ -143,7 +143,10 @@ def _formats(options: argparse.Namespace) -> tuple[str, ...]:
             return FORMATS
         if by_name is None:
             what = "-o" if options.output is not None else "the plugin"
-            raise ValueError(f"--format says what kind {what} is to be: {', '.join(FORMATS)} or all")
+            raise ValueError(
+                f"--format says what kind {what} is to be: {', '.join(FORMATS)} or all"
+                + ("" if options.output is not None else "; or --install puts all three where music programs look")
+            )
         return (by_name,)
     if options.format == "all":
         if by_name is not None:

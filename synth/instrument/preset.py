@@ -769,9 +769,10 @@ def preset_path(name_or_path: str) -> Path:
         path = preset_folder() / f"{name_or_path}.toml"
         if not path.is_file():
             names = [p.stem for p in sorted(preset_folder().glob("*.toml"))]
+            near = perhaps(name_or_path, names)
+            known = f"the program's own{near}, which `synth presets` lists" if near else ", ".join(names)
             raise PresetError(
-                f"preset {name_or_path!r} is not one of {', '.join(names)}{perhaps(name_or_path, names)}; "
-                "for a file of your own give a path ending in .toml"
+                f"preset {name_or_path!r} is not one of {known}; for a file of your own give a path ending in .toml"
             )
     elif not path.exists():
         beside = [p.name for p in path.parent.glob("*.toml")]

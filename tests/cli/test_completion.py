@@ -25,6 +25,8 @@ LINES = [
     ("synth render a.", ["a.mid"]),
     ("synth presets show veena", ["veena", "veena-soft"]),
     ("synth author my", ["my.toml"]),
+    ("synth simulate hard/two", ["hard/two-close"]),
+    ("synth simulate my", ["my.toml"]),
     ("synth export tanpura jawari", ["jawari-harp"]),
 ]
 

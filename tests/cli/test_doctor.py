@@ -68,8 +68,8 @@ def test_a_machine_without_libraries_says_what_to_install(tmp_path) -> None:
     assert done.returncode == 1 and done.stderr == ""
     said = done.stdout
     assert "Traceback" not in said
-    assert "missing    rendering  a library cannot be loaded: No module named here" in said
-    assert "→ pip install --force-reinstall jawari" in said
+    assert "missing    rendering  numba cannot be loaded: No module named here" in said
+    assert "→ pip install --force-reinstall numba" in said
     assert "JACK needs the package JACK-Client" in said and "→ pip install 'jawari[jack]'" in said
 
 
