@@ -7,7 +7,6 @@ with Patients(["audio", "MIDI"], 30.0) as patients:
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -51,7 +50,11 @@ class Patients:
         try:
             said, _ = process.communicate(timeout=max(0.0, self._end - time.monotonic()))
         except subprocess.TimeoutExpired:
-            return Finding(NOT_TRIED, f"no answer within {self._seconds:g} s", "try again with --timeout 300, or restart it")
+            return Finding(
+                NOT_TRIED,
+                f"no answer within {self._seconds:g} s",
+                "try again with --timeout 300; if that is no better, restart the machine or its sound server",
+            )
         for line in reversed(said.splitlines()):
             if line.startswith(_MARK):
                 return Finding(*json.loads(line.removeprefix(_MARK)))
@@ -76,7 +79,7 @@ def _begun(name: str) -> subprocess.Popen[str] | OSError:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONIOENCODING": "utf-8"},
+            env={**kernel_cache.environment(), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONIOENCODING": "utf-8"},
             encoding="utf-8",
             errors="replace",
         )

@@ -83,6 +83,8 @@ def kernels() -> Finding:
     _make_no_folders()
     import_module("synth.engine.engine")
     missing, all_there_are = compiling.to_come()
+    if kernel_cache.trouble() is not None:
+        return Finding(OK, "compiled at every start, ½ to 2 minutes, as they cannot be kept (see cache)")
     if missing == all_there_are:
         return Finding(OK, "the first start compiles them, once on this machine; takes ½ to 2 minutes")
     folder = os.environ.get("NUMBA_CACHE_DIR") or kernel_cache.cache_folder()

@@ -45,12 +45,19 @@ COLLECT_AFTER = 100_000
 interruptible = False
 
 _trouble: str | None = None
+#: what NUMBA_CACHE_DIR was set to here; empty: it was left alone
+_chosen = [""]
 _passing: list[Path] = []
 
 
 def trouble() -> str | None:
     """Why kernels that are compiled now will be compiled again at the next start, and what helps; None: they are kept."""
     return _trouble
+
+
+def environment() -> dict[str, str]:
+    """That of this process as it was before NUMBA_CACHE_DIR was set here: for one that is to choose for itself."""
+    return {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR" or value != _chosen[0]}
 
 
 def cache_folder() -> Path:
@@ -71,7 +78,7 @@ def use() -> None:
             with suppress(OSError):  # no place at all: nothing is kept
                 folder = _temporary()
         if folder is not None:
-            os.environ["NUMBA_CACHE_DIR"] = str(folder)
+            os.environ["NUMBA_CACHE_DIR"] = _chosen[0] = str(folder)
     if "numba" in sys.modules:
         _mend_numba()
     else:

@@ -25,7 +25,7 @@ def run(*arguments: str, before: Path | None = None, **environment: str) -> subp
     return subprocess.run(
         [sys.executable, "-m", "synth", "doctor", "--timeout", "600", *arguments],
         cwd=before or ROOT,
-        env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", **environment},
+        env={**kernel_cache.environment(), "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", **environment},
         capture_output=True,
         text=True,
         timeout=compiling_s(),
@@ -43,7 +43,7 @@ def test_this_machine_renders_and_nothing_is_written(tmp_path) -> None:
         patched.setenv("XDG_CACHE_HOME", folders["XDG_CACHE_HOME"])
         kernel_cache.cache_folder().mkdir(parents=True)  # as every command makes it
     before = everything(tmp_path)
-    done = run("--json", NUMBA_CACHE_DIR="", **folders)
+    done = run("--json", **folders)
     assert done.returncode == 0 and done.stderr == ""
     told = json.loads(done.stdout)
     assert told["renders"] is True
@@ -64,12 +64,14 @@ def test_a_machine_without_libraries_says_what_to_install(tmp_path) -> None:
     for name in ("rtmidi", "jack", "starlette", "numba"):
         (tmp_path / f"{name}.py").write_text(GONE, encoding="utf-8")
     (tmp_path / "sounddevice.py").write_text("raise OSError('PortAudio library not found')", encoding="utf-8")
-    done = run(before=tmp_path)
+    (tmp_path / "file").touch()
+    done = run(before=tmp_path, XDG_CACHE_HOME=str(tmp_path / "file"))
     assert done.returncode == 1 and done.stderr == ""
     said = done.stdout
     assert "Traceback" not in said
     assert "missing    rendering  numba cannot be loaded: No module named here" in said
     assert "→ pip install --force-reinstall numba" in said
+    assert "missing    cache      compiled kernels cannot be kept" in said and "set XDG_CACHE_HOME" in said
     assert "JACK needs the package JACK-Client" in said and "→ pip install 'jawari[jack]'" in said
 
 
