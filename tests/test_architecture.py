@@ -1,4 +1,4 @@
-"""Imports go one way only: _version, signals, spelling, units, files → native → jit → midi → physics, solver, dsp →
+"""Imports go one way only: _version, signals, spelling, units, panning, files → native → jit → midi → physics, solver, dsp →
 instrument → engine, research → host, fit → live → drone, author → plugin → cli.
 """
 
@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"_version", "signals", "spelling", "units", "files"},
+    {"_version", "signals", "spelling", "units", "panning", "files"},
     {"extensions"},
     {"native"},
     {"jit"},

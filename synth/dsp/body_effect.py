@@ -6,6 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from synth import panning
 from synth.dsp.body import body_coefficients, body_filter
 from synth.dsp.effect import Effect, openers, still
 from synth.native.arrays import allocate, f8
@@ -38,9 +39,7 @@ def _make(body: Any, rate_hz: float) -> Made:
     )
     sides = np.stack([whole] * (2 if body.wide else 1))
     if body.wide:  # of constant power, as channels are panned; the filter is linear in its first row
-        angle = 0.25 * np.pi * (1.0 + np.array([peak.pan for peak in peaks]))
-        sides[0, 0] *= np.sqrt(2.0) * np.cos(angle)
-        sides[1, 0] *= np.sqrt(2.0) * np.sin(angle)
+        sides[:, 0] *= np.sqrt(2.0) * panning.shares([peak.pan for peak in peaks])
     sizes = {"sides": len(sides), "resonances": len(peaks)}
     return allocate(Made, sizes, direct=db_to_gain(body.direct_db), coefficients=sides)
 

@@ -118,7 +118,7 @@ def _levels(core: int, p: int) -> tuple[float, float]:
     state, settings = state_of(core), settings_of(core)
     channel = state.channels[state.part_state[p].channel]
     level = channel.volume * channel.expression * state.parameters[p, GAIN] * settings.gain
-    angle = 0.25 * math.pi * (1.0 + channel.pan)
+    angle = 0.25 * math.pi * (1.0 + channel.pan)  # as `synth.panning.shares`
     return level * math.sqrt(2.0) * math.cos(angle), level * math.sqrt(2.0) * math.sin(angle)
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synth import panning
 from synth.physics.string import require_within
 
 #: what the components of β and of a mode's shape are
@@ -102,9 +103,8 @@ class Body:
 
     def left_right(self, gain: float = 1.0) -> NDArray[np.float64]:
         """(2, M) what the modes' accelerations give on the left and on the right, the same power wherever they are heard."""
-        pan = 0.25 * math.pi * (1.0 + np.array([mode.pan for mode in self.modes]))
         heard = gain * np.array([mode.radiation for mode in self.modes])
-        return math.sqrt(2.0) * heard * np.array([np.cos(pan), np.sin(pan)])
+        return math.sqrt(2.0) * heard * panning.shares([mode.pan for mode in self.modes])
 
     @property
     def shapes(self) -> NDArray[np.float64]:
