@@ -1,6 +1,7 @@
 """The presets that come with the program: they load, have their level, buzz, fade and stop; wrong ones say why."""
 
 import itertools
+import re
 
 import numpy as np
 import pyloudnorm
@@ -24,6 +25,7 @@ from synth.instrument.preset import (
     migrate,
     parse_preset,
     playable_notes,
+    preset_folder,
 )
 from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.units import midi_to_hz
@@ -122,6 +124,14 @@ def rms_db(x: np.ndarray) -> float:
 def string_of(name: str, note: int, index: int | None = None) -> Preset:
     """Only the string (of a table, if given) that plays the note."""
     return next(alone for table, _, alone in single_strings(load_preset(name), {note}) if index in (None, table))
+
+
+def test_strokes_differ_but_of_those_that_the_readme_names() -> None:
+    alike = {preset.name for preset in list_presets() if not preset.hand.varies}
+    text = (preset_folder().parent / "README.md").read_text(encoding="utf-8")
+    said = text.split("no two strokes of those with a `[hand]` are the same: all but ")[1].split(".")[0]
+    names = set(re.findall("`([^`]*)`(s?)", said))
+    assert {each for each in EVERY for name, s in names if each == name or (s and each.startswith(f"{name}-"))} == alike
 
 
 def test_the_presets_that_come_with_the_program() -> None:

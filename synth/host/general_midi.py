@@ -59,7 +59,7 @@ _BRIDGE = ("electric-guitar", "steel-guitar", HARP)
 _CONCERT = ("harp", HARP)
 _PIZZICATO = ("pizzicato-strings", "harp", HARP)
 _FINGER = (BASS,)
-_PICK = ("picked-bass", "fretted-bass-picked", "fretted-bass-pick", BASS)
+_PICK = ("picked-bass", BASS)
 _FRETLESS = ("fretless-bass", BASS)
 _UPRIGHT = ("double-bass", "fretless-bass", BASS)
 _SLAP = ("slap-bass", BASS)
@@ -105,10 +105,10 @@ ANSWERS: tuple[Answer, ...] = (
     Answer(_GUITAR, "an electric guitar, touched at a node", articulations=("harmonic",), gain_db=3.3),
     Answer(_UPRIGHT, "a double bass plucked with a finger, stopped on a bare board: the fretless bass"),
     Answer(_FINGER, "the fretted bass, played with a finger"),
-    Answer(_PICK, "the fretted bass, with a plectrum where there is one"),
+    Answer(_PICK, "the bass played with a plectrum, else the fretted bass"),
     Answer(_FRETLESS, "the fretless bass itself"),
-    Answer(_SLAP, "the bass that is slapped", articulations=("slap",)),
-    Answer(_SLAP, "the bass that is slapped, with a pop where there is one", articulations=("pop", "slap"), gain_db=3.9),
+    Answer(_SLAP, "the bass that is slapped: the thumb is its normal stroke"),
+    Answer(_SLAP, "the bass that is slapped, with a pop where there is one", articulations=("pop",), gain_db=3.9),
     Answer(_FINGER, "an oscillator in the bass: the fretted bass plays its notes", string=False),
     Answer(_FRETLESS, "an oscillator in the bass: the fretless bass plays its notes", string=False),
     *(Answer(_CONCERT, _BOWED, string=False) for _ in range(40, 43)),

@@ -11,7 +11,7 @@ from synth.host.general_midi import ANSWERS, BASS, HARP, answer
 from synth.host.parts import Choice, Part, cast, cast_live, headroom_db
 from synth.host.render import RenderSettings
 from synth.instrument.articulations import Articulation, Touch
-from synth.instrument.preset import load_preset
+from synth.instrument.preset import load_preset, preset_folder
 from synth.live.take import TakeFile
 from synth.midi.events import NOTE_ON, make_events
 from synth.midi.programs import PROGRAMS
@@ -29,6 +29,13 @@ def test_every_program_has_an_answer_a_reason_and_a_last_resort() -> None:
         assert each.presets[-1] in (HARP, BASS) and each.why
         assert load_preset(each.preset).name == each.preset
         assert len(set(each.presets)) == len(each.presets)
+
+
+def test_the_table_names_nothing_that_is_not_there() -> None:
+    there = {path.stem for path in preset_folder().glob("*.toml")}
+    for each in ANSWERS:
+        assert set(each.presets) <= there
+        assert set(each.articulations) <= set(load_preset(each.preset).articulations), each.preset
 
 
 def test_no_note_of_any_program_goes_unplayed() -> None:
