@@ -195,8 +195,8 @@ def cast_live(choice: Choice, *, only_channel: int | None = None, song: Casting 
             wanted = choice.part(channel, program)
             if wanted.preset == LEFT_OUT or choice.skips(channel, program):
                 continue
-            same = (wanted.preset, wanted.articulations)
-            fits = [number for number, part in enumerate(parts) if (part.preset, part.articulations) == same]
+            same = (wanted.preset, wanted.articulations, wanted.switching)
+            fits = [n for n, part in enumerate(parts) if (part.preset, part.articulations, part.switching) == same]
             if not fits:
                 fits = [len(parts)]
                 parts.append(wanted)

@@ -92,7 +92,7 @@ class RenderSettings:
 
     def choice(self, song: Song) -> parts.Choice:
         """Which presets the song's channels are to have."""
-        return parts.Choice(self.preset, self.channel_presets, self.gm or song.gm, self.only_strings, song.take)
+        return parts.Choice(self.preset, self.channel_presets, self.gm or song.gm, self.only_strings, song.switching)
 
 
 @dataclass

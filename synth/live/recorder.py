@@ -67,7 +67,8 @@ class Recorder(Uncopied):
     """A context manager: records from the stream's first frame until it is left, and keeps what it has whatever ends it.
     Leave it when the stream has stopped.
 
-    wav: file to write the sound to (.wav or .flac); mid: the take; None: not; gm, headroom_db: see `TakeFile`.
+    wav: file to write the sound to (.wav or .flac); mid: the take; None: not; gm, headroom_db, switching: see
+    `TakeFile`.
     bit_depth: '16', '24', 'float'.
     say: takes a line for the player, from the recorder's thread: a disk that is full ends the recording, not the playing.
 
@@ -90,6 +91,7 @@ class Recorder(Uncopied):
         *,
         gm: bool = False,
         headroom_db: float = 0.0,
+        switching: bool = True,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.frames = 0
@@ -110,7 +112,7 @@ class Recorder(Uncopied):
                 raise ValueError(f"a recording cannot go to a stream, got {str(wav)!r}; name a file")
             container = container_of(str(wav))
             self._sound = AudioWriter(wav, rate_hz, container=container, bit_depth=bit_depth, growing=True)
-        self._take = TakeFile(mid, rate_hz, gm, headroom_db) if mid is not None else None
+        self._take = TakeFile(mid, rate_hz, gm, headroom_db, switching) if mid is not None else None
         check_apart([], [Named(what, path) for what, path in (("sound", wav), ("take", mid)) if path is not None])
         self._buffer = np.zeros((_BUFFER_FRAMES, 2))
         self._end = threading.Event()

@@ -188,6 +188,7 @@ class Session(Uncopied):
         self._recorder: Recorder | None = None
         self._unplayed = 0
         self._gm = settings.gm
+        self._switching = True
         self.files: list[str] = []
         self.report: LiveReport | None = None
 
@@ -206,14 +207,13 @@ class Session(Uncopied):
                 check_target(path)
         # All that can be wrong with files and names comes before any device is touched, and that before the preparations.
         self.rate_hz = self._choose_rate()
-        casting, song = self._cast()
+        casting, song, headroom_db = self._cast()
         self._labels = [part.preset for part in casting.parts] if song is None else [part.label for part in casting.parts]
         names = [part.preset for part in casting.parts]
         presets = parts.varied(parts.load_presets(names, settings.settings, settings.made), settings.variation)
-        arrangement, headroom_db = None, 0.0
+        arrangement = None
         if song is not None:
             played = song.events[parts.played_events(song.events, song.players, casting)]
-            headroom_db = parts.headroom_db(song, casting)
             wishes = compass.Wishes(fold_programs=not song.take)
             arrangement = compass.arrange(song, played, casting, presets, wishes, settings.mpe)
         check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
@@ -268,6 +268,7 @@ class Session(Uncopied):
                 say=self._line.say,
                 gm=self._gm,
                 headroom_db=headroom_db,
+                switching=self._switching,
             )
             stack.enter_context(self._recorder)
         self._unplayable = Unplayable(engine.parts, frozenset(range(128)) - (only_notes or frozenset(range(128))))
@@ -320,17 +321,19 @@ class Session(Uncopied):
         except MidiPortError as error:
             raise MidiPortError(f"--midi-in: {error}") from None
 
-    def _cast(self) -> tuple[parts.Casting, songs.Song | None]:
+    def _cast(self) -> tuple[parts.Casting, songs.Song | None, float]:
+        """Who plays what; the song; by how much it is lowered [dB], whoever plays beside it."""
         settings = self._settings
         if settings.song is None:
             choice = parts.Choice(settings.preset, settings.channel_presets, settings.gm, settings.only_strings, True)
-            return parts.cast_live(choice, only_channel=settings.midi_channel), None
+            return parts.cast_live(choice, only_channel=settings.midi_channel), None, 0.0
         song = songs.read_song(settings.song, self.rate_hz, settings.mpe)
         for warning in song.warnings:
             self._line.say(f"{settings.song}: {warning}")
-        self._gm = settings.gm or song.gm
-        choice = parts.Choice(settings.preset, settings.channel_presets, self._gm, settings.only_strings, song.take)
+        self._gm, self._switching = settings.gm or song.gm, song.switching
+        choice = parts.Choice(settings.preset, settings.channel_presets, self._gm, settings.only_strings, self._switching)
         casting = parts.cast(song.channels, choice)
+        headroom_db = parts.headroom_db(song, casting)
         for channel, count in casting.left_out.items():
             if channel not in settings.channel_presets:
                 self._line.say(
@@ -340,7 +343,7 @@ class Session(Uncopied):
             casting = parts.cast_live(choice, song=casting)
         if not casting.parts:
             raise ValueError(f"{settings.song}: there is nothing to play in it; its notes: {song.notes}")
-        return casting, song
+        return casting, song, headroom_db
 
     @property
     def _listens(self) -> bool:

@@ -29,7 +29,7 @@ from synth.midi.events import (
     PROGRAM,
     TUNING,
 )
-from synth.midi.smf import GM_TAKE_MARK, TAKE_MARK
+from synth.midi.smf import GM_TAKE_MARK, TAKE_MARK, UNSWITCHED_MARK
 from synth.midi.sysex import of_parameter, of_tuning
 
 _END_OF_TRACK = b"\0" + mido.MetaMessage("end_of_track").bin()
@@ -56,10 +56,13 @@ class TakeFile:
 
     events: how many are in it.  left_out: those that MIDI has no message for.  gm: whether programs choose by the whole
     table of General MIDI, and are to do so where it is played again; headroom_db: what its song is then lowered by.
+    switching: whether keys and controllers switch articulations of what programs choose.
     Raises OSError where it cannot be made, ValueError for a rate that no tick fits.
     """
 
-    def __init__(self, path: str | Path, rate_hz: int, gm: bool = False, headroom_db: float = 0.0) -> None:
+    def __init__(
+        self, path: str | Path, rate_hz: int, gm: bool = False, headroom_db: float = 0.0, switching: bool = True
+    ) -> None:
         self.path = str(path)
         self.events = 0
         self.left_out = 0
@@ -68,6 +71,7 @@ class TakeFile:
         division, tempo = division_of(rate_hz)
         self._head = b"MThd\0\0\0\6\0\0\0\1" + division.to_bytes(2, "big") + b"MTrk\0\0\0\0"
         mark = GM_TAKE_MARK + bytes([round(10.0 * headroom_db)]) if gm else TAKE_MARK
+        mark += b"" if switching else b"\0" + UNSWITCHED_MARK
         self._start = b"\0" + mido.MetaMessage("set_tempo", tempo=tempo).bin() + b"\0" + mark
         self._file: int | None = None
         self._at = _TRACK_AT  # where the end of track stands

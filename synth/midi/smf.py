@@ -23,6 +23,8 @@ TAKE_MARK = b"\xff\x7f\x04\x7dJW\x03"
 #: the same of takes of sessions in which programs chose by the whole table of General MIDI; behind it the headroom of their
 #: song in tenths of a decibel
 GM_TAKE_MARK = b"\xff\x7f\x05\x7dJW\x04"
+#: behind either in takes of sessions in which keys and controllers switched no articulations of what programs chose
+UNSWITCHED_MARK = b"\xff\x7f\x04\x7dJW\x05"
 
 # System common messages have no place in a file, but some hold them: skipped with their data.
 _SYSTEM_DATA_BYTES = {0xF1: 1, 0xF2: 2, 0xF3: 1}
@@ -40,7 +42,8 @@ class Track:
     where the message has one). tempos: (tick, microseconds per quarter note). sysex: (place, tick, body without F0 and
     F7), `place` being how many channel messages come before; one sent in several packets has the tick of the last.
     end_tick: time of the track's end. take: whether this program recorded it, and simultaneous events are in their order;
-    gm, headroom_db: whether, if so, programs chose by the whole table of General MIDI, and what its song was lowered by.
+    gm, headroom_db: whether, if so, programs chose by the whole table of General MIDI, and what its song was lowered by;
+    unswitched: whether keys and controllers switched no articulations of what programs chose.
     """
 
     ticks: list[int] = field(default_factory=list)
@@ -53,6 +56,7 @@ class Track:
     take: bool = False
     gm: bool = False
     headroom_db: float = 0.0
+    unswitched: bool = False
 
 
 @dataclass(frozen=True)
@@ -226,6 +230,8 @@ def _parse_track(body: bytes, offset: int, where: str) -> Track:
                     track.take = True
                 if kind == GM_TAKE_MARK[1] and size == GM_TAKE_MARK[2] and payload[:-1] == GM_TAKE_MARK[3:]:
                     track.take, track.gm, track.headroom_db = True, True, payload[-1] / 10.0
+                if kind == UNSWITCHED_MARK[1] and payload == UNSWITCHED_MARK[3:]:
+                    track.unswitched = True
             elif status in (0xF0, 0xF7):
                 size, at = _variable_length(body, at)
                 packet = body[at : at + size]

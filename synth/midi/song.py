@@ -45,7 +45,7 @@ class Song:
     players: of every event, see `players`.
     take: whether it is a take of this program's, which is played as it was.  gm: whether programs choose by the whole table
         of General MIDI, as in all songs but takes of sessions that did otherwise.  headroom_db: of a take, what its song was
-        lowered by.
+        lowered by.  unswitched: whether, in a take, keys and controllers switched no articulations of what programs chose.
     """
 
     events: np.ndarray
@@ -59,6 +59,13 @@ class Song:
     take: bool = False
     gm: bool = True
     headroom_db: float = 0.0
+    unswitched: bool = False
+
+    @property
+    def switching(self) -> bool:
+        """Whether keys and controllers switch articulations of what programs choose: as in the session of a take, and never
+        in songs, whose low notes are notes."""
+        return self.take and not self.unswitched
 
 
 def read_song(path: str | Path, rate_hz: int, mpe: bool = False, until_s: float | None = None) -> Song:
@@ -113,7 +120,8 @@ def song_from_file(file: MidiFile, rate_hz: int, mpe: bool = False, until_s: flo
     song = song_of(events, rate_hz, start_s, mpe, tuple(dict.fromkeys(warnings)))
     takes = [track for track in file.tracks if track.take]
     headroom_db = max((track.headroom_db for track in takes), default=0.0)
-    return replace(song, take=bool(takes), gm=all(track.gm for track in takes), headroom_db=headroom_db)
+    gm, unswitched = all(track.gm for track in takes), any(track.unswitched for track in takes)
+    return replace(song, take=bool(takes), gm=gm, headroom_db=headroom_db, unswitched=unswitched)
 
 
 def song_of(events: np.ndarray, rate_hz: int, length_s: float, mpe: bool = False, warnings: tuple[str, ...] = ()) -> Song:

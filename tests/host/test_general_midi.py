@@ -159,6 +159,28 @@ def test_a_take_says_who_chose_and_how_far_its_song_was_lowered(tmp_path: Path, 
     assert RenderSettings("take.mid", None, gm=True).choice(song).gm
 
 
+@pytest.mark.parametrize("gm", [False, True])
+def test_a_take_says_whether_keys_switched(tmp_path: Path, gm: bool) -> None:
+    for switching in (True, False):
+        take = TakeFile(tmp_path / "take.mid", 44100, gm, 3.0, switching)
+        take.open()
+        take.append(make_events([(7, NOTE_ON, 0, 60, 90)]))
+        take.close(100)
+        song = read_song(tmp_path / "take.mid", 44100)
+        assert (song.take, song.gm, song.switching) == (True, gm, switching)
+        assert song.events["frame"].tolist()[0] == 7 and not song.warnings
+        assert RenderSettings("take.mid", None).choice(song).switching is switching
+    assert not song_of(make_events([]), 44100, 1.0).switching
+
+
+def test_live_a_part_that_keys_do_not_switch_is_not_shared_with_one_that_they_do() -> None:
+    choice = Choice(by_channel={0: "electric-guitar"})
+    program = next(n for n in range(128) if answer(n).preset == "electric-guitar" and not answer(n).articulations)
+    made = cast_live(choice, song=cast({(0, 0): 1}, choice))
+    mine, chosen = (made.parts[made.program_map[channel, program]] for channel in (0, 3))
+    assert mine.switching and not chosen.switching and mine.preset == chosen.preset
+
+
 def test_in_a_song_low_notes_switch_nothing_of_what_a_program_chose() -> None:
     casting = cast({(0, 0): 1, (1, 0): 1}, Choice(by_channel={1: "tanpura"}))
     assert [part.switching for part in casting.parts] == [False, True]

@@ -17,8 +17,10 @@ import soundfile
 from synth.engine.engine import Engine
 from synth.engine.layout import PLUCK_POSITION
 from synth.host.audiofile import AudioWriter
+from synth.host.parts import Choice, cast, cast_live
 from synth.host.render import RenderSettings, render_file
 from synth.instrument.preset import load_preset
+from synth.instrument.ways import switch_keys
 from synth.live.deck import Deck
 from synth.live.recorder import Recorder
 from synth.live.take import TakeFile, division_of
@@ -88,6 +90,33 @@ def test_a_take_renders_to_the_samples_that_were_recorded(tmp_path: Path) -> Non
     rendered, _ = soundfile.read(again, dtype="int16")
     assert len(rendered) == total
     assert np.abs(recorded.astype(int)).max() > 1000
+    assert np.array_equal(recorded, rendered[: len(recorded)])
+
+
+def test_a_take_made_beside_a_song_renders_to_the_samples_that_were_recorded(tmp_path: Path) -> None:
+    """A key switches nothing of what a program chose: neither live nor in the take."""
+    program, mute, note = 29, 26, 45
+    choice = Choice()
+    casting = cast_live(choice, song=cast({(0, program): 2}, choice))
+    part = casting.parts[0]
+    preset = load_preset(part.preset)
+    assert switch_keys(preset)[mute] == "palm-mute" and not switch_keys(part.played(preset))
+    program_map = np.full((16, 128), -1, np.int64)
+    program_map[0, program] = 0
+    engine = Engine([part.played(preset)], program_map, only_notes=[{mute, note}])
+    engine.prepare(RATE_HZ, 4096)
+    deck = Deck(engine, record=True)
+    card = Card(deck)
+    rows = [(0, PROGRAM, 0, program, 0, 0.0), (64, NOTE_ON, 0, note, 90, 0.0), (6000, NOTE_ON, 0, mute, 90, 0.0)]
+    events = make_events([*rows, (6400, NOTE_OFF, 0, mute, 64, 0.0), (9000, NOTE_ON, 0, note, 100, 0.0)])
+    wav, mid, again = (tmp_path / name for name in ("take.wav", "take.mid", "again.wav"))
+    with Recorder(deck, wav, mid, RATE_HZ, "16", gm=True, switching=part.switching):
+        assert deck.schedule(events) == len(events)
+        for _ in range(20):
+            card.ask(1000)
+    render_file(RenderSettings(str(mid), str(again), tail=0.0, bit_depth="16"))
+    recorded, rendered = (soundfile.read(path, dtype="int16")[0] for path in (wav, again))
+    assert np.abs(recorded[9500:].astype(int)).max() > 1000
     assert np.array_equal(recorded, rendered[: len(recorded)])
 
 

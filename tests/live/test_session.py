@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 
 from synth.cli.common import asked_by_signals
 from synth.host import parts
+from synth.host.render import RenderSettings
 from synth.live.latency import Span, quickest_note
 from synth.live.player import AHEAD_S, Player
 from synth.live.session import Session, SessionSettings, Stop
@@ -22,6 +24,7 @@ from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.midi.eventsource import from_events
 from synth.native import stderr
 from synth.native.patience import CALL_S, LEAVE_S, Worker, answers
+from tests.host.midibytes import header, off, on, track
 
 RATE_HZ = 44100
 
@@ -317,6 +320,36 @@ class Output:
 
     def close(self) -> None:
         self.done.append("close")
+
+
+def beside(path: Path, *events: tuple[int, bytes], **settings: object) -> Session:
+    """A session in which others play beside a song of these events."""
+    path.write_bytes(header() + track(*events))
+    session = Session(SessionSettings(song=str(path), keys=True, **settings), StatusLine(quiet=True))
+    session.rate_hz = RATE_HZ
+    return session
+
+
+def test_a_song_is_as_loud_whether_others_play_beside_it_or_not(tmp_path: Path) -> None:
+    for channels, lowered in (((3,), 0.0), ((3, 5), 3.0)):
+        notes = [(0, on(48, channel=c)) for c in channels] + [(99, off(48, channel=c)) for c in channels]
+        casting, song, headroom_db = beside(tmp_path / "song.mid", *notes)._cast()
+        assert len({part.channel for part in casting.parts}) > len(channels)
+        assert song is not None and headroom_db == lowered
+        offline = parts.cast(song.channels, RenderSettings("song.mid", None).choice(song))
+        assert parts.headroom_db(song, offline) == headroom_db
+    assert Session(SessionSettings(), StatusLine(quiet=True))._cast()[1:] == (None, 0.0)
+
+
+def test_beside_a_song_keys_switch_what_programs_chose_as_little_as_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "song.mid"
+    session = beside(path, (0, bytes((0xC0, 27))), (0, on(48)), (99, off(48)))
+    casting, _, _ = session._cast()
+    assert not any(part.switching for part in casting.parts) and not session._switching
+    mapped = beside(path, (0, on(48)), (99, off(48)), preset="electric-guitar")
+    assert all(part.switching for part in mapped._cast()[0].parts) and not mapped._switching
+    alone = Session(SessionSettings(), StatusLine(quiet=True))
+    assert all(part.switching for part in alone._cast()[0].parts) and alone._switching
 
 
 def reopened(output: Output, *, late: bool = False) -> tuple[Session, list[str]]:
