@@ -1,5 +1,6 @@
 """What becomes of notes before they are played: transposed, folded into the compass, given to another preset; and which of
-them no string plays. Keys that switch articulations are no notes and stay where they are.
+them no string plays. Keys that switch articulations are no notes and stay where they are; a note that is brought onto one
+switches nothing and is not played.
 
 A note's place is settled when it begins: its end and its pressure go where it went, whatever is changed in between.
 """
@@ -61,7 +62,8 @@ class Arrangement:
 
     events: EVENT.  casting: its parts, those of the fallback among them.  part: (n,) of every note-on, −1 for those that no
     part plays and for other events.  program: (n,) that its channel has, 0…127.  leader: (n,) channel that chose its part.
-    folded: (n,) bool, note-ons that are played octaves away.
+    folded: (n,) bool, note-ons that are played octaves away.  note: (n,) bool, note-ons of parts that are notes, not keys
+    that switch. One that transposing has brought onto such a key stands there with velocity 0, plays and switches nothing.
     """
 
     events: np.ndarray
@@ -70,6 +72,7 @@ class Arrangement:
     program: np.ndarray
     leader: np.ndarray
     folded: np.ndarray
+    note: np.ndarray
 
 
 def parse_transpose(texts: Iterable[str]) -> dict[int | None, int]:
@@ -104,7 +107,10 @@ def arrange(
     part = np.where(by >= 0, casting.program_map[leader, program], -1)
     changed = (wishes.change(each, events["a"][part == p], presets[each.preset]) for p, each in enumerate(casting.parts))
     if not any(changed):
-        return Arrangement(events, casting, part, program, leader, np.zeros(len(events), bool))
+        note = part >= 0
+        for p, each in enumerate(casting.parts):
+            note &= ~((part == p) & np.isin(events["a"], list(switches(each.played(presets[each.preset])))))
+        return Arrangement(events, casting, part, program, leader, np.zeros(len(events), bool), note)
     return _Arranger(casting, presets, wishes).arranged(events, part, program, leader)
 
 
@@ -122,15 +128,17 @@ class _Arranger:
 
     def arranged(self, events: np.ndarray, part: np.ndarray, program: np.ndarray, leader: np.ndarray) -> Arrangement:
         rows: list[tuple] = []  # of EVENT
-        told: list[tuple[int, int, int, int]] = []  # part, program and leader of each, whether it is folded
+        told: list[tuple[int, int, int, int, int]] = []  # part, program, leader; whether it is folded, and a part's note
         held: dict[tuple[int, int], list[int]] = {}  # (channel, key) → notes that it has begun, oldest first
         sounding: dict[tuple[int, int], Counter[int]] = {}  # (channel, note) → keys that hold it
         latest: dict[tuple[int, int], int] = {}  # (channel, key) → note of its last beginning
         counts: Counter[int] = Counter()
 
-        def put(row: tuple, p: int = -1, program: int = -1, leader: int = -1, folded: bool = False) -> None:
+        def put(
+            row: tuple, p: int = -1, program: int = -1, leader: int = -1, folded: bool = False, note: bool = False
+        ) -> None:
             rows.append(row)
-            told.append((p, program, leader, folded))
+            told.append((p, program, leader, folded, note))
 
         lines = zip(events.tolist(), part.tolist(), program.tolist(), leader.tolist(), strict=True)
         for row, first, its_program, its_leader in lines:
@@ -140,12 +148,15 @@ class _Arranger:
                 held.setdefault((channel, key), []).append(note)
                 sounding.setdefault((channel, note), Counter())[key] += 1
                 latest[channel, key] = note
-                counts[p] += 0 if p >= 0 and note in self._switches[p] else 1
+                switches = first >= 0 and key in self._switches[first]
+                lost = not switches and p >= 0 and note in self._switches[p]
+                counts[p] += 0 if switches else 1
                 spare = self._spare.get(its_leader) if p != first else None
                 if spare is not None:
                     put((frame, PROGRAM, its_leader, spare[0], 0, 0.0))
-                folded = note != key + self._wishes.semitones(its_leader)
-                put((frame, kind, channel, note, b, value), p, its_program, its_leader, folded)
+                folded = not switches and note != key + self._wishes.semitones(its_leader)
+                row = (frame, kind, channel, note, 0 if lost else b, value)
+                put(row, p, its_program, its_leader, folded, p >= 0 and not switches)
                 if spare is not None:
                     put((frame, PROGRAM, its_leader, its_program, 0, 0.0))
             elif kind in (NOTE_ON, NOTE_OFF):
@@ -162,12 +173,13 @@ class _Arranger:
             else:
                 put(row)
         parts = tuple(replace(each, notes=counts[p]) for p, each in enumerate(self._parts))
-        of = np.array(told, np.int64).reshape(-1, 4)
+        of = np.array(told, np.int64).reshape(-1, 5)
         casting = replace(self._casting, parts=parts, program_map=self._map)
-        return Arrangement(np.array(rows, EVENT), casting, of[:, 0], of[:, 1], of[:, 2], of[:, 3] > 0)
+        return Arrangement(np.array(rows, EVENT), casting, of[:, 0], of[:, 1], of[:, 2], of[:, 3] > 0, of[:, 4] > 0)
 
     def _place(self, p: int, leader: int, key: int) -> tuple[int, int]:
-        """(part, note) for a key. A note beyond all keys stays one, which no string plays."""
+        """(part, note) for a key. A note beyond all keys stays one, which no string plays, as does one that comes to lie on
+        a key that switches."""
         if p >= 0 and key in self._switches[p]:
             return p, key
         note = key + self._wishes.semitones(leader)
@@ -244,16 +256,13 @@ def channel_rows(
     fallback: the preset of that name that may be offered as a remedy.
     """
     events = arrangement.events
-    heard = (arrangement.part >= 0) & within(events, frames)
+    heard = arrangement.note & within(events, frames)
     rows = []
     for p, part in enumerate(arrangement.casting.parts):
         mine = heard & (arrangement.part == p)
         if not mine.any():
             continue
-        keys = events["a"][mine]
-        counts = Counter(keys[~np.isin(keys, list(switches(part.played(presets[part.preset]))))].tolist())
-        if not counts:
-            continue
+        counts = Counter(events["a"][mine].tolist())
         can = playable(presets[part.preset])
         missed = {note: count for note, count in counts.items() if note not in can}
         programs = np.unique(arrangement.program[mine]).tolist()
@@ -305,7 +314,7 @@ def _remedies(
 def stand_ins(arrangement: Arrangement, frames: slice) -> list[dict[str, Any]]:
     """The presets that programs have chosen for what is no plucked or struck string, as plain data: preset, names of the
     programs, notes in these frames."""
-    heard = within(arrangement.events, frames)
+    heard = arrangement.note & within(arrangement.events, frames)
     found: dict[str, Counter[int]] = {}
     for p, part in enumerate(arrangement.casting.parts):
         if part.by_program:
@@ -336,7 +345,7 @@ def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], fram
     from synth.instrument.preset import why_unplayed
 
     events = arrangement.events
-    heard = within(events, frames)
+    heard = arrangement.note & within(events, frames)
     rows = []
     for p, part in enumerate(arrangement.casting.parts):
         preset = presets[part.preset]
@@ -345,7 +354,7 @@ def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], fram
         rows += [
             {"part": part.label, "note": _name(note), "count": count, "reason": why_unplayed(preset, note)}
             for note, count in sorted(counts.items())
-            if note not in can | switches(part.played(preset))
+            if note not in can
         ]
     return rows
 

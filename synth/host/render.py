@@ -282,7 +282,7 @@ def render_song(
     played = parts.played_events(song.events, song.players, casting)
     events = song.events if played.all() else song.events[played]
     arrangement = compass.arrange(song, events, casting, loaded, settings.wishes(song), settings.mpe)
-    arrangement, untuned = _playable(arrangement, loaded, silent, heard)
+    arrangement, untuned = _playable(arrangement, silent, heard)
     casting = arrangement.casting
 
     outputs = outputs_of(settings, casting.parts, span)
@@ -397,19 +397,14 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     return span
 
 
-def _playable(
-    arrangement: Arrangement, presets: Mapping[str, Preset], silent: np.ndarray | None, heard: slice
-) -> tuple[Arrangement, list[dict[str, Any]]]:
+def _playable(arrangement: Arrangement, silent: np.ndarray | None, heard: slice) -> tuple[Arrangement, list[dict[str, Any]]]:
     """Without the notes on keys that the tuning leaves silent ((128,) bool; None: no tuning), and those in these frames."""
     if silent is None:
         return arrangement, []
     events = arrangement.events
     is_note = np.isin(events["kind"], (NOTE_ON, NOTE_OFF)) & (events["a"] >= 0) & (events["a"] < 128)
     dropped = is_note & silent[np.where(is_note, events["a"], 0)]
-    for p, part in enumerate(arrangement.casting.parts):
-        dropped &= ~(
-            (arrangement.part == p) & np.isin(events["a"], list(compass.switches(part.played(presets[part.preset]))))
-        )
+    dropped &= (arrangement.part < 0) | arrangement.note  # keys that switch sound in no tuning
     lost = dropped & (arrangement.part >= 0) & compass.within(events, heard)
     pairs, counts = np.unique(np.stack((events["channel"][lost], events["a"][lost])), axis=1, return_counts=True)
     unplayed = [
@@ -424,6 +419,7 @@ def _playable(
         program=arrangement.program[kept],
         leader=arrangement.leader[kept],
         folded=arrangement.folded[kept],
+        note=arrangement.note[kept],
     )
     return left, unplayed
 

@@ -20,6 +20,7 @@ from synth.host.compass import (
 )
 from synth.host.parts import Choice, cast, played_events
 from synth.instrument.preset import load_preset, parse_preset, preset_text, read_preset_bytes
+from synth.instrument.ways import switch_keys
 from synth.midi.events import CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM, make_events
 from synth.midi.song import song_of
 
@@ -250,6 +251,34 @@ def test_keys_that_switch_are_no_notes() -> None:
     assert [row["note"] for row in unplayed_notes(untouched, presets, ALL)] == ["D#0"]
     (row,) = channel_rows(untouched, presets, ALL)
     assert (row["notes"], row["unplayed"], row["low"]) == (2, 1, "D#0")
+    assert untouched.note.tolist() == [False, True, True] and found.note.tolist() == [False, True, True]
     assert switches(switched) == {12, 14} and switches(bass) == {
         each.key for each in bass.articulations.values() if each.key is not None
     }
+
+
+def guitar(rows: list[tuple], wishes: Wishes) -> Arrangement:
+    presets = {**PRESETS, "electric-guitar": load_preset("electric-guitar")}
+    song = song_of(make_events(rows), 44100, 1.0)
+    return arrange(song, song.events, cast(song.channels, Choice("electric-guitar")), presets, wishes)
+
+
+def test_a_note_that_is_transposed_onto_a_key_that_switches_is_not_played_and_counted() -> None:
+    presets = {**PRESETS, "electric-guitar": load_preset("electric-guitar")}
+    assert switch_keys(presets["electric-guitar"])[26] == "palm-mute"
+    rows = [(0, NOTE_ON, 0, 50, 90), (1, KEY_PRESSURE, 0, 50, 9), (2, NOTE_OFF, 0, 50, 64), (3, NOTE_ON, 0, 64, 90)]
+    found = guitar([*rows, (4, NOTE_ON, 0, 26, 90)], Wishes({None: -24}))
+    # 50 comes to lie on 26 and strikes nothing there; 26 itself is no note and switches
+    assert [tuple(row)[:5] for row in found.events.tolist() if row[1] == NOTE_ON] == [
+        (0, NOTE_ON, 0, 26, 0), (3, NOTE_ON, 0, 40, 90), (4, NOTE_ON, 0, 26, 90),
+    ]  # fmt: skip
+    (row,) = channel_rows(found, presets, ALL)
+    assert (row["notes"], row["unplayed"], row["unplayed_low"], row["folded"]) == (2, 1, "D1", 0)
+    assert [(each["note"], each["count"]) for each in unplayed_notes(found, presets, ALL)] == [("D1", 1)]
+    assert found.casting.parts[0].notes == 2
+    folded = guitar(rows, Wishes({None: -24}, fold=True))
+    assert [a for _, kind, _, a in plain(folded) if kind == NOTE_ON] == [50, 40] and folded.folded.tolist()[0]
+    assert switch_keys(presets["electric-guitar"])[35] == "neck"
+    rescued = guitar([(0, NOTE_ON, 0, 47, 90)], Wishes({None: -12}, fallback="jawari-harp"))
+    assert [(row["preset"], row["unplayed"]) for row in channel_rows(rescued, presets, ALL)] == [("jawari-harp", 0)]
+    assert [tuple(row)[3:5] for row in rescued.events.tolist() if row[1] == NOTE_ON] == [(35, 90)]
