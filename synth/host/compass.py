@@ -8,7 +8,7 @@ A note's place is settled when it begins: its end and its pressure go where it w
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from synth.host.general_midi import answer
 from synth.host.parts import Casting, Part
+from synth.host.switched import Switched
 from synth.midi.events import EVENT, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM
 from synth.midi.programs import PROGRAMS
 from synth.midi.song import Song, players
@@ -96,11 +97,17 @@ def parse_transpose(texts: Iterable[str]) -> dict[int | None, int]:
 
 
 def arrange(
-    song: Song, events: np.ndarray, casting: Casting, presets: Mapping[str, Preset], wishes: Wishes, mpe: bool = False
+    song: Song,
+    events: np.ndarray,
+    casting: Casting,
+    presets: Mapping[str, Preset],
+    wishes: Wishes,
+    mpe: bool = False,
+    bound: Collection[int] = (),
 ) -> Arrangement:
     """The song's `events` (those that parts play) after the wishes; without any they stay as they are, bit by bit.
 
-    presets: of every part's name, and of the fallback's.
+    presets: of every part's name, and of the fallback's.  bound: controllers that are bound to live parameters.
     """
     by = song.players if events is song.events else players(events, mpe)
     leader, program = np.where(by >= 0, by >> 7, -1), np.where(by >= 0, by & 0x7F, -1)
@@ -111,12 +118,14 @@ def arrange(
         for p, each in enumerate(casting.parts):
             note &= ~((part == p) & np.isin(events["a"], list(switches(each.played(presets[each.preset])))))
         return Arrangement(events, casting, part, program, leader, np.zeros(len(events), bool), note)
-    return _Arranger(casting, presets, wishes).arranged(events, part, program, leader)
+    switched = Switched([each.played(presets[each.preset]) for each in casting.parts], casting.program_map, mpe, bound)
+    return _Arranger(casting, presets, wishes, switched).arranged(events, part, program, leader)
 
 
 class _Arranger:
-    def __init__(self, casting: Casting, presets: Mapping[str, Preset], wishes: Wishes) -> None:
+    def __init__(self, casting: Casting, presets: Mapping[str, Preset], wishes: Wishes, switched: Switched) -> None:
         self._wishes = wishes
+        self._switched = switched
         self._presets = presets
         self._parts = list(casting.parts)
         self._map = casting.program_map.copy()
@@ -143,6 +152,7 @@ class _Arranger:
         lines = zip(events.tolist(), part.tolist(), program.tolist(), leader.tolist(), strict=True)
         for row, first, its_program, its_leader in lines:
             frame, kind, channel, key, b, value = row
+            self._switched.heed(row)
             if kind == NOTE_ON and b > 0:
                 p, note = self._place(first, its_leader, key)
                 held.setdefault((channel, key), []).append(note)
@@ -159,6 +169,8 @@ class _Arranger:
                 put(row, p, its_program, its_leader, folded, p >= 0 and not switches)
                 if spare is not None:
                     put((frame, PROGRAM, its_leader, its_program, 0, 0.0))
+                    for told_again in self._switched.again(its_leader, frame):  # which the fallback's program made forget
+                        put(told_again, first if told_again[1] == NOTE_ON else -1, its_program, its_leader)
             elif kind in (NOTE_ON, NOTE_OFF):
                 waiting = held.get((channel, key))
                 note = waiting.pop(0) if waiting else key

@@ -281,7 +281,7 @@ def render_song(
     loaded = parts.varied(parts.load_presets(names, settings.settings, presets), settings.variation)
     played = parts.played_events(song.events, song.players, casting)
     events = song.events if played.all() else song.events[played]
-    arrangement = compass.arrange(song, events, casting, loaded, settings.wishes(song), settings.mpe)
+    arrangement = compass.arrange(song, events, casting, loaded, settings.wishes(song), settings.mpe, settings.bindings)
     arrangement, untuned = _playable(arrangement, silent, heard)
     casting = arrangement.casting
 

@@ -144,7 +144,7 @@ def players(events: np.ndarray, mpe: bool = False) -> np.ndarray:
     """
     by = np.full(len(events), -1)
     programs = [0] * 16
-    masters = _Zones(mpe)
+    masters = Zones(mpe)
     telling = np.flatnonzero(np.isin(events["kind"], (NOTE_ON, PROGRAM, CONTROL)))
     rows = zip(telling.tolist(), *(events[name][telling].tolist() for name in ("kind", "channel", "a", "b")), strict=True)
     for place, kind, channel, a, b in rows:
@@ -173,7 +173,7 @@ def _too_long(tracks: list[Track], time_s: np.ndarray, tick: np.ndarray, of_file
     )
 
 
-class _Zones:
+class Zones:
     """Which channels of a song are members of an MPE zone, whose notes are its master's."""
 
     def __init__(self, mpe: bool) -> None:
@@ -183,7 +183,8 @@ class _Zones:
     def master(self, channel: int) -> int:
         return zones.master_of(channel, *self._members)
 
-    def control(self, channel: int, controller: int, value: int) -> None:
+    def control(self, channel: int, controller: int, value: int) -> bool:
+        """Heeds a controller; whether it has set a zone, which begins anew."""
         numbers = self._numbers[channel]
         if controller in (100, 101):
             numbers[101 - controller] = value
@@ -194,6 +195,8 @@ class _Zones:
                 if channel == zones.manager_of(zone):
                     self._members[zone] = min(value, zones.MOST_MEMBERS)
                     self._members[1 - zone] = zones.yielded(self._members[zone], self._members[1 - zone])
+                    return True
+        return False
 
 
 class _Clock:

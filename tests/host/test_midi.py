@@ -24,7 +24,7 @@ from synth.midi.events import (
     decode,
 )
 from synth.midi.smf import MidiError, MidiFile, Track, parse
-from synth.midi.song import Song, _Clock, _merge, _Zones, song_from_file
+from synth.midi.song import Song, Zones, _Clock, _merge, song_from_file
 
 from .midibytes import header, off, on, tempo, track, vlq
 
@@ -288,7 +288,7 @@ def test_zones_are_the_engines() -> None:
 
     engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{43}])
     engine.prepare(44100.0, 64)
-    zones = _Zones(False)
+    zones = Zones(False)
     rng = np.random.default_rng(4)
     seen = set()
     for _ in range(300):
