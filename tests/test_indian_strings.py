@@ -329,5 +329,6 @@ def test_nonsense_is_said(old: str, new: str, message: str) -> None:
 def test_one_string_at_least_is_played() -> None:
     text = SMALL.replace('notes = "C3"', 'notes = "C3"\nsympathetic = true')
     text = text.replace('notes = "A2"\nsounds = "C5"\nfrets = 0', 'notes = "A2"\nsympathetic = true')
-    with pytest.raises(PresetError, match="all strings are sympathetic, and no key plays one"):
-        parse_preset(text, "small.toml")
+    for more in ("", '\n[articulations.normal]\nkey = "C0"\n[articulations.mute]\nkey = "D0"\n'):
+        with pytest.raises(PresetError, match="all strings are sympathetic, and no key plays one"):
+            parse_preset(text + more, "small.toml")

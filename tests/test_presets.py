@@ -261,6 +261,18 @@ def test_the_bass_has_dead_spots() -> None:
     assert fundamental_s(54) < 0.5 * min(fundamental_s(48), fundamental_s(43))
 
 
+@pytest.mark.parametrize("note", [40, 52])
+def test_harmonics_by_a_program_are_those_that_there_are(note: int) -> None:
+    """What is too low for one sounds as the key says, not an octave above."""
+    preset = Choice(gm=True).part(0, 31).played(load_preset("electric-guitar-middle"))
+    x = play(prepared(preset), [(0, NOTE_ON, 0, note, 80)], 1.5)[22050:] * np.hanning(44100)
+    spectrum, hz = np.abs(np.fft.rfft(x)), np.fft.rfftfreq(44100, 1 / RATE)
+    sounding = float(midi_to_hz(note))
+    first, below = (spectrum[np.abs(hz - f) < 6.0].max() for f in (sounding, sounding / 2))
+    # of the whole string the fundamental is there; of a touched one it is an octave below the key, and is not
+    assert first > 0.05 * spectrum.max() and first > 30.0 * below
+
+
 @pytest.mark.parametrize(("name", "note"), [("fretted-bass", 45), ("jawari-harp", 40), ("jawari-harp", 88)])
 def test_release_stops_the_note(name: str, note: int) -> None:
     preset = string_of(name, note)

@@ -193,6 +193,7 @@ class _Lists:
         self._fade += FADE * factor
         for position in string.positions:
             place = {"part": p, "string": index, "note": position.note, "fret": position.fret, "model": len(self.models)}
+            place["elsewhere"] = int(string.elsewhere)
             if not (is_second or string.sympathetic):
                 self.positions.append(record(layout.POSITION, **place))
             if string.board is not None:

@@ -51,6 +51,16 @@ def add_end_speed(core: int, s: int, speed: float) -> None:
         string.v[j] += _moment(model.length, j) * speed
 
 
+@njit(**CORE)
+def momentum_of(core: int, s: int) -> float:
+    """What hand and losses take of it pulls at the bridge: μ Σ c v of a string [N s]."""
+    string, model = string_of(core, s), bank_of(core).models[state_of(core).sounding[s].model]
+    total = 0.0
+    for j in range(model.own):
+        total += _moment(model.length, j) * string.v[j]
+    return model.mu * total
+
+
 @njit(inline="always")
 def _moment(length: float, j: int) -> float:
     """`modes.ramp_moments` of mode j, from 0 on."""

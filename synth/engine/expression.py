@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from synth.engine.core import bank_of, settings_of, shared_of, state_of
-from synth.engine.layout import CORE, FIRST_QUANTUM, HEIGHT, NO_FINGER, PARAMETER_RANGES, QUANTUM
+from synth.engine.layout import CORE, FIRST_QUANTUM, HEIGHT, NO_FINGER, PARAMETER_RANGES, QUANTUM, TOUCHED
 from synth.solver.board_table import board_at
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
@@ -72,7 +72,9 @@ def follow(core: int, s: int) -> None:
         me.retuned = approach(me.retuned, me.retune_to, share, 1e-4)
         me.pressure = approach(me.pressure, pressed, share, 1e-4)
     if me.pull != me.pull_to:
-        seconds = bank_of(core).parts[bank_of(core).strings[s].part].meend_s if me.phase == NO_FINGER else LET_BACK_S
+        seconds = bank_of(core).parts[bank_of(core).strings[s].part].meend_s
+        if me.phase != NO_FINGER and me.phase != TOUCHED:
+            seconds = LET_BACK_S
         me.pull = approach(me.pull, me.pull_to, 1.0 - math.exp(-QUANTUM / (seconds * settings_of(core).rate_hz)), 1e-3)
     if me.slide != 0.0:
         board = board_at(shared_of(core).board_at[me.model])

@@ -104,7 +104,17 @@ INSTRUMENT = np.dtype(
     align=True,
 )
 
-POSITION = np.dtype([("part", "i8"), ("string", "i8"), ("note", "i8"), ("fret", "i8"), ("model", "i8")], align=True)
+POSITION = np.dtype(
+    [
+        ("part", "i8"),
+        ("string", "i8"),
+        ("note", "i8"),
+        ("fret", "i8"),
+        ("model", "i8"),
+        ("elsewhere", "i8"),  # the key is not what the string sounds
+    ],
+    align=True,
+)
 
 #: live parameters of a part, in this order (N_PARAMETERS)
 GAIN, PLUCK_POSITION, PLUCK_AMOUNT, PLUCK_WIDTH, RELEASE, HEIGHT, VARIATION = range(7)

@@ -9,7 +9,7 @@ from numba import njit
 
 from synth.engine.coefficients import rest_state, set_rest
 from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state_of, string_of
-from synth.engine.ends import add_end_speed, bridge_under, on_bridge
+from synth.engine.ends import add_end_speed, bridge_under, momentum_of, on_bridge
 from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.hold import LOUD, begin_phase, last
@@ -18,6 +18,7 @@ from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
     DRAW,
+    HIT,
     NO_FINGER,
     PLAIN,
     PRESS,
@@ -283,18 +284,23 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
     sounding = me.awake != 0 and me.idle == 0
     if sounding:
         _land(core, thread, s)
-    if not sounding and on_bridge(core, s):
+    elif on_bridge(core, s):
         _join(core, thread, s, target)
-    elif not sounding:
-        _wake(core, thread, s, target)
     else:
-        _lift_hand(core, s)
+        _wake(core, thread, s, target)
     if me.wait > 0:
         _wait(core, s, target, velocity, legato)
+        return
+    if sounding:
+        _lift_hand(core, s)
+    if sounding and legato and me.model == target:  # the finger was about to leave it
+        begin_phase(core, s, NO_FINGER)
+        _touch_again(core, s)
         return
     if me.model != target:
         if legato and may_slide(core, s, target):
             slide(core, s, target)
+            _touch_again(core, s)
             return
         if legato and sets_out(core, s, target):
             return
@@ -303,8 +309,18 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
             return
         change_model(core, thread, s, target)
         if legato:
+            _touch_again(core, s)
             return
     excite(core, thread, s, velocity, sounding)
+
+
+@njit(**CORE)
+def _touch_again(core: int, s: int) -> None:
+    """What lies on a string until its next stroke lies there when the left hand has stopped it elsewhere, too."""
+    bank, me = bank_of(core), state_of(core).sounding[s]
+    way = bank.articulations[me.articulation]
+    if way.touch >= 0 and not way.harmonic and bank.touches[way.touch].lift_s == 0.0 and not _has_excitation(core, s):
+        lay_on(core, s, way.touch, 0.0)
 
 
 @njit(**CORE)
@@ -314,6 +330,8 @@ def _wait(core: int, s: int, target: int, velocity: float, legato: bool) -> None
     me.pending_model = target
     me.pending_velocity = velocity
     me.pending_legato = 1 if legato else 0
+    if (me.phase == DRAW or me.phase == HIT) and me.finger_step == 0:
+        me.strokes -= 1  # it had begun at this very frame, and begins again
     last(core, s, min(MOST_WAIT_S, me.wait / settings_of(core).rate_hz))
     me.wait = 0
     me.level = LOUD
@@ -331,6 +349,7 @@ def _glide(core: int, thread: int, s: int) -> None:
         return
     change_model(core, thread, s, me.pending_model)
     if not is_on_the_way(core, s):
+        _touch_again(core, s)
         let_go(core, thread, s)
 
 
@@ -354,6 +373,8 @@ def _lay_hand(core: int, s: int, hand: float) -> None:
         if line >= 0:
             me = state.sounding[line]
             if me.awake and hand != me.hand:
+                if on_bridge(core, line):  # which does not feel a hand at once: it is soft
+                    me.base += 2.0 * (hand - me.hand) * momentum_of(core, line)
                 me.hand = hand
                 me.stale = 1
 
@@ -395,11 +416,15 @@ def finger_done(core: int, thread: int, s: int) -> None:
             return
         if is_on_the_way(core, s):
             return
-    elif phase != TOUCHED:
+        _touch_again(core, s)
+    elif phase == TOUCHED:  # lifted; who let go of the key has let go of the string
+        return
+    else:
         _lift_hand(core, s)
-        touch = bank_of(core).articulations[me.articulation].touch
-        if touch >= 0 and not _has_excitation(core, s):
-            lay_on(core, s, touch, me.node)
+        way = bank_of(core).articulations[me.articulation]
+        too_low = way.harmonic and me.node <= 0.0  # for a harmonic: a note like others
+        if way.touch >= 0 and not too_low and not _has_excitation(core, s):
+            lay_on(core, s, way.touch, me.node)
             if me.held or me.sustained:
                 return
     let_go(core, thread, s)

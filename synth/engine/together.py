@@ -195,11 +195,11 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
             me = state.sounding[s]
             engaged = end_at(shared.end_at[s]).counts[ENGAGED]
             me.mode_steps += model_of(core, s).modes * count * (bank.strings[s].factor if engaged else 1)
-            if me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
-                if bank.strings[s].of_first:  # the first direction, just before, has decided for both
-                    me.phase = NO_FINGER
-                else:
-                    finger_done(core, thread, s)
+            if bank.strings[s].of_first:
+                if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
+                    me.phase = NO_FINGER  # the first direction, just before, has decided for both
+            elif me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
+                finger_done(core, thread, s)
     if not _sounds(core, i, begin, frames):
         for channel in range(2):
             for t in range(begin, begin + frames):

@@ -108,6 +108,7 @@ class CompiledString:
     choir: int = 1
     pluck_shift: float = 0.0  # of its pluck from that of the others, parts of its open length
     sympathetic: bool = False  # no key plays it
+    elsewhere: bool = False  # the key that plays it is not what it sounds
 
 
 @dataclass(frozen=True)
@@ -566,6 +567,7 @@ def compile_string(
         table.choir,
         pluck_shift(preset, table, note),
         table.sympathetic,
+        table.sounds is not None,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from synth.dsp.clicks import clicks
-from synth.engine.layout import HIT, WAIT
+from synth.engine.layout import HIT, NO_FINGER, TOUCHED, WAIT
 from synth.instrument.preset import load_preset
 from synth.midi.events import CONTROL, make_events
 from tests.clicks import with_step
@@ -139,6 +139,51 @@ def test_a_slide_whose_key_is_let_go_arrives_and_is_damped_there(handed):
     assert handed._state.sounding["hand"][0] > 0.0
 
 
+def test_the_order_in_which_a_chords_keys_come_changes_no_bit(handed):
+    sounds = []
+    for notes in ((28, 33, 38, 43), (43, 28, 38, 33)):
+        handed.reset()
+        sounds.append(play(handed, [key(0, STRUM), *(key(96, note) for note in notes)], 8000))
+        assert handed._state.sounding["strokes"].tolist() == [1, 1, 1, 1]
+    assert np.array_equal(*sounds)
+
+
+def test_a_chord_struck_again_is_damped_until_its_turn(handed):
+    chord = (28, 33, 38, 43)
+    events = [key(0, STRUM), *(key(96, note) for note in chord), *(up(9000, note) for note in chord)]
+    hands = watch(
+        handed, [*events, *(key(9600, note) for note in chord)], 12_000, lambda: handed._state.sounding["hand"].copy()
+    )
+    waiting = hands[(9600 + 300) // QUANTUM]
+    assert np.count_nonzero(waiting > 0.0) >= 3
+
+
+def test_a_slide_that_is_taken_back_strikes_nothing(handed):
+    handed.reset()
+    play(handed, [LEGATO, key(0, SLIDE), key(96, 31), key(5000, 35), up(5600, 35)], 12_000)
+    assert handed._state.sounding["strokes"][0] == 1 and place(handed, 0)[1] == 3
+    handed.reset()
+    play(handed, [LEGATO, key(0, SLIDE), key(96, 31), key(5000, 38 - 3), key(7000, 32)], 16_000)
+    assert handed._state.sounding["strokes"][0] == 1
+
+
+def test_a_palm_stays_while_the_left_hand_moves(handed):
+    for notes in ((31, 33), (33, 31)):  # pressed down, pulled off
+        handed.reset()
+        play(handed, [LEGATO, key(0, MUTE), key(96, notes[0]), key(6000, notes[1])], 9000)
+        assert handed._state.sounding["phase"][0] == TOUCHED and handed._state.sounding["strokes"][0] == 1
+        assert place(handed, 0)[1] == notes[1] - 28
+
+
+def test_a_finger_that_ends_a_note_is_lifted_in_its_time():
+    lifted = preset(
+        "lifted", steel("G2"), more="[hand]\nrelease = { place = 0.9, width_mm = 20, resistance = 0.3, lift_ms = 50 }\n"
+    )
+    made = engine(lifted)
+    phases = watch(made, [key(96, 43), up(4000, 43)], 9000, lambda: int(made._state.sounding["phase"][0]))
+    assert phases[4400 // QUANTUM] == TOUCHED and set(phases[7000 // QUANTUM :]) == {NO_FINGER}
+
+
 @pytest.mark.parametrize(("note", "n"), [(40, 2), (47, 3)])
 def test_a_harmonic_sounds_its_key_and_hardly_its_string(handed, note, n):
     handed.reset()
@@ -219,6 +264,14 @@ def test_the_left_hand_may_jump(name, notes):
         rows += [key(441 + 4410 * number, note, 60), up(441 + 4410 * number + 6174, note)]
     made = engine(load_preset(name), only_notes=[set(notes)])
     assert clicks(play(made, rows, 22_000), RATE_HZ) == []
+
+
+def test_a_bridge_feels_no_hand_at_once():
+    """The hand that damps a string at its end, and the finger that takes hold of it again, are soft."""
+    made = engine(load_preset("double-bass"), only_notes=[{34, 53}])
+    x = play(made, [key(441, 34, 60), up(6615, 34), key(9000, 34, 60)], 12_000)
+    around = [frame for frame, _ in clicks(x, RATE_HZ) if min(abs(frame - 6615 - k) for k in range(64)) < 100]
+    assert np.abs(x[6000:6600]).max() > 0.03 and around == []
 
 
 def test_a_pull_does_not_click(pulled):

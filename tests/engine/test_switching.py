@@ -130,6 +130,22 @@ def test_other_harmonics_are_those_of_a_string_stopped_an_octave_below():
     assert fake.strings("node") == [0.0] * 4
 
 
+def test_a_string_that_sounds_another_note_than_its_key_has_no_harmonics():
+    fake = Fake([[28], [33]], articulations=HARMONIC)
+    fake.me.positions["elsewhere"][0] = 1
+    fake.on(11)
+    fake.on(40)
+    assert fake.asked == [] and fake.me.unplayed[0, 40] == 1
+    assert fake.plucked(45) == (1, 0)
+
+
+def test_the_same_program_again_keeps_the_articulation():
+    fake = Fake(HARP, articulations=SWITCHED)
+    fake.on(11)
+    fake.send(PROGRAM, 0, 0)
+    assert way(fake, 60) == 1
+
+
 def test_harmonics_of_a_chord_lie_on_different_strings():
     fake = Fake(NECK, articulations=HARMONIC)
     fake.on(11)

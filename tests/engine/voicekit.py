@@ -53,7 +53,7 @@ class Fake:
         address = ctypes.cast(self._respond, ctypes.c_void_p).value
         me = self.me = allocate(Voices, sizes, polyphony=polyphony, rate_hz=1000.0, respond=address, core=0, thread=0)
         for k, (p, s, note, fret) in enumerate(positions):
-            me.positions[k] = (p, s, note, fret, k)
+            me.positions[k] = (p, s, note, fret, k, 0)
             me.strings["part"][s] = p
             me.strings["positions"][s] += 1
         me.parts["first_position"] = np.searchsorted(me.positions["part"], np.arange(len(parts)))

@@ -28,7 +28,7 @@ def choose_harmonic(voices: int, p: int, c: int, note: int) -> tuple[int, float]
     best, best_cost, best_age, node = -1, 0.0, 0, 0.0
     for k in range(part.first_position, part.end_position):
         position = me.positions[k]
-        if position.fret != 0:
+        if position.fret != 0 or position.elsewhere:
             continue
         voice = me.sounding[position.string]
         for n in range(FIRST, LAST + 1):
@@ -44,5 +44,7 @@ def choose_harmonic(voices: int, p: int, c: int, note: int) -> tuple[int, float]
                 best, best_cost, best_age, node = k, cost, age, 1.0 - 1.0 / n
     if best < 0:
         best = choose_position(voices, p, c, note - 12, 1)
+        if best >= 0 and me.positions[best].elsewhere:
+            best = -1
         node = 0.5 if best >= 0 else 0.0
     return best, node

@@ -59,7 +59,7 @@ def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, w
     go_on(voices, position.string)
     if not voice.awake or voice.idle or voice.stolen:
         make_room(voices)
-    elsewhere = voice.model != position.model or voice.pull_to != 0.0
+    elsewhere = voice.model != position.model or voice.pull_to != 0.0 or voice.glide_to >= 0
     legato = legato_on(voices, c) and node == 0.0 and voice.held != 0 and has_begun(voices, position.string) and elsewhere
     if voice.held and voice.awake and not legato and (voice.note != note or voice.channel != c):
         me.counters[N_TAKEN] += 1

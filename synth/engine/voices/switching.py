@@ -41,10 +41,11 @@ def rule(voices: int, c: int, controller: int, value: int) -> None:
 
 @njit(**CORE)
 def choose_program(voices: int, c: int, program: int) -> None:
-    """Another program; the part begins with its normal articulation."""
+    """A program; another one than before begins with its part's normal articulation."""
     channels = voices_of(voices).channels
-    channels[c].program = program
-    forget_switches(voices, c)
+    if program != channels[c].program:
+        channels[c].program = program
+        forget_switches(voices, c)
 
 
 @njit(**CORE)
