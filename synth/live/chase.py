@@ -39,6 +39,7 @@ class PowerUp:
     programs: of each of the 16 channels.  parameters: (parts, N_PARAMETERS) as the presets have them.
     bindings: controller → indices of the live parameters that it sets.  mpe: it begins with a zone of all channels.
     switches: (channel, program) → keys that switch articulations of the part that plays there.
+    parts: (channel, program) → the part that plays there; none: it is not known, and every program is taken for another.
     """
 
     programs: Sequence[int]
@@ -46,6 +47,7 @@ class PowerUp:
     bindings: dict[int, set[int]] = field(default_factory=dict)
     mpe: bool = False
     switches: Mapping[tuple[int, int], Collection[int]] = field(default_factory=dict)
+    parts: Mapping[tuple[int, int], int] = field(default_factory=dict)
 
 
 def controls_at(
@@ -61,6 +63,8 @@ def controls_at(
     members = [MOST_MEMBERS if mpe else 0, 0]
     part = events[:end]
     switches = {} if engine is None else engine.switches
+    parts = {} if engine is None else engine.parts
+    others: dict[int, Row] = {}  # of a channel: the program before its part
     programs = {} if engine is None else dict(enumerate(engine.programs))
     switching = np.isin(part["a"], [key for keys in switches.values() for key in keys]) & (part["b"] > 0)
     part = part[((part["kind"] != NOTE_ON) | switching) & (part["kind"] != NOTE_OFF)]
@@ -86,26 +90,40 @@ def controls_at(
                 if number == _ZONE and a == DATA and c in _MANAGERS:
                     zones += 1  # each of them lets other controls begin anew, and whose bend range a channel's is changes
                     zone = _MANAGERS.index(c)
+                    before = [master_of(k, *members) for k in range(CHANNELS)]
                     members[zone] = min(b, MOST_MEMBERS)
                     members[1 - zone] = yielded(members[zone], members[1 - zone])
+                    for k, master in enumerate(before):
+                        if master_of(k, *members) not in {master} - {c}:  # it begins anew
+                            last.pop((NOTE_ON, k), None)
                 key = (kind, c, a, number, zones)
                 rows = [*_choice(c, number), row]
             else:
                 if a == RESET_CONTROLLERS:  # of a zone's master: of its members, too
                     last.pop((NOTE_ON, c), None)
-                    chosen.update({k: _NONE for k in chosen if c in (k, master_of(k, members[LOWER], members[UPPER]))})
+                    chosen.update({k: _NONE for k in chosen if c in (k, master_of(k, *members))})
                 key = (kind, c, a)
         elif kind in (PROGRAM, BEND, PRESSURE):
             key = (kind, c)
             if kind == PROGRAM:
+                stays = bool(parts) and parts.get((c, a), -1) == parts.get((c, programs.get(c, 0)), -1)
+                if not stays:
+                    last.pop((NOTE_ON, c), None)
+                    if parts:
+                        others[c] = (PROGRAM, c, programs.get(c, 0), 0, 0.0)
                 programs[c] = a
-                last.pop((NOTE_ON, c), None)
+                # Another part forgets what keys and controllers asked for, also where the engine has that part already.
+                rows = [*([others[c]] if c in others else []), row]
+                if stays and key in last:
+                    last[key] = rows  # controllers that came since the part did rule on
+                    continue
         elif kind == PARAMETER:
             key = (kind, c, a)
         elif kind == NOTE_ON:
-            if a not in switches.get((c, programs[c]), ()):
+            leader = master_of(c, *members)
+            if a not in switches.get((leader, programs[leader]), ()):
                 continue
-            key = (kind, c)
+            key, rows = (kind, leader), [(kind, leader, a, b, 0.0)]
         elif kind == TUNING:
             key = (kind, a)
         else:
@@ -124,14 +142,16 @@ def _choice(channel: int, number: tuple[int, int]) -> list[Row]:
 
 def power_up_rows(events: np.ndarray, engine: PowerUp) -> list[Row]:
     """What brings everything that a song (EVENT) sets anywhere to its power-up value."""
-    set_anywhere = controls_at(events, engine=engine)
+    set_anywhere = controls_at(events, mpe=engine.mpe, engine=engine)
     rows: list[Row] = []
     controllers = sorted({(c, a) for kind, c, a, _, _ in set_anywhere if kind == CONTROL})
     of_channel = (CONTROL, BEND, PRESSURE, PROGRAM, NOTE_ON)
     for c in sorted({c for kind, c, *_ in set_anywhere if kind in of_channel}):
         rows.append((CONTROL, c, RESET_CONTROLLERS, 0, 0.0))
     rows += [(CONTROL, c, a, POWER_UP[a], 0.0) for c, a in controllers if a in POWER_UP and a not in engine.bindings]
-    rows += [(PROGRAM, c, int(engine.programs[c]), 0, 0.0) for kind, c, *_ in set_anywhere if kind == PROGRAM]
+    rows += [
+        (PROGRAM, c, int(engine.programs[c]), 0, 0.0) for c in sorted({c for kind, c, *_ in set_anywhere if kind == PROGRAM})
+    ]
     registered = _registered(set_anywhere)
     if engine.mpe or any(number == _ZONE for _, number in registered):
         for zone in (UPPER, LOWER):

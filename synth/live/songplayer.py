@@ -25,13 +25,15 @@ LEAD_S = 0.15
 def power_up_of(engine: Engine, bindings: Mapping[int, Sequence[Binding]]) -> PowerUp:
     """How a prepared engine begins; `bindings` of controllers as it was given them."""
     keys = [frozenset(switch_keys(preset)) for preset in engine.parts]
-    played = zip(*np.nonzero(engine.program_map >= 0), strict=True)
+    played = np.argwhere(engine.program_map >= 0).tolist()
+    parts = {(c, program): int(engine.program_map[c, program]) for c, program in played}
     return PowerUp(
         (engine.program_map >= 0).argmax(axis=1),
         default_parameters(engine.compiled),
         {controller: {INDEX_OF[row[1]] for row in bound} for controller, bound in bindings.items()},
         engine.mpe,
-        {(int(c), int(program)): keys[engine.program_map[c, program]] for c, program in played},
+        {player: keys[part] for player, part in parts.items()},
+        parts,
     )
 
 

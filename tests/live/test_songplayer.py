@@ -313,3 +313,103 @@ def test_the_key_that_switched_last_is_told_until_a_program_or_a_reset_takes_it_
         )
         told = controls_at(later, engine=engine)
         assert [row for row in told if row[0] == NOTE_ON] == ([(NOTE_ON, 0, 13, 90, 0.0)] if kind == PROGRAM else [])
+
+
+def test_in_a_zone_a_key_of_any_member_switches_for_its_master() -> None:
+    engine = PowerUp([0] * 16, np.zeros((1, 1)), mpe=True, switches={(0, 0): {12, 14}, (0, 1): {13}})
+
+    def told(*rows: tuple) -> list[tuple]:
+        song = make_events([(frame, *row) for frame, row in enumerate(rows)])
+        assert (CONTROL, 0, 121, 0, 0.0) in power_up_rows(song, engine)
+        return [row for row in controls_at(song, mpe=True, engine=engine) if row[0] == NOTE_ON]
+
+    mute, normal = [(NOTE_ON, 0, 14, 90, 0.0)], [(NOTE_ON, 0, 12, 80, 0.0)]
+    first, second = (NOTE_ON, 3, 14, 90), (NOTE_ON, 7, 12, 80)
+    assert told(first) == mute and told(first, second) == normal
+    assert told(first, (CONTROL, 5, 121, 0)) == told(first, (PROGRAM, 3, 1)) == mute
+    assert told(first, (CONTROL, 0, 121, 0)) == told(first, (PROGRAM, 0, 1)) == []
+    zone = [(CONTROL, 0, 101, 0), (CONTROL, 0, 100, 6), (CONTROL, 0, 6, 5)]
+    assert told(first, *zone) == [] and told(*zone, first) == mute
+    assert told(*zone, second, (NOTE_ON, 0, 14, 70)) == [(NOTE_ON, 0, 14, 70, 0.0)]  # channel 7 is in the zone no more
+
+
+def test_another_program_of_the_same_part_takes_no_articulation_back() -> None:
+    same = {(0, 0): 0, (0, 1): 0, (0, 2): 1}
+    engine = PowerUp([0] * 16, np.zeros((2, 1)), switches={(0, 0): {14}, (0, 1): {14}, (0, 2): {15}}, parts=same)
+    rows = [
+        (CONTROL, 0, 20, 90),
+        (PROGRAM, 0, 2),
+        (CONTROL, 0, 20, 99),
+        (PROGRAM, 0, 1),
+        (NOTE_ON, 0, 14, 90),
+        (PROGRAM, 0, 0),
+    ]
+    song = make_events([(frame, *row) for frame, row in enumerate(rows)])
+    back = [(CONTROL, 0, 20, 99, 0.0), (PROGRAM, 0, 2, 0, 0.0), (PROGRAM, 0, 0, 0, 0.0), (NOTE_ON, 0, 14, 90, 0.0)]
+    assert controls_at(song, engine=engine) == back
+    assert controls_at(song, 4, engine=engine)[-2:] == [(PROGRAM, 0, 2, 0, 0.0), (PROGRAM, 0, 1, 0, 0.0)]
+    assert controls_at(song, 2, engine=engine)[-2:] == [(PROGRAM, 0, 0, 0, 0.0), (PROGRAM, 0, 2, 0, 0.0)]
+
+
+WAYS = """
+[articulations.normal]
+key = "C0"
+[articulations.mute]
+key = "{key}"
+controller = {{ number = 20, low = {low}, high = 90 }}
+touch = {{ place = 0.05, resistance = 2.0 }}
+"""
+ARTICULATED = [
+    kit.preset(f"from-{low}", kit.steel("C3"), more=WAYS.format(key=key, low=low)) for key, low in (("D0", 20), ("E0", 60))
+]
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["plain", "mpe"])
+def articulated(request) -> Iterator[tuple[Engine, Engine]]:
+    """Two alike, with a part for odd programs and one for even ones."""
+    program_map = np.tile(np.arange(128) % 2, (16, 1))
+    made = [Engine(ARTICULATED, program_map, mpe=request.param) for _ in range(2)]
+    for each in made:
+        each.prepare(RATE, 4096)
+    yield made[0], made[1]
+    for each in made:
+        each.close()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_wherever_one_jumps_articulations_stand_as_if_all_before_had_been_played(
+    articulated: tuple[Engine, Engine], seed: int
+) -> None:
+    jumped, played = articulated
+    rng = np.random.default_rng(seed)
+    zoned = seed % 2 == 0
+    programs = dict.fromkeys(range(16), 0)
+    rows: list[tuple] = []
+    for _ in range(150):
+        c, what = int(rng.choice([0, 1, 2, 15])), rng.choice(5, p=[0.5, 0.3, 0.1, 0.07, 0.03])
+        if what == 0:
+            rows.append((NOTE_ON, c, int(rng.choice([12, 14, 16])), 90))
+        elif what == 1:
+            rows.append((CONTROL, c, 20, int(rng.integers(0, 128))))
+        elif what == 2 and c in ((0,) if played.mpe else (0, 15)):
+            programs[c] += 1  # the other part
+            rows.append((PROGRAM, c, programs[c]))
+        elif what == 3:
+            rows.append((CONTROL, c, 121, 0))
+        elif what == 4 and c == 0 and zoned:
+            rows += [(CONTROL, c, 101, 0), (CONTROL, c, 100, 6), (CONTROL, c, 6, int(rng.integers(0, 4)))]
+    song = make_events([(frame, *row) for frame, row in enumerate(rows)])
+    power_up = power_up_of(played, {})
+    asked = 0
+    for place in [*range(5, len(song), 20), len(song)]:
+        for engine in articulated:
+            engine.reset()
+        give(played, song[:place])
+        asked += np.count_nonzero(played._state.channels["articulation"]) + (played._state.channels["ruled"] > 0).sum()
+        give(jumped, song)
+        give(jumped, at_frame(power_up_rows(song, power_up) + controls_at(song, place, mpe=played.mpe, engine=power_up), 0))
+        assert differing(standing(jumped), standing(played)) == []
+        if not zoned:  # as after a pause
+            give(jumped, at_frame(controls_at(song, place, mpe=played.mpe, engine=power_up), 0))
+            assert differing(standing(jumped), standing(played)) == []
+    assert asked
