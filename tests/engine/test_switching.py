@@ -42,7 +42,8 @@ def test_a_key_switches_until_another_does_and_is_no_note():
 
 def test_another_program_and_reset_controllers_bring_the_normal_one_back():
     for back in (lambda fake: fake.send(PROGRAM, 0, 5), lambda fake: fake.control(121, 0)):
-        fake = Fake(HARP, articulations=SWITCHED)
+        fake = Fake(HARP, HARP, articulations=SWITCHED)
+        fake.me.program_map[0, 5] = 1  # another part
         fake.on(11)
         fake.control(20, 10)
         assert way(fake, 60) == 2
@@ -139,11 +140,12 @@ def test_a_string_that_sounds_another_note_than_its_key_has_no_harmonics():
     assert fake.plucked(45) == (1, 0)
 
 
-def test_the_same_program_again_keeps_the_articulation():
-    fake = Fake(HARP, articulations=SWITCHED)
-    fake.on(11)
-    fake.send(PROGRAM, 0, 0)
-    assert way(fake, 60) == 1
+def test_a_program_of_the_same_part_keeps_the_articulation():
+    for program in (0, 5):
+        fake = Fake(HARP, articulations=SWITCHED)
+        fake.on(11)
+        fake.send(PROGRAM, 0, program)
+        assert way(fake, 60) == 1
 
 
 def test_harmonics_of_a_chord_lie_on_different_strings():

@@ -41,10 +41,11 @@ def rule(voices: int, c: int, controller: int, value: int) -> None:
 
 @njit(**CORE)
 def choose_program(voices: int, c: int, program: int) -> None:
-    """A program; another one than before begins with its part's normal articulation."""
+    """A program; where it brings another part, that begins with its normal articulation."""
     channels = voices_of(voices).channels
-    if program != channels[c].program:
-        channels[c].program = program
+    before = part_of(voices, c)
+    channels[c].program = program
+    if part_of(voices, c) != before:
         forget_switches(voices, c)
 
 
