@@ -230,8 +230,7 @@ def test_frets_are_one_stop_of_tab_and_a_row_for_arrows(opened):
 def test_a_drag_ends_at_the_limit_of_its_value(opened):
     page = opened("tanpura")
     drag(page, "pluck", 600, 0, steps=10)
-    page.until(lambda: state(page)["dirty"])
-    assert state(page)["data"]["pluck"]["position"] == pytest.approx(0.001)
+    page.until(lambda: state(page)["data"]["pluck"]["position"] == pytest.approx(0.001))
     assert page.errors() == []
 
 
