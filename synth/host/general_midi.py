@@ -102,7 +102,7 @@ ANSWERS: tuple[Answer, ...] = (
     Answer(_GUITAR, "an electric guitar under the palm", articulations=("palm-mute",), gain_db=9.8),
     Answer(_BRIDGE, "an electric guitar, without what overdrives its amplifier"),
     Answer(_BRIDGE, "an electric guitar, without what distorts it"),
-    Answer(_GUITAR, "an electric guitar, touched at a node", articulations=("harmonic",), gain_db=3.3),
+    Answer(_GUITAR, "an electric guitar, touched at a node", articulations=("harmonic",), gain_db=2.3),
     Answer(_UPRIGHT, "a double bass plucked with a finger, stopped on a bare board: the fretless bass"),
     Answer(_FINGER, "the fretted bass, played with a finger"),
     Answer(_PICK, "the bass played with a plectrum, else the fretted bass"),

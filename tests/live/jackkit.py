@@ -115,11 +115,11 @@ class JackServer:
 
 
 @contextmanager
-def _alone() -> Iterator[None]:
+def _alone(how: int = fcntl.LOCK_EX) -> Iterator[None]:
     """No other test starts or ends a server meanwhile: those that start at once spoil the registry that they share, and the
-    clients of one find no server."""
+    clients of one find no server. LOCK_SH: so do clients begin."""
     with open(Path(tempfile.gettempdir()) / f"jawari-jackd-{os.getuid()}.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        fcntl.flock(lock, how)
         yield
 
 
@@ -172,10 +172,10 @@ class _Helper:
 
     def __init__(self, script: str, server: JackServer, arguments: dict) -> None:
         command = [sys.executable, str(HERE / script), json.dumps({"server": server.name, **arguments})]
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=server.env, text=True
-        )
-        self._expect("ready")
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        with _alone(fcntl.LOCK_SH):
+            self._process = subprocess.Popen(command, **pipes, env=server.env, text=True)
+            self._expect("ready")
 
     def _expect(self, word: str) -> None:
         assert self._process.stdout is not None

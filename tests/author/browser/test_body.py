@@ -74,10 +74,12 @@ def test_a_peak_dragged_along_changes_its_frequency_alone_in_one_step(opened):
     x0, _ = place(page, 1)
     drag(page, 1, 30, 0)
     page.until(lambda: modes(page)[1]["frequency_hz"] > before[1]["frequency_hz"])
+    page.until(lambda: place(page, 1)[0] - x0 == pytest.approx(30, abs=2))  # once the last move is drawn
+    page.until(
+        lambda: f"{modes(page)[1]['frequency_hz']:g}".replace(".", "")[:3] in page.text("#body-facts").replace(".", "")
+    )
     after = modes(page)
     assert {**after[1], "frequency_hz": 0} == {**before[1], "frequency_hz": 0} and after[2:] == before[2:]
-    page.until(lambda: place(page, 1)[0] - x0 == pytest.approx(30, abs=2))
-    page.until(lambda: f"{after[1]['frequency_hz']:g}".replace(".", "")[:3] in page.text("#body-facts").replace(".", ""))
     page.find("#undo").click()
     page.until(lambda: modes(page) == before and not state(page)["can_undo"])
     page.until(lambda: abs(place(page, 1)[0] - x0) < 1)
