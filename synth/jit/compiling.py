@@ -30,6 +30,7 @@ _STRING = (
     "solver.responses:fill_rows",
     "solver.responses:fill_lags",
 )
+_PACKAGE = __name__.partition(".")[0]
 #: the module whose presence says that an engine will run
 ENGINE = "engine.layout"
 ENTRIES = {
@@ -100,7 +101,7 @@ _listeners: list[Callable[[], None]] = []
 
 def is_ours(function: Any) -> bool:
     """Whether it is a function of this package."""
-    return str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]
+    return str(getattr(function, "__module__", "")).partition(".")[0] == _PACKAGE
 
 
 def progress() -> Progress | None:
@@ -235,18 +236,21 @@ def _want(function: Any) -> None:
             waiting += [each for each in called(one) if not is_kept(each)]
 
 
+def _functions(names: Sequence[str]) -> list[Any]:
+    """The functions behind entries, "module:name" each; None for one whose module has not been imported."""
+    entries = []
+    for name in names:
+        module, _, wanted = name.partition(":")
+        entries.append(getattr(sys.modules.get(f"{_PACKAGE}.{module}"), wanted, None))
+    return [getattr(entry, "py_func", entry) for entry in entries]
+
+
 def _expected(function: Any) -> list[Any]:
     """What will be compiled as well when this kernel is: the rest of its entries, those of the module that was imported."""
-    package = __name__.partition(".")[0]
     for sign, names in ENTRIES.items():
-        if f"{package}.{sign}" not in sys.modules:
+        if f"{_PACKAGE}.{sign}" not in sys.modules:
             continue
-        entries = []
-        for name in names:
-            module, _, wanted = name.partition(":")
-            entry = getattr(sys.modules.get(f"{package}.{module}"), wanted, None)
-            entries.append(getattr(entry, "py_func", entry))
-        entries = [entry for entry in entries if entry is not None]
+        entries = [entry for entry in _functions(names) if entry is not None]
         if sign == ENGINE or any(function in _closure(entry) for entry in entries):
             return [entry for entry in entries if not is_kept(entry)]
     return []
@@ -257,20 +261,14 @@ def to_come(sign: str = ENGINE) -> tuple[int, int]:
 
     sign: one of ENTRIES, whose module has been imported.
     """
-    names = ENTRIES[sign]
-    package = __name__.partition(".")[0]
-    entries = [
-        getattr(sys.modules.get(f"{package}.{module}"), wanted, None)
-        for module, _, wanted in (name.partition(":") for name in names)
-    ]
-    functions = [getattr(entry, "py_func", entry) for entry in entries]
+    functions = _functions(ENTRIES[sign])
     for function in functions:
         if function is not None and function not in _caches:  # one that is called by its address only
             from numba.core import ccallback
 
             users: Any = ccallback
             users.FunctionCache(function)
-    return sum(function is None or not is_kept(function) for function in functions), len(names)
+    return sum(function is None or not is_kept(function) for function in functions), len(functions)
 
 
 def is_kept(function: Any) -> bool:
