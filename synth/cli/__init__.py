@@ -22,7 +22,6 @@ from synth._version import __version__
 from synth.cli import (
     author,
     bodies,
-    colours,
     completion,
     devices,
     doctor,
@@ -36,7 +35,7 @@ from synth.cli import (
     simulate,
     streams,
 )
-from synth.cli.common import ERROR, Parser
+from synth.cli.common import Parser, fault
 from synth.cli.greeting import greet
 from synth.cli.kernel_line import compiling_shown, leave_compiling
 from synth.files import unfinished
@@ -70,7 +69,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             return 1
         except (ValueError, OSError) as error:
             for line in wording(_message(error)).splitlines():
-                print(f"synth: {colours.shown(ERROR, colours.FAULT, sys.stderr)} {line}", file=sys.stderr)
+                print(fault(line), file=sys.stderr)
             return 2
         except KeyboardInterrupt:
             unfinished.discard_unfinished()

@@ -19,16 +19,18 @@ from synth.solver.schemes import LAWS
 RATES_HZ = (44100, 48000, 88200, 96000)
 QUALITIES = ("draft", "standard", "fine", "reference")
 MOST_BLOCK = 4096
-#: begins what is wrong
-ERROR = "error:"
+
+
+def fault(message: str) -> str:
+    """The line that says what is wrong, for standard error."""
+    return f"synth: {colours.shown('error:', colours.FAULT, sys.stderr)} {message}"
 
 
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line; the usage is a --help away."""
 
     def error(self, message: str) -> NoReturn:
-        said = colours.shown(ERROR, colours.FAULT, sys.stderr)
-        self.exit(2, f"synth: {said} {message} (see {self.prog} --help)\n")
+        self.exit(2, fault(f"{message} (see {self.prog} --help)\n"))
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """argparse passes over what cannot be written; whoever asks for help is to hear of it."""
