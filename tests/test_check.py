@@ -187,6 +187,14 @@ def test_a_look_at_the_ends_alone_is_part_of_the_whole() -> None:
     assert {path for path, _ in problems(preset, everywhere=False)} == {path for path, _ in problems(preset)}
 
 
+def test_a_fret_in_the_middle_that_lifts_the_string_is_seen_without_a_look_at_every_note() -> None:
+    heights = list(load_preset("fretted-bass").obstacle.heights_mm)
+    heights[4] += 0.5  # a string stopped at the fret before lies on it
+    preset = validate_preset(spoil("fretted-bass", {"obstacle.heights_mm": heights}), "x")
+    assert [path for path, _ in problems(preset)] == ["obstacle.heights_mm"]
+    assert [path for path, _ in problems(preset, everywhere=False)] == ["obstacle.heights_mm"]
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

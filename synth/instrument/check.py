@@ -54,7 +54,8 @@ def check(preset: Preset, origin: str, *, everywhere: bool = True) -> Preset:
 def problems(preset: Preset, *, everywhere: bool = True) -> list[tuple[str, str]]:
     """(path of the key to blame, what is wrong and where) of all that keeps a string from sounding; alike ones are one.
 
-    everywhere: at every note and fret; else at the ends of every string table and neck, which takes a few milliseconds.
+    everywhere: at every note and fret; else at the ends of every string table and neck, and of the frets between whether
+    they leave a string room, which takes a few milliseconds.
     """
     first: dict[tuple[str, str], str] = {}
     more: dict[tuple[str, str], int] = {}
@@ -97,12 +98,13 @@ def _found(preset: Preset, everywhere: bool) -> Iterator[tuple[str, str, str]]:
                     _try(preset, table, note, fret, opened, below, string, obstacle, height)
                 except (ValueError, ArithmeticError) as error:
                     yield *_blamed(number, table, error, preset), where
+            yield from _in_the_way(preset, number, table, note, [fret for fret in frets if fret not in looked_at], place)
 
 
 def _in_the_way(
     preset: Preset, number: int, table: StringTable, note: int, frets: Iterable[int], place: str
 ) -> Iterator[tuple[str, str, str]]:
-    """As `_found`, of the neck alone, where the string itself cannot be made."""
+    """As `_found`, of the neck alone: where the string itself cannot be made or is not."""
     if not isinstance(preset.obstacle, FretsObstacle):
         return
     length = at_note(table.length_m, note)
