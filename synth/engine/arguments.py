@@ -12,7 +12,7 @@ import numpy as np
 
 from synth.dsp.decimator import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
 from synth.instrument.effects import EffectTable
-from synth.instrument.plan import QUALITIES
+from synth.instrument.plan import PRECISIONS, QUALITIES
 from synth.instrument.preset import Preset
 from synth.midi.events import (
     BEND,
@@ -114,6 +114,13 @@ def quality(name: Any) -> str:
     """A quality's name. Raises ValueError."""
     if name not in QUALITIES:
         raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {name!r}")
+    return name
+
+
+def precision(name: Any) -> str | None:
+    """A precision's name, or None. Raises ValueError."""
+    if name is not None and name not in PRECISIONS:
+        raise ValueError(f"precision must be one of {', '.join(PRECISIONS)}, or None for the planned one, got {name!r}")
     return name
 
 

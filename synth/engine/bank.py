@@ -29,7 +29,17 @@ from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.responses import make_rows
-from synth.solver.stringmodel import Coefficients, Scratch, StringModel, StringState, make_scratch, make_string, state_sizes
+from synth.solver.stringmodel import (
+    Coefficients,
+    Scratch,
+    StringModel,
+    StringState,
+    make_scratch,
+    make_string,
+    single_copy,
+    single_rows,
+    state_sizes,
+)
 
 PENDING_EVENTS = 1 << 14
 #: outputs of a string: one of displacement, one of velocity
@@ -50,8 +60,9 @@ class Built(NamedTuple):
 class _Lists:
     """What is listed while parts are laid out: one record after the other."""
 
-    def __init__(self, rate_hz: float, law: int, step: int, restitution: float, span: int) -> None:
+    def __init__(self, rate_hz: float, law: int, step: int, restitution: float, span: int, single: bool) -> None:
         self.rate_hz, self.law, self.step, self.restitution, self.span = rate_hz, law, step, restitution, span
+        self.single = single
         self.models: list[tuple] = []
         self.strings: list[tuple] = []
         self.positions: list[tuple] = []
@@ -199,9 +210,11 @@ class _Lists:
             if string.board is not None:
                 dt = 1.0 / (self.rate_hz * factor)
                 self.boards.append(LaidBoard(len(self.models), position.own + 1, dt, position.mu, string.board))
-            self._model(preset, position, factor, heard)
+            self._model(preset, position, factor, heard, string.board is not None)
 
-    def _model(self, preset: Preset, position: Position, factor: int, heard: tuple[Soundboard, int] | None) -> None:
+    def _model(
+        self, preset: Preset, position: Position, factor: int, heard: tuple[Soundboard, int] | None, on_board: bool
+    ) -> None:
         n, c = position.omega.size, position.eta.size
         uses_q, uses_v = _uses(preset)
         bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
@@ -245,6 +258,8 @@ class _Lists:
         )
         self.leverage.append(position.leverage)
         self._levers += position.leverage.size
+        # strings that swing with a body, over a board or with a law of their own are not advanced in blocks of one string
+        single = self.single and self.law == EXACT_HOLD and self.step == 0 and heard is None and not on_board
         model = make_string(
             self.law,
             1.0 / (self.rate_hz * factor),
@@ -264,12 +279,17 @@ class _Lists:
             used=(1 - int(uses_q), int(uses_q) + int(uses_v), int(uses_q)),
             step=self.step,
             layers=position.layers,
+            single=single,
         )
         frame = 1.0 / self.rate_hz
         rows = make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, frame))
         weights = model.weights * response(self.rate_hz, factor, model.omega / (2.0 * math.pi))
         self.compiled.append(model)
-        self.flights.append(model._replace(dt=frame, rows=rows, weights=weights))
+        flight = model._replace(dt=frame, rows=rows, weights=weights)
+        if single:
+            singles = model.single_rows.shape[1]
+            flight = flight._replace(single_rows=single_rows(rows, singles), single_weights=single_copy(weights, singles))
+        self.flights.append(flight)
 
 
 def _uses(preset: Preset) -> tuple[bool, bool]:
@@ -289,14 +309,16 @@ def build_bank(
     pitch: np.ndarray,
     bindings: Sequence[tuple],
     together: Collection[int] = (),
+    single: bool = False,
 ) -> Built:
     """The Bank of these parts, part p played by MIDI channel channels[p].
 
     pitch     (128,) of every key as compiled, in semitones
     bindings  rows (controller, part, index, low, high)
     together  parts whose strings are one instrument; the others' strings are one each
+    single    modes in float32 (`solver.single`) where they are advanced in blocks of exact-hold
     """
-    lists = _Lists(rate_hz, law_of(scheme), step_of(scheme), restitution, span_quanta(parts))
+    lists = _Lists(rate_hz, law_of(scheme), step_of(scheme), restitution, span_quanta(parts), single)
     for p, (part, channel) in enumerate(zip(parts, channels, strict=True)):
         lists.part(part, channel, p in together)
     by_controller = sorted(bindings, key=lambda row: row[0])
@@ -458,7 +480,7 @@ def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     """A model with coefficients of the string's own in the place of its own."""
     shapes = {name: getattr(model, name).shape for name in own._fields}
     taken = {name: getattr(own, name)[: math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
-    return model._replace(**taken)
+    return model._replace(**taken, single_rows=model.single_rows[:, :0])  # made in each call from those of its own
 
 
 def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int], strings: Strings) -> Shared:

@@ -35,6 +35,7 @@ from synth.engine.voices.mpe import set_zone
 from synth.instrument.check import check
 from synth.instrument.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.instrument.effects import EffectTable
+from synth.instrument.plan import FLOAT32, planned_precision
 from synth.instrument.preset import Preset, PresetError, why_unplayed
 from synth.jit import compiling, kernel_helpers, prebuilt
 from synth.midi.events import EVENT
@@ -91,6 +92,7 @@ class Engine:
     note_hz      (128,) frequencies that replace the presets' equal temperament
     bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
                  all, id, value at 0, value at 127), None for the parameter's own range
+    precision    of the modes, "float64" or "float32"; None: as planned for the quality (`plan.planned_precision`)
     only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
                  every_fret what else can be played on the others. No effect on the sound of those notes
     mix_effects  effects of the mix, in this order before the limiter: tables as in presets
@@ -120,6 +122,7 @@ class Engine:
         max_polyphony: int | None = None,
         note_hz: np.ndarray | None = None,
         economy: bool | None = None,
+        precision: str | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
         every_fret: bool = True,
         threads: int | str = 1,
@@ -156,6 +159,7 @@ class Engine:
         )
         self.note_hz = arguments.note_frequencies(note_hz)
         self.economy = quality in ("draft", "standard") if economy is None else economy
+        self.precision = arguments.precision(precision) or planned_precision(quality, scheme, internal_rate_hz)
         self._only_notes = arguments.wanted_notes(only_notes, len(self.parts))
         self._every_fret = every_fret
         self.rate_hz = 0.0
@@ -184,6 +188,7 @@ class Engine:
             "program_map": self.program_map,
             "quality": self.quality,
             "scheme": self.scheme,
+            "precision": self.precision,
             "restitution": self.restitution,
             "internal_rate_hz": self.internal_rate_hz,
             "limiter": self.limiter,
@@ -270,6 +275,7 @@ class Engine:
             self.restitution,
             self._compiled_pitch(),
             self._bindings,
+            single=self.precision == FLOAT32,
         )
         bank = built.bank
         ceiling = db_to_gain(CEILING_DB) if self.limiter else None
@@ -339,7 +345,7 @@ class Engine:
 
     def _own_kinds(self) -> bytes:
         """What tells this engine's law, effects and excitations from another's."""
-        return b" ".join((self.scheme.encode(), self._chains.origin(), self._excitations.origin()))
+        return b" ".join((self.scheme.encode(), self.precision.encode(), self._chains.origin(), self._excitations.origin()))
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""

@@ -59,6 +59,10 @@ IMPACT_ONSET_ERROR = {"standard": 0.3, "fine": 0.1}
 IMPACT_BANDS_DB = {"draft": 4.0, "standard": 2.5, "fine": 2.5}
 
 
+#: elements of a string's modes
+FLOAT64, FLOAT32 = PRECISIONS = ("float64", "float32")
+
+
 @dataclass(frozen=True)
 class StringPlan:
     """What one string gets: its internal rate is `factor` times the output rate."""
@@ -152,6 +156,15 @@ def choose_factor(
     kept = [q for q in QUALITIES if wanted_rate_hz(fundamental_hz, kind, q) <= reached]
     error = promise(kind, kept[-1]) if kept else "not calibrated"
     return MAXIMUM_FACTOR, f"{error} (limited to {MAXIMUM_FACTOR} × output)"
+
+
+def planned_precision(quality: str, scheme: str = "exact-hold", internal_rate_hz: float | None = None) -> str:
+    """Elements of the modes: float32 where the promise leaves room a hundred times over, at "draft" and "standard".
+
+    Where they matter, roundings part two runs no sooner than what a promise allows: e stays the same to 1e-4. What nothing is
+    promised of, another scheme or a rate of one's own, is float64.
+    """
+    return FLOAT32 if quality in ("draft", "standard") and scheme == "exact-hold" and internal_rate_hz is None else FLOAT64
 
 
 def plan_string(

@@ -44,6 +44,11 @@ def f8(shape: str) -> Field:
     return struct(np.dtype(np.float64), shape)
 
 
+def f4(shape: str) -> Field:
+    """float32."""
+    return struct(np.dtype(np.float32), shape)
+
+
 def i8(shape: str) -> Field:
     """int64."""
     return struct(np.dtype(np.int64), shape)

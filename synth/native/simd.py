@@ -1,6 +1,7 @@
-"""LLVM's vectors of doubles, as wide as the machine's registers, for intrinsics that compiled code calls like functions.
+"""LLVM's vectors, as wide as the machine's registers, for intrinsics that compiled code calls like functions.
 
-Numba's own vectoriser prefers half that width and keeps sums in registers only where it likes to.
+Numba's own vectoriser prefers half that width and keeps sums in registers only where it likes to. Elements are doubles, or
+floats, of which a register holds twice as many.
 """
 
 from __future__ import annotations
@@ -45,15 +46,25 @@ LOOSE = ("reassoc", "contract", "nsz")
 
 
 class Code:
-    """What emitters share: addresses and vectors."""
+    """What emitters share: addresses and vectors of `lanes` elements, doubles (float64) or floats (float32)."""
 
-    def __init__(self, context, builder, signature, args) -> None:
+    def __init__(self, context, builder, signature, args, single: bool = False) -> None:
         self.b = builder
         self.context = context
         self.signature = signature
         self.args = args
-        fma = ir.FunctionType(VECTOR, [VECTOR] * 3)
-        self._fma = cgutils.get_or_insert_function(builder.module, fma, f"llvm.fma.v{LANES}f64")
+        self.single = single
+        self.lanes = 2 * LANES if single else LANES
+        self.vector = ir.VectorType(ir.FloatType() if single else DOUBLE, self.lanes)
+        self.align = 4 if single else 8
+        fma = ir.FunctionType(self.vector, [self.vector] * 3)
+        kind = "f32" if single else "f64"
+        self._fma = cgutils.get_or_insert_function(builder.module, fma, f"llvm.fma.v{self.lanes}{kind}")
+
+    @property
+    def zero(self):
+        """A vector of zeros."""
+        return ir.Constant(self.vector, [0.0] * self.lanes)
 
     def data(self, i: int):
         """Address of argument i's first element."""
@@ -65,20 +76,22 @@ class Code:
         return self.b.extract_value(array.shape, 1)
 
     def load(self, base, at):
-        """LANES elements from base[at] on."""
-        return self.b.load(self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer()), align=8)
+        """A vector of elements from base[at] on."""
+        return self.b.load(self.b.bitcast(self.b.gep(base, [at]), self.vector.as_pointer()), align=self.align)
 
     def store(self, value, base, at) -> None:
-        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer()), align=8)
+        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), self.vector.as_pointer()), align=self.align)
 
     def scalar(self, base, at: int):
         return self.b.load(self.b.gep(base, [ir.Constant(INT, at)]))
 
     def splat(self, value):
-        one = self.b.insert_element(ir.Constant(VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-        return self.b.shuffle_vector(
-            one, ir.Constant(VECTOR, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        )
+        """A number, a double, in every lane."""
+        if self.single:
+            value = self.b.fptrunc(value, ir.FloatType())
+        none = ir.Constant(self.vector, ir.Undefined)
+        one = self.b.insert_element(none, value, ir.Constant(ir.IntType(32), 0))
+        return self.b.shuffle_vector(one, none, ir.Constant(ir.VectorType(ir.IntType(32), self.lanes), [0] * self.lanes))
 
     def fma(self, x, y, z):
         return self.b.call(self._fma, [x, y, z])
@@ -120,7 +133,10 @@ class Code:
         self.b.call(store, [value, place, ir.Constant(ir.IntType(32), 8), mask])
 
     def fold(self, sums):
-        """LANES vectors → one vector of their sums, by shuffles of pairs: always in the same order."""
+        """LANES vectors → one vector of their sums, doubles, by shuffles of pairs: always in the same order. Of floats the
+        two halves are added first, as floats."""
+        if self.single:
+            sums = [self._halves(each) for each in sums]
         index = ir.VectorType(ir.IntType(32), LANES)
         span = 1
         while span < LANES:
@@ -139,6 +155,18 @@ class Code:
             sums = halves
             span *= 2
         return sums[0]
+
+    def _halves(self, x):
+        """The doubles of a vector of floats whose halves are added."""
+        index = ir.VectorType(ir.IntType(32), LANES)
+        low, high = (
+            self.b.shuffle_vector(x, x, ir.Constant(index, list(range(first, first + LANES)))) for first in (0, LANES)
+        )
+        return self.b.fpext(self.b.fadd(low, high), VECTOR)
+
+    def store_doubles(self, value, base, at) -> None:
+        """What `fold` gives to base[at] on."""
+        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer()), align=8)
 
 
 @intrinsic

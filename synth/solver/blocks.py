@@ -21,6 +21,7 @@ from numba import njit
 from synth.solver.certificates import HORIZONS, certify
 from synth.solver.lanes import (
     BLOCK,
+    ROWS,
     add_forced,
     add_late,
     any_below,
@@ -32,6 +33,7 @@ from synth.solver.lanes import (
     drive,
     drive_listed,
     padded,
+    padded_single,
     press_sequence,
     project_q,
     project_qq,
@@ -41,6 +43,7 @@ from synth.solver.lanes import (
 )
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED, pivot
+from synth.solver.single import fill_single_rows, give_back, take
 from synth.solver.stringmodel import CLOCK, MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
 
@@ -99,15 +102,60 @@ def fly_blocks(blocks: int, n: int, rows, q, v, weights, on_q: int, out) -> None
 
 
 @njit(cache=True, nogil=True)
+def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> None:
+    """`fly_blocks` with a model's outputs in use, of which it has at most one of each kind; the first `modes` of q, v (≥N,)
+    are not zero."""
+    m = string_model(model)
+    if not m.single:
+        fly_blocks(blocks, padded(modes), m.rows, q, v, m.weights[m.first : m.first + m.points], m.on_q, out)
+        return
+    w = scratch_of(scratch)
+    n = padded_single(modes)
+    single_q, single_v = w.single_q[:n], w.single_v[:n]
+    take(q, v, modes, single_q, single_v)
+    weights = m.single_weights[m.first : m.first + m.points]
+    fly_blocks(blocks, n, _single_rows(m, w), single_q, single_v, weights, m.on_q, out)
+    give_back(single_q, single_v, modes, q, v)
+
+
+@njit(inline="always")
+def _single_rows(m, w):
+    """(ROWS, padded_single(N)) float32 of a model: its own, or made in the Scratch where it has none."""
+    count = padded_single(m.modes)
+    rows = w.single_rows[: ROWS * count].reshape(ROWS, count)
+    if m.single_rows.shape[1] > 0:
+        rows = m.single_rows
+    else:
+        fill_single_rows(m.rows, rows)
+    return rows
+
+
+@njit(cache=True, nogil=True)
 def press_blocks(model: int, state: int, scratch: int, blocks: int, stride: int) -> int:
     """Exact-hold over one contact, with at most one output of displacement and one of velocity; rows of `stride` steps.
 
     Returns the number of blocks that touched.
     """
+    m, s = string_model(model), string_state(state)
+    if not m.single:
+        return _press(model, state, scratch, blocks, stride, m.rows, m.shapes, m.weights, s.q, s.v)
+    w = scratch_of(scratch)
+    n = padded_single(m.modes)
+    q, v = w.single_q[:n], w.single_v[:n]
+    take(s.q, s.v, m.modes, q, v)
+    rows = _single_rows(m, w)
+    touched = _press(model, state, scratch, blocks, stride, rows, m.single_shapes, m.single_weights, q, v)
+    give_back(q, v, m.modes, s.q, s.v)
+    return touched
+
+
+@njit(**INNER)
+def _press(model: int, state: int, scratch: int, blocks: int, stride: int, rows, shapes, all_weights, q, v) -> int:
+    """The same with the modes q, v (n,) and what they are multiplied with: rows (ROWS, n), shapes (1, n), weights (P, n)."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    n, points, on_q = m.rows.shape[1], m.points, m.on_q
-    rows, shape, eta, lags, q, v = m.rows, m.shapes[0], s.eta[0], m.lags[0, 0], s.q, s.v
-    weights, out_lags = m.weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
+    n, points, on_q = rows.shape[1], m.points, m.on_q
+    shape, eta, lags = shapes[0], s.eta[0], m.lags[0, 0]
+    weights, out_lags = all_weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
     out = w.out[: points * stride].reshape(points, stride)
     u, forces, record, contact_u = w.spare[0], w.forces[0], w.record, w.contact_u
     touched = 0
@@ -297,10 +345,30 @@ def advance_blocks(model: int, state: int, scratch: int, blocks: int, stride: in
     Contacts out of reach are passed over where the model is `certified` (exact-hold; `certificates.forget` after any change
     from outside), and then there is no contact_u.
     """
+    m, s = string_model(model), string_state(state)
+    if not m.single:
+        moving = padded(s.counts[MOVING])
+        return _advance(model, state, scratch, blocks, stride, moving, m.rows, m.shapes, m.weights, s.q, s.v)
+    w = scratch_of(scratch)
+    n = padded_single(m.modes)
+    q, v = w.single_q[:n], w.single_v[:n]
+    take(s.q, s.v, m.modes, q, v)
+    moving, rows = padded_single(s.counts[MOVING]), _single_rows(m, w)
+    result = _advance(model, state, scratch, blocks, stride, moving, rows, m.single_shapes, m.single_weights, q, v)
+    give_back(q, v, m.modes, s.q, s.v)
+    return result
+
+
+@njit(**INNER)
+def _advance(
+    model: int, state: int, scratch: int, blocks: int, stride: int, moving: int, rows, shapes, all_weights, q, v
+) -> int:  # fmt: skip
+    """The same with the modes q, v (n,), of which `moving` may not be zero, and what they are multiplied with: rows
+    (ROWS, n), shapes (C, n), weights (P, n)."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    law, n, points, contacts = m.law, m.rows.shape[1], m.points, m.shapes.shape[0]
-    rows, shapes, lags, q, v, eta = m.rows, m.shapes, m.lags, s.q, s.v, s.eta
-    weights, out_lags = m.weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
+    law, n, points, contacts = m.law, rows.shape[1], m.points, shapes.shape[0]
+    lags, eta = m.lags, s.eta
+    weights, out_lags = all_weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
     out = w.out[: points * stride].reshape(points, stride)
     record, watched = w.record, w.contact_u.size > 0
     hold = law == EXACT_HOLD
@@ -308,11 +376,10 @@ def advance_blocks(model: int, state: int, scratch: int, blocks: int, stride: in
     result = SOLVED
     if blocks == 0:
         return result
-    moving = padded(s.counts[MOVING])
     for t in range(blocks):
         at = t * BLOCK
         if m.certified and hold:
-            certify(model, state, scratch, moving)
+            certify(model, state, scratch, q[:moving], v[:moving])
         else:
             for c in range(contacts):
                 looked[c], s.until[c], s.renewed[c] = 1, 0, -1

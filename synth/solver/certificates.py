@@ -64,12 +64,14 @@ def forget(state: int) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def certify(model: int, state: int, scratch: int, modes: int) -> None:
+def certify(model: int, state: int, scratch: int, q, v) -> None:
     """Ask of every contact whose time has come whether free flight can bring the string to it, and until when it cannot.
+
+    q, v (n,): its modes; those behind them are zero.
 
     A mode's energy does not grow, so |q̇_j| ≤ ω_j E_j and |q_j| ≤ E_j with E_j = √(q_j² + v_j²/ω_j²): a contact never goes
     deeper than Σ |φ_j| E_j, and within τ it moves by no more than Σ |φ_j| E_j min(2, ω_j τ). What was so once is so until a
-    force acts. The horizons τ are `HORIZONS` steps; modes from number `modes` on are zero.
+    force acts. The horizons τ are `HORIZONS` steps.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     contacts = m.shapes.shape[0]
@@ -84,7 +86,7 @@ def certify(model: int, state: int, scratch: int, modes: int) -> None:
             stale = stale or renewed[c] < 0
     if not due:
         return
-    q, v, omega = s.q[:modes], s.v[:modes], m.omega[:modes]
+    omega = m.omega[: q.size]
     n = omega.size
     ever, far, close = w.moved[0], w.moved[1], w.moved[2]
     if stale:

@@ -241,7 +241,7 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
     for t in range(blocks):
         at = t * BLOCK
         if m.certified and hold:
-            certify(model, state, scratch, n)
+            certify(model, state, scratch, s.q[:n], s.v[:n])
         else:
             for c in range(contacts):
                 looked[c] = 1

@@ -31,14 +31,21 @@ from synth.native.simd import DOUBLE, INT, LANES, LOOSE, VECTOR, Code, intrinsic
 BLOCK = 8
 ROWS = 14
 P11, P12, P21, P22, KQ, KV, TRACE, MINUS_DET, ADV11, ADV12, ADV21, ADV22, KQ_LATE, KV_LATE = range(ROWS)
-#: modes are padded to a multiple of this, on every machine
+#: modes are padded to a multiple of this, on every machine; those of float32 to a multiple of the other
 PAD = 8
+SINGLE_PAD = 16
 
 
 @kernel(types.int64, answer=types.int64)
 def padded(modes: int) -> int:
     """The smallest multiple of `PAD` that holds so many modes."""
     return (modes + PAD - 1) // PAD * PAD
+
+
+@kernel(types.int64, answer=types.int64)
+def padded_single(modes: int) -> int:
+    """The smallest multiple of `SINGLE_PAD` that holds so many modes."""
+    return (modes + SINGLE_PAD - 1) // SINGLE_PAD * SINGLE_PAD
 
 
 def _emit_listed_forces(code: Code, j, count, which, shapes, forces, more):
@@ -51,7 +58,7 @@ def _emit_listed_forces(code: Code, j, count, which, shapes, forces, more):
     b.position_at_end(contacts)
     d = b.phi(INT)
     d.add_incoming(ir.Constant(INT, 0), before)
-    sums = [b.phi(VECTOR) for _ in range(BLOCK)]
+    sums = [b.phi(code.vector) for _ in range(BLOCK)]
     contact = b.load(b.gep(at_which, [d]))
     shape = code.load(b.gep(at_shapes, [b.mul(contact, length)]), j)
     mine = b.gep(at_f, [b.mul(d, ir.Constant(INT, BLOCK))])
@@ -75,6 +82,19 @@ def _emit_horner(code: Code, trace, minus_det, inputs):
     return older, newer
 
 
+def _emit_advance(code: Code, at, j, x, y):
+    """Displacements and velocities K steps on."""
+    if code.single:  # what is added is small where a mode moves little in a block: nothing of it is lost to rounding
+        return [
+            code.fma(code.load(at[own], j), a, code.fma(code.load(at[cross], j), other, a))
+            for own, cross, a, other in ((ADV11, ADV12, x, y), (ADV22, ADV21, y, x))
+        ]
+    return [
+        code.fma(code.load(at[own], j), x, code.times(code.load(at[cross], j), y))
+        for own, cross in ((ADV11, ADV12), (ADV21, ADV22))
+    ]
+
+
 def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     """One pass over the modes: K steps forward ("coast", "drive …" or ""), then a look at the K steps after.
 
@@ -83,6 +103,9 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     "drive"; for each of these and "coast", where "kicked", too, kick shape (≥n,), kicks (K,); weights (≥n,) for each of
     `kinds`; an output (≥K,) for each of them: weights · x_{k+1}, x the displacements ("q") or velocities ("v") after each of
     K free steps.
+
+    Modes and what they are multiplied with may be float32; forces, kicks and outputs are float64. Rows of float32 hold
+    Φ^K − 1 where those of float64 hold Φ^K (`responses.single_rows`).
     """
     b = code.b
     kicked = motion.endswith(" kicked")
@@ -101,13 +124,13 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     b.position_at_end(loop)
     j = b.phi(INT)
     j.add_incoming(ir.Constant(INT, 0), before)
-    sums = [[b.phi(VECTOR) for _ in range(BLOCK)] for _ in kinds]
+    sums = [[b.phi(code.vector) for _ in range(BLOCK)] for _ in kinds]
     for row in sums:
         for s in row:
-            s.add_incoming(ir.Constant(VECTOR, [0.0] * LANES), before)
+            s.add_incoming(code.zero, before)
     force = []
     if motion == "drive listed":
-        force = _emit_listed_forces(code, j, 4, 5, 6, 7, [ir.Constant(VECTOR, [0.0] * LANES)] * BLOCK)
+        force = _emit_listed_forces(code, j, 4, 5, 6, 7, [code.zero] * BLOCK)
     elif motion == "drive listed and one":
         shape = code.load(code.data(8), j)
         one = [code.times(shape, code.splat(code.scalar(code.data(9), k))) for k in range(BLOCK)]
@@ -119,10 +142,7 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     if kinds or force or kicked:
         trace, minus_det = code.load(at[TRACE], j), code.load(at[MINUS_DET], j)
     if motion:
-        ahead = [
-            code.fma(code.load(at[own], j), x, code.times(code.load(at[cross], j), y))
-            for own, cross in ((ADV11, ADV12), (ADV21, ADV22))
-        ]
+        ahead = _emit_advance(code, at, j, x, y)
         if force:
             older, newer = _emit_horner(code, trace, minus_det, force)
             if motion == "drive":
@@ -152,7 +172,7 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
         if k + 1 < BLOCK:
             for kind, (older, newer) in chains.items():
                 chains[kind] = [newer, code.fma(trace, newer, code.times(minus_det, older))]
-    after = b.add(j, ir.Constant(INT, LANES))
+    after = b.add(j, ir.Constant(INT, code.lanes))
     j.add_incoming(after, b.block)
     for row, result in zip(sums, new, strict=True):
         for s, r in zip(row, result, strict=True):
@@ -162,11 +182,12 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     b.position_at_end(done)
     for out, result in zip(at_out, new, strict=True):
         for first in range(0, BLOCK, LANES):
-            code.store(code.fold(result[first : first + LANES]), out, ir.Constant(INT, first))
+            code.store_doubles(code.fold(result[first : first + LANES]), out, ir.Constant(INT, first))
 
 
 def _pass(motion: str, kinds: str):
-    """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD`, at least that."""
+    """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD` (of `SINGLE_PAD` where modes are float32),
+    at least that."""
 
     @intrinsic
     def one_pass(typingctx, n, *rest):
@@ -177,7 +198,8 @@ def _pass(motion: str, kinds: str):
         def emit(context, builder, signature, args):
             packed = cgutils.unpack_tuple(builder, args[1], len(given))
             flat = types.void(signature.args[0], *signature.args[1])
-            _emit_pass(Code(context, builder, flat, [args[0], *packed]), motion, kinds)
+            single = given[1].dtype == types.float32
+            _emit_pass(Code(context, builder, flat, [args[0], *packed], single), motion, kinds)
             return context.get_dummy_value()
 
         return types.void(types.int64, types.StarArgTuple.from_types(given)), emit

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
+from synth.solver.blocks import advance_blocks, fly_modes, press_blocks
 from synth.solver.by_law import by_law
 from synth.solver.certificates import forget
 from synth.solver.fingers import advance_under_finger
-from synth.solver.lanes import BLOCK, padded
+from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.stepwise import one_by_one
@@ -70,9 +70,8 @@ def _whole_blocks(model: int, state: int, scratch: int, blocks: int, stride: int
     m, s = string_model(model), string_state(state)
     contacts, hold, fingered = m.shapes.shape[0], m.law == EXACT_HOLD, s.finger[0].on != 0
     if _flies(model, state):
-        weights = m.weights[m.first : m.first + m.points]
         out = scratch_of(scratch).out[: m.points * stride].reshape(m.points, stride)
-        fly_blocks(blocks, padded(s.counts[MOVING]), m.rows, s.q, s.v, weights, m.on_q, out)
+        fly_modes(model, scratch, s.q, s.v, s.counts[MOVING], blocks, out)
         return SOLVED
     if contacts == 1 and hold and not fingered and m.on_q <= 1 and m.points - m.on_q <= 1:
         press_blocks(model, state, scratch, blocks, stride)

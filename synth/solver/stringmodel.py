@@ -16,11 +16,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.native.arrays import aligned, allocate, f8, i8, struct, u1
+from synth.native.arrays import aligned, allocate, f4, f8, i8, struct, u1
 from synth.native.views import opener, table
-from synth.solver.lanes import BLOCK, ROWS, padded
+from synth.solver.lanes import BLOCK, ROWS, padded, padded_single
 from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.responses import make_lags, make_rows, padded_rows
+from synth.solver.single import fill_single_rows
 from synth.solver.vectors import dot
 
 #: length of a response to a force during a block: its first half is zero, place K + l is l steps after the force's own
@@ -63,6 +64,7 @@ class StringModel(NamedTuple):
     on_q: int  # … and the first so many of these are displacements
     certified: int  # whether contacts out of reach may be passed over
     step: int  # address of what answers in a step (`contact_laws.ContactLaw`), 0: the kernels know the law
+    single: int  # whether blocks of steps hold the modes in float32 (`single`)
     omega: Annotated[np.ndarray, f8("modes")]  # 1 behind the last mode: it is divided by
     sigma: Annotated[np.ndarray, f8("modes")]
     rows: Annotated[np.ndarray, f8("ROWS, modes")]  # step coefficients and what follows from them, see `lanes`
@@ -75,6 +77,10 @@ class StringModel(NamedTuple):
     out_lags: Annotated[np.ndarray, f8("outputs, lagged, RESPONSE")]
     q_rest: Annotated[np.ndarray, f8("modes")]  # where it comes to rest
     layers: Annotated[np.ndarray, f8("3, layered")]  # of the contacts, if any has one (`layers`); layered: contacts, or 0
+    # the same for modes in float32; singles: padded_single(N), or 0 where none are. Rows of none are made in each call
+    single_rows: Annotated[np.ndarray, f4("ROWS, singles")]
+    single_shapes: Annotated[np.ndarray, f4("contacts, singles")]
+    single_weights: Annotated[np.ndarray, f4("outputs, singles")]
 
 
 class StringState(NamedTuple):
@@ -124,6 +130,9 @@ class Scratch(NamedTuple):
     amplitude: Annotated[np.ndarray, f8("modes")]
     q: Annotated[np.ndarray, f8("modes")]
     v: Annotated[np.ndarray, f8("modes")]
+    single_rows: Annotated[np.ndarray, f4("ROWS*singles")]
+    single_q: Annotated[np.ndarray, f4("singles")]
+    single_v: Annotated[np.ndarray, f4("singles")]
     moved: Annotated[np.ndarray, f8("3, modes")]
     y: Annotated[np.ndarray, f8("contacts")]
     b: Annotated[np.ndarray, f8("contacts")]
@@ -169,13 +178,14 @@ def make_string(
     in_blocks: bool = True,
     step: int = 0,
     layers: np.ndarray | None = None,
+    single: bool = False,
 ) -> StringModel:
     """A model of N modes ω, σ (N,) with step coefficients (6, N) over C contacts S (C, N) at η (C,) [m].
 
     residual (C, C): their static compliance; weights (P, N), the first on_q of them on displacements (all, unless said);
     used: first, points, on_q of those in use, all unless said; matrix: where `laws.contact_matrix` is known already; q_rest
     (N,), zero unless given; layers (3, C) or (3, 0), none unless given; in_blocks: with the tables that steps in blocks
-    need, unless contacts are too many for them.
+    need, unless contacts are too many for them; single: with modes in float32 there.
     """
     n, contacts, points = omega.size, eta.size, weights.shape[0]
     on_q = points if on_q is None else on_q
@@ -208,10 +218,12 @@ def make_string(
         "q_rest": padded_rows(np.zeros(n) if q_rest is None else q_rest, size),
         "layers": _copy(np.zeros((3, 0)) if layers is None else layers),
     }
+    singles = padded_single(n) if single else 0
     return allocate(
         StringModel,
         SIZES
-        | {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points, "layered": given["layers"].shape[1]},
+        | {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points, "singles": singles}
+        | {"layered": given["layers"].shape[1]},
         law=law,
         dt=dt,
         restitution=restitution,
@@ -222,8 +234,27 @@ def make_string(
         on_q=in_use_on_q,
         certified=int(certified),
         step=step,
+        single=int(single),
+        single_rows=single_rows(rows, singles),
+        single_shapes=single_copy(shapes, singles),
+        single_weights=single_copy(weights, singles),
         **given,
     )
+
+
+def single_rows(rows: np.ndarray, singles: int) -> np.ndarray:
+    """(ROWS, singles) float32 of rows (ROWS, n): `single.fill_single_rows`."""
+    out = aligned((ROWS, singles), np.float32)
+    fill_single_rows(rows, out)
+    return out
+
+
+def single_copy(rows: np.ndarray, singles: int) -> np.ndarray:
+    """An aligned float32 copy of rows (R, n), `singles` of each: with zeros behind them; none of them for 0."""
+    out = aligned((rows.shape[0], singles), np.float32)
+    count = min(singles, rows.shape[1])
+    out[:, :count] = rows[:, :count]
+    return out
 
 
 def state_sizes(modes: int, contacts: int, outputs: int) -> dict[str, int]:
@@ -250,6 +281,7 @@ def make_scratch(
     """For calls of up to `steps` steps; `watched` of them with displacements of the contacts."""
     path = np.zeros(steps + 1) if path is None else np.ascontiguousarray(path, dtype=np.float64)
     sizes = {"contacts": max(1, contacts), "modes": max(1, padded(modes)), "outputs": outputs, "steps": steps}
+    sizes["singles"] = max(1, padded_single(modes))
     scratch = allocate(Scratch, SIZES | sizes | {"path": path.size, "watched": watched}, path=path)
     scratch.watch[:] = 1
     return scratch

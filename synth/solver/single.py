@@ -1,0 +1,43 @@
+"""Modes in float32: twice as many in a vector, half as much to read.
+
+Only a mode's displacement and velocity, and what they are multiplied with in a block of steps, are float32; forces, the
+contact problem and outputs stay float64, as does the state between calls, which then holds numbers of float32. A call for
+some blocks takes the modes over, and gives them back.
+
+Rounded to float32, Φ^K keeps a mode's frequency (p12 and p21 are exact to a part ε = 2⁻²⁴) but not its losses: the
+determinant is off by some ε, the decay rate by ε/(KΔt). Rows therefore hold Φ^K − 1, which is added to the state: frequency
+and loss are right to a part ε, and what is left is the rounding of the state itself, once a block.
+"""
+
+from __future__ import annotations
+
+from numba import float32, float64, njit
+
+from synth.jit.entries import kernel
+from synth.solver.lanes import ADV11, ADV22, ROWS
+from synth.solver.vectors import INNER
+
+
+@kernel(float64[:, ::1], float32[:, ::1])
+def fill_single_rows(rows, singles) -> None:
+    """singles (ROWS, m) float32 of rows (ROWS, n), m ≥ N: as `lanes` takes them, zero behind the n-th."""
+    for r in range(ROWS):
+        less = 1.0 if r == ADV11 or r == ADV22 else 0.0
+        for j in range(singles.shape[1]):
+            singles[r, j] = rows[r, j] - less if j < rows.shape[1] else 0.0
+
+
+@njit(**INNER)
+def take(q, v, count: int, single_q, single_v) -> None:
+    """The first `count` modes (N,) as float32, zero behind them."""
+    for j in range(single_q.size):
+        single_q[j] = q[j] if j < count else 0.0
+        single_v[j] = v[j] if j < count else 0.0
+
+
+@njit(**INNER)
+def give_back(single_q, single_v, count: int, q, v) -> None:
+    """The state as it is now."""
+    for j in range(count):
+        q[j] = single_q[j]
+        v[j] = single_v[j]
