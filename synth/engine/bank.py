@@ -29,6 +29,7 @@ from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.responses import make_rows
+from synth.solver.single import keeps_losses
 from synth.solver.stringmodel import (
     Coefficients,
     Scratch,
@@ -258,11 +259,13 @@ class _Lists:
         )
         self.leverage.append(position.leverage)
         self._levers += position.leverage.size
-        # strings that swing with a body, over a board or with a law of their own are not advanced in blocks of one string
-        single = self.single and self.law == EXACT_HOLD and self.step == 0 and heard is None and not on_board
+        dt = 1.0 / (self.rate_hz * factor)
+        # strings that swing with a body, over a board or by a law of their own are not advanced in blocks of one string
+        alone = self.law == EXACT_HOLD and self.step == 0 and heard is None and not on_board
+        single = self.single and alone and keeps_losses(position.sigma, dt)
         model = make_string(
             self.law,
-            1.0 / (self.rate_hz * factor),
+            dt,
             position.mu,
             position.omega,
             position.sigma,

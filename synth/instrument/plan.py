@@ -161,8 +161,8 @@ def choose_factor(
 def planned_precision(quality: str, scheme: str = "exact-hold", internal_rate_hz: float | None = None) -> str:
     """Elements of the modes: float32 where the promise leaves room a hundred times over, at "draft" and "standard".
 
-    Where they matter, roundings part two runs no sooner than what a promise allows: e stays the same to 1e-4. What nothing is
-    promised of, another scheme or a rate of one's own, is float64.
+    What rounding adds to e is 1e-4 where the promise is 0.1 (tests/engine/test_single.py). What nothing is promised of,
+    another scheme or a rate of one's own, is float64.
     """
     return FLOAT32 if quality in ("draft", "standard") and scheme == "exact-hold" and internal_rate_hz is None else FLOAT64
 

@@ -186,8 +186,8 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
 
 
 def _pass(motion: str, kinds: str):
-    """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD` (of `SINGLE_PAD` where modes are float32),
-    at least that."""
+    """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD`, at least that; where modes are float32,
+    of `SINGLE_PAD`."""
 
     @intrinsic
     def one_pass(typingctx, n, *rest):

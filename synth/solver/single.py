@@ -11,11 +11,22 @@ and loss are right to a part ε, and what is left is the rounding of the state i
 
 from __future__ import annotations
 
+import numpy as np
 from numba import float32, float64, njit
 
 from synth.jit.entries import kernel
-from synth.solver.lanes import ADV11, ADV22, ROWS
+from synth.solver.lanes import ADV11, ADV22, BLOCK, ROWS
 from synth.solver.vectors import INNER
+
+#: half the distance from 1 to the next number of float32
+ROUNDING = 2.0**-24
+#: what a mode loses in a block of steps, σ K Δt, is at least so much: beside it what rounding may give is nothing
+_LEAST_LOSS = 16.0 * ROUNDING
+
+
+def keeps_losses(sigma: np.ndarray, dt: float) -> bool:
+    """Whether modes that decay with σ (N,) [1/s] may be float32 in steps of dt [s]: none would gain what it is to lose."""
+    return bool(np.all(sigma * BLOCK * dt >= _LEAST_LOSS))
 
 
 @kernel(float64[:, ::1], float32[:, ::1])

@@ -481,7 +481,7 @@ def test_what_rests_in_bent_strings_is_not_heard(value):
     notes = [(0, BEND, 0, value), (6000, NOTE_ON, 0, 28, 60), (6000, NOTE_ON, 0, 43, 60)]
     runs, work = [], []
     for economy in (True, False):
-        made = engine(NECK, economy=economy)
+        made = engine(NECK, economy=economy, precision="float64")
         bent = play(made, notes, 40000)
         work.append(made.mode_steps)
         runs.append(np.concatenate([bent, play(made, [(0, BEND, 0, 0)], 20000)]))

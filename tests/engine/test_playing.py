@@ -186,9 +186,9 @@ def test_trill_keeps_the_limit_and_a_stolen_note_off_does_not_slow_the_cut():
 # --- notes ------------------------------------------------------------------------------------------------------------
 
 
-def test_note_off_damps_as_asked(free):
+def test_note_off_damps_as_asked():
     """Mode by mode: decay rate = ln 1000/T60 of the hand + the string's own."""
-    free.reset()
+    free = engine(FREE, precision="float64")
     off = 9600
     events = [(0, NOTE_ON, 0, 50, 110), (off, NOTE_OFF, 0, 50)]
     position = free.compiled[0].strings[2].positions[0]
@@ -229,7 +229,7 @@ def test_a_note_off_counts_from_its_frame_on(free):
 
 def test_a_parameter_counts_from_its_frame_on():
     """The damping time is read when the finger has let go, 6 ms after the note-on."""
-    made = engine(FREE)
+    made = engine(FREE, precision="float64")
 
     def played(at: int) -> np.ndarray:
         made.reset()

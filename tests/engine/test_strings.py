@@ -43,12 +43,12 @@ CLICK = 4.0
 
 @pytest.fixture(scope="module")
 def free():
-    return engine(FREE, economy=False)
+    return engine(FREE, economy=False, precision="float64")
 
 
 @pytest.fixture(scope="module")
 def bridge():
-    return engine(BRIDGE, economy=False)
+    return engine(BRIDGE, economy=False, precision="float64")
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def bass(directions: str = "", *, output: str = 'kind = "force"\ngain_db = -24',
 def test_the_second_moves_freely_while_the_first_collides():
     """Its modes obey the exact solution ÿ + 2σẏ + ω²y = 0, with ω and σ as the table says, to rounding."""
     hard = bass("detuning_cents = 2\nloss_ratio = 1.5\npluck_deg = 30").with_setting("pluck.displacement_mm", "5")
-    made = engine(hard, economy=False)
+    made = engine(hard, economy=False, precision="float64")
     begin, frames = 128 * QUANTUM, 64 * QUANTUM
     until_state_at(made, [(0, NOTE_ON, 0, 33, 127)], begin)
     string = made.compiled[0].strings[0]
@@ -115,12 +115,12 @@ def test_the_output_hears_as_much_of_it_as_asked(output, economy):
 def test_a_pluck_goes_to_both_by_its_angle():
     """On a string that nothing touches: cos θ of the pluck in the first, sin θ in the second, and the sum is heard."""
     rows, frames = [(0, NOTE_ON, 0, 48, 100)], 8000
-    alone = play(engine(FREE, economy=False), rows, frames)
+    alone = play(engine(FREE, economy=False, precision="float64"), rows, frames)
     free = FREE.model_dump(exclude_unset=True)
     for degrees in (0.0, 30.0, 90.0, -40.0):
         across = {"pluck_deg": degrees, "heard": 0.5}
         turned = Preset.model_validate({**free, "polarisation": across})
-        both = play(engine(turned, economy=False), rows, frames)
+        both = play(engine(turned, economy=False, precision="float64"), rows, frames)
         share = math.cos(math.radians(degrees)) + 0.5 * math.sin(math.radians(degrees))
         assert np.abs(both - share * alone).max() < 1e-9 * np.abs(alone).max()
 

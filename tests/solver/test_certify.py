@@ -44,7 +44,7 @@ def test_what_is_passed_over_stays_clear() -> None:
         string = strung(omega, sigma, shapes, eta, q, v, 800)
         looked, until, margin = string.state.looked, string.state.until, string.state.margin
         until[:] = 800
-        certify(*string.addresses, N)
+        certify(*string.addresses, string.state.q[:N], string.state.v[:N])
         assert np.all(until >= 800 + HORIZONS[1])
         coef = coefficients(EXACT_HOLD, omega, sigma, MU, DT)
         for step in range(1, HORIZONS[0] + 1):
@@ -62,8 +62,8 @@ def test_certificates_hold_until_their_time() -> None:
     string = strung(omega, sigma, shapes, eta + 1.0, q, v, 8)
     looked, until, margin = string.state.looked, string.state.until, string.state.margin
     looked[:], until[:], margin[:] = 0, 9, 0.5
-    certify(*string.addresses, N)
+    certify(*string.addresses, string.state.q[:N], string.state.v[:N])
     assert looked.sum() == 0 and np.all(until == 9) and np.all(margin == 0.5)
     string.state.counts[CLOCK] = 9
-    certify(*string.addresses, N)
+    certify(*string.addresses, string.state.q[:N], string.state.v[:N])
     assert looked.sum() == C
