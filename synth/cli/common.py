@@ -18,6 +18,7 @@ from synth.solver.schemes import LAWS
 
 RATES_HZ = (44100, 48000, 88200, 96000)
 QUALITIES = ("draft", "standard", "fine", "reference")
+PRECISIONS = ("float64", "float32")
 MOST_BLOCK = 4096
 
 
@@ -123,6 +124,9 @@ def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     group.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
     laws = f"contact law: {', '.join(LAWS)}, or an installed one"
     group.add_argument("--scheme", type=scheme(LAWS), default="exact-hold", metavar="NAME", help=laws)
+    group.add_argument(
+        "--precision", choices=PRECISIONS, help="of the strings' modes; default: float32 at draft and standard, else float64"
+    )
     group.add_argument(
         "--internal-rate",
         type=number(int, 44100, 50_000_000, " Hz"),

@@ -49,6 +49,7 @@ def _plan(options: argparse.Namespace) -> int:
             rate_hz=options.rate,
             scheme=options.scheme,
             internal_rate_hz=options.internal_rate,
+            precision=options.precision,
         )
         plan["cost"] = {
             name: float(f"{value:.3g}") if isinstance(value, float) else value for name, value in asdict(cost).items()

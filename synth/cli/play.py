@@ -161,6 +161,7 @@ def _play(options: argparse.Namespace) -> int:
         quality=options.quality,
         scheme=options.scheme,
         internal_rate_hz=options.internal_rate,
+        precision=options.precision,
         threads=options.threads,
         gain_db=options.gain,
         song=options.play,

@@ -132,6 +132,7 @@ def _render(options: argparse.Namespace) -> int:
         scheme=options.scheme,
         restitution=0.0 if options.restitution is None else options.restitution,
         internal_rate_hz=options.internal_rate,
+        precision=options.precision,
         limiter=not options.no_limiter,
         gain_db=options.gain,
         polyphony=options.polyphony,

@@ -28,7 +28,15 @@ class Cost:
     strings: int
 
 
-def measure_cost(preset: Preset, *, quality: str, rate_hz: float, scheme: str, internal_rate_hz: float | None) -> Cost:
+def measure_cost(
+    preset: Preset,
+    *,
+    quality: str,
+    rate_hz: float,
+    scheme: str,
+    internal_rate_hz: float | None,
+    precision: str | None = None,
+) -> Cost:
     """Time a preset whose notes are struck one after the other, held, on this machine; processor time of one thread.
 
     Raises PresetError where it cannot be played.
@@ -40,6 +48,7 @@ def measure_cost(preset: Preset, *, quality: str, rate_hz: float, scheme: str, i
         quality=quality,
         scheme=scheme,
         internal_rate_hz=internal_rate_hz,
+        precision=precision,
         limiter=False,
         only_notes=[set(struck)],
         every_fret=False,

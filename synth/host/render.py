@@ -24,7 +24,8 @@ from synth.units import db_to_gain, gain_to_db, midi_to_note
 
 if TYPE_CHECKING:
     from synth.engine.parameters import Binding
-    from synth.instrument.preset import Preset
+    from synth.instrument.plan import planned_precision
+from synth.instrument.preset import Preset
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
@@ -64,6 +65,7 @@ class RenderSettings:
     scheme: str = "exact-hold"
     restitution: float = 0.0
     internal_rate_hz: int | None = None
+    precision: str | None = None
     limiter: bool = True
     gain_db: float = 0.0
     polyphony: int | None = None
@@ -109,6 +111,7 @@ class RenderReport:
     rate_hz: int
     quality: str
     scheme: str
+    precision: str
     seed: int
     length_s: float
     peak_dbfs: float | None
@@ -317,6 +320,7 @@ def render_song(
         rate_hz=settings.rate_hz,
         quality=settings.quality,
         scheme=settings.scheme,
+        precision=settings.precision or planned_precision(settings.quality, settings.scheme, settings.internal_rate_hz),
         seed=settings.seed,
         length_s=length_s,
         peak_dbfs=gain_to_db(peak) if peak > 0.0 else None,
@@ -444,6 +448,7 @@ def _engine(
         scheme=settings.scheme,
         restitution=settings.restitution,
         internal_rate_hz=settings.internal_rate_hz,
+        precision=settings.precision,
         limiter=_limits(settings),
         gain_db=settings.gain_db,
         max_polyphony=settings.polyphony,

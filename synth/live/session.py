@@ -103,6 +103,7 @@ class SessionSettings:
     quality: str = "standard"
     scheme: str = "exact-hold"
     internal_rate_hz: int | None = None
+    precision: str | None = None
     threads: int | str = 1
     gain_db: float = 0.0
     limiter: bool = True
@@ -228,6 +229,7 @@ class Session(Uncopied):
             quality=settings.quality,
             scheme=settings.scheme,
             internal_rate_hz=settings.internal_rate_hz,
+            precision=settings.precision,
             limiter=settings.limiter,
             gain_db=settings.gain_db - headroom_db,
             max_polyphony=settings.polyphony,
