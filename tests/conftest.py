@@ -14,6 +14,7 @@ from tests.nocard import hide_sound_card
 
 os.environ.update(hide_sound_card())
 os.environ["JAWARI_NATIVE"] = "0"
+os.environ["JAWARI_TRIAL"] = "0"  # vectors as wide as the processor's, so that all tests share their kernels
 os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))  # read by NumPy
 
 settings.register_profile("untimed", deadline=None)

@@ -39,6 +39,10 @@ from synth.cli.common import Parser, fault
 from synth.cli.greeting import greet
 from synth.cli.kernel_line import compiling_shown, leave_compiling
 from synth.files import unfinished
+from synth.jit import kernel_cache, vector_width
+
+#: commands that compile kernels, where there are none yet
+_COMPILING = ("render", "play", "drone", "author", "simulate")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,6 +61,8 @@ def _run(arguments: Sequence[str] | None) -> int:
             try:
                 options = _parser().parse_args(arguments)
                 shown = {name: getattr(options, name, False) for name in ("quiet", "verbose")}
+                if arguments and arguments[0] in _COMPILING and vector_width.settle() is not None:
+                    kernel_cache.point_again()
                 with compiling_shown(**shown):
                     code = options.run(options)
             except SystemExit:

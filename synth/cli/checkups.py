@@ -115,11 +115,13 @@ def cache() -> Finding:
 
 def processor() -> Finding:
     """What computes."""
+    from synth.jit import vector_width
     from synth.jit.kernel_helpers import free_memory
     from synth.native.processors import cores, level
 
     name = level() or "no level of x86-64 from v3 on: Numba's own choice"
-    lanes = {"x86-64-v4": ", 8 lanes", "x86-64-v3": ", 4 lanes"}.get(name, "")
+    lanes = {"x86-64-v4": "vectors of 8 doubles", "x86-64-v3": "vectors of 4 doubles"}.get(name, "")
+    lanes = f", {vector_width.described() or lanes}".rstrip(", ")
     memory = free_memory()
     free = "" if memory == float("inf") else f", {memory / 1e9:.1f} GB of memory free"
     count = cores()

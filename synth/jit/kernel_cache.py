@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
 from synth.files import locks
-from synth.jit import compiling, kernel_claims, kernel_linking
+from synth.jit import compiling, kernel_claims, kernel_linking, vector_width
 from synth.jit.kernel_sources import sources_id, users_cache
 from synth.native.processors import level
 from synth.signals import hearing_signals
@@ -68,6 +68,22 @@ def cache_folder() -> Path:
 
 def use() -> None:
     """Point Numba there; to be called before Numba is imported."""
+    vector_width.use_kept()
+    _point()
+    if "numba" in sys.modules:
+        _mend_numba()
+    else:
+        sys.meta_path.insert(0, _Once("numba", _for_a_level, _mend_numba))
+
+
+def point_again() -> None:
+    """Point Numba, which nobody has imported yet, to where kernels of a width that was chosen since are kept."""
+    if _chosen[0] and os.environ.get("NUMBA_CACHE_DIR") == _chosen[0]:
+        del os.environ["NUMBA_CACHE_DIR"]
+        _point()
+
+
+def _point() -> None:
     if "NUMBA_CACHE_DIR" not in os.environ:
         folder = None
         try:
@@ -79,10 +95,6 @@ def use() -> None:
                 folder = _temporary()
         if folder is not None:
             os.environ["NUMBA_CACHE_DIR"] = _chosen[0] = str(folder)
-    if "numba" in sys.modules:
-        _mend_numba()
-    else:
-        sys.meta_path.insert(0, _Once("numba", _for_a_level, _mend_numba))
 
 
 def _for_a_level() -> None:

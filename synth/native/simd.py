@@ -16,28 +16,33 @@ from numba.core import cgutils
 from numba.extending import intrinsic as _intrinsic
 
 
-def _lanes() -> int:
-    """Doubles in a vector register of what Numba compiles for, or JAWARI_LANES (2, 4 or 8) of the environment.
+def _lanes() -> tuple[int, int]:
+    """Doubles in a vector register of what Numba compiles for, or JAWARI_LANES of the environment (8, 4 or 2); and up to how
+    many modes a row takes half of one: none, or what stands behind it (8-64).
 
     Compiled kernels are kept apart by it (`kernel_cache`); a NUMBA_CACHE_DIR of your own needs a folder for each.
     """
-    wanted = os.environ.get("JAWARI_LANES", "")
-    if wanted:
-        if wanted not in ("2", "4", "8"):
-            raise ValueError(f"JAWARI_LANES must be 2, 4 or 8, got {wanted!r}; unset it to have the processor's own")
-        return int(wanted)
+    asked = os.environ.get("JAWARI_LANES", "")
+    if asked:
+        wanted, _, short = asked.partition("-")
+        if wanted not in ("2", "4", "8") or (short and not short.isdecimal()):
+            raise ValueError(
+                f"JAWARI_LANES must be 2, 4 or 8, or such as 8-64 (half as many up to 64 modes), got {asked!r}; "
+                "unset it to have the processor's own"
+            )
+        return int(wanted), int(short or 0) if wanted != "2" else 0
     of_level = {"x86-64-v4": 8, "x86-64-v3": 4}.get(os.environ.get("NUMBA_CPU_NAME", ""))
     if of_level is not None:
-        return of_level
+        return of_level, 0
     features = llvmlite.binding.get_host_cpu_features()
     if features.get("avx512f"):
-        return 8
-    return 4 if features.get("avx2") else 2
+        return 8, 0
+    return (4 if features.get("avx2") else 2), 0
 
 
 #: as the typing of numba's own decorator does not see through it
 intrinsic: Any = _intrinsic
-LANES = _lanes()
+LANES, NARROW_UP_TO = _lanes()
 
 DOUBLE = ir.DoubleType()
 INT = ir.IntType(64)
@@ -46,15 +51,17 @@ LOOSE = ("reassoc", "contract", "nsz")
 
 
 class Code:
-    """What emitters share: addresses and vectors of `lanes` elements, doubles (float64) or floats (float32)."""
+    """What emitters share: addresses and vectors as wide as `doubles` doubles, of doubles (float64) or, where `single`, of
+    floats (float32), twice as many."""
 
-    def __init__(self, context, builder, signature, args, single: bool = False) -> None:
+    def __init__(self, context, builder, signature, args, single: bool = False, doubles: int = LANES) -> None:
         self.b = builder
         self.context = context
         self.signature = signature
         self.args = args
         self.single = single
-        self.lanes = 2 * LANES if single else LANES
+        self.doubles = doubles
+        self.lanes = 2 * doubles if single else doubles
         self.vector = ir.VectorType(ir.FloatType() if single else DOUBLE, self.lanes)
         self.align = 4 if single else 8
         fma = ir.FunctionType(self.vector, [self.vector] * 3)
@@ -133,20 +140,21 @@ class Code:
         self.b.call(store, [value, place, ir.Constant(ir.IntType(32), 8), mask])
 
     def fold(self, sums):
-        """LANES vectors → one vector of their sums, doubles, by shuffles of pairs: always in the same order. Of floats the
-        two halves are added first, as floats."""
+        """`doubles` vectors → one vector of their sums, doubles, by shuffles of pairs: always in the same order. The halves
+        of floats are added first, as floats."""
+        width = self.doubles
         if self.single:
             sums = [self._halves(each) for each in sums]
-        index = ir.VectorType(ir.IntType(32), LANES)
+        index = ir.VectorType(ir.IntType(32), width)
         span = 1
-        while span < LANES:
+        while span < width:
             halves = []
             for x, y in zip(sums[::2], sums[1::2], strict=True):
                 low, high = [], []
-                for lane in range(LANES):
+                for lane in range(width):
                     source = lane // (2 * span) * 2 * span + lane % span
                     if lane // span % 2:
-                        source += LANES
+                        source += width
                     low.append(source)
                     high.append(source + span)
                 a = self.b.shuffle_vector(x, y, ir.Constant(index, low))
@@ -158,15 +166,16 @@ class Code:
 
     def _halves(self, x):
         """The doubles of a vector of floats whose halves are added."""
-        index = ir.VectorType(ir.IntType(32), LANES)
+        index = ir.VectorType(ir.IntType(32), self.doubles)
         low, high = (
-            self.b.shuffle_vector(x, x, ir.Constant(index, list(range(first, first + LANES)))) for first in (0, LANES)
+            self.b.shuffle_vector(x, x, ir.Constant(index, list(range(first, first + self.doubles))))
+            for first in (0, self.doubles)
         )
-        return self.b.fpext(self.b.fadd(low, high), VECTOR)
+        return self.b.fpext(self.b.fadd(low, high), ir.VectorType(DOUBLE, self.doubles))
 
     def store_doubles(self, value, base, at) -> None:
         """What `fold` gives to base[at] on."""
-        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), VECTOR.as_pointer()), align=8)
+        self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), value.type.as_pointer()), align=8)
 
 
 @intrinsic

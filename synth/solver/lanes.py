@@ -25,7 +25,7 @@ from numba import types
 from numba.core import cgutils
 
 from synth.jit.entries import kernel
-from synth.native.simd import DOUBLE, INT, LANES, LOOSE, VECTOR, Code, intrinsic
+from synth.native.simd import DOUBLE, INT, LANES, LOOSE, NARROW_UP_TO, VECTOR, Code, intrinsic
 
 #: steps that a block kernel takes at a time
 BLOCK = 8
@@ -181,13 +181,13 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     b.cbranch(b.icmp_signed("<", after, code.args[0]), loop, done)
     b.position_at_end(done)
     for out, result in zip(at_out, new, strict=True):
-        for first in range(0, BLOCK, LANES):
-            code.store_doubles(code.fold(result[first : first + LANES]), out, ir.Constant(INT, first))
+        for first in range(0, BLOCK, code.doubles):
+            code.store_doubles(code.fold(result[first : first + code.doubles]), out, ir.Constant(INT, first))
 
 
-def _pass(motion: str, kinds: str):
+def one_kind_of_pass(motion: str, kinds: str, doubles: int = LANES, narrow_up_to: int = NARROW_UP_TO):
     """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD`, at least that; where modes are float32,
-    of `SINGLE_PAD`."""
+    of `SINGLE_PAD`. doubles: in a vector; half as many where n is at most `narrow_up_to`."""
 
     @intrinsic
     def one_pass(typingctx, n, *rest):
@@ -199,7 +199,16 @@ def _pass(motion: str, kinds: str):
             packed = cgutils.unpack_tuple(builder, args[1], len(given))
             flat = types.void(signature.args[0], *signature.args[1])
             single = given[1].dtype == types.float32
-            _emit_pass(Code(context, builder, flat, [args[0], *packed], single), motion, kinds)
+            flat_args = [args[0], *packed]
+            if narrow_up_to:
+                short = builder.icmp_signed("<=", args[0], ir.Constant(INT, narrow_up_to))
+                with builder.if_else(short) as (then, otherwise):
+                    with then:
+                        _emit_pass(Code(context, builder, flat, flat_args, single, doubles // 2), motion, kinds)
+                    with otherwise:
+                        _emit_pass(Code(context, builder, flat, flat_args, single, doubles), motion, kinds)
+            else:
+                _emit_pass(Code(context, builder, flat, flat_args, single, doubles), motion, kinds)
             return context.get_dummy_value()
 
         return types.void(types.int64, types.StarArgTuple.from_types(given)), emit
@@ -207,25 +216,25 @@ def _pass(motion: str, kinds: str):
     return one_pass
 
 
-project_q = _pass("", "q")
-project_v = _pass("", "v")
-project_qq = _pass("", "qq")
-project_qv = _pass("", "qv")
-project_qqq = _pass("", "qqq")
-project_vv = _pass("", "vv")
-coast = _pass("coast", "")
-coast_q = _pass("coast", "q")
-coast_v = _pass("coast", "v")
-coast_qq = _pass("coast", "qq")
-coast_qv = _pass("coast", "qv")
-drive = _pass("drive", "")
-drive_listed = _pass("drive listed", "")
-drive_listed_and_one = _pass("drive listed and one", "")
-kick = _pass("coast kicked", "")
-kick_v = _pass("coast kicked", "v")
-drive_kicked = _pass("drive kicked", "")
-drive_listed_kicked = _pass("drive listed kicked", "")
-drive_listed_and_one_kicked = _pass("drive listed and one kicked", "")
+project_q = one_kind_of_pass("", "q")
+project_v = one_kind_of_pass("", "v")
+project_qq = one_kind_of_pass("", "qq")
+project_qv = one_kind_of_pass("", "qv")
+project_qqq = one_kind_of_pass("", "qqq")
+project_vv = one_kind_of_pass("", "vv")
+coast = one_kind_of_pass("coast", "")
+coast_q = one_kind_of_pass("coast", "q")
+coast_v = one_kind_of_pass("coast", "v")
+coast_qq = one_kind_of_pass("coast", "qq")
+coast_qv = one_kind_of_pass("coast", "qv")
+drive = one_kind_of_pass("drive", "")
+drive_listed = one_kind_of_pass("drive listed", "")
+drive_listed_and_one = one_kind_of_pass("drive listed and one", "")
+kick = one_kind_of_pass("coast kicked", "")
+kick_v = one_kind_of_pass("coast kicked", "v")
+drive_kicked = one_kind_of_pass("drive kicked", "")
+drive_listed_kicked = one_kind_of_pass("drive listed kicked", "")
+drive_listed_and_one_kicked = one_kind_of_pass("drive listed and one kicked", "")
 
 
 @intrinsic
