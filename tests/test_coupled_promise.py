@@ -17,7 +17,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from promise import together, together_limits
-from promise.calibrate import PROMISED
 from promise.runs import RATE_HZ, distances
 
 from synth.dsp.measures import relative_error
@@ -25,6 +24,7 @@ from synth.instrument.compile import describe_plan, string_kind
 from synth.instrument.coupled_calibration import HELD, PITCHES_HZ
 from synth.instrument.coupled_plan import choose_steps, limits_together, promise_together
 from synth.instrument.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor, promise
+from synth.instrument.planfile import PROMISED
 from synth.instrument.preset import load_preset
 
 SCENES = Path(__file__).parent / "scenes" / "coupled.npz"

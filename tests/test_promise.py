@@ -18,7 +18,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from promise import check
-from promise.calibrate import PROMISED, judged
+
+from synth.host.plan_measures import judged
+from synth.instrument.planfile import PROMISED
 
 scenes = cache(check.scenes)
 

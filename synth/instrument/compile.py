@@ -18,7 +18,9 @@ from threadpoolctl import threadpool_limits
 
 from synth.instrument.boards import StringBoard, board_plan, on_board, string_board
 from synth.instrument.coupled_plan import choose_steps
-from synth.instrument.plan import KEPT, StringPlan, plan_string, scene_kind
+from synth.instrument.fingerprints import fingerprint, strokes
+from synth.instrument.plan import FREE, KEPT, StringPlan, measured_plan, plan_string, scene_kind
+from synth.instrument.planfile import VERSION, Measured
 from synth.instrument.preset import (
     BoardObstacle,
     BridgeObstacle,
@@ -323,6 +325,21 @@ def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
     return scene_kind(opened, below.positions_m, [opened.length_m * (1.0 - share) for share in shares], curved=curved)
 
 
+def plannable(preset: Preset) -> bool:
+    """Whether plans are measured of a preset's strings: on ends at rest, over rigid points."""
+    shape = preset.obstacle
+    return not preset.coupled and isinstance(shape, PointContacts) and shape.layer is None
+
+
+def measured_of(preset: Preset, table: StringTable, note: int, pitch_hz: float, quality: str) -> Measured | None:
+    """What was measured of an open string at this quality; None: nothing that still holds."""
+    known = preset.measured
+    if not known.strings or not plannable(preset) or not known.strokes.issuperset(strokes(preset)):
+        return None
+    found = known.string(fingerprint(preset, table, note))
+    return None if found is None else found.at(pitch_hz, quality)
+
+
 def output_distance(preset: Preset, string: String, open_length_m: float) -> float:
     """Where a speaking string is heard, from the saddle [m]: not behind a high fret, however near the neck the pickup is."""
     return min(preset.output.position * open_length_m, FARTHEST_OUTPUT * string.length_m)
@@ -512,9 +529,11 @@ def compile_string(
                 )
             steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
             internal_rate_hz = steps * rate_hz
-        plan = board = None
+        plan = board = measured = None
         if isinstance(preset.obstacle, BoardObstacle):
             board = string_board(preset, opened, gain)
+        elif scheme == "exact-hold" and internal_rate_hz is None:
+            measured = measured_of(preset, table, note, frequency, quality)
         positions = []
         places = string_places(preset, table, note)
         for fret in range(places):
@@ -523,6 +542,8 @@ def compile_string(
             string, obstacle, height = speaking_string(preset, table, note, fret, opened, whole, note_hz)
             if board is not None:
                 plan = board_plan(preset, opened, string.length_m, quality, rate_hz, scheme, internal_rate_hz)
+            if measured is not None:
+                plan = measured_plan(string, len(obstacle), kind, measured, quality=quality, rate_hz=rate_hz)
             positions.append(
                 compile_position(
                     preset,

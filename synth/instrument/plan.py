@@ -21,7 +21,8 @@ impacts   any other points: short blows, each of which magnifies what two runs d
 
 A promise is what 95 % of random scenes keep (`KEPT`), not a bound: the rates come from `calibration`, which
 tools/calibrate-plan measures on random strings; tests/test_promise.py holds them against others, of which at most one in
-twenty may miss, by no more than a factor 2. The modes are all below half the internal rate.
+twenty may miss, by no more than a factor 2. The modes are all below half the internal rate. A string of a preset that was
+itself measured (`planfile`) takes what was found there instead (`measured_plan`).
 
 A wall under a stretch of the string is planned by what an elastic wall does to it (`plan_wall`): the grid has to resolve the
 length over which the string straightens on it, and the step the time of a contact (tools/wall-study).
@@ -37,6 +38,7 @@ from dataclasses import dataclass
 
 from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.instrument.calibration import STEPS
+from synth.instrument.planfile import Measured
 from synth.physics.modes import count_modes_below
 from synth.physics.string import String
 
@@ -74,13 +76,21 @@ class StringPlan:
     modes: int
     contacts: int
     error: str
+    #: up to where modes were measured to be needed [Hz]; None: by the law, all below half the internal rate
+    highest_hz: float | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether this very string was measured; else the law for all strings has planned it."""
+        return self.highest_hz is not None
 
     @property
     def reason(self) -> str:
         """One sentence that explains the choice."""
+        modes = "below half of it" if self.highest_hz is None else f"up to {self.highest_hz / 1e3:.3g} kHz"
         return (
             f"{self.contacts} contact{'' if self.contacts == 1 else 's'}: {self.rate_hz / 1e3:.1f} kHz "
-            f"({self.factor} × output), {self.modes} modes below half of it; {self.error}"
+            f"({self.factor} × output), {self.modes} modes {modes}; {self.error}"
         )
 
 
@@ -189,6 +199,28 @@ def plan_string(
     if scheme != "exact-hold":
         error = "not calibrated for this scheme"
     return StringPlan(quality, scheme, factor, factor * rate_hz, modes, contacts, error)
+
+
+def measured_plan(
+    string: String, contacts: int, kind: str, found: Measured, *, quality: str, rate_hz: float
+) -> StringPlan | None:
+    """The plan of one speaking string by what was measured of its open string; None where the decimator does not go so
+    far."""
+    factor = max(1, math.ceil(found.rate_hz / rate_hz - 1e-9))
+    if factor > MAXIMUM_FACTOR:
+        return None
+    modes = count_modes_below(string, min(found.highest_hz, 0.5 * factor * rate_hz))
+    figures = ", ".join(f"{name.replace('_', ' ')} {value:.2g}" for name, value in found.figures.items())
+    return StringPlan(
+        quality,
+        "exact-hold",
+        factor,
+        factor * rate_hz,
+        max(1, min(MAX_MODES, modes)),
+        contacts,
+        f"measured on this string: {figures}, of {promise(kind, quality)}",
+        found.highest_hz,
+    )
 
 
 #: of a wall: Δx over `foundation_length`, ΩΔt with Ω = √(k/μ), and what that was measured to give on the fretless bass alone

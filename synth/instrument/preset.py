@@ -15,7 +15,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    SerializeAsAny,
+    ValidationError,
+    model_validator,
+)
 
 from synth.files.sources import read_bytes
 from synth.instrument import effects, excitations
@@ -25,6 +33,7 @@ from synth.instrument.excitations import ExcitationTable, as_excitation
 from synth.instrument.faults import value_got, wanted
 from synth.instrument.fields import Note, NoteRange, Scaled, anchors, each_within, within
 from synth.instrument.fields import at_note as at_note
+from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
 from synth.instrument.table import Table
 from synth.spelling import perhaps
 from synth.units import midi_to_note
@@ -463,6 +472,20 @@ class Preset(Table):
     effect: tuple[Annotated[SerializeAsAny[EffectTable], BeforeValidator(as_effect)], ...] = Field((), max_length=16)
     mapping: Mapping_ = Mapping_()
 
+    #: what was measured of its strings; whether that is still so, their fingerprints tell
+    _measured: MeasuredPlan = PrivateAttr(default_factory=MeasuredPlan)
+
+    @property
+    def measured(self) -> MeasuredPlan:
+        """What was measured of strings of this preset, as they are or as they were."""
+        return self._measured
+
+    def with_measured(self, plan: MeasuredPlan) -> Preset:
+        """The same preset, with a plan that was measured."""
+        other = self.model_copy()
+        other._measured = plan
+        return other
+
     def __repr__(self) -> str:
         """One line: the tables may be pages."""
         notes = f"{midi_to_note(playable_range(self)[0])}–{midi_to_note(playable_range(self)[1])}"
@@ -625,7 +648,7 @@ class Preset(Table):
                     place = child
             except (ValueError, IndexError, TypeError, AttributeError):
                 raise PresetError(f"{self.name}: no setting {key!r} ({part!r} does not exist)") from None
-        return validate_preset(data, f"{self.name} with {key}={value}")
+        return validate_preset(data, f"{self.name} with {key}={value}").with_measured(self.measured)
 
 
 def parse_preset(text: str, origin: str) -> Preset:
@@ -799,8 +822,17 @@ def read_preset(name_or_path: str) -> str:
 
 
 def load_preset(name_or_path: str) -> Preset:
-    """A preset by name (of those that come with the program) or by file. Raises PresetError or OSError."""
-    return parse_preset(read_preset(name_or_path), str(name_or_path))
+    """A preset by name (of those that come with the program) or by file, with the plan beside it. Raises PresetError or
+    OSError."""
+    return with_plan_beside(parse_preset(read_preset(name_or_path), str(name_or_path)), preset_path(name_or_path))
+
+
+def with_plan_beside(preset: Preset, path: Path) -> Preset:
+    """The preset with the plan that lies beside its file. Raises PresetError where that cannot be read, or OSError."""
+    try:
+        return preset.with_measured(read_beside(path))
+    except PlanError as error:
+        raise PresetError(str(error)) from None
 
 
 def in_file_words(text: str, table: StringTable) -> str:

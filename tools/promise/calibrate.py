@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from promise.runs import RATE_HZ
-from synth.instrument.plan import BRIDGE, BRIDGE_ERROR, FAR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR, IMPACTS
+from synth.host.plan_measures import judged
+from synth.instrument.plan import BRIDGE, FAR, IMPACTS
+from synth.instrument.planfile import PROMISED
 
-PROMISED = ("draft", "standard", "fine")
 #: the part of the calibration's scenes that keeps the promise, and the worst miss of the others. 95 % and a factor 2 are
 #: promised over all scenes: the margin is in bridges, and in what fewer scenes can judge; some misses among impacts are
 #: chance that no rate removes
@@ -22,27 +23,8 @@ HOLD = {
 #: The references of many bridges plucked from afar do not stand well enough to judge fine; as those are the harder ones, the
 #: others may miss nothing and keep a margin.
 WORST = {BRIDGE: 1.8, FAR: 0.75, IMPACTS: 1.8}
-#: two runs that differ by less than this part of a promise can judge it
-STANDS = 1.0 / 3.0
 #: internal steps per period: a string an octave higher with as many modes is the same problem at twice the speed
 STEPS = tuple(float(f"{100.0 * 2.0 ** (k / 6.0):.2g}") for k in range(43))  # 100 to 13000
-
-
-def judged(kind: str, quality: str, stands: dict[str, float]) -> list[tuple[str, float]]:
-    """What is promised of a scene and can be judged, by how far its reference stands: (measure, limit), maybe none."""
-
-    def can(measure: str, limit: float) -> bool:
-        return stands[measure] < STANDS * limit
-
-    signal = ("lsd_db", IMPACT_DISTANCE_DB[quality])
-    found = []
-    if kind in (BRIDGE, FAR):
-        choices = [("e", BRIDGE_ERROR[quality]), signal]
-    else:
-        choices = [signal, ("bands_db", IMPACT_BANDS_DB[quality])]
-        onset = ("e_onset", IMPACT_ONSET_ERROR.get(quality, 0.0))
-        found += [onset] if can(*onset) else []
-    return found + [choice for choice in choices if can(*choice)][:1]
 
 
 def row_at(scene: dict[str, Any], rate_hz: float) -> dict[str, Any]:

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from promise.calibrate import PROMISED, distribution, law, ratios
+from promise.calibrate import distribution, law, ratios
 from promise.runs import RATE_HZ, build, distances, kind_of
 from synth.dsp.measures import relative_error
 from synth.instrument.plan import BRIDGE, FAR, IMPACTS, plan_string
+from synth.instrument.planfile import PROMISED
 from synth.research.methods import run as run_scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "tests" / "scenes"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
+from synth.host import plan_measures
 from synth.instrument.plan import scene_kind
 from synth.physics.modes import count_modes_below
 from synth.research.case import load_case
@@ -17,7 +17,6 @@ from synth.research.methods import run as run_scene
 from synth.research.scene import Scene
 
 RATE_HZ = 44_100
-ONSET_S = 0.1
 #: seconds of a scene: what is promised for a bridge is promised over 3 s
 DURATION_S = {"bridge": 3.0, "far": 3.0, "point": 0.3, "points": 0.3, "frets": 0.3}
 #: internal steps per period of the reference, its largest multiple of 44.1 kHz, and its most modes
@@ -52,14 +51,8 @@ def kind_of(tables: dict[str, Any]) -> str:
 
 
 def distances(u: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """e over the first 100 ms and over all, log-spectral distance and that in third octaves."""
-    onset = round(ONSET_S * RATE_HZ) + 1
-    return {
-        "e_onset": relative_error(u[:onset], reference[:onset]),
-        "e": relative_error(u, reference),
-        "lsd_db": log_spectral_distance(u, reference, RATE_HZ),
-        "bands_db": third_octave_distance(u, reference, RATE_HZ),
-    }
+    """`plan_measures.distances` at 44.1 kHz."""
+    return plan_measures.distances(u, reference, RATE_HZ)
 
 
 def reference(tables: dict[str, Any], kind: str) -> tuple[np.ndarray, dict[str, Any]]:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from promise.calibrate import PROMISED, STANDS
 from promise.runs import RATE_HZ
+from synth.host.plan_measures import STANDS
 from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.plan import BRIDGE, BRIDGE_ERROR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR
+from synth.instrument.planfile import PROMISED
 
 MEASURES = ("e_onset", "e", "lsd_db", "bands_db")
 #: every how manieth sample of a reference is kept for tests: of bridges e alone is promised

@@ -12,6 +12,7 @@ from synth.author.views.place import Place
 from synth.author.views.tape import RATE_HZ
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.engine.engine import Engine
+from synth.host.plan_measures import ONSET_S
 from synth.instrument.compile import Position
 from synth.instrument.preset import BridgeObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
@@ -22,8 +23,6 @@ SEEN_AT, SEEN_AT_A_BRIDGE = 0.05, 0.009
 BLOCK_FRAMES = 2048
 #: frames of the reference in one of the output, of strings that share a bridge
 FINER = 4
-#: of the start, where promises about single blows hold [s]
-ONSET_S = 0.1
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,60 @@
+"""What a quality's promise is measured by: how far two runs of a note differ, and which of that a reference can judge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
+from synth.instrument.plan import BRIDGE, BRIDGE_ERROR, CURVED, FAR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR
+
+#: of the start, where promises about single blows hold [s]
+ONSET_S = 0.1
+#: two runs that differ by less than this part of a promise can judge it
+STANDS = 1.0 / 3.0
+#: kinds of scenes whose promise is e over 3 s; of a curved bridge nothing is promised, and it is held to that
+ROLLING = (BRIDGE, FAR, CURVED)
+
+
+def distances(u: np.ndarray, reference: np.ndarray, rate_hz: float) -> dict[str, float]:
+    """e over the first 100 ms and over all, log-spectral distance and that in third octaves of displacements (n,)."""
+    onset = round(ONSET_S * rate_hz) + 1
+    return {
+        "e_onset": relative_error(u[:onset], reference[:onset]),
+        "e": relative_error(u, reference),
+        "lsd_db": log_spectral_distance(u, reference, rate_hz),
+        "bands_db": third_octave_distance(u, reference, rate_hz),
+    }
+
+
+def heard_distances(u: np.ndarray, reference: np.ndarray, rate_hz: float) -> dict[str, float]:
+    """Both spectral distances of the velocities, in which highs count as they do in the brightest of outputs."""
+    speed, exact = np.diff(u), np.diff(reference)
+    return {
+        "heard_db": log_spectral_distance(speed, exact, rate_hz),
+        "heard_bands_db": third_octave_distance(speed, exact, rate_hz),
+    }
+
+
+def judged(kind: str, quality: str, stands: Mapping[str, float]) -> list[tuple[str, float]]:
+    """What is promised of a scene and can be judged, by how far its reference stands: (measure, limit), maybe none."""
+
+    def can(measure: str, limit: float) -> bool:
+        return stands[measure] < STANDS * limit
+
+    signal = ("lsd_db", IMPACT_DISTANCE_DB[quality])
+    found = []
+    if kind in ROLLING:
+        choices = [("e", BRIDGE_ERROR[quality]), signal]
+    else:
+        choices = [signal, ("bands_db", IMPACT_BANDS_DB[quality])]
+        onset = ("e_onset", IMPACT_ONSET_ERROR.get(quality, 0.0))
+        found += [onset] if can(*onset) else []
+    return found + [choice for choice in choices if can(*choice)][:1]
+
+
+def judged_as_heard(quality: str, stands: Mapping[str, float]) -> list[tuple[str, float]]:
+    """The same of `heard_distances`, whatever the kind: the highs of a sound are not given up where e allows it."""
+    choices = [("heard_db", IMPACT_DISTANCE_DB[quality]), ("heard_bands_db", IMPACT_BANDS_DB[quality])]
+    return [choice for choice in choices if stands[choice[0]] < STANDS * choice[1]][:1]

@@ -1,0 +1,325 @@
+"""The least internal rate and the fewest modes that keep a quality's promise on a preset's own strings: found by playing them.
+
+    plan = measure_plan(load_preset("tanpura"))      # a MeasuredPlan, as `planfile` keeps it beside the preset
+    worst = misses(preset)                           # how near other strokes than those measured come to what is promised
+
+Every note of every string is played softly and hard at many rates, with modes up to many frequencies, and held against a run
+at several times the rate of the quality `reference`, which is itself held against one of half that rate with fewer modes: as
+tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes measured, and the limits
+themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the preset's other strokes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from synth.dsp.decimator import MAXIMUM_FACTOR
+from synth.engine.engine import Engine
+from synth.fit.tune import single_strings
+from synth.host.plan_measures import ROLLING, distances, heard_distances, judged, judged_as_heard
+from synth.instrument.articulations import NORMAL, Articulation, Hand
+from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
+from synth.instrument.fingerprints import fingerprint, strokes
+from synth.instrument.plan import FAR, FREE, choose_factor
+from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
+from synth.instrument.preset import Preset, PresetError, fret_count
+from synth.midi.events import NOTE_ON, make_events
+from synth.physics.modes import modal_frequencies
+from synth.physics.string import String
+from synth.units import midi_to_note
+
+RATE_HZ = 44100
+#: part of every limit that the strokes measured must keep
+MARGIN = 0.5
+#: velocities that are measured
+VELOCITIES = (40, 120)
+#: seconds of a note: what is promised of a bridge is promised over 3 s
+ROLLING_S, IMPACTS_S = 3.0, 0.5
+#: internal steps per period of the reference, where the string rolls, is plucked from afar, takes blows; its most modes
+ROLLING_STEPS, FAR_STEPS, IMPACT_STEPS, MOST_MODES = 9000.0, 18000.0, 30000.0, 1000
+#: what the half run has of the reference's modes
+FEWER = 0.7
+#: internal rates tried, as multiples of `RATE_HZ`, and how far modes go [Hz]; none of them beyond half the rate
+FACTORS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48)
+HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0)
+#: modes go so far at least, whatever the figures say [Hz]
+LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
+#: strokes that a plan is held to beside those measured: (velocity, times the place, the part of the notes that are played)
+OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
+#: output's place from the saddle, as a share of the open length: that of the calibration's scenes
+SEEN_AT = 0.01
+
+#: told how much is done (0 … 1); False: it is to end
+Progress = Callable[[float], bool]
+
+
+class Ended(Exception):
+    """Whoever is told of the progress wants no more of it."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """How a note is begun: which velocity, how much farther from the saddle, by which articulation (None: the normal
+    one)."""
+
+    velocity: int
+    farther: float = 1.0
+    articulation: Articulation | None = None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One note begun in one way: the reference's displacement (n,) and what it can judge, quality → (measure, limit)."""
+
+    u: np.ndarray
+    limits: Mapping[str, list[tuple[str, float]]]
+
+
+class OneString:
+    """One open string of a preset as it is measured: by itself, its displacement near the saddle, each stroke the same.
+
+    alone: a preset of that string only. Raises PresetError where it cannot be played.
+    """
+
+    def __init__(self, alone: Preset) -> None:
+        self.table = alone.string[0]
+        self.note = self.table.notes[0]
+        self.label = self.table.name or midi_to_note(self.note)
+        self._preset = _seen(alone)
+        self._normal = alone.articulations.get(NORMAL)
+        opened, below = open_string(alone, self.table, self.note)
+        self.opened = opened
+        self.kind = string_kind(alone, opened, below)
+        self.pitch_hz = note_frequency(alone, self.table, self.note, None)
+        self.fingerprint = fingerprint(alone, self.table, self.note)
+        self.notes = [self.note + fret for fret in range(min(fret_count(alone, self.table), 127 - self.note) + 1)]
+        self.seconds = ROLLING_S if self.kind in ROLLING else IMPACTS_S
+        self._known: dict[tuple[int, Stroke], Judged] = {}
+
+    def modes(self, highest_hz: float) -> int:
+        """Modes of the open string up to a frequency."""
+        return int(np.searchsorted(_modal_hz(self.opened), highest_hz, side="left"))
+
+    def law(self, quality: str) -> int:
+        """The factor that the law takes at 44.1 kHz."""
+        return choose_factor(self.pitch_hz, self.kind, quality, float(RATE_HZ))[0]
+
+    def runs(self, notes: list[int], stroke: Stroke, factor: int, highest_hz: float) -> Iterator[tuple[int, np.ndarray]]:
+        """(note, displacement (n,)) of notes at an internal rate with modes up to a frequency, from the finger's release on."""
+        pluck, way = self._preset.pluck, stroke.articulation or self._normal
+        if stroke.farther != 1.0:
+            places = {key: value for key in ("position", "position_hard") if (value := getattr(pluck, key)) is not None}
+            pluck = pluck.model_copy(update={key: _nearer(value * stroke.farther) for key, value in places.items()})
+        changes: dict[str, object] = {"pluck": pluck}
+        table = self.table
+        if table.pluck_position is not None and isinstance(table.pluck_position, float):
+            table = table.model_copy(update={"pluck_position": _nearer(table.pluck_position * stroke.farther)})
+            changes["string"] = (table,)
+        if way is not None:
+            gone = {"key": None, "controller": None, "velocity": None, "strum_ms": 0.0, "slide_ms": 0.0}
+            changes["articulations"] = {NORMAL: way.model_copy(update=gone | _shifted(way, stroke.farther))}
+        preset = self._preset.model_copy(update=changes)
+        found = Measured(float(factor * RATE_HZ), highest_hz, 1, {})
+        row = MeasuredString("", "", self.pitch_hz, fingerprint(preset, table, self.note), {"standard": found})
+        engine = Engine(
+            [preset.with_measured(MeasuredPlan((row,), frozenset(strokes(preset))))],
+            quality="standard",
+            limiter=False,
+            economy=False,
+            only_notes=[set(notes)],
+            every_fret=False,
+            threads=1,
+        )
+        engine.prepare(float(RATE_HZ))
+        string = engine.compiled[0].strings[0]
+        begin = engine.latency_samples + math.ceil(string.draw_s * RATE_HZ)
+        for note in notes:
+            engine.reset()
+            out = np.zeros((begin + round(self.seconds * RATE_HZ), 2))
+            engine.process(make_events([(0, NOTE_ON, 0, note, stroke.velocity)]), out)
+            yield note, out[begin:, 0].copy()
+
+    def references(self, notes: list[int], stroke: Stroke) -> dict[int, Judged]:
+        """Converged runs of notes, made once."""
+        missing = [note for note in notes if (note, stroke) not in self._known]
+        if missing:
+            steps = FAR_STEPS if self.kind == FAR else ROLLING_STEPS if self.kind in ROLLING else IMPACT_STEPS
+            factor = int(min(MAXIMUM_FACTOR, max(16, math.ceil(steps * self.pitch_hz / RATE_HZ))))
+            modes = _modal_hz(self.opened)
+            most = min(MOST_MODES, self.modes(0.5 * factor * RATE_HZ))
+            highest, fewer = float(modes[most - 1]) + 1.0, float(modes[int(FEWER * most)])
+            finest = dict(self.runs(missing, stroke, factor, highest))
+            for note, half in self.runs(missing, stroke, factor // 2, fewer):
+                u = finest[note]
+                stands = {**distances(half, u, RATE_HZ), **heard_distances(half, u, RATE_HZ)}
+                limits = {
+                    quality: [*found, *judged_as_heard(quality, stands)]
+                    for quality in PROMISED
+                    if (found := judged(self.kind, quality, stands))
+                }
+                self._known[note, stroke] = Judged(u, limits)
+        return {note: self._known[note, stroke] for note in notes}
+
+    def figures(self, quality: str, notes: list[int], stroke: Stroke, found: Measured, most: float) -> dict[str, float] | None:
+        """Measure → the worst of these notes; None as soon as a note has more than `most` of a limit, or none can judge."""
+        worst: dict[str, float] = {}
+        known = self.references(notes, stroke)
+        if any(quality not in known[note].limits for note in notes):
+            return None
+        for note, u in self.runs(notes, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
+            exact = known[note]
+            here = {**distances(u, exact.u, RATE_HZ), **heard_distances(u, exact.u, RATE_HZ)}
+            for measure, limit in exact.limits[quality]:
+                if not here[measure] <= most * limit:
+                    return None
+                worst[measure] = max(worst.get(measure, 0.0), here[measure])
+        return worst
+
+
+def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> MeasuredString:
+    """What each quality takes on one string; one that no less than the law's keeps is left out. Raises Ended."""
+    done = 0.0
+
+    def step(part: float) -> None:
+        nonlocal done
+        done += part
+        if not progress(min(1.0, done)):
+            raise Ended
+
+    few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
+    held = [(one.notes, Stroke(velocity)) for velocity in reversed(VELOCITIES)]
+    for notes, stroke in held:
+        one.references(notes, stroke)
+        step(0.5 / len(held))
+    qualities: dict[str, Measured] = {}
+    for quality in PROMISED:
+        for found in _candidates(one, quality):
+            figures: dict[str, float] = {}
+            for notes, stroke in held:
+                here = one.figures(quality, notes, stroke, found, MARGIN)
+                if here is None:
+                    break
+                figures = {name: max(here.get(name, 0.0), figures.get(name, 0.0)) for name in here | figures}
+            else:
+                if all(one.figures(quality, few, stroke, found, 1.0) is not None for stroke in others):
+                    rounded = {name: float(f"{value:.2g}") for name, value in figures.items()}
+                    qualities[quality] = replace(found, figures=rounded)
+                    break
+            step(0.0)
+        step(0.5 / len(PROMISED))
+    return MeasuredString(one.label, midi_to_note(one.note), round(one.pitch_hz, 3), one.fingerprint, qualities)
+
+
+def _candidates(one: OneString, quality: str) -> list[Measured]:
+    """Rates and modes that cost less than the law's, the cheapest first."""
+    law = one.law(quality)
+    most = law * one.modes(0.5 * law * RATE_HZ)
+    found: list[tuple[int, Measured]] = []
+    for factor in (each for each in FACTORS if each <= law):
+        half = 0.5 * factor * RATE_HZ
+        for highest in (*(hz for hz in HIGHEST_HZ if LEAST_HZ[quality] <= hz < half), half):
+            modes = one.modes(highest)
+            if modes and factor * modes < 0.97 * most:
+                found.append((factor * modes, Measured(float(factor * RATE_HZ), highest, modes, {})))
+    return [each for _, each in sorted(found, key=lambda pair: pair[0])]
+
+
+def other_strokes(preset: Preset) -> list[Stroke]:
+    """What a plan of a preset is held to beside what is measured: `OTHERS`, and strokes that no finger damps."""
+    ways = [each for name, each in preset.articulations.items() if name != NORMAL and each.touch is None]
+    plain = [each for each in ways if each.model_dump(exclude={"key", "controller", "velocity", "strum_ms", "slide_ms"},
+                                                      exclude_defaults=True)]  # fmt: skip
+    return [Stroke(*each) for each in OTHERS] + [Stroke(VELOCITIES[-1], articulation=each) for each in plain]
+
+
+def measured_strings(preset: Preset) -> list[OneString]:
+    """The strings of a preset that meet something, each kind once. Raises PresetError where plans are not measured."""
+    if not plannable(preset):
+        raise PresetError(
+            f"{preset.name}: a plan is measured of strings on ends at rest over rigid points, which this preset has not; "
+            "the law plans it"
+        )
+    found: dict[str, OneString] = {}
+    for _, _, alone in single_strings(preset):
+        one = OneString(alone)
+        if one.kind != FREE:
+            found.setdefault(one.fingerprint, one)
+    return list(found.values())
+
+
+def measure_plan(
+    preset: Preset, progress: Progress | None = None, known: Mapping[str, MeasuredString] | None = None
+) -> MeasuredPlan:
+    """What each quality takes on every string of a preset, at all of its frets.
+
+    progress: told how much is done, 0 … 1; where it answers False nothing more is measured and Ended raised.
+    known: strings of earlier calls with the same strokes, by fingerprint, which are not measured again.
+    Raises PresetError for a preset whose strings share a body, slide on a board, or lie over what is soft.
+    """
+    strings = measured_strings(preset)
+    others = other_strokes(preset)
+    done = []
+    for number, one in enumerate(strings):
+
+        def part(share: float, before: int = number) -> bool:
+            return progress is None or progress((before + share) / len(strings))
+
+        earlier = (known or {}).get(one.fingerprint)
+        done.append(measure_string(one, others, part) if earlier is None else replace(earlier, name=one.label))
+    return MeasuredPlan(tuple(done), frozenset(strokes(preset)))
+
+
+@dataclass(frozen=True)
+class Held:
+    """How a measured plan stands in one stroke of some notes: the worst of error over limit, None: nothing can be judged."""
+
+    string: str
+    quality: str
+    stroke: Stroke
+    worst: float | None
+
+
+def misses(preset: Preset, strokes_played: list[Stroke], notes: set[int] | None = None) -> Iterator[Held]:
+    """How the plan of a preset (`Preset.measured`) stands against what is promised, string by string; notes: only these."""
+    for one in measured_strings(preset):
+        row = preset.measured.string(one.fingerprint)
+        played = [note for note in one.notes if notes is None or note in notes]
+        for quality, found in ({} if row is None or not played else row.qualities).items():
+            for stroke in strokes_played:
+                exact = one.references(played, stroke)
+                ratios = []
+                for note, u in one.runs(played, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
+                    here = {**distances(u, exact[note].u, RATE_HZ), **heard_distances(u, exact[note].u, RATE_HZ)}
+                    ratios += [here[measure] / limit for measure, limit in exact[note].limits.get(quality, [])]
+                yield Held(one.label, quality, stroke, max(ratios) if ratios else None)
+
+
+def _modal_hz(string: String) -> np.ndarray:
+    """(n,) modes of a string [Hz], as many as any run may have and one more."""
+    return modal_frequencies(string, MOST_MODES + 1) / (2.0 * math.pi)
+
+
+def _nearer(share: float) -> float:
+    return min(0.95, max(0.02, share))
+
+
+def _shifted(way: Articulation, farther: float) -> dict[str, float]:
+    """The places of an articulation that has its own, farther from the saddle."""
+    places = {key: getattr(way, key) for key in ("position", "position_hard")}
+    return {key: _nearer(value * farther) for key, value in places.items() if value is not None}
+
+
+def _seen(alone: Preset) -> Preset:
+    """The preset with its string's displacement in the first direction as its output, and nothing left to chance."""
+    output = alone.output.model_copy(update={"kind": "displacement", "position": SEEN_AT, "gain_db": 0.0})
+    changed: dict[str, object] = {"output": output, "body": type(alone.body)(), "effect": (), "hand": Hand()}
+    changed["articulations"] = {}
+    changed["pluck"] = alone.pluck.model_copy(update={"roughness_um": 0.0})
+    if alone.polarisation is not None:
+        changed["polarisation"] = alone.polarisation.model_copy(update={"heard": 0.0})
+    table = alone.string[0].model_copy(update={"gain_db": 0.0})
+    return alone.model_copy(update={**changed, "string": (table,)})

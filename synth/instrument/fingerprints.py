@@ -1,0 +1,61 @@
+"""What the motion of a preset's strings depends on, in few letters: by these a measured plan is known to be theirs.
+
+Names, levels, tags, what is heard and what is done to the sound do not count, nor does the pitch, with which all goes in
+proportion (`planfile.MeasuredString.at`). Numbers given at notes count as they are at the string's own note.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from synth.instrument.articulations import Articulation
+from synth.instrument.preset import Preset, StringTable, at_note
+
+#: of a string: what does not move it, and its pitch
+_STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db", "place_mm", "angle_deg"}
+#: of an articulation: the ways to it, and what chords and legato do
+_WAYS = {"key", "controller", "velocity", "strum_ms", "slide_ms"}
+#: of a plain pluck, as an articulation that says nothing
+_PLAIN = "plain"
+
+
+def _resolved(data: Any, note: int) -> Any:
+    """Data of the file with every number at notes as it is at this one."""
+    if isinstance(data, dict):
+        if data and all(isinstance(key, int) for key in data):
+            return float(at_note(data, note))
+        return {str(key): _resolved(value, note) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_resolved(each, note) for each in data]
+    return float(data) if isinstance(data, int) and not isinstance(data, bool) else data
+
+
+def _digest(data: Any) -> str:
+    return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=8).hexdigest()
+
+
+def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
+    """Of one open string of a preset: 16 hexadecimal digits."""
+    parts: dict[str, Any] = {
+        "string": table.model_dump(exclude=_STRING),
+        "nut": [mode.model_dump() for mode in preset.nut],
+        "obstacle": preset.obstacle.model_dump(),
+        "pluck": preset.pluck.model_dump(),
+        "polarisation": None if preset.polarisation is None else preset.polarisation.model_dump(exclude={"heard"}),
+        "excitation": None if preset.excitation is None else preset.excitation.model_dump(),
+        "coupled": preset.coupled,
+    }
+    return _digest(_resolved(parts, note))
+
+
+def stroke_of(articulation: Articulation) -> str:
+    """Of a way to begin a note, whatever chooses it."""
+    said = articulation.model_dump(exclude=_WAYS, exclude_defaults=True)
+    return _digest(_resolved(said, 0)) if said else _PLAIN
+
+
+def strokes(preset: Preset) -> dict[str, Articulation]:
+    """Every stroke of a preset by its fingerprint, the plain pluck among them."""
+    return {_PLAIN: Articulation(), **{stroke_of(each): each for each in preset.articulations.values()}}
