@@ -24,7 +24,8 @@ import tomlkit
 from synth.author import changes
 from synth.author.workspace import check_regular, read_text, regular
 from synth.files.targets import is_special, write_text
-from synth.instrument.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes
+from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
+from synth.instrument.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes, preset_folder
 from synth.instrument.ways import switch_keys
 
 STEPS = 500
@@ -128,10 +129,20 @@ class Document:
         self._offers: list[Path] = []
         origin = str(file) if file is not None else name
         now, self.notices = current(text, origin)
-        preset = changes.checked(now, origin)
+        #: what was measured of its strings, beside the file that it was read from
+        self._measured = self._plan_beside(preset_folder() / f"{name}.toml" if embedded and file is None else file)
+        preset = changes.checked(now, origin).with_measured(self._measured)
         self._on_disk = text
         self._saved = Version(now, preset)
         self._history = History((Step(now, preset),))
+
+    def _plan_beside(self, file: Path | None) -> MeasuredPlan:
+        """The plan beside a preset's file; of one that cannot be read a notice is given."""
+        try:
+            return MeasuredPlan() if file is None else read_beside(file)
+        except (PlanError, OSError) as error:
+            self.notices = [*self.notices, str(error)]
+            return MeasuredPlan()
 
     @property
     def text(self) -> str:
@@ -215,7 +226,7 @@ class Document:
             return
         if merge is not None and past[-1].merge == merge:
             past = past[:-1]
-        self._changed(History((*past, Step(text, preset, label, merge))[-STEPS - 1 :]))
+        self._changed(History((*past, Step(text, preset.with_measured(self._measured), label, merge))[-STEPS - 1 :]))
 
     def _changed(self, history: History) -> None:
         self._history = history
@@ -309,9 +320,11 @@ class Document:
             text = read_text(self.file)
             now, notices = current(text, self.name)
             preset = changes.checked(now, self.name)
+            self.notices = notices
+            self._measured = self._plan_beside(self.file)
             self._take(now, preset, "reload")
-            self._on_disk, self._saved = text, Version(now, preset)
-            self.disk, self.notices = None, notices
+            self._on_disk, self._saved = text, Version(now, preset.with_measured(self._measured))
+            self.disk = None
             self.revision += 1
             self.autosave_due, self.autosave_problem = False, None
             self._drop_autosave()

@@ -257,6 +257,11 @@ class ProgressLine:
         if self._due(time.monotonic()):
             self._write(f"preparing: {done} of {total} strings")
 
+    def measuring(self, done: float) -> None:
+        """Which share of a plan is measured."""
+        if self._due(time.monotonic()):
+            self._write(f"measuring: {100.0 * done:.0f} %")
+
     def _due(self, now: float) -> bool:
         """Whether it is time for another line."""
         due = self._on and now - self._shown >= 0.1

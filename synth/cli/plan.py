@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
+import sys
+from typing import TYPE_CHECKING, Any
 
-from synth.cli.common import add_physics, note_number
+from synth.cli.common import ProgressLine, add_physics, note_number
+
+if TYPE_CHECKING:
+    from synth.instrument.preset import Preset
 
 
 def add(commands: Any) -> None:
@@ -19,6 +23,11 @@ def add(commands: Any) -> None:
     parser.add_argument("note", nargs="?", metavar="NOTE", help="a note such as C3 or 48 (default: a survey)")
     add_physics(parser)
     parser.add_argument("--measure", action="store_true", help="play it and say what it costs on this machine")
+    parser.add_argument(
+        "--measure-plan",
+        action="store_true",
+        help="measure what each quality takes on the strings of a preset of your own, and keep it beside the preset (minutes)",
+    )
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.set_defaults(run=_plan)
 
@@ -29,6 +38,8 @@ def _plan(options: argparse.Namespace) -> int:
     from synth.instrument.preset import load_preset
 
     preset = check(load_preset(options.preset), options.preset)
+    if options.measure_plan:
+        preset = _measured(preset, options.preset)
     note = None if options.note is None else note_number(options.note)
     plan = describe_plan(
         preset,
@@ -63,3 +74,32 @@ def _plan(options: argparse.Namespace) -> int:
     else:
         print(plan["text"])
     return 0
+
+
+def _measured(preset: Preset, name: str) -> Preset:
+    """The preset with a plan measured now, which is written beside its file. Raises ValueError where it cannot have one there,
+    OSError."""
+    from synth.files.targets import check_target, is_special, write_text
+    from synth.host.plan_measuring import measure_plan
+    from synth.instrument.planfile import path_of, text_of
+    from synth.instrument.preset import preset_folder, preset_path
+
+    path = preset_path(name)
+    if path.resolve().parent == preset_folder().resolve():
+        raise ValueError(
+            f"--measure-plan {name}: comes with the program and is measured already; for one of your own begin with "
+            f"`synth presets show {name} > mine.toml`"
+        )
+    if is_special(path):
+        raise ValueError(f"--measure-plan {name}: is no file that a plan could lie beside; give a preset's file")
+    check_target(path_of(path))
+    with ProgressLine(sys.stderr.isatty()) as line:
+
+        def told(done: float) -> bool:
+            line.measuring(done)
+            return True
+
+        plan = measure_plan(preset, progress=told)
+    write_text(path_of(path), text_of(plan))
+    print(f"synth: written: {path_of(path)}", file=sys.stderr)
+    return preset.with_measured(plan)

@@ -68,7 +68,7 @@ def apply_settings(preset: Preset, found: list[tuple[str, Any]]) -> Preset:
             place.pop(last, None)
         else:
             place[last] = value
-    return validate_preset(data, f"{preset.name} with the fit")
+    return validate_preset(data, f"{preset.name} with the fit").with_measured(preset.measured)
 
 
 class _Filling:

@@ -28,12 +28,11 @@ def distances(u: np.ndarray, reference: np.ndarray, rate_hz: float) -> dict[str,
     }
 
 
-def heard_distances(u: np.ndarray, reference: np.ndarray, rate_hz: float) -> dict[str, float]:
-    """Both spectral distances of the velocities, in which highs count as they do in the brightest of outputs."""
-    speed, exact = np.diff(u), np.diff(reference)
+def distances_measured(u: np.ndarray, reference: np.ndarray, rate_hz: float) -> dict[str, float]:
+    """`distances`, and `heard_db`: third octaves of the velocities, where highs count as they do in the brightest output."""
     return {
-        "heard_db": log_spectral_distance(speed, exact, rate_hz),
-        "heard_bands_db": third_octave_distance(speed, exact, rate_hz),
+        **distances(u, reference, rate_hz),
+        "heard_db": third_octave_distance(np.diff(u), np.diff(reference), rate_hz),
     }
 
 
@@ -54,7 +53,8 @@ def judged(kind: str, quality: str, stands: Mapping[str, float]) -> list[tuple[s
     return found + [choice for choice in choices if can(*choice)][:1]
 
 
-def judged_as_heard(quality: str, stands: Mapping[str, float]) -> list[tuple[str, float]]:
-    """The same of `heard_distances`, whatever the kind: the highs of a sound are not given up where e allows it."""
-    choices = [("heard_db", IMPACT_DISTANCE_DB[quality]), ("heard_bands_db", IMPACT_BANDS_DB[quality])]
-    return [choice for choice in choices if stands[choice[0]] < STANDS * choice[1]][:1]
+def judged_of_one(kind: str, quality: str, stands: Mapping[str, float]) -> list[tuple[str, float]]:
+    """`judged`, and the levels that are heard, whatever the kind: highs are not given up where e allows it. None where nothing
+    that is promised can be judged."""
+    found, heard = judged(kind, quality, stands), ("heard_db", IMPACT_BANDS_DB[quality])
+    return [*found, heard] if found and stands["heard_db"] < STANDS * heard[1] else found

@@ -6,7 +6,7 @@
 Every note of every string is played softly and hard at many rates, with modes up to many frequencies, and held against a run
 at several times the rate of the quality `reference`, which is itself held against one of half that rate with fewer modes: as
 tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes measured, and the limits
-themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the preset's other strokes.
+themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the preset's other strokes; what is heard of the highs counts beside the promise.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import numpy as np
 from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.engine.engine import Engine
 from synth.fit.tune import single_strings
-from synth.host.plan_measures import ROLLING, distances, heard_distances, judged, judged_as_heard
+from synth.host.plan_measures import ROLLING, distances_measured, judged_of_one
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
-from synth.instrument.fingerprints import fingerprint, strokes
+from synth.instrument.fingerprints import PLAIN, WAYS, fingerprint, stroke_of, strokes
 from synth.instrument.plan import FAR, FREE, choose_factor
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, PresetError, fret_count
@@ -46,6 +46,8 @@ FEWER = 0.7
 #: internal rates tried, as multiples of `RATE_HZ`, and how far modes go [Hz]; none of them beyond half the rate
 FACTORS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48)
 HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0)
+#: of the law's rate times modes, what is worth a plan
+CHEAPER = 0.97
 #: modes go so far at least, whatever the figures say [Hz]
 LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
 #: strokes that a plan is held to beside those measured: (velocity, times the place, the part of the notes that are played)
@@ -120,7 +122,7 @@ class OneString:
             table = table.model_copy(update={"pluck_position": _nearer(table.pluck_position * stroke.farther)})
             changes["string"] = (table,)
         if way is not None:
-            gone = {"key": None, "controller": None, "velocity": None, "strum_ms": 0.0, "slide_ms": 0.0}
+            gone = {key: type(way).model_fields[key].default for key in WAYS}
             changes["articulations"] = {NORMAL: way.model_copy(update=gone | _shifted(way, stroke.farther))}
         preset = self._preset.model_copy(update=changes)
         found = Measured(float(factor * RATE_HZ), highest_hz, 1, {})
@@ -155,24 +157,22 @@ class OneString:
             finest = dict(self.runs(missing, stroke, factor, highest))
             for note, half in self.runs(missing, stroke, factor // 2, fewer):
                 u = finest[note]
-                stands = {**distances(half, u, RATE_HZ), **heard_distances(half, u, RATE_HZ)}
-                limits = {
-                    quality: [*found, *judged_as_heard(quality, stands)]
-                    for quality in PROMISED
-                    if (found := judged(self.kind, quality, stands))
-                }
+                stands = distances_measured(half, u, RATE_HZ)
+                limits = {quality: judged_of_one(self.kind, quality, stands) for quality in PROMISED}
                 self._known[note, stroke] = Judged(u, limits)
         return {note: self._known[note, stroke] for note in notes}
 
-    def figures(self, quality: str, notes: list[int], stroke: Stroke, found: Measured, most: float) -> dict[str, float] | None:
+    def figures(
+        self, quality: str, notes: list[int], stroke: Stroke, found: Measured, most: float
+    ) -> dict[str, float] | None:
         """Measure → the worst of these notes; None as soon as a note has more than `most` of a limit, or none can judge."""
         worst: dict[str, float] = {}
         known = self.references(notes, stroke)
-        if any(quality not in known[note].limits for note in notes):
+        if not all(known[note].limits[quality] for note in notes):
             return None
         for note, u in self.runs(notes, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
             exact = known[note]
-            here = {**distances(u, exact.u, RATE_HZ), **heard_distances(u, exact.u, RATE_HZ)}
+            here = distances_measured(u, exact.u, RATE_HZ)
             for measure, limit in exact.limits[quality]:
                 if not here[measure] <= most * limit:
                     return None
@@ -190,50 +190,59 @@ def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> 
         if not progress(min(1.0, done)):
             raise Ended
 
-    few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
-    held = [(one.notes, Stroke(velocity)) for velocity in reversed(VELOCITIES)]
-    for notes, stroke in held:
-        one.references(notes, stroke)
-        step(0.5 / len(held))
+    measured = [Stroke(velocity) for velocity in reversed(VELOCITIES)]
+    for stroke in measured:
+        one.references(one.notes, stroke)
+        step(0.5 / len(measured))
     qualities: dict[str, Measured] = {}
     for quality in PROMISED:
-        for found in _candidates(one, quality):
-            figures: dict[str, float] = {}
-            for notes, stroke in held:
-                here = one.figures(quality, notes, stroke, found, MARGIN)
-                if here is None:
-                    break
-                figures = {name: max(here.get(name, 0.0), figures.get(name, 0.0)) for name in here | figures}
-            else:
-                if all(one.figures(quality, few, stroke, found, 1.0) is not None for stroke in others):
-                    rounded = {name: float(f"{value:.2g}") for name, value in figures.items()}
-                    qualities[quality] = replace(found, figures=rounded)
-                    break
+        for factor in (each for each in FACTORS if each <= one.law(quality)):
+            found = _fewest(one, quality, factor, measured, others)
             step(0.0)
+            if found is not None:
+                qualities[quality] = found
+                break
         step(0.5 / len(PROMISED))
     return MeasuredString(one.label, midi_to_note(one.note), round(one.pitch_hz, 3), one.fingerprint, qualities)
 
 
-def _candidates(one: OneString, quality: str) -> list[Measured]:
-    """Rates and modes that cost less than the law's, the cheapest first."""
+def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], others: list[Stroke]) -> Measured | None:
+    """The fewest modes at an internal rate that keep `MARGIN` of a promise, as any more do, and all of it in other strokes.
+
+    None where none do, or they cost what the law's cost."""
     law = one.law(quality)
     most = law * one.modes(0.5 * law * RATE_HZ)
-    found: list[tuple[int, Measured]] = []
-    for factor in (each for each in FACTORS if each <= law):
-        half = 0.5 * factor * RATE_HZ
-        for highest in (*(hz for hz in HIGHEST_HZ if LEAST_HZ[quality] <= hz < half), half):
-            modes = one.modes(highest)
-            if modes and factor * modes < 0.97 * most:
-                found.append((factor * modes, Measured(float(factor * RATE_HZ), highest, modes, {})))
-    return [each for _, each in sorted(found, key=lambda pair: pair[0])]
+    half = 0.5 * factor * RATE_HZ
+    kept: list[Measured] = []
+    for highest in (half, *(hz for hz in reversed(HIGHEST_HZ) if LEAST_HZ[quality] <= hz < half)):
+        found = Measured(float(factor * RATE_HZ), highest, one.modes(highest), {})
+        if found.modes < 1:
+            break
+        figures: dict[str, float] = {}
+        for stroke in measured:
+            here = one.figures(quality, one.notes, stroke, found, MARGIN)
+            if here is None:
+                break
+            figures = {name: max(here.get(name, 0.0), figures.get(name, 0.0)) for name in here | figures}
+        else:
+            kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
+            continue
+        break
+    few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
+    for found in reversed(kept):
+        cheaper = factor * found.modes < CHEAPER * most
+        if cheaper and all(one.figures(quality, few, stroke, found, 1.0) is not None for stroke in others):
+            return found
+    return None
 
 
 def other_strokes(preset: Preset) -> list[Stroke]:
     """What a plan of a preset is held to beside what is measured: `OTHERS`, and strokes that no finger damps."""
-    ways = [each for name, each in preset.articulations.items() if name != NORMAL and each.touch is None]
-    plain = [each for each in ways if each.model_dump(exclude={"key", "controller", "velocity", "strum_ms", "slide_ms"},
-                                                      exclude_defaults=True)]  # fmt: skip
-    return [Stroke(*each) for each in OTHERS] + [Stroke(VELOCITIES[-1], articulation=each) for each in plain]
+    ways = {stroke_of(each): each for each in preset.articulations.values() if each.touch is None}
+    ways.pop(PLAIN, None)
+    if NORMAL in preset.articulations:
+        ways.pop(stroke_of(preset.articulations[NORMAL]), None)
+    return [Stroke(*each) for each in OTHERS] + [Stroke(VELOCITIES[-1], articulation=each) for each in ways.values()]
 
 
 def measured_strings(preset: Preset) -> list[OneString]:
@@ -293,8 +302,8 @@ def misses(preset: Preset, strokes_played: list[Stroke], notes: set[int] | None 
                 exact = one.references(played, stroke)
                 ratios = []
                 for note, u in one.runs(played, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
-                    here = {**distances(u, exact[note].u, RATE_HZ), **heard_distances(u, exact[note].u, RATE_HZ)}
-                    ratios += [here[measure] / limit for measure, limit in exact[note].limits.get(quality, [])]
+                    here = distances_measured(u, exact[note].u, RATE_HZ)
+                    ratios += [here[measure] / limit for measure, limit in exact[note].limits[quality]]
                 yield Held(one.label, quality, stroke, max(ratios) if ratios else None)
 
 

@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 from synth.instrument.boards import StringBoard, board_plan, on_board, string_board
 from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.fingerprints import fingerprint, strokes
-from synth.instrument.plan import FREE, KEPT, StringPlan, measured_plan, plan_string, scene_kind
-from synth.instrument.planfile import VERSION, Measured
+from synth.instrument.plan import KEPT, StringPlan, measured_plan, plan_string, scene_kind
+from synth.instrument.planfile import PROMISED, VERSION, Measured
 from synth.instrument.preset import (
     BoardObstacle,
     BridgeObstacle,
@@ -765,8 +765,9 @@ def describe_plan(
                         "factor": plan.factor,
                         "modes": plan.modes,
                         "contacts": plan.contacts,
+                        "plan": "measured" if plan.measured else "law",
                         "error": plan.error,
-                        "kept_in": KEPT,
+                        "kept_in": 1.0 if plan.measured else KEPT,
                         "reason": plan.reason,
                     }
                 )
@@ -784,6 +785,9 @@ def describe_plan(
         + f": {row['reason']}"
         for row in rows
     ]
+    by_law = [row for row in rows if row["plan"] == "law" and row["contacts"]]
+    if by_law and plannable(preset) and quality in PROMISED and scheme == "exact-hold" and internal_rate_hz is None:
+        lines.append(f"  {_why_by_law(preset)}")
     return {
         "preset": preset.name,
         "quality": quality,
@@ -792,3 +796,16 @@ def describe_plan(
         "strings": rows,
         "text": "\n".join([head, *lines]),
     }
+
+
+def _why_by_law(preset: Preset) -> str:
+    """Why strings of a preset that could be measured are planned by the law."""
+    known, law = preset.measured, "by the law for all strings"
+    if not known.strings:
+        return f"{law}; --measure-plan measures these, and keeps the plan beside the preset"
+    now = {fingerprint(preset, table, note) for table in preset.string for note in string_notes(table)}
+    if known.version != VERSION or not now <= {each.fingerprint for each in known.strings}:
+        return f"{law}: the plan beside the preset was measured for another version of it; --measure-plan makes a new one"
+    if not known.strokes.issuperset(strokes(preset)):
+        return f"{law}: the plan beside the preset does not know all of its strokes; --measure-plan makes a new one"
+    return f"{law}: of these, nothing less keeps the promise with a margin"

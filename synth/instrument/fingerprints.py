@@ -16,9 +16,9 @@ from synth.instrument.preset import Preset, StringTable, at_note
 #: of a string: what does not move it, and its pitch
 _STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db", "place_mm", "angle_deg"}
 #: of an articulation: the ways to it, and what chords and legato do
-_WAYS = {"key", "controller", "velocity", "strum_ms", "slide_ms"}
-#: of a plain pluck, as an articulation that says nothing
-_PLAIN = "plain"
+WAYS = frozenset({"key", "controller", "velocity", "strum_ms", "slide_ms"})
+#: the stroke of a plain pluck, as of an articulation that says nothing else
+PLAIN = "plain"
 
 
 def _resolved(data: Any, note: int) -> Any:
@@ -52,10 +52,10 @@ def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
 
 def stroke_of(articulation: Articulation) -> str:
     """Of a way to begin a note, whatever chooses it."""
-    said = articulation.model_dump(exclude=_WAYS, exclude_defaults=True)
-    return _digest(_resolved(said, 0)) if said else _PLAIN
+    said = articulation.model_dump(exclude=set(WAYS), exclude_defaults=True)
+    return _digest(_resolved(said, 0)) if said else PLAIN
 
 
 def strokes(preset: Preset) -> dict[str, Articulation]:
     """Every stroke of a preset by its fingerprint, the plain pluck among them."""
-    return {_PLAIN: Articulation(), **{stroke_of(each): each for each in preset.articulations.values()}}
+    return {PLAIN: Articulation(), **{stroke_of(each): each for each in preset.articulations.values()}}

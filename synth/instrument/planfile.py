@@ -1,7 +1,7 @@
 """Plans that were measured of a preset's own strings, and the file beside the preset that keeps them.
 
 The law of `plan` is made for the worst of random strings. What was measured of a very string (`synth plan --measure-plan`)
-names the least internal rate and the modes that keep the promise there with a margin. It lies beside the preset, as NAME.plan:
+names the least internal rate and the modes that keep the promise there with a margin. It lies beside the preset, NAME.plan:
 
     format = 1
     measured = 1                       # VERSION of what was measured, and by what
@@ -43,7 +43,10 @@ MOST_BYTES = 1 << 20
 PROMISED = ("draft", "standard", "fine")
 #: a string may be tuned so far from the pitch that it was measured at [semitones]
 FARTHEST_SEMITONES = 5.0
-FIGURES = ("e", "e_onset", "lsd_db", "bands_db", "heard_db", "heard_bands_db")
+#: … and so far upwards takes what was measured as it is: tuning and temperament are within the margin
+WITHIN_SEMITONES = 0.5
+#: measures: those of `plan`, and third octaves of the velocities [dB]
+FIGURES = ("e", "e_onset", "lsd_db", "bands_db", "heard_db")
 _HEAD = """\
 # What keeps the promise of each quality on the strings of this very preset, with a margin of two: measured and written by
 # `synth plan --measure-plan`. A string that has changed since is planned by the law for all strings.
@@ -78,10 +81,10 @@ class MeasuredString:
     def at(self, pitch_hz: float, quality: str) -> Measured | None:
         """What a quality takes at a pitch [Hz]: tuned higher everything is quicker in proportion. None: not known."""
         ratio = pitch_hz / self.pitch_hz
-        found = self.qualities.get(quality)
-        if found is None or abs(12.0 * math.log2(ratio)) > FARTHEST_SEMITONES:
+        found, semitones = self.qualities.get(quality), 12.0 * math.log2(ratio)
+        if found is None or abs(semitones) > FARTHEST_SEMITONES:
             return None
-        ratio = max(1.0, ratio)
+        ratio = ratio if semitones > WITHIN_SEMITONES else 1.0
         return Measured(found.rate_hz * ratio, found.highest_hz * ratio, found.modes, found.figures)
 
 

@@ -1,6 +1,6 @@
 """The recipe in a bank: all that a bank of another setup is made from, where Python is there (`rebuild`).
 
-JSON: the presets as their files have them, what they are called together, options of the engine.
+JSON: the presets as their files have them, the plans measured of them, what they are called together, options of the engine.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from synth.instrument import planfile
 from synth.instrument.preset import Preset, validate_preset
 
 
@@ -28,6 +29,7 @@ def written(presets: Sequence[Preset], name: str | None, options: Mapping[str, A
     """A recipe in bytes. Raises TypeError for an option that is no plain value nor an array of numbers."""
     whole = {
         "presets": [preset.model_dump(mode="json", exclude_unset=True) for preset in presets],
+        "plans": [planfile.text_of(preset.measured) for preset in presets],
         "name": name,
         "options": {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in options.items()},
     }
@@ -37,5 +39,8 @@ def written(presets: Sequence[Preset], name: str | None, options: Mapping[str, A
 def read(data: bytes) -> Recipe:
     """The recipe that `written` has written. Raises ValueError."""
     whole = json.loads(data)
-    presets = tuple(validate_preset(each, str(each.get("name"))) for each in whole["presets"])
+    presets = tuple(
+        validate_preset(each, str(each.get("name"))).with_measured(planfile.parse(plan, str(each.get("name"))))
+        for each, plan in zip(whole["presets"], whole["plans"], strict=True)
+    )
     return Recipe(presets, whole["name"], whole["options"])

@@ -87,7 +87,7 @@ def set_up(preset: Preset, values: Mapping[str, float]) -> Preset:
         if each.id in changed and each.value(preset) is not None:
             each.change(data, changed[each.id])
     told = ", ".join(f"{numbers[identity].name} {value:g}" for identity, value in changed.items())
-    return validate_preset(data, f"{preset.name} with {told}")
+    return validate_preset(data, f"{preset.name} with {told}").with_measured(preset.measured)
 
 
 def _plain(value: Any) -> float | None:

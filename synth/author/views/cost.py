@@ -30,14 +30,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.frames_tape import string_number
-from synth.author.views.place import find, speaking
+from synth.author.views.place import Place, Speaking, find, speaking
 from synth.author.views.runs import differences, run
 from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.engine.engine import Engine
 from synth.instrument.boards import board_plan
-from synth.instrument.compile import note_frequency, string_kind
+from synth.instrument.compile import measured_of, note_frequency, string_kind
 from synth.instrument.coupled_plan import choose_steps
-from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, QUALITIES, choose_factor
+from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, QUALITIES, choose_factor, measured_plan
 from synth.instrument.preset import BoardObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.physics.string import String
@@ -103,14 +103,22 @@ def estimate(
         "qualities": [
             _on_board(place.preset, scene.opened, q, rate_hz)
             if on_board
-            else _quality(preset, note_frequency(place.preset, place.table, place.opened, None), kind, q, rate_hz)
+            else _quality(preset, place, scene, kind, q, rate_hz)
             for q in QUALITIES
         ],
     }
 
 
-def _quality(preset: Preset, open_hz: float, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
-    """What a quality takes and promises on a string whose open note has this pitch."""
+def _quality(preset: Preset, place: Place, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
+    """What a quality takes and promises on the string of a place."""
+    open_hz = note_frequency(place.preset, place.table, place.opened, None)
+    found = measured_of(preset, place.table, place.opened, open_hz, quality)
+    contacts = len(scene.reached)
+    plan = None
+    if found is not None:
+        plan = measured_plan(scene.string, contacts, kind, found, quality=quality, rate_hz=rate_hz)
+    if plan is not None:
+        return {"quality": quality, "rate_hz": plan.rate_hz, "factor": plan.factor, "promise": plan.error}
     choose = choose_steps if preset.coupled else choose_factor
     factor, promise = choose(open_hz, kind, quality, rate_hz)
     return {"quality": quality, "rate_hz": factor * rate_hz, "factor": factor, "promise": promise}
