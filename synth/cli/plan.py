@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--measure-plan",
         action="store_true",
-        help="measure what each quality takes on the strings of a preset of your own, and keep it beside the preset (minutes)",
+        help="measure what each quality takes on the strings of a preset of your own, and keep that beside it (minutes)",
     )
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.set_defaults(run=_plan)
@@ -77,7 +77,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _measured(preset: Preset, name: str) -> Preset:
-    """The preset with a plan measured now, which is written beside its file. Raises ValueError where it cannot have one there,
+    """The preset with a plan measured now, which is written beside its file. Raises ValueError where none can lie there,
     OSError."""
     from synth.files.targets import check_target, is_special, write_text
     from synth.host.plan_measuring import measure_plan

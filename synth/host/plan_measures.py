@@ -54,7 +54,7 @@ def judged(kind: str, quality: str, stands: Mapping[str, float]) -> list[tuple[s
 
 
 def judged_of_one(kind: str, quality: str, stands: Mapping[str, float]) -> list[tuple[str, float]]:
-    """`judged`, and the levels that are heard, whatever the kind: highs are not given up where e allows it. None where nothing
-    that is promised can be judged."""
+    """`judged`, and the levels that are heard, whatever the kind: highs are not given up where e allows it; nothing where
+    nothing that is promised can be judged."""
     found, heard = judged(kind, quality, stands), ("heard_db", IMPACT_BANDS_DB[quality])
     return [*found, heard] if found and stands["heard_db"] < STANDS * heard[1] else found

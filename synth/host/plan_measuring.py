@@ -1,12 +1,13 @@
-"""The least internal rate and the fewest modes that keep a quality's promise on a preset's own strings: found by playing them.
+"""The least internal rate and fewest modes that keep a quality's promise on a preset's own strings, found by playing them.
 
     plan = measure_plan(load_preset("tanpura"))      # a MeasuredPlan, as `planfile` keeps it beside the preset
-    worst = misses(preset)                           # how near other strokes than those measured come to what is promised
+    list(misses(preset, strokes))                    # how near strokes come to what is promised, of a preset with a plan
 
 Every note of every string is played softly and hard at many rates, with modes up to many frequencies, and held against a run
 at several times the rate of the quality `reference`, which is itself held against one of half that rate with fewer modes: as
-tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes measured, and the limits
-themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the preset's other strokes; what is heard of the highs counts beside the promise.
+tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes measured, and the
+limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the preset's other strokes.
+What is heard of the highs counts beside the promise.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from synth.host.plan_measures import ROLLING, distances_measured, judged_of_one
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
 from synth.instrument.fingerprints import PLAIN, WAYS, fingerprint, stroke_of, strokes
-from synth.instrument.plan import FAR, FREE, choose_factor
+from synth.instrument.plan import FAR, FREE, KEPT, choose_factor
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, PresetError, fret_count
 from synth.midi.events import NOTE_ON, make_events
@@ -33,8 +34,9 @@ from synth.physics.string import String
 from synth.units import midi_to_note
 
 RATE_HZ = 44100
-#: part of every limit that the strokes measured must keep
-MARGIN = 0.5
+#: part of every limit that `KEPT` of a string's notes must keep in the strokes measured, and the others: among blows there
+#: are notes at which no rate comes nearer
+MARGIN, FARTHEST = 0.5, 0.75
 #: velocities that are measured
 VELOCITIES = (40, 120)
 #: seconds of a note: what is promised of a bridge is promised over 3 s
@@ -54,6 +56,9 @@ LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
 OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
 #: output's place from the saddle, as a share of the open length: that of the calibration's scenes
 SEEN_AT = 0.01
+
+#: measure → error
+Figures = dict[str, float]
 
 #: told how much is done (0 … 1); False: it is to end
 Progress = Callable[[float], bool]
@@ -111,7 +116,7 @@ class OneString:
         return choose_factor(self.pitch_hz, self.kind, quality, float(RATE_HZ))[0]
 
     def runs(self, notes: list[int], stroke: Stroke, factor: int, highest_hz: float) -> Iterator[tuple[int, np.ndarray]]:
-        """(note, displacement (n,)) of notes at an internal rate with modes up to a frequency, from the finger's release on."""
+        """(note, displacement (n,) from the finger's release on) of notes at a rate with modes up to a frequency."""
         pluck, way = self._preset.pluck, stroke.articulation or self._normal
         if stroke.farther != 1.0:
             places = {key: value for key in ("position", "position_hard") if (value := getattr(pluck, key)) is not None}
@@ -162,22 +167,16 @@ class OneString:
                 self._known[note, stroke] = Judged(u, limits)
         return {note: self._known[note, stroke] for note in notes}
 
-    def figures(
-        self, quality: str, notes: list[int], stroke: Stroke, found: Measured, most: float
-    ) -> dict[str, float] | None:
-        """Measure → the worst of these notes; None as soon as a note has more than `most` of a limit, or none can judge."""
-        worst: dict[str, float] = {}
+    def figures(self, quality: str, notes: list[int], stroke: Stroke, found: Measured) -> Iterator[tuple[float, Figures]]:
+        """For each note (the worst of error over limit, measure → error); infinite where nothing can be judged."""
         known = self.references(notes, stroke)
         if not all(known[note].limits[quality] for note in notes):
-            return None
+            yield math.inf, {}
+            return
         for note, u in self.runs(notes, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
-            exact = known[note]
-            here = distances_measured(u, exact.u, RATE_HZ)
-            for measure, limit in exact.limits[quality]:
-                if not here[measure] <= most * limit:
-                    return None
-                worst[measure] = max(worst.get(measure, 0.0), here[measure])
-        return worst
+            here = distances_measured(u, known[note].u, RATE_HZ)
+            limits = known[note].limits[quality]
+            yield max(here[measure] / limit for measure, limit in limits), {measure: here[measure] for measure, _ in limits}
 
 
 def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> MeasuredString:
@@ -216,24 +215,29 @@ def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], o
     kept: list[Measured] = []
     for highest in (half, *(hz for hz in reversed(HIGHEST_HZ) if LEAST_HZ[quality] <= hz < half)):
         found = Measured(float(factor * RATE_HZ), highest, one.modes(highest), {})
-        if found.modes < 1:
+        figures = _kept(one, quality, measured, found) if found.modes else None
+        if figures is None:
             break
-        figures: dict[str, float] = {}
-        for stroke in measured:
-            here = one.figures(quality, one.notes, stroke, found, MARGIN)
-            if here is None:
-                break
-            figures = {name: max(here.get(name, 0.0), figures.get(name, 0.0)) for name in here | figures}
-        else:
-            kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
-            continue
-        break
+        kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
     for found in reversed(kept):
         cheaper = factor * found.modes < CHEAPER * most
-        if cheaper and all(one.figures(quality, few, stroke, found, 1.0) is not None for stroke in others):
+        if cheaper and all(ratio <= 1.0 for stroke in others for ratio, _ in one.figures(quality, few, stroke, found)):
             return found
     return None
+
+
+def _kept(one: OneString, quality: str, measured: list[Stroke], found: Measured) -> Figures | None:
+    """The worst of each measure, where `KEPT` of the notes are within `MARGIN` of limits and none beyond `FARTHEST`."""
+    worst: Figures = {}
+    over, allowed = 0, int((1.0 - KEPT) * len(one.notes) * len(measured))
+    for stroke in measured:
+        for ratio, here in one.figures(quality, one.notes, stroke, found):
+            over += not ratio <= MARGIN
+            if over > allowed or not ratio <= FARTHEST:
+                return None
+            worst = {name: max(here.get(name, 0.0), worst.get(name, 0.0)) for name in here | worst}
+    return worst
 
 
 def other_strokes(preset: Preset) -> list[Stroke]:
