@@ -208,7 +208,8 @@ def text_of(plan: MeasuredPlan) -> str:
         lines += ["", "[[string]]", f'name = "{name}"', f'note = "{each.note}"', f"pitch_hz = {plain(each.pitch_hz)}"]
         lines.append(f'fingerprint = "{each.fingerprint}"')
         for quality, found in each.qualities.items():
-            values = {"rate_hz": found.rate_hz, "highest_hz": found.highest_hz, "modes": found.modes, **found.figures}
+            figures = {name: found.figures[name] for name in FIGURES if name in found.figures}
+            values = {"rate_hz": found.rate_hz, "highest_hz": found.highest_hz, "modes": found.modes, **figures}
             inner = ", ".join(f"{key} = {plain(value)}" for key, value in values.items())
             lines.append(f"{quality} = {{ {inner} }}")
     return "\n".join(lines) + "\n"

@@ -1,0 +1,112 @@
+"""Plans that are measured of a preset: promises kept in other strokes than those measured, what cannot be measured."""
+
+from __future__ import annotations
+
+import pytest
+
+from synth.host.plan_measuring import (
+    MARGIN,
+    ROLLING_S,
+    Ended,
+    OneString,
+    Stroke,
+    measure_plan,
+    measured_strings,
+    misses,
+    other_strokes,
+)
+from synth.instrument.compile import compile_preset
+from synth.instrument.plan import BRIDGE_ERROR
+from synth.instrument.planfile import PROMISED
+from synth.instrument.preset import Preset, PresetError, load_preset, parse_preset
+from tests.test_planfile import PRESET
+
+#: velocities and places that no plan was made from
+STROKES = [Stroke(30), Stroke(90), Stroke(110, 0.8)]
+
+
+@pytest.mark.parametrize(
+    ("name", "notes"),
+    [("tanpura", {36, 48}), ("fretted-bass", {28, 40}), ("fretted-bass", {57})],
+)
+def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]) -> None:
+    preset = load_preset(name)
+    found = list(misses(preset, STROKES, notes))
+    assert {each.quality for each in found} >= {"draft", "standard"}
+    assert all(each.worst is not None for each in found)
+    missed = {f"{each.string} {each.quality} {each.stroke}": each.worst for each in found if not (each.worst or 0.0) < 1.0}
+    assert not missed
+
+
+def test_a_plan_too_small_is_seen_to_miss() -> None:
+    """Half of the modes of a plan miss what it keeps: the check can fail."""
+    from dataclasses import replace
+
+    preset = load_preset("tanpura")
+    few = [
+        replace(each, qualities={key: replace(q, highest_hz=0.4 * q.highest_hz) for key, q in each.qualities.items()})
+        for each in preset.measured.strings
+    ]
+    found = list(misses(preset.with_measured(replace(preset.measured, strings=tuple(few))), STROKES[1:2], {43}))
+    assert len(found) == 3 and all(each.worst is not None and each.worst > 1.0 for each in found)
+
+
+def test_plans_cost_less_than_the_law() -> None:
+    for name in ("tanpura", "fretted-bass"):
+        preset = load_preset(name)
+        for quality in PROMISED:
+            for mine, law in zip(
+                compile_preset(preset, quality=quality).strings,
+                compile_preset(parse_again(preset), quality=quality).strings,
+                strict=True,
+            ):
+                costs = [each.factor * each.positions[0].plan.modes for each in (mine, law)]
+                assert costs[0] < costs[1] or mine.positions[0].plan == law.positions[0].plan
+
+
+def parse_again(preset: Preset) -> Preset:
+    """The preset as the law plans it."""
+    from synth.instrument.planfile import MeasuredPlan
+
+    return preset.with_measured(MeasuredPlan())
+
+
+def small() -> Preset:
+    return parse_preset(PRESET.format(string="viscoelastic_loss = 0.02", displacement="3.0", rest=""), "small")
+
+
+def test_a_plan_is_measured_and_told_of() -> None:
+    told: list[float] = []
+    preset = small()
+    plan = measure_plan(preset, lambda done: told.append(done) or True)
+    assert told == sorted(told) and 0.0 < told[0] and told[-1] == pytest.approx(1.0)
+    (string,) = plan.strings
+    assert string.note == "G2" and set(string.qualities) == set(PROMISED)
+    for quality, found in string.qualities.items():
+        assert found.figures["e"] <= MARGIN * BRIDGE_ERROR[quality]
+    rates = [string.qualities[quality].rate_hz * string.qualities[quality].modes for quality in PROMISED]
+    assert rates == sorted(rates)
+    (one,) = measured_strings(preset)
+    assert (one.seconds, one.notes, one.fingerprint) == (ROLLING_S, [43], string.fingerprint)
+    # what is known is not measured again
+    again = measure_plan(preset, known={string.fingerprint: string})
+    assert again.strings == plan.strings
+
+
+def test_whoever_wants_no_more_ends_it() -> None:
+    with pytest.raises(Ended):
+        measure_plan(small(), lambda done: False)
+
+
+@pytest.mark.parametrize("name", ["steel-guitar", "fretless-bass", "harp"])
+def test_what_has_no_plan(name: str) -> None:
+    with pytest.raises(PresetError, match="a plan is measured of strings on ends at rest over rigid points"):
+        measure_plan(load_preset(name))
+
+
+def test_strokes_of_their_own_are_held_to() -> None:
+    slap = load_preset("slap-bass")
+    own = [each.articulation for each in other_strokes(slap) if each.articulation is not None]
+    assert [each.position for each in own] == [0.2]  # pop: normal is measured, finger is [pluck], the others are damped
+    (first, *_) = measured_strings(slap)
+    assert isinstance(first, OneString) and first.notes == list(range(28, 49))
