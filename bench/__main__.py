@@ -3,11 +3,16 @@
     tools/bench --short             # less than two minutes with kernels compiled before
     tools/bench                     # everything, less than ten
     tools/bench --only peak         # what has the word in its name
-    tools/bench --only cold --against v0.5.0        # starts with nothing compiled, in turn with those of a commit
+    tools/bench --only against --against COMMIT     # notes, songs, 64 strings, in turn with those of a commit
+    tools/bench --only cold --against COMMIT        # starts with nothing compiled, likewise
+    tools/bench --only bass_note --record           # into the history of runs by machine, bench/history.jsonl
+    tools/bench --publish           # everything, into the history, and the history into docs/speed.md and README.md
+    tools/bench --pages             # the history into these pages; nothing is measured
 
 One core, pinned where the system can; everything that is compared is measured in one run, round by round in turn. Kernels
 against the machine's own peak of multiply-adds, the targets, notes of every preset, blocks, start-up, memory, modes in
-float32. Into out/bench (out/bench-short, out/bench-WORD): results.json, tables.md, growth.png.
+float32; of every figure it is said with vectors of how many numbers, in which precision. Into out/bench (out/bench-short,
+out/bench-WORD): results.json, tables.md, growth.png.
 """
 
 from __future__ import annotations
@@ -16,6 +21,7 @@ import argparse
 import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -23,12 +29,10 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest
-from documentation import page
-from speed_error.measure import machine
+from documentation import machine, page
 
-from bench import REPOSITORY, plots, report
+from bench import REPOSITORY, history, pages, plots, report
 from synth.files.targets import write_text
-from synth.solver.lanes import LANES
 
 
 def pin() -> None:
@@ -44,12 +48,36 @@ def main() -> int:
     )
     parser.add_argument("--short", action="store_true", help="fewer rounds, settings and notes")
     parser.add_argument("--only", metavar="WORD", help="benchmarks with the word in their name (as pytest's -k)")
-    parser.add_argument("--against", metavar="COMMIT", help="take starts with nothing compiled in turn with those of it")
-    parser.add_argument("--publish", action="store_true", help="also write docs/growth.png and the tables of docs/speed.md")
+    parser.add_argument("--against", metavar="COMMIT", help="what that commit takes, measured in turn with this tree")
+    parser.add_argument("--record", action="store_true", help="also put the figures into bench/history.jsonl")
+    parser.add_argument(
+        "--publish",
+        action="store_true",
+        help="--record, then docs/growth.png, and --pages",
+    )
+    parser.add_argument("--pages", action="store_true", help="only write the tables of both pages, from the history")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default out/bench")
     options = parser.parse_args()
     if options.publish and (options.short or options.only):
-        parser.error("--publish is for a whole run: leave out --short and --only")
+        parser.error("--publish is for a whole run: leave out --short and --only, or take --record, then --pages")
+    if options.record and options.short:
+        parser.error("--record is for all rounds: leave out --short")
+    if options.pages and (options.publish or options.record or options.short or options.only or options.against):
+        parser.error("--pages measures nothing: leave out the other options")
+    try:
+        return measured(options)
+    except (ValueError, OSError, subprocess.CalledProcessError) as error:
+        print(f"tools/bench: error: {error}", file=sys.stderr)
+        return 2
+
+
+def measured(options: argparse.Namespace) -> int:
+    """What is asked for: the exit code. Raises ValueError for a history that cannot be read, before anything is measured."""
+    runs = history.read()
+    if options.pages:
+        pages.publish(runs)
+        return 0
+    here = machine.here()  # before this process has but one core
     suffix = "-short" * options.short + (f"-{'-'.join(options.only.split())}" if options.only else "")
     out = options.out or REPOSITORY / "out" / f"bench{suffix}"
     out.mkdir(parents=True, exist_ok=True)
@@ -66,16 +94,18 @@ def main() -> int:
         return failed or 1
     found = report.figures(json.loads(recorded.read_text(encoding="utf-8")))
     recorded.unlink()
-    here, lanes = machine(), LANES
-    results = {"machine": here, "lanes": lanes, "short": options.short, "only": options.only, "figures": found}
+    results = {"machine": here._asdict(), "short": options.short, "only": options.only, "figures": found}
     write_text(out / "results.json", json.dumps(results, indent=1))
-    text = report.markdown(found, here, lanes, whole=options.only is None)
+    text = report.markdown(found, here.words, whole=options.only is None)
     write_text(out / "tables.md", text)
     print(text)
     drawn = plots.growth(found, out / "growth.png")
+    if (options.record or options.publish) and not failed:
+        runs = history.with_runs(history.read(), history.runs_of(pages.figures_of(found), here))
+        history.write(runs)
     if options.publish and drawn and not failed:
         shutil.copyfile(out / "growth.png", page.DOCS / "growth.png")
-        page.put(report.parts(found, here, lanes), page.DOCS / "speed.md")
+        pages.publish(runs)
     print(f"{out}: results.json, tables.md" + (", growth.png" if drawn else ""))
     return failed
 

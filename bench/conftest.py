@@ -43,6 +43,11 @@ def nothing() -> None:
     """No state to put back."""
 
 
+def noted(benchmark: Any, section: str, *, precision: str = "float64", lanes: int = LANES, **values: Any) -> None:
+    """What the report gets to know of a benchmark: a section and its figures, measured with vectors of so many numbers."""
+    benchmark.extra_info.update(section=section, precision=precision, lanes=lanes, **values)
+
+
 class Race:
     """Rounds of one callable by pytest-benchmark, those of its opponents interleaved, all in CPU seconds.
 
@@ -86,9 +91,8 @@ class Race:
         return self
 
     def note(self, section: str, **values: Any) -> None:
-        """What the report gets to know: a section and its figures."""
-        info = self.benchmark.extra_info
-        info.update(section=section, seconds=self.seconds, others=self.others, **values)
+        """`noted`, with the rounds."""
+        noted(self.benchmark, section, seconds=self.seconds, others=self.others, **values)
 
 
 @pytest.fixture

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bench.aims import Aim
+
 #: of one mode's free step: two rows of Φ(Δt), or one of the two-term recurrence and what it saves
 FREE_STEP_FMA = 2
 
@@ -61,14 +63,13 @@ def block_times(rounds: Sequence[Sequence[float]], block_s: float) -> dict[str, 
     }
 
 
-def verdict(reached: float | None, target: float | None, at_most: bool = False) -> str:
-    """Whether a figure reaches its target, or by how much it misses it."""
-    if target is None:
+def verdict(reached: float | None, aim: Aim | None) -> str:
+    """Whether a figure reaches what was aimed at, or by how much it misses it."""
+    if aim is None:
         return ""
     if reached is None or not math.isfinite(reached):
         return "not measured"
-    kept = reached <= target if at_most else reached >= target
-    if kept:
+    if aim.met(reached):
         return "met"
-    missed = reached / target - 1.0 if at_most else 1.0 - reached / target
+    missed = reached / aim.value - 1.0 if aim.at_most else 1.0 - reached / aim.value
     return f"missed by {100.0 * missed:.0f} %"

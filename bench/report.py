@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from statistics import median
 from typing import Any
 
 from speed_error.tables import number, rate, table
 
+from bench.aims import aim_of
 from bench.count import verdict
 
 #: in the order of the report
 SECTIONS = ("targets", "peak", "kernels", "strings", "notes", "blocks", "start", "cold", "memory", "float32")
-#: of the machine's multiply-adds, in free flight
-_PART_TARGET, _PART_MODES = 0.5, (137, 1001)
-SEVERAL_STEPS, MANY_STRINGS = "several-steps", "many-strings"
-#: aimed at, and named as not measured where a whole run has no row of this key: what, unit, target, at most
+#: their tables say by which vectors their figures were reached
+OF_VECTORS = ("targets", "kernels", "strings", "notes", "blocks", "float32")
+#: what else a section's table is made of
+ALSO = {"targets": ("kernels",)}
+#: free flight is held against the machine's multiply-adds with so many modes
+_FREE_MODES = (137, 1001)
+#: aimed at, and named as not measured where a whole run has no row whose name begins so: what, unit
 WANTED = {
-    SEVERAL_STEPS: ("a kernel of several steps against the plain loop, one contact", "times less", 3.0, False),
-    MANY_STRINGS: ("64 tanpura strings at standard, all touching, 2 threads", "× real time", 4.0, False),
+    "several-steps/press_blocks/": ("a kernel of several steps against the plain loop, one contact", "times less"),
+    "many-strings/2": ("64 tanpura strings at standard, all touching, 2 threads", "× real time"),
 }
 
 
@@ -32,10 +37,18 @@ def of(found: Iterable[dict[str, Any]], section: str) -> list[dict[str, Any]]:
     return [info for info in found if info["section"] == section]
 
 
+def by_vectors(found: Iterable[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """Figures that were measured in one precision with one width of vectors, together, in the order in which these came."""
+    groups: dict[tuple[str, int], list[dict[str, Any]]] = {}
+    for info in found:
+        groups.setdefault((info["precision"], info["lanes"]), []).append(info)
+    return list(groups.values())
+
+
 def target_rows(found: list[dict[str, Any]], whole: bool) -> list[dict[str, Any]]:
     """Rows of the table of targets; `whole`: what a whole run should have and has not is a row too."""
     rows = []
-    for modes in _PART_MODES:
+    for modes in _FREE_MODES:
         free = [
             info
             for info in of(found, "kernels")
@@ -43,36 +56,36 @@ def target_rows(found: list[dict[str, Any]], whole: bool) -> list[dict[str, Any]
         ]
         if free:
             best = max(free, key=lambda info: info["part"])
+            what = f"{best['kernel']} in free flight with output, {modes} modes: part of the peak of multiply-adds"
             rows.append({
-                "what": f"{best['kernel']} in free flight with output, {modes} modes: part of the peak of multiply-adds",
-                "unit": "", "reached": best["part"], "best": best["best_part"], "target": _PART_TARGET, "at_most": False,
+                "name": f"free-flight/{modes}", "what": what, "unit": "", "reached": best["part"],
+                "best": best["best_part"], "figure": None,
             })  # fmt: skip
     given = [row for info in of(found, "targets") for row in info["rows"]]
     if whole:
-        keys = {row["key"] for row in given}
-        for key, (what, unit, target, at_most) in WANTED.items():
-            if key not in keys:
-                rows.append(
-                    {"what": what, "unit": unit, "reached": None, "best": None, "target": target, "at_most": at_most}
-                )
+        for name, (what, unit) in WANTED.items():
+            if not any(row["name"].startswith(name) for row in given):
+                rows.append({"name": name, "what": what, "unit": unit, "reached": None, "best": None, "figure": None})
     return rows + given
 
 
 def _targets(found: list[dict[str, Any]], whole: bool) -> str:
     lines = []
     for row in target_rows(found, whole):
-        unit = row["unit"]
-        sign = "≤" if row["at_most"] else "≥"
-        target = "–" if row["target"] is None else f"{sign} {row['target']:g} {unit}".strip()
+        unit, aim = row["unit"], aim_of(row["name"])
+        target = "–" if aim is None else f"{'≤' if aim.at_most else '≥'} {aim.value:g} {unit}".strip()
         reached = "–" if row["reached"] is None else f"{number(row['reached'], 3)} {unit}".strip()
-        said = verdict(row["reached"], row["target"], row["at_most"])
-        lines.append([row["what"], target, reached, number(row["best"], 3), said])
+        lines.append([row["what"], target, reached, number(row["best"], 3), verdict(row["reached"], aim)])
     return table(["what", "target", "reached (median)", "best", ""], lines)
 
 
 def _peak(found: list[dict[str, Any]]) -> str:
     lines = [
-        [f"{info['lanes']} doubles", number(info["fma_per_s"] / 1e9, 3), number(info["best_fma_per_s"] / 1e9, 3)]
+        [
+            f"{info['lanes']} × {info['precision']}",
+            number(info["fma_per_s"] / 1e9, 3),
+            number(info["best_fma_per_s"] / 1e9, 3),
+        ]
         for info in sorted(of(found, "peak"), key=lambda info: -info["lanes"])
     ]
     return table(["vectors of", "10⁹ multiply-adds a second", "best"], lines)
@@ -173,31 +186,21 @@ def _float32(found: list[dict[str, Any]]) -> str:
     return "\n".join(parts)
 
 
-def parts(found: list[dict[str, Any]], machine: str, lanes: int) -> dict[str, str]:
-    """What docs/speed.md says of a whole run, by the names of its places there (`documentation.page`)."""
-    return {
-        "machine": f"One core of: {machine}, vectors of {lanes} doubles.",
-        "targets": _targets(found, whole=True),
-        "blocks": _blocks(found),
-        "notes": _notes(found),
-    }
-
-
-def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool = True) -> str:
-    """tables.md; sections without figures are left out."""
+def markdown(found: list[dict[str, Any]], machine: str, whole: bool = True) -> str:
+    """tables.md; sections without figures are left out. Figures of different vectors have tables of their own."""
     present = {info["section"] for info in found}
     parts = [
-        f"# Speed\n\nOne core of: {machine}, vectors of {lanes} doubles. Everything compared was measured in one run, its "
-        "rounds interleaved; medians, and best beside them.\n"
+        f"# Speed\n\nOne core of: {machine}. Everything compared was measured in one run, its rounds interleaved; medians, "
+        "and best beside them.\n"
     ]
-    texts = {
-        "targets": ("What was aimed at", "", _targets),
+    texts: dict[str, tuple[str, str, Callable[[list[dict[str, Any]]], str]]] = {
+        "targets": ("What was aimed at", "", partial(_targets, whole=whole)),
         "peak": ("The machine's peak", "Independent chains of fused multiply-adds, one core.", _peak),
         "kernels": (
             "Kernels",
             "A mode's free step counts as two multiply-adds, each projection, on a contact or the output, as one; what "
             "forces add is not counted. The peak is measured in the same rounds.",
-            None,
+            lambda infos: "\n".join(text for sweep in ("grid", "contacts", "voices") if (text := _kernels(infos, sweep))),
         ),
         "strings": ("Strings at once", "Tanpura strings at `standard`, all plucked, through the engine.", _strings),
         "notes": ("Notes", "× real time of one string through the engine, from the pluck on, 1.5 s.", _notes),
@@ -225,10 +228,10 @@ def markdown(found: list[dict[str, Any]], machine: str, lanes: int, whole: bool 
         parts.append(f"\n## {title}\n")
         if words:
             parts.append(words + "\n")
-        if section == "targets":
-            parts.append(_targets(found, whole))
-        elif write is None:
-            parts += [text for sweep in ("grid", "contacts", "voices") if (text := _kernels(found, sweep))]
-        else:
-            parts.append(write(found))
+        if section not in OF_VECTORS:
+            parts.append(write(of(found, section)))
+            continue
+        for infos in by_vectors(info for info in found if info["section"] in (section, *ALSO.get(section, ()))):
+            if text := write(infos):
+                parts.append(f"Vectors of {infos[0]['lanes']} numbers in {infos[0]['precision']}:\n\n{text}")
     return "\n".join(parts)

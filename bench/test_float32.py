@@ -11,7 +11,7 @@ from speed_error.measure import displacement
 from speed_error.store import Store
 
 from bench import REPOSITORY, float32, kernels
-from bench.conftest import Race
+from bench.conftest import Race, noted
 from bench.count import times_less
 from bench.kernels import BY_NAME, HOLD, Plucked, Setting
 from synth.dsp.measures import relative_error
@@ -35,7 +35,9 @@ def test_float32_speed(race: Race, modes: int, scene: str, short: bool) -> None:
     single = {form: float32.stretch(plucked, steps, form, flies)[0] for form in float32.KERNELS}
     race(double.call, reset=double.reset, against={form: (one.call, one.reset) for form, one in single.items()})
     faster = {form: times_less(race.others[form], race.seconds) for form in single}
-    race.note("float32", what="speed", modes=modes, scene=scene, faster=faster)
+    race.note(
+        "float32", precision="float32", lanes=float32.SINGLE_LANES, what="speed", modes=modes, scene=scene, faster=faster
+    )
 
 
 @pytest.mark.parametrize(
@@ -80,7 +82,8 @@ def test_float32_error(benchmark: Any, scheme: str, factor: int, modes: int, tab
     finally:
         restore(flush)
     two_step = float(float32.two_step_misfit(plucked)[0])
-    benchmark.extra_info.update(
-        section="float32", what="error", label=run.label, rate_hz=run.rate_hz, modes=modes, own=own, forms=forms,
+    noted(
+        benchmark, "float32", precision="float32", lanes=float32.SINGLE_LANES, what="error",
+        label=run.label, rate_hz=run.rate_hz, modes=modes, own=own, forms=forms,
         two_step=two_step if np.isfinite(two_step) else None,
     )  # fmt: skip

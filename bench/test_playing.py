@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench import scenes
-from bench.conftest import Race, block_rounds
+from bench.conftest import Race, block_rounds, noted
 from bench.count import block_times
 from synth.instrument.preset import list_presets
 from synth.units import midi_to_note
@@ -54,8 +54,8 @@ def test_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
     own = block / scenes.RATE_HZ
     found = block_times(rounds, own)
     empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own
-    benchmark.extra_info.update(
-        section="blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
+    noted(
+        benchmark, "blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
         stall=float(empty.max() - np.median(empty)),
     )  # fmt: skip
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from bench import REPOSITORY, cold
+from bench.conftest import noted
 
 
 def _run(*arguments: str, **variables: str) -> tuple[float, str]:
@@ -28,7 +29,7 @@ def _run(*arguments: str, **variables: str) -> tuple[float, str]:
 
 
 def _note(benchmark: Any, what: str, unit: str, values: list[float]) -> None:
-    benchmark.extra_info.update(section="start", what=what, unit=unit, median=float(np.median(values)), best=min(values))
+    noted(benchmark, "start", what=what, unit=unit, median=float(np.median(values)), best=min(values))
 
 
 @pytest.mark.parametrize(
@@ -77,7 +78,7 @@ def test_cold(benchmark: Any, request: pytest.FixtureRequest, all_cores: Any, co
                 found[name].append(cold.start(tree, command))
 
         benchmark.pedantic(in_turn, rounds=2 if against else 1, iterations=1)
-    benchmark.extra_info.update(section="cold", what=command, processors=os.cpu_count(), trees=found)
+    noted(benchmark, "cold", what=command, processors=os.cpu_count(), trees=found)
 
 
 def test_memory(benchmark: Any, short: bool) -> None:
@@ -87,4 +88,4 @@ def test_memory(benchmark: Any, short: bool) -> None:
         found.update(json.loads(_run("-m", "bench.memory", "10" if short else "60")[1]))
 
     benchmark.pedantic(play, rounds=1, iterations=1)
-    benchmark.extra_info.update(section="memory", seconds_played=10 if short else 60, **found)
+    noted(benchmark, "memory", seconds_played=10 if short else 60, **found)

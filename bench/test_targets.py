@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from speed_error.grid import AS_DEFAULT, E0, WITHOUT_R, Run
 
-from bench import kernels, report, scenes
-from bench.conftest import Race, block_rounds
+from bench import kernels, scenes
+from bench.conftest import Race, block_rounds, noted
 from bench.count import block_times, times_less
 from bench.kernels import HOLD, Kernel, Setting
 from synth.research import methods
@@ -19,17 +19,10 @@ from synth.research.simulation import simulate
 from synth.units import midi_to_note
 
 
-def row(
-    what: str,
-    unit: str,
-    reached: float | None,
-    best: float | None,
-    target: float | None,
-    at_most: bool = False,
-    key: str = "",
-) -> dict:
-    """One line of the table of targets; `key`: which of `report.WANTED` it is."""
-    return {"what": what, "unit": unit, "reached": reached, "best": best, "target": target, "at_most": at_most, "key": key}
+def row(name: str, what: str, unit: str, reached: float, best: float | None, figure: dict[str, float] | None = None) -> dict:
+    """One line of the table of targets; `name` says which aim it has (`aims.AIMS`), `figure` what the history keeps of it
+    (`history.VALUES`), None: median and best."""
+    return {"name": name, "what": what, "unit": unit, "reached": reached, "best": best, "figure": figure}
 
 
 def real_time(seconds: float, spent: list[float]) -> tuple[float, float]:
@@ -49,9 +42,8 @@ def test_block_kernel(race: Race, kernel: Kernel, modes: int, short: bool) -> No
     race(mine.call, reset=mine.reset, against={"plain": (other.call, other.reset)})
     median, best = times_less(race.seconds, race.others["plain"])
     what = f"{kernel.name} against {plain.name}, one contact, {modes} modes"
-    fastest = kernel.plain == "advance_one"  # of the plain loops over one contact
-    key = report.SEVERAL_STEPS if fastest else ""
-    race.note("targets", rows=[row(what, "times less", median, best, 3.0 if fastest else None, key=key)])
+    name = f"several-steps/{kernel.name}/{modes}"
+    race.note("targets", rows=[row(name, what, "times less", median, best)])
 
 
 class Runner:
@@ -75,7 +67,7 @@ def test_published_reference(race: Race, scheme: str, short: bool) -> None:
     runner = Runner(Run("tanpura", scheme, 48, 1001, E0).scene(0.03 if short else 0.3, 1))
     reached = runner.race(race, 3 if short else 5)
     what = f"tanpura, {scheme}, 1001 modes, 2.1168 MHz (the authors' C++: 1/217)"
-    race.note("targets", rows=[row(what, "× real time", *reached, 1.5)])
+    race.note("targets", rows=[row(f"published/{scheme}", what, "× real time", *reached)])
 
 
 def test_tanpura_kernel(race: Race) -> None:
@@ -88,8 +80,8 @@ def test_tanpura_kernel(race: Race) -> None:
     race(ours.call, reset=ours.reset, against={n: (s.call, s.reset) for n, s in zip(names, others, strict=True)})
     sound = steps * scene.dt
     what = "tanpura string, 44.1 kHz, 103 modes (e < 0.1 over 3 s), kernel with output"
-    rows = [row(what, "× real time", *real_time(sound, race.seconds), 400.0)]
-    rows += [row(f"the same {n}", "× real time", *real_time(sound, race.others[n]), None) for n in names]
+    rows = [row("tanpura-kernel", what, "× real time", *real_time(sound, race.seconds))]
+    rows += [row(f"tanpura-kernel/{n}", f"the same {n}", "× real time", *real_time(sound, race.others[n])) for n in names]
     race.note("targets", rows=rows)
 
 
@@ -97,14 +89,14 @@ def test_tanpura_simulated(race: Race, short: bool) -> None:
     runner = Runner(Run("tanpura", HOLD, 1, 103, AS_DEFAULT).scene(1.0 if short else 3.0, 1))
     reached = runner.race(race, 5)
     what = "the same through simulate, with the contact force of every row"
-    race.note("targets", rows=[row(what, "× real time", *reached, None)])
+    race.note("targets", rows=[row("tanpura-simulated", what, "× real time", *reached)])
 
 
 def test_paper_bass(race: Race, short: bool) -> None:
     runner = Runner(Run("bass", HOLD, 24, 863, WITHOUT_R).scene(0.1, 1))
     reached = runner.race(race, 2 if short else 5)
     what = "bass, 20 frets, all 863 modes, exact-hold, 1.0584 MHz, first 0.1 s (the paper's C++: 1/300)"
-    race.note("targets", rows=[row(what, "× real time", *reached, 1.0)])
+    race.note("targets", rows=[row("paper-bass", what, "× real time", *reached)])
 
 
 @pytest.mark.parametrize("velocity", [64, 110])
@@ -114,7 +106,8 @@ def test_bass_note(race: Race, midi: int, velocity: int, short: bool) -> None:
     race(player.play, rounds=3 if short else 9)
     reached = real_time(player.seconds, race.seconds)
     what = f"bass note at standard, {midi_to_note(midi)}, velocity {velocity}, whole 3 s"
-    race.note("targets", rows=[row(what, "× real time", *reached, 150.0)])
+    name = f"bass-note/{midi_to_note(midi)}/{velocity}"
+    race.note("targets", rows=[row(name, what, "× real time", *reached)])
 
 
 def test_fretless_note(race: Race, short: bool) -> None:
@@ -124,7 +117,7 @@ def test_fretless_note(race: Race, short: bool) -> None:
     reached = real_time(3.0, [summary["compute_s"] for summary in found[-rounds:]])
     chosen = f"{found[0]['internal_rate_hz'] / 1e3:.1f} kHz, {found[0]['modes']} modes"
     what = f"fretless case at standard ({chosen}), whole 3 s"
-    race.note("targets", rows=[row(what, "× real time", *reached, 20.0)])
+    race.note("targets", rows=[row("fretless-note", what, "× real time", *reached)])
 
 
 @pytest.mark.parametrize("threads", [1, 2] if scenes.HAS_THREADS else [1])
@@ -141,12 +134,12 @@ def test_many_strings(benchmark: Any, threads: int, short: bool, all_cores: Any)
     reached = real_time((len(rounds[0]) - began) * own, [sum(times[began:]) for times in rounds])
     found = block_times(rounds, own)
     cores = f"{threads} thread" + "s" * (threads > 1)
-    speed, part, key = (4.0, 0.5, report.MANY_STRINGS) if threads == 2 else (None, None, "")
+    name, blocks = f"many-strings/{threads}", {"median": found["median"], "worst": found["worst"]}
     rows = [
-        row(f"64 tanpura strings at standard, all touching, {cores}", "× real time", *reached, speed, key=key),
-        row(f"their worst block at 128 frames, {cores}", "of its time", found["worst"], None, part, True),
+        row(name, f"64 tanpura strings at standard, all touching, {cores}", "× real time", *reached),
+        row(f"{name}/block-128", f"their worst block at 128 frames, {cores}", "of its time", found["worst"], None, blocks),
     ]
-    benchmark.extra_info.update(section="targets", rows=rows, touched=_touched(player), **found)
+    noted(benchmark, "targets", rows=rows, touched=_touched(player), **found)
 
 
 def _touched(player: scenes.Player) -> int:
@@ -192,9 +185,10 @@ def test_decay(race: Race, preset: str, midi: int, quality: str) -> None:
     seconds = np.array(spent[-rounds:])
     ratios = seconds[:, -1] / seconds[:, 0]
     label = f"last second of 60 against the first, {preset} {midi_to_note(midi)} at {quality}"
+    name = f"decay/{preset}/{midi_to_note(midi)}/{quality}"
     rows = [
-        row(f"{label}, mode-steps", "of the first", work[-1] / work[0], None, 1.0, True),
-        row(f"{label}, CPU time", "of the first", float(np.median(ratios)), float(ratios.min()), 1.0, True),
-        row("its slowest second, mode-steps", "of the first", work.max() / work[0], None, None, True),
+        row(f"{name}/mode-steps", f"{label}, mode-steps", "of the first", work[-1] / work[0], None),
+        row(f"{name}/cpu", f"{label}, CPU time", "of the first", float(np.median(ratios)), float(ratios.min())),
+        row(f"{name}/slowest", "its slowest second, mode-steps", "of the first", work.max() / work[0], None),
     ]
     race.note("targets", rows=rows, mode_steps=work.tolist(), cpu_s=np.median(seconds, axis=0).tolist())

@@ -10,9 +10,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
-from documentation import page
-
 from bench import count, float32, kernels, peak, report, scenes
+from bench.aims import Aim, aim_of
 from bench.kernels import HOLD, Setting
 from synth.solver.lanes import LANES
 
@@ -61,24 +60,31 @@ def test_what_repeats_is_told_from_what_the_machine_adds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reached", "target", "at_most", "said"),
+    ("reached", "aim", "said"),
     [
-        (3.0, 3.0, False, "met"),
-        (1.5, 3.0, False, "missed by 50 %"),
-        (0.5, 0.5, True, "met"),
-        (0.75, 0.5, True, "missed by 50 %"),
-        (None, 3.0, False, "not measured"),
-        (float("nan"), 3.0, False, "not measured"),
-        (3.0, None, False, ""),
+        (3.0, Aim(3.0), "met"),
+        (1.5, Aim(3.0), "missed by 50 %"),
+        (0.5, Aim(0.5, at_most=True), "met"),
+        (0.75, Aim(0.5, at_most=True), "missed by 50 %"),
+        (None, Aim(3.0), "not measured"),
+        (float("nan"), Aim(3.0), "not measured"),
+        (3.0, None, ""),
     ],
 )
-def test_verdicts(reached: float | None, target: float | None, at_most: bool, said: str) -> None:
-    assert count.verdict(reached, target, at_most) == said
+def test_verdicts(reached: float | None, aim: Aim | None, said: str) -> None:
+    assert count.verdict(reached, aim) == said
+
+
+def test_an_aim_is_found_by_the_name_of_a_figure() -> None:
+    assert aim_of("bass-note/E1/64") == Aim(150.0) and aim_of("bass-notes") is None
+    assert aim_of("many-strings/2") == Aim(4.0) and aim_of("many-strings/2/block-128") == Aim(0.5, at_most=True)
+    assert aim_of("several-steps/advance_blocks/137") is None
 
 
 def kernel_figure(kernel: str, modes: int, part: float, contacts: int = 0) -> dict:
     return {
-        "section": "kernels", "sweep": "grid", "kernel": kernel, "scheme": HOLD, "modes": modes, "contacts": contacts,
+        "section": "kernels", "precision": "float64", "lanes": 8, "sweep": "grid", "kernel": kernel,
+        "scheme": HOLD, "modes": modes, "contacts": contacts,
         "voices": 1, "fma": 3 + contacts, "looks_at_all": True, "mode_steps_per_s": 1e9, "best_mode_steps_per_s": 2e9,
         "part": part, "best_part": part, "part_of_narrow": 2.0 * part,
     }  # fmt: skip
@@ -89,16 +95,17 @@ def test_the_best_kernel_in_free_flight_is_held_against_half_the_peak() -> None:
     found += [kernel_figure("fast", 1001, 0.4)]
     first, second = report.target_rows(found, whole=False)
     assert first["what"].startswith("fast") and first["reached"] == 0.6 and second["reached"] == 0.4
-    text = report.markdown(found, "a machine", 8, whole=False)
-    assert "One core of: a machine, vectors of 8 doubles" in text
+    text = report.markdown(found, "a machine", whole=False)
+    assert "One core of: a machine." in text and text.count("Vectors of 8 numbers in float64:") == 2
     assert "| ≥ 0.5 | 0.6 | 0.6 | met |" in text and "missed by 20 %" in text and "not measured" not in text
 
 
 def test_a_whole_run_names_what_it_did_not_measure() -> None:
     rows = report.target_rows([kernel_figure("fast", 137, 0.6)], whole=True)
     assert [row["what"] for row in rows if row["reached"] is None] == [what for what, *_ in report.WANTED.values()]
-    given = {"what": "blocks", "unit": "times less", "reached": 4.0, "best": 4.0, "target": 3.0, "at_most": False}
-    measured = {"section": "targets", "rows": [{**given, "key": report.SEVERAL_STEPS}]}
+    name = "several-steps/press_blocks/137"
+    given = {"name": name, "what": "blocks", "unit": "times less", "reached": 4.0, "best": 4.0, "figure": None}
+    measured = {"section": "targets", "precision": "float64", "lanes": 8, "rows": [given]}
     rows = report.target_rows([measured], whole=True)
     assert sum(row["reached"] is None for row in rows) == len(report.WANTED) - 1
 
@@ -173,11 +180,8 @@ def test_float32_drift_is_what_its_coefficients_say() -> None:
     assert np.abs(float32.two_step_misfit(plucked)[0]) > 0.01
 
 
-def test_the_page_of_the_documentation_has_a_place_for_all_that_is_published(tmp_path: Path) -> None:
-    said = report.parts([kernel_figure("fast", 137, 0.6)], "a machine", 8)
-    copy = tmp_path / "page.md"
-    copy.write_text((page.DOCS / "speed.md").read_text(encoding="utf-8"), encoding="utf-8")
-    page.put(said, copy)
-    text = copy.read_text(encoding="utf-8")
-    assert "One core of: a machine, vectors of 8 doubles." in text and "| ≥ 0.5 | 0.6 | 0.6 | met |" in text
-    assert "## Latency" in text
+def test_figures_of_other_vectors_have_a_table_of_their_own() -> None:
+    single = kernel_figure("fast", 137, 0.4) | {"precision": "float32", "lanes": 16}
+    text = report.markdown([kernel_figure("fast", 137, 0.6), single], "a machine", whole=False)
+    wide, narrow = text.index("Vectors of 8 numbers in float64:"), text.index("Vectors of 16 numbers in float32:")
+    assert wide < text.index("| 0.6 | 0.6 | met |") < narrow < text.index("missed by 20 %")

@@ -16,6 +16,7 @@ from speed_error import grid, kernels, measure, tables
 from speed_error.store import Store
 
 from synth.research import methods
+from synth.solver.lanes import LANES
 
 
 def test_what_was_kept_is_found_by_what_it_depends_on(tmp_path: Path) -> None:
@@ -118,7 +119,7 @@ def test_a_page_takes_what_a_run_says(tmp_path: Path) -> None:
     copy.write_text(page_there.read_text(encoding="utf-8"), encoding="utf-8")
     page.put(said, copy)
     text = copy.read_text(encoding="utf-8")
-    assert "One core of: a machine." in text and "## Order of convergence" in text
+    assert f"One core of: a machine, vectors of {LANES} float64." in text and "## Order of convergence" in text
     label = rows[0]["run"].label
     assert f"| **{label}** | 44.1 kHz | 100 | 0.012 | 0.05 | 1.3 | 1147 |" in text
     assert f"| {label} | 44.1 kHz | 100 | 0.012 | 0.02 | 1.3 | 1147 |" in text

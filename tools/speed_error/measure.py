@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import platform
-import subprocess
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,23 +23,6 @@ from synth.solver.schemes import LAWS
 MOST_KEPT = 16
 #: an error is taken over the first of these [s]
 SPANS_S = (0.1, 0.4, 3.0)
-
-
-def machine() -> str:
-    """The processor's name, as the system gives it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                name = line.split(":", 1)[1].strip()
-            if line.startswith("cpu MHz"):
-                return f"{name}, {float(line.split(':', 1)[1]) / 1e3:.1f} GHz"
-    except OSError:
-        pass
-    if platform.system() == "Darwin":
-        done = subprocess.run(["sysctl", "-n", "machdep.cpu.brand_string"], capture_output=True, text=True)
-        if done.returncode == 0:
-            return done.stdout.strip()
-    return platform.processor() or platform.machine()
 
 
 def kept_factor(factor: int) -> int:

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from documentation.machine import here
 
 from speed_error.grid import AS_DEFAULT, DEFAULT, LONGEST_S, Run, reference, runs
-from speed_error.measure import cpu_s, decimation_cpu_s, displacement, errors, ledger, longest, machine
+from speed_error.measure import cpu_s, decimation_cpu_s, displacement, errors, ledger, longest
 from speed_error.store import Store
 
 _TIMED_CPU_S = 0.3  # of one run in one round
@@ -25,7 +26,7 @@ class Session:
         self.out, self.cases, self.schemes, self.short = out, cases, schemes, short
         self.budget_s, self.rounds = budget_s, rounds
         self.store = Store(out / "runs")
-        self.machine = machine()
+        self.machine = here().words
         self.rows: list[dict[str, Any]] = []
         self.timed: list[dict[str, Any]] = []  # too slow for anything but a first timing
         self.skipped: list[tuple[Run, str]] = []

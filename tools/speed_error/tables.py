@@ -10,6 +10,7 @@ from typing import Any
 from speed_error.grid import ALL_MODES, Run
 from speed_error.session import Session
 from synth.files.targets import write_text
+from synth.solver.lanes import LANES
 
 _MEASURED = (
     "e_0.1s", "e_0.4s", "e_3s", "e_band_0.1s", "e_band_0.4s", "e_band_3s",
@@ -115,7 +116,7 @@ def reference_line(found: dict[str, Any]) -> str:
 
 def parts(session: Session) -> dict[str, str]:
     """What docs/speed-error.md says of a whole run, by the names of its places there (`documentation.page`)."""
-    found = {"machine": f"One core of: {session.machine}."}
+    found = {"machine": f"One core of: {session.machine}, vectors of {LANES} float64."}
     for case in ("tanpura", "bass", "fretless"):
         reference = session.references[case]
         found[case] = f"{reference_line(reference)}\n\n{short_table(session, case)}"
@@ -203,7 +204,7 @@ def ratios(session: Session) -> list[str]:
 
 def markdown(session: Session) -> str:
     """tables.md."""
-    parts = [f"# Speed against error\n\nOne core of: {session.machine}. "]
+    parts = [f"# Speed against error\n\nOne core of: {session.machine}, vectors of {LANES} float64. "]
     parts.append(
         "e = √(Σ(u_ref − u)²/Σu_ref²), plain samples at 44.1 kHz; “audible e”: over the longest span, behind the "
         "decimator; LSD: log-spectral distance; energy rise: largest of a step, relative, first 20 ms; × real time: "
