@@ -30,6 +30,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest
 from documentation import machine, page
+from same_sound import trees
 
 from bench import REPOSITORY, history, pages, plots, report
 from synth.files.targets import write_text
@@ -66,7 +67,7 @@ def main() -> int:
         parser.error("--pages measures nothing: leave out the other options")
     try:
         return measured(options)
-    except (ValueError, OSError, subprocess.CalledProcessError) as error:
+    except (ValueError, OSError, trees.WrongUse, subprocess.CalledProcessError) as error:
         print(f"tools/bench: error: {error}", file=sys.stderr)
         return 2
 
@@ -83,6 +84,8 @@ def measured(options: argparse.Namespace) -> int:
     out.mkdir(parents=True, exist_ok=True)
     recorded = out / "pytest-benchmark.json"
     recorded.unlink(missing_ok=True)
+    if options.against:
+        trees.commit_of(options.against)  # before anything is measured
     pin()
     arguments = [str(REPOSITORY / "bench"), "-q", "--no-header", "--benchmark-quiet", "--benchmark-disable-gc"]
     arguments += ["--benchmark-timer=time.process_time", f"--benchmark-json={recorded}"]

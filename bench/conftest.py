@@ -20,16 +20,18 @@ _PEAK_S = 1e-3
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--short", action="store_true", help="fewer rounds, settings and notes")
-    parser.addoption("--against", metavar="COMMIT", help="a commit whose cold starts are measured in turn")
+    parser.addoption("--against", metavar="COMMIT", help="a commit that is measured in turn with this tree")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "full: left out by --short")
+    config.addinivalue_line("markers", "versus: left out without --against")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--short"):
-        left = [item for item in items if item.get_closest_marker("full")]
+    marks = ["full"] * bool(config.getoption("--short")) + ["versus"] * (not config.getoption("--against"))
+    left = [item for item in items if any(item.get_closest_marker(mark) for mark in marks)]
+    if left:
         items[:] = [item for item in items if item not in left]
         config.hook.pytest_deselected(items=left)
 

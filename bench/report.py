@@ -10,12 +10,12 @@ from typing import Any
 from speed_error.tables import number, rate, table
 
 from bench.aims import aim_of
-from bench.count import verdict
+from bench.count import times_less, verdict
 
 #: in the order of the report
-SECTIONS = ("targets", "peak", "kernels", "strings", "notes", "blocks", "start", "cold", "memory", "float32")
+SECTIONS = ("against", "targets", "peak", "kernels", "strings", "notes", "blocks", "start", "cold", "memory", "float32")
 #: their tables say by which vectors their figures were reached
-OF_VECTORS = ("targets", "kernels", "strings", "notes", "blocks", "float32")
+OF_VECTORS = ("against", "targets", "kernels", "strings", "notes", "blocks", "float32")
 #: what else a section's table is made of
 ALSO = {"targets": ("kernels",)}
 #: free flight is held against the machine's multiply-adds with so many modes
@@ -149,6 +149,17 @@ def _cold(found: list[dict[str, Any]]) -> str:
     return table(["with nothing compiled", "of", "CPU", "wall clock", "kernels", "runs"], lines)
 
 
+def _against(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for info in of(found, "against"):
+        ratio, best = times_less(info["seconds"], info["theirs"])
+        lines.append(
+            [info["what"], info["commit"], *(f"{number(1e3 * median(s), 3)} ms" for s in (info["theirs"], info["seconds"]))]
+        )
+        lines[-1] += [f"{number(ratio, 3)} ×", f"{number(best, 3)} ×", f"{len(info['seconds'])}, {info['clock']}"]
+    return table(["what", "commit", "then", "now", "times faster (median)", "best", "rounds"], lines)
+
+
 def _memory(found: list[dict[str, Any]]) -> str:
     lines = []
     for info in of(found, "memory"):
@@ -194,6 +205,11 @@ def markdown(found: list[dict[str, Any]], machine: str, whole: bool = True) -> s
         "and best beside them.\n"
     ]
     texts: dict[str, tuple[str, str, Callable[[list[dict[str, Any]]], str]]] = {
+        "against": (
+            "Against another commit",
+            "The same events and presets, those of the commit; kernels compiled before, round by round in turn.",
+            _against,
+        ),
         "targets": ("What was aimed at", "", partial(_targets, whole=whole)),
         "peak": ("The machine's peak", "Independent chains of fused multiply-adds, one core.", _peak),
         "kernels": (

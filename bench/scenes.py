@@ -6,6 +6,7 @@ import inspect
 import math
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -98,11 +99,14 @@ def song(name: str, quality: str = "standard") -> Player:
 
 
 def many_strings(count: int = MANY) -> Preset:
-    """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST.
+    """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST."""
+    return parse_preset(many_strings_text(REPOSITORY / "presets", count), f"{count} tanpura strings")
 
-    Strings of a note are its Sa; those in between are off by some cents.
-    """
-    text = (REPOSITORY / "presets" / "tanpura.toml").read_text(encoding="utf-8")
+
+def many_strings_text(presets: Path, count: int = MANY) -> str:
+    """The file of `many_strings`, from the tanpura of a folder. Strings of a note are its Sa; those in between are off by
+    some cents. Raises ValueError where the tanpura has other strings than the scene is made of."""
+    text = (presets / "tanpura.toml").read_text(encoding="utf-8")
     before, *tables = text.split("[[string]]\n")
     behind = tables[-1].partition("\n\n")[2]
     if len(tables) != 4 or 'name = "Sa 1"' not in tables[1]:
@@ -115,17 +119,21 @@ def many_strings(count: int = MANY) -> Preset:
         own = [f'notes = "{midi_to_note(whole)}"', f"cents = {100.0 * (pitch - whole):.2f}"]
         strings.append("\n".join(["[[string]]", *own, *same, ""]))
     behind = behind.replace("polyphony = 4", f"polyphony = {max(4, count)}")
-    return parse_preset("\n".join([before, *strings, behind]), f"{count} tanpura strings")
+    return "\n".join([before, *strings, behind])
 
 
 def crowd(count: int = MANY, seconds: float = 4.0, quality: str = "standard", threads: int = 1) -> Player:
     """`count` strings, each plucked once, one after the other; `first_full` s later all sound."""
     preset = many_strings(count)
     engine = engine_of([preset], quality, None, threads)
-    rows = []
-    for i, table in enumerate(preset.string):
-        rows.append((round(i * APART_S * RATE_HZ), NOTE_ON, 0, table.notes[0], VELOCITY))
+    rows = plucks(preset)
     return Player(engine, make_events(rows) if rows else np.zeros(0, EVENT), seconds)
+
+
+def plucks(preset: Preset) -> list[tuple[int, int, int, int, int]]:
+    """Each string once, one after the other, as `make_events` takes them."""
+    first = [table.notes[0] for table in preset.string]
+    return [(round(i * APART_S * RATE_HZ), NOTE_ON, 0, note, VELOCITY) for i, note in enumerate(first)]
 
 
 def first_full(count: int = MANY) -> float:

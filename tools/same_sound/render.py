@@ -58,8 +58,8 @@ def _engine(scene: dict[str, Any]) -> Arrays:
 
     At the frames of `saved_at` its state is taken and given to another engine, which goes on.
     """
-    engine, rate_hz = _prepared(scene), scene.get("rate_hz", 44100)
-    events = _events(scene["events"], rate_hz, engine)
+    engine, rate_hz = prepared(scene), scene.get("rate_hz", 44100)
+    events = events_of(scene["events"], rate_hz, engine)
     frames, saved_at = round(scene["seconds"] * rate_hz), set(scene.get("saved_at", ()))
     out, stems = np.zeros((frames, 2)), np.zeros((len(engine.parts), frames, 2))
     at = 0
@@ -70,7 +70,7 @@ def _engine(scene: dict[str, Any]) -> Arrays:
             saved_at = {saved for saved in saved_at if saved > at}
             state = engine.get_state()
             engine.close()
-            engine = _prepared(scene)
+            engine = prepared(scene)
             engine.set_state(state)
         end = min(frames, at + size)
         now = events[(events["frame"] >= at) & (events["frame"] < end)].copy()
@@ -92,7 +92,7 @@ def _engine(scene: dict[str, Any]) -> Arrays:
     return found
 
 
-def _prepared(scene: dict[str, Any]) -> Any:
+def prepared(scene: dict[str, Any]) -> Any:
     options = dict(scene.get("options", {}))
     if "only_notes" in options:
         options["only_notes"] = [None if notes is None else set(notes) for notes in options["only_notes"]]
@@ -133,7 +133,7 @@ def _listed(name: str) -> str:
     return name
 
 
-def _events(rows: Sequence[Sequence[Any]], rate_hz: float, engine: Any) -> np.ndarray:
+def events_of(rows: Sequence[Sequence[Any]], rate_hz: float, engine: Any) -> np.ndarray:
     """EVENT array of rows (seconds, kind, channel or part, a, b, value); a parameter's `a` is its id."""
     indices = {parameter.id: parameter.index for parameter in engine.parameters}
     found = np.zeros(len(rows), synth.EVENT)

@@ -69,6 +69,17 @@ def answers(side: Side, wanted: Sequence[tuple[dict[str, Any], Path]], jobs: int
             worker.end()
 
 
+def environment_of(side: Side) -> dict[str, str]:
+    """The environment of a process with the side's package, tools beside it, and one thread for each library."""
+    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    environment = os.environ | one | {"PYTHONPATH": os.pathsep.join([str(side.tree), str(TOOLS)])}
+    environment.pop("NUMBA_CACHE_DIR", None)  # there one package's kernels would stand for the other's
+    if side.cache is not None:
+        side.cache.mkdir(exist_ok=True)
+        environment["XDG_CACHE_HOME"] = str(side.cache)
+    return environment
+
+
 class Worker:
     """A process that renders scenes with one package, started when first asked and again after it has died."""
 
@@ -120,15 +131,9 @@ class Worker:
                     stream.close()  # type: ignore[union-attr]
 
     def _start(self) -> subprocess.Popen[str]:
-        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        environment = os.environ | one | {"PYTHONPATH": os.pathsep.join([str(self._side.tree), str(TOOLS)])}
-        environment.pop("NUMBA_CACHE_DIR", None)  # there one package's kernels would stand for the other's
-        if self._side.cache is not None:
-            self._side.cache.mkdir(exist_ok=True)
-            environment["XDG_CACHE_HOME"] = str(self._side.cache)
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "same_sound.worker", str(self._side.tree)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True, env=environment,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True, env=environment_of(self._side),
         )  # fmt: skip
 
     def _epitaph(self) -> str:

@@ -22,7 +22,7 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what a scene prints is no answer
     warnings.simplefilter("ignore")
-    compiling = _Compilations()
+    compiling = Compilations()
     for line in sys.stdin:
         asked = json.loads(line)
         began = time.perf_counter()
@@ -33,7 +33,7 @@ def main() -> None:
         answers.flush()
 
 
-class _Compilations:
+class Compilations:
     """How many kernels Numba has compiled in this process, from when it is first asked to listen."""
 
     _recorder: Any = None
@@ -50,7 +50,7 @@ class _Compilations:
         return len(self._recorder.buffer) if self._recorder is not None else 0
 
 
-def _attempt(tree: Path, scene: dict[str, Any], path: Path, compiling: _Compilations) -> tuple[str, str]:
+def _attempt(tree: Path, scene: dict[str, Any], path: Path, compiling: Compilations) -> tuple[str, str]:
     """("done", "unknown" or "failed", why)."""
     from same_sound.render import Unknown, arrays_of
 
