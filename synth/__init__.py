@@ -13,6 +13,7 @@ from synth.jit import kernel_cache
 
 if TYPE_CHECKING:
     from synth.engine.engine import Engine
+    from synth.host.batch import Note, RenderedNote, render_notes
     from synth.host.memory import render
     from synth.instrument.preset import Preset, PresetError, list_presets, load_preset
     from synth.midi.events import EVENT
@@ -26,8 +27,10 @@ __all__ = [
     "Case",
     "CaseError",
     "Engine",
+    "Note",
     "Preset",
     "PresetError",
+    "RenderedNote",
     "Result",
     "ResultError",
     "__version__",
@@ -37,6 +40,7 @@ __all__ = [
     "load_preset",
     "load_result",
     "render",
+    "render_notes",
     "simulate",
 ]
 
@@ -45,8 +49,10 @@ _MODULES = {
     "Case": "synth.research.case",
     "CaseError": "synth.research.case",
     "Engine": "synth.engine.engine",
+    "Note": "synth.host.batch",
     "Preset": "synth.instrument.preset",
     "PresetError": "synth.instrument.preset",
+    "RenderedNote": "synth.host.batch",
     "Result": "synth.research.result",
     "ResultError": "synth.research.result",
     "events_from_mido": "synth.midi.messages",
@@ -55,6 +61,7 @@ _MODULES = {
     "load_preset": "synth.instrument.preset",
     "load_result": "synth.research.result",
     "render": "synth.host.memory",
+    "render_notes": "synth.host.batch",
     "simulate": "synth.research.simulation",
 }
 
