@@ -28,6 +28,7 @@ AIMS = {
     "fretless-note": Aim(20.0),
     "many-strings/?": Aim(4.0),
     "many-strings/?/block-128": Aim(0.5, at_most=True),
+    "batch/*": Aim(0.9),
     "decay/*/mode-steps": Aim(1.0, at_most=True),
     "decay/*/cpu": Aim(1.0, at_most=True),
 }

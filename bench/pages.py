@@ -112,6 +112,10 @@ TARGETS = (
         "their worst block of 128 frames, part of its time, 1 core; 2 cores",
         ("many-strings/1/block-128", "many-strings/2/block-128"),
     ),
+    Line(
+        "many notes at once, part of cores × the bare engine, jawari-harp on 1 core, 2 cores; fretted-bass likewise",
+        tuple(f"batch/{preset}/{threads}" for preset in ("jawari-harp", "fretted-bass") for threads in (1, 2)),
+    ),
     Line("last second of a 60 s decay, mode-steps, part of the first second's", ("decay/tanpura/C2/standard/mode-steps",)),
 )  # fmt: skip
 BLOCKS = tuple(Line(what, tuple(f"block/{scene}/{frames}" for frames in FRAMES)) for scene, what in SCENES.items())
@@ -142,6 +146,8 @@ def figures_of(found: Iterable[dict[str, Any]]) -> dict[tuple[str, int], dict[st
             if info["preset"] in NOTES:
                 name = f"note/{info['preset']}/{info['note']}/{info['quality']}"
                 here[name] = {"median": info["times_real_time"], "best": info["best"]}
+        for info in report.of(infos, "batch"):
+            here[f"batch/{info['preset']}/{info['threads']}"] = {"median": report.of_bare(info)}
         for info in report.of(infos, "peak"):
             here["peak"] = {"median": info["fma_per_s"], "best": info["best_fma_per_s"]}
         if set(here) - {"peak"}:

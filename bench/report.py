@@ -13,9 +13,22 @@ from bench.aims import aim_of
 from bench.count import times_less, verdict
 
 #: in the order of the report
-SECTIONS = ("against", "targets", "peak", "kernels", "strings", "notes", "blocks", "start", "cold", "memory", "float32")
+SECTIONS = (
+    "against",
+    "targets",
+    "batch",
+    "peak",
+    "kernels",
+    "strings",
+    "notes",
+    "blocks",
+    "start",
+    "cold",
+    "memory",
+    "float32",
+)
 #: their tables say by which vectors their figures were reached
-OF_VECTORS = ("against", "targets", "kernels", "strings", "notes", "blocks", "float32")
+OF_VECTORS = ("against", "batch", "targets", "kernels", "strings", "notes", "blocks", "float32")
 #: what else a section's table is made of
 ALSO = {"targets": ("kernels",)}
 #: free flight is held against the machine's multiply-adds with so many modes
@@ -160,6 +173,22 @@ def _against(found: list[dict[str, Any]]) -> str:
     return table(["what", "commit", "then", "now", "times faster (median)", "best", "rounds"], lines)
 
 
+def of_bare(info: dict[str, Any]) -> float:
+    """Notes a second of a batch, as part of as many bare engines as it has threads."""
+    return times_less(info["seconds"], info["bare"])[0] / float(info["threads"])
+
+
+def _batch(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for info in of(found, "batch"):
+        rates = (info["notes"] / median(info[name]) for name in ("bare", "seconds", "whole"))
+        share = of_bare(info)
+        lines.append([info["preset"], str(info["threads"]), str(info["notes"]), *(number(one, 3) for one in rates)])
+        lines[-1] += [number(share), verdict(share, aim_of("batch/"))]
+    head = ["preset", "threads", "notes of 3 s", "bare, one thread", "batch", "with preparing", "part of threads × bare"]
+    return table([*head, ""], lines)
+
+
 def _memory(found: list[dict[str, Any]]) -> str:
     lines = []
     for info in of(found, "memory"):
@@ -211,6 +240,12 @@ def markdown(found: list[dict[str, Any]], machine: str, whole: bool = True) -> s
             _against,
         ),
         "targets": ("What was aimed at", "", partial(_targets, whole=whole)),
+        "batch": (
+            "Many notes at once",
+            "Notes a second, by the wall clock: of the engine alone with all its notes prepared, of `render_notes` with what "
+            "prepared its engines taken off, and of the whole call.",
+            _batch,
+        ),
         "peak": ("The machine's peak", "Independent chains of fused multiply-adds, one core.", _peak),
         "kernels": (
             "Kernels",
