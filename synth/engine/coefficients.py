@@ -11,6 +11,7 @@ from synth.engine.core import bank_of, is_held, model_address, model_of, scratch
 from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, PLAIN
 from synth.engine.on_board import stop_on_board
+from synth.solver.due_responses import put_off
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
 from synth.solver.responses import fill_lags, fill_rows
@@ -24,6 +25,7 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     model = string_model(shared_of(core).model_at[me.model, PLAIN])
     for k in range(model.eta.size):
         string.eta[k] = model.eta[k] + me.height
+    string.due[:] = 0
     string.counts[FREE] = 0
     string.counts[CERTAIN] = 0
     string.counts[MOVING] = model.modes
@@ -66,6 +68,9 @@ def _alter(core: int, thread: int, s: int) -> None:
         for a in range(c):
             for b in range(c):
                 matrix[a, b] += relief * residual[a, b]
+    if plain.law == EXACT_HOLD and c > 1:
+        put_off(model_address(core, s), shared_of(core).string_at[s])
+        return
     q, v, spare = scratch.q[:cap], scratch.v[:cap], scratch.spare
     fill_lags(0 if plain.law == EXACT_HOLD else 1, rows, plain.shapes, plain.shapes, matrix, q, v, spare, own.lags)
     none = matrix.reshape(-1)[:0].reshape(0, 0)

@@ -282,6 +282,7 @@ def _of_strings(
         own = strings.coefficients.item(s, of_own)
         awake, altered, flying = (Where(here.of("sounding", name, s), 1, 1) for name in ("awake", "altered", "flying"))
         fresh = Where(here.of("sounding", "stale", s), 0, 0)
+        plain = Where(here.of("sounding", "altered", s), 0, 0)
         most = mine.q.size
         counts = {number: here.of("string.counts", "", mine.counts[number]) for number in (MOVING, CLOCK, CERTAIN, FREE)}
         yield Limit(counts[MOVING], 0, most)
@@ -299,11 +300,14 @@ def _of_strings(
                 yield Limit(here.of("sounding", "flying", s), 0, 0, where=(awake, model), said=said)
                 faded = here.of("sounding", "fade_at", s)
                 yield Limit(here.of("sounding", "fade_to", s), 0, 0, below=faded, where=(awake, model), said=said)
+        said = f"{{label}} of string {s}, whose responses are its model's"
+        yield Limit(here.of("string.due", "", mine.due), 0, 0, where=(awake, plain, fresh), said=said)
         fingered = (awake, Where(here.of("sounding", "phase", s), layout.WAIT + 1, layout.TOUCHED))
         said = f"{{label}} of string {s}, under a finger, must be at least {{low}}, got {{value}}"
         yield Limit(here.of("string.finger", "stiffness", mine.finger), LEAST_STIFFNESS, MOST, where=fingered, said=said)
         yield Limit(here.of("string.grip_own", "", mine.grip_own[0, BLOCK]), 0.0, MOST, where=fingered, said=said)
     yield Limit(here.of("string.looked"), 0, 1)
+    yield Limit(here.of("string.due"), 0, 1)
     yield Limit(here.of("string.until"), 0, FOR_EVER)
     yield Limit(here.of("string.renewed"), -1, MOST_COUNT)
     yield from here.all_of("string.finger", ("on", 0, 1), ("stiffness", 0.0, MOST), ("resistance", 0.0, MOST))

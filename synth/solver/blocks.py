@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.certificates import HORIZONS, certify
+from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
     BLOCK,
     ROWS,
@@ -242,12 +243,14 @@ def fill_matrix(lags, near, m: int, matrix) -> None:
 
 
 @njit(inline="always")
-def _answer(m: int, k: int, lags, matrix, enabled, active, held: int, w):
+def _answer(model: int, state: int, scratch: int, m: int, k: int, lags, matrix, enabled, active, held: int, s, w):
     """Solve step k for w.b at contacts near[:m] and let its forces act on their rows u: (status, rows of factor)."""
     near, u, z = w.near, w.u, w.z
     status, _, held = pivot(matrix, w.b[:m], enabled, active, z[:m], w.factor, w.order, held)
     for i in range(m):
         if z[i] > 0.0:
+            if s.due[near[i]]:
+                fill_due(model, state, scratch, near[i])
             w.forces[i, k] = z[i]
             for d in range(m):
                 add_late(u[d], lags[near[d], near[i]], k, z[i])
@@ -255,7 +258,7 @@ def _answer(m: int, k: int, lags, matrix, enabled, active, held: int, w):
 
 
 @njit(inline="always")
-def _hold_sequence(m: int, eta, lags, w) -> int:
+def _hold_sequence(model: int, state: int, scratch: int, m: int, eta, lags, s, w) -> int:
     """Exact-hold over K steps at contacts near[:m]: forces from the free u, which become the true ones."""
     near, u, forces, b = w.near, w.u, w.forces, w.b
     fill_matrix(lags, near, m, w.matrix)
@@ -271,7 +274,7 @@ def _hold_sequence(m: int, eta, lags, w) -> int:
             b[i] = u[i, k] - eta[near[i]]
             touching = touching or b[i] < 0.0
         if touching:
-            bad, held = _answer(m, k, lags, matrix, enabled, active, held, w)
+            bad, held = _answer(model, state, scratch, m, k, lags, matrix, enabled, active, held, s, w)
             if bad != SOLVED:
                 status = bad
     return status
@@ -296,7 +299,9 @@ def _others_stay_clear(m: int, contacts: int, lags, s, w) -> bool:
 
 
 @njit(inline="always")
-def _impact_sequence(law: int, m: int, dt: float, restitution: float, lags, s, w) -> int:
+def _impact_sequence(
+    model: int, state: int, scratch: int, law: int, m: int, dt: float, restitution: float, lags, s, w
+) -> int:
     """Moreau–Jean over K steps at all m contacts: impulses from the free velocities u, which become displacements."""
     near, u, forces, b = w.near, w.u, w.forces, w.b
     eta, u_contact, v_contact = s.eta, s.u, s.v_contact
@@ -328,7 +333,7 @@ def _impact_sequence(law: int, m: int, dt: float, restitution: float, lags, s, w
             enabled[i] = 1 if u_contact[i] - eta[i] + ahead * v_contact[i] <= 0.0 else 0
             touching = touching or (enabled[i] != 0 and b[i] < 0.0)
         if touching:
-            bad, held = _answer(m, k, lags, matrix, enabled, active, held, w)
+            bad, held = _answer(model, state, scratch, m, k, lags, matrix, enabled, active, held, s, w)
             if bad != SOLVED:
                 status = bad
         for i in range(m):
@@ -401,16 +406,18 @@ def _advance(
                 touched = True
                 if several == 1:
                     only = near[0]
+                    if s.due[only]:
+                        fill_due(model, state, scratch, only)
                     press_sequence(u[0], eta[only], lags[only, only], forces[0])
                     add_forced(u[0], lags[only, only], forces[0])
                 else:
-                    status = _hold_sequence(several, eta, lags, w)
+                    status = _hold_sequence(model, state, scratch, several, eta, lags, s, w)
                 if several == contacts or _others_stay_clear(several, contacts, lags, s, w):
                     break
                 several = gather(looked[:contacts], near)  # once more, with those that the forces might reach
                 look(moving, rows, shapes, q, v, 0, near, several, u)
         elif several > 0:
-            status = _impact_sequence(law, several, m.dt, m.restitution, lags, s, w)
+            status = _impact_sequence(model, state, scratch, law, several, m.dt, m.restitution, lags, s, w)
             for i in range(several):
                 for k in range(BLOCK):
                     touched = touched or forces[i, k] > 0.0

@@ -20,6 +20,7 @@ from numba import njit
 
 from synth.solver.blocks import fill_matrix, gather, look, observe
 from synth.solver.certificates import MARGIN, certify, extents
+from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
     BLOCK,
     KQ,
@@ -146,6 +147,8 @@ def _sequence(model: int, state: int, scratch: int, several: int, at: int) -> in
                     status = bad
             for i in range(several):
                 if z[i] > 0.0:
+                    if s.due[near[i]]:
+                        fill_due(model, state, scratch, near[i])
                     forces[i, k] = z[i]
                     response = grip[near[i]]
                     push -= response[BLOCK] * z[i] * per_total
@@ -260,6 +263,8 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
             here = finger.here
             if hold and several == 1:
                 c = near[0]
+                if s.due[c]:
+                    fill_due(model, state, scratch, c)
                 grip_and_press_sequence(
                     pull, stiff, follow, here, u_finger, grip_own, eta[c], u[0], grip[c], lags[c, c], pushes, true, forces[0]
                 )

@@ -30,6 +30,7 @@ from synth.solver.coupling import (
     KEPT,
     KEPT_BY_THE_REST,
     KIND,
+    NEAR,
     SEVERAL,
     SINGLE,
     TOUCHED,
@@ -40,6 +41,7 @@ from synth.solver.coupling import (
     invert,
     look_at,
 )
+from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
 from synth.solver.line_certificates import is_clear, look_everywhere, spend
@@ -456,4 +458,8 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                 v[i] -= c.jacobian[i, k] * missing[k]
     c.counts[TOUCHED] += 1
     c.counts[HELD_FRAMES] += 1
+    for line in range(c.line_end.size):
+        e = end_at(c.line_end[line])
+        if e.counts[KIND] >= SINGLE:
+            fill_those(c.line_model[line], c.line_state[line], scratch, e.near, e.counts[NEAR])
     return hold_forces(coupling, number, begin, small[V_FREE], v, contact)

@@ -12,6 +12,7 @@ from numba import njit
 
 from synth.solver.blocks import look
 from synth.solver.coupling import CLEAR, FINGER_LEVERAGE, KIND, LOOKED_AT, NEAR, SEVERAL, SINGLE, end_at
+from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
     BLOCK,
     add_late,
@@ -111,7 +112,7 @@ def answer_of_line(
     """
     e = end_at(end)
     if e.counts[KIND] == SINGLE:
-        force, slope, pattern = _one_contact(model, e, first, steps, turn)
+        force, slope, pattern = _one_contact(model, state, scratch, e, first, steps, turn)
         return force, slope, pattern, SOLVED
     if string_model(model).layers.shape[1] > 0:
         return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
@@ -119,7 +120,7 @@ def answer_of_line(
 
 
 @njit(inline="always")
-def _one_contact(model: int, e, first: int, steps: int, turn: float):
+def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int, turn: float):
     c = e.near[0]
     lags, moved, reach = string_model(model).lags[c, c], e.moved[c], e.reach[c]
     stiffness = 1.0 / lags[BLOCK]
@@ -132,6 +133,8 @@ def _one_contact(model: int, e, first: int, steps: int, turn: float):
             change += lags[BLOCK + t - i] * slopes[first + i]
         pressed = 0.0
         if gap < 0.0:
+            if string_state(state).due[c]:
+                fill_due(model, state, scratch, c)
             pressed, change = -gap * stiffness, -change * stiffness
             pattern |= 1 << t
             force += reach[t] * pressed
@@ -173,6 +176,8 @@ def _contacts_and_finger(
             for i in range(several):
                 forces[i, first + t] = z[i]
                 if z[i] > 0.0:
+                    if s.due[near[i]]:
+                        fill_due(model, state, scratch, near[i])
                     pattern = pattern * MIX + i * BLOCK + t + 1
                 b[i] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
             # how they change while the same ones press; contacts solved one by one leave no factor

@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.coupling import NEAR, coupling_at, end_at
+from synth.solver.due_responses import fill_those
 from synth.solver.lanes import BLOCK, add_late
 from synth.solver.lcp import DEPENDENT, NOT_SOLVED, SOLVED, factorise, substitute
 from synth.solver.line_rows import MIX
@@ -81,6 +82,7 @@ def answer_of_rubbed(
             e.forces[i, first + t] = 0.0
         if not pressed:
             continue
+        fill_those(model, state, scratch, near, several)
         bad, held = hold_back(a, way, bound, side, active, right, w.factor, w.order, z)
         status = max(status, bad)
         for i in range(several):

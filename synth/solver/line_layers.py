@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.coupling import NEAR, along, coupling_at, end_at
+from synth.solver.due_responses import fill_due
 from synth.solver.lanes import BLOCK
 from synth.solver.layers import middle
 from synth.solver.lcp import SOLVED, factorise, pivot, substitute
@@ -94,6 +95,8 @@ def answer_of_soft_line(
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i] + z[several + i]
+                if s.due[near[i]] and forces[i, first + t] > 0.0:
+                    fill_due(model, state, scratch, near[i])
             for i in range(rows):
                 if z[i] > 0.0:
                     pattern = pattern * MIX + 4 * (i * BLOCK + t) + 3

@@ -1,0 +1,83 @@
+"""Responses that are filled when a contact first presses: the same numbers as those that are filled at once."""
+
+import numpy as np
+import pytest
+
+from synth.solver.blocks import advance_blocks
+from synth.solver.due_responses import fill_due, put_off
+from synth.solver.fingers import fill_grip
+from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
+from synth.solver.stringmodel import Strung
+from tests.solver.test_blocks import Scene
+from tests.solver.test_fingers import Touch, under_finger
+
+WRONG = 1e30
+
+
+def made(scene: Scene, outputs: int, steps: int = 240, certified: bool = False, **more) -> Strung:
+    return scene.strung(steps, 0.0, outputs, certified=certified, **more)
+
+
+def wait(string: Strung) -> Strung:
+    """All responses are wrong until they are filled."""
+    string.model.lags[:] = WRONG
+    string.model.out_lags[:] = WRONG
+    model, state, _ = string.addresses
+    put_off(model, state)
+    return string
+
+
+@pytest.mark.parametrize("law", [EXACT_HOLD, MOREAU_JEAN])
+@pytest.mark.parametrize(("contacts", "modes"), [(2, 7), (5, 40), (6, 131)])
+def test_in_any_order_they_are_those_filled_at_once(law, contacts, modes):
+    scene = Scene(contacts, law, contacts, modes)
+    for order in range(4):
+        at_once, string = made(scene, 2), wait(made(scene, 2))
+        left = set(range(contacts))
+        for c in np.random.default_rng(order).permutation(contacts):
+            assert np.array_equal(np.flatnonzero(string.state.due), sorted(left))
+            fill_due(*string.addresses, c)
+            left.remove(c)
+            for name in ("lags", "out_lags"):
+                np.testing.assert_array_equal(getattr(string.model, name)[:, c], getattr(at_once.model, name)[:, c])
+            np.testing.assert_array_equal(string.model.lags[c], at_once.model.lags[c])
+        assert not string.state.due.any()
+
+
+def test_only_outputs_in_use_are_filled():
+    string = wait(made(Scene(1, EXACT_HOLD, 3, 40), 2))
+    only_v = string.model._replace(first=1, points=1, on_q=0)
+    other = Strung(only_v, string.q, string.v, 8)
+    other.state.due[:] = 1
+    fill_due(*other.addresses, 1)
+    assert (string.model.out_lags[0, 1] == WRONG).all()
+    assert (string.model.out_lags[1, 1] != WRONG).all()
+
+
+@pytest.mark.parametrize("fingered", [False, True])
+@pytest.mark.parametrize("certified", [False, True])
+@pytest.mark.parametrize("contacts", [2, 5, 20])
+def test_a_string_moves_as_with_all_of_them(contacts, certified, fingered):
+    steps, left, pressed = 240, 0, 0
+    for seed in range(4):
+        scene = Scene(seed, EXACT_HOLD, contacts, 40)
+        touch = Touch(scene, seed, steps, "press")
+        sides = []
+        for late in (False, True):
+            string = made(scene, 2, steps, certified, path=touch.path)
+            if late:
+                wait(string)
+            model, state, scratch = string.addresses
+            if fingered:
+                touch.hold(string)
+                fill_grip(model, state, scratch, 1)
+                assert under_finger(model, state, scratch, steps // 8, steps) == 0
+            else:
+                assert advance_blocks(model, state, scratch, steps // 8, steps) == 0
+            sides.append((string.q.copy(), string.v.copy(), string.forces(steps).copy(), string.out(steps).copy()))
+        left += int(string.state.due.sum())
+        pressed += int((string.forces(steps) > 0.0).any(axis=0).sum())
+        for mine, all_at_once in zip(sides[1], sides[0], strict=True):
+            np.testing.assert_array_equal(mine, all_at_once)
+    assert pressed > 0
+    assert contacts < 20 or left > 0, "all contacts have pressed: nothing was left to be filled later"
