@@ -36,6 +36,10 @@ def collect(core: int, thread: int, s: int, steps: int, factor: int, base: float
             near = max(0.2, 1.0 + (out[t] + (line - base)) / part.pickup_distance)
             row[t] = out[steps + t] / (near * near * near)
     else:
+        if follow == 0.0:
+            for t in range(steps):
+                row[t] = out[t] + line - base
+            return base
         for t in range(steps):
             base += follow * (me.rest - base)
             row[t] = out[t] + line - base

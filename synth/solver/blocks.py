@@ -33,6 +33,9 @@ from synth.solver.lanes import (
     coast_v,
     drive,
     drive_listed,
+    drive_q,
+    drive_qq,
+    drive_qv,
     padded,
     padded_single,
     press_sequence,
@@ -47,6 +50,10 @@ from synth.solver.lcp import SOLVED, pivot
 from synth.solver.single import fill_single_rows, give_back, take
 from synth.solver.stringmodel import CLOCK, MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
+
+
+#: what modes go through from one block to the next: nothing yet, free flight, the forces of the block
+_NOTHING, _FLIGHT, _FORCES = range(3)
 
 
 @njit(**INNER)
@@ -162,43 +169,51 @@ def _press(model: int, state: int, scratch: int, blocks: int, stride: int, rows,
     touched = 0
     if blocks == 0:
         return 0
-    flown = True  # whether the modes have been taken through the block before
+    pending = _NOTHING  # what the modes have still to go through of the block before
     for t in range(blocks):
         at = t * BLOCK
         if points == 0:
-            if flown:
+            if pending == _NOTHING:
                 project_q(n, rows, q, v, shape, u)
-            else:
+            elif pending == _FLIGHT:
                 coast_q(n, rows, q, v, shape, u)
-        elif on_q:
-            if flown:
-                project_qq(n, rows, q, v, shape, weights[0], u, out[0, at:])
             else:
+                drive_q(n, rows, q, v, shape, forces, shape, u)
+        elif on_q:
+            if pending == _NOTHING:
+                project_qq(n, rows, q, v, shape, weights[0], u, out[0, at:])
+            elif pending == _FLIGHT:
                 coast_qq(n, rows, q, v, shape, weights[0], u, out[0, at:])
-        elif flown:
+            else:
+                drive_qq(n, rows, q, v, shape, forces, shape, weights[0], u, out[0, at:])
+        elif pending == _NOTHING:
             project_qv(n, rows, q, v, shape, weights[0], u, out[0, at:])
-        else:
+        elif pending == _FLIGHT:
             coast_qv(n, rows, q, v, shape, weights[0], u, out[0, at:])
+        else:
+            drive_qv(n, rows, q, v, shape, forces, shape, weights[0], u, out[0, at:])
         if points > 1:
             project_v(n, rows, q, v, weights[1], out[1, at:])
-        flown = any_below(u, eta)
-        if flown:
+        if any_below(u, eta):
             press_sequence(u, eta, lags, forces)
             for p in range(points):
                 add_forced(out[p, at:], out_lags[p, 0], forces)
-            drive(n, rows, q, v, shape, forces)
+            pending = _FORCES
             touched += 1
         else:
             for k in range(BLOCK):
                 forces[k] = 0.0
+            pending = _FLIGHT
         for k in range(BLOCK):
             record[at + k] = forces[k]
         if contact_u.size > 0:
-            if flown:
+            if pending == _FORCES:
                 add_forced(u, lags, forces)
             for k in range(BLOCK):
                 contact_u[at + k] = u[k]
-    if not flown:
+    if pending == _FORCES:
+        drive(n, rows, q, v, shape, forces)
+    else:
         coast(n, rows, q, v)
     s.force[0] = forces[BLOCK - 1]
     return touched

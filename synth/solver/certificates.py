@@ -24,7 +24,7 @@ HORIZONS = (16 * BLOCK, 4 * BLOCK)
 _RENEWED_AFTER = 256 * BLOCK
 
 
-@njit(fastmath=FAST, **INNER)
+@njit(fastmath=FAST, error_model="numpy", **INNER)
 def extents(omega, q, v, out) -> None:
     """out (N,) = E_j = √(q_j² + v_j²/ω_j²), which free motion does not enlarge: |q_j| ≤ E_j, |q̇_j| ≤ ω_j E_j. May be q."""
     for j in range(omega.size):
@@ -32,16 +32,16 @@ def extents(omega, q, v, out) -> None:
         out[j] = np.sqrt(q[j] * q[j] + speed * speed)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def amplitudes(omega, sigma, q, v, out) -> None:
     """A_j ≥ |q_j(t)| for all later times of free flight: decaying envelope, or a bound where overdamped."""
-    for j in range(q.size):
+    for j in range(q.size):  # both ways are worked out for every mode, in vectors
         d2 = (omega[j] - sigma[j]) * (omega[j] + sigma[j])
+        swings = d2 > 1e-6 * omega[j] * omega[j]
         p = v[j] + sigma[j] * q[j]
-        if d2 > 1e-6 * omega[j] * omega[j]:
-            out[j] = np.sqrt(q[j] * q[j] + p * p / d2)
-        else:
-            out[j] = abs(q[j]) + abs(v[j]) / (2.0 * sigma[j])
+        swinging = np.sqrt(q[j] * q[j] + p * p / (d2 if swings else 1.0))
+        creeping = abs(q[j]) + abs(v[j]) / (1.0 if swings else 2.0 * sigma[j])
+        out[j] = swinging if swings else creeping
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
