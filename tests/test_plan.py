@@ -30,6 +30,7 @@ from synth.instrument.plan import (
     scene_kind,
     wanted_rate_hz,
 )
+from synth.instrument.planfile import MeasuredPlan
 from synth.instrument.preset import BridgeObstacle, list_presets, load_preset
 from synth.physics.modes import count_modes_below, modal_frequencies
 from synth.physics.string import String
@@ -293,9 +294,13 @@ def test_a_promise_says_in_how_many_scenes_it_is_kept():
         for quality in QUALITIES[:-1]:
             assert promise(kind, quality).endswith("in 95 % of random scenes")
     assert promise(FREE, "fine") == "exact"
-    plan = describe_plan(load_preset("tanpura"), 48, quality="fine")
+    by_law = load_preset("tanpura").with_measured(MeasuredPlan())
+    plan = describe_plan(by_law, 48, quality="fine")
     assert "e < 0.02 over 3 s in 95 % of random scenes" in plan["text"]
     assert all(row["kept_in"] == KEPT == 0.95 for row in plan["strings"])
+    measured = describe_plan(load_preset("tanpura"), 48, quality="fine")
+    assert "; e < 0.02 over 3 s; measured on this string: e 0.0" in measured["text"]
+    assert all(row["kept_in"] == 1.0 for row in measured["strings"])
 
 
 def test_no_note_of_the_presets_is_plucked_from_afar():

@@ -192,7 +192,10 @@ def test_what_is_said_of_a_plan() -> None:
     told = describe_plan(preset)
     assert told["strings"][0]["plan"] == "law" and "--measure-plan measures these" in told["text"]
     told = describe_plan(preset.with_measured(plan(preset)))
-    assert told["strings"][0]["plan"] == "measured" and "up to 9 kHz; measured on this string: e 0.012" in told["text"]
+    assert (
+        told["strings"][0]["plan"] == "measured"
+        and "up to 9 kHz; e < 0.1 over 3 s; measured on this string: e 0.012, third" in told["text"]
+    )
     assert "law" not in told["text"]
     other = make(displacement="2").with_measured(plan(preset))
     assert "the plan beside the preset was measured for another version of it" in describe_plan(other)["text"]

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from promise import check
 
-from synth.host.plan_measures import judged
+from synth.fit.plan_measures import judged
 from synth.instrument.planfile import PROMISED
 
 scenes = cache(check.scenes)

@@ -9,6 +9,7 @@ import math
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -33,6 +34,7 @@ from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.fit import missing
+from synth.instrument.planfile import PROMISED, MeasuredPlan
 from synth.instrument.preset import MOST_BYTES, PresetError, load_preset
 from synth.jit import compiling
 
@@ -151,6 +153,20 @@ _KINDS: dict[Any, str] = {
 }
 
 
+@dataclass(frozen=True)
+class PlanOf:
+    """A plan measured of the preset of document `doc`."""
+
+    doc: str
+    plan: MeasuredPlan
+
+    def told(self) -> dict[str, Any]:
+        """How many strings there are, and quality → how many of them take less than by the law."""
+        strings = self.plan.strings
+        less = {quality: sum(quality in each.qualities for each in strings) for quality in PROMISED}
+        return {"strings": len(strings), "less": less}
+
+
 class App:
     """Routes over a documents. `settings`: rate_hz, quality."""
 
@@ -199,6 +215,8 @@ class App:
                 *(on(f"{doc}/{view}", self._viewing(view)) for view in VIEWS),
                 on(f"{doc}/reference", self._reference, "POST"),
                 on(f"{doc}/apply-fit", self._apply_fit, "POST"),
+                on(f"{doc}/plan", self._plan, "POST"),
+                on(f"{doc}/keep-plan", self._keep_plan, "POST"),
                 on("/api/fit", self._fit, "POST"),
                 on("/api/mobility", self._mobility, "POST"),
                 on("/api/jobs/{job}", self._job),
@@ -479,6 +497,28 @@ class App:
         except StringChanged as changed:
             raise Refused(409, str(changed)) from None
         return await self._told(document, document.edit, settings, label="fit")
+
+    async def _plan(self, request: Request) -> Response:
+        """Measure what each quality takes on the strings of a document that has a file."""
+        document = self._document(request)
+        await asyncio.to_thread(document.check_plan_place)
+        preset = document.preset
+
+        def work(progress: Progress) -> Any:
+            from synth.fit.plan_measuring import measure_plan
+
+            return PlanOf(document.id, measure_plan(preset, progress))
+
+        return JSONResponse({"job": self.jobs.start(f"plan of {document.id}", work, PlanOf.told).id})
+
+    async def _keep_plan(self, request: Request) -> Response:
+        document = self._document(request)
+        job = self._a_job((await Fields.of(request)).get("job", str))
+        if job.state != "done" or not isinstance(job.made, PlanOf):
+            raise Refused(409, "this job has measured no plan")
+        if job.made.doc != document.id:
+            raise Refused(409, "this was measured of another preset; measure its plan anew")
+        return await self._told(document, document.keep_plan, job.made.plan)
 
     def _a_job(self, key: str) -> Job:
         try:

@@ -24,7 +24,7 @@ import tomlkit
 from synth.author import changes
 from synth.author.workspace import check_regular, read_text, regular
 from synth.files.targets import is_special, write_text
-from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
+from synth.instrument.planfile import MeasuredPlan, PlanError, path_of, read_beside, text_of
 from synth.instrument.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes, preset_folder
 from synth.instrument.ways import switch_keys
 
@@ -328,6 +328,27 @@ class Document:
             self.revision += 1
             self.autosave_due, self.autosave_problem = False, None
             self._drop_autosave()
+
+    def check_plan_place(self) -> None:
+        """Raises Conflict or OSError where no plan can lie beside the preset's file, as it has none."""
+        if self.file is None:
+            raise Conflict("no-file", f"{self.name} has no file yet that a plan could lie beside: save it under a name")
+        check_regular(path_of(self.file))
+
+    def keep_plan(self, plan: MeasuredPlan) -> None:
+        """Write what was measured of its strings beside the file, and go by it. Raises Conflict, OSError."""
+        with self._lock:
+            self.check_plan_place()
+            assert self.file is not None
+            write_text(path_of(self.file), text_of(plan))
+            self._measured = plan
+            past, future = (
+                tuple(replace(step, preset=step.preset.with_measured(plan)) for step in steps)
+                for steps in (self._history.past, self._history.future)
+            )
+            self._history = History(past, future)
+            self._saved = replace(self._saved, preset=self._saved.preset.with_measured(plan))
+            self.revision += 1
 
     def close(self, *, discard: bool = False) -> None:
         """Write nothing from now on; `discard`: and throw the autosaved text away."""

@@ -80,7 +80,7 @@ def _measured(preset: Preset, name: str) -> Preset:
     """The preset with a plan measured now, which is written beside its file. Raises ValueError where none can lie there,
     OSError."""
     from synth.files.targets import check_target, is_special, write_text
-    from synth.host.plan_measuring import measure_plan
+    from synth.fit.plan_measuring import measure_plan
     from synth.instrument.planfile import path_of, text_of
     from synth.instrument.preset import preset_folder, preset_path
 

@@ -118,12 +118,17 @@ def promise(kind: str, quality: str) -> str:
         return "not calibrated on a curved bridge"
     if quality == "reference":
         return "as close as converged runs"
-    if kind in (BRIDGE, FAR):
-        return f"e < {BRIDGE_ERROR[quality]:g} over 3 s {IN_HOW_MANY}"
+    return f"{limits(kind, quality)}{'' if kind in (BRIDGE, FAR) else ','} {IN_HOW_MANY}"
+
+
+def limits(kind: str, quality: str) -> str:
+    """The largest measures of a scene that is not free, in words; a curved bridge is held to those of one point."""
+    if kind in (BRIDGE, FAR, CURVED):
+        return f"e < {BRIDGE_ERROR[quality]:g} over 3 s"
     onset = f"e < {IMPACT_ONSET_ERROR[quality]:g} over 0.1 s, " if quality in IMPACT_ONSET_ERROR else ""
     return (
         f"{onset}log-spectral distance < {IMPACT_DISTANCE_DB[quality]:g} dB, "
-        f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB, {IN_HOW_MANY}"
+        f"where chaotic third octaves within {IMPACT_BANDS_DB[quality]:g} dB"
     )
 
 
@@ -201,6 +206,17 @@ def plan_string(
     return StringPlan(quality, scheme, factor, factor * rate_hz, modes, contacts, error)
 
 
+#: measures of `planfile` in words, and their units
+_WORDS = {
+    "e": "e",
+    "e_onset": "e over 0.1 s",
+    "lsd_db": "log-spectral distance",
+    "bands_db": "third octaves",
+    "heard_db": "third octaves of the velocity",
+}
+_UNITS = {name: " dB" if name.endswith("_db") else "" for name in _WORDS}
+
+
 def measured_plan(
     string: String, contacts: int, kind: str, found: Measured, *, quality: str, rate_hz: float
 ) -> StringPlan | None:
@@ -210,7 +226,7 @@ def measured_plan(
     if factor > MAXIMUM_FACTOR:
         return None
     modes = count_modes_below(string, min(found.highest_hz, 0.5 * factor * rate_hz))
-    figures = ", ".join(f"{name.replace('_', ' ')} {value:.2g}" for name, value in found.figures.items())
+    figures = ", ".join(f"{_WORDS[name]} {value:.2g}{_UNITS[name]}" for name, value in found.figures.items())
     return StringPlan(
         quality,
         "exact-hold",
@@ -218,7 +234,7 @@ def measured_plan(
         factor * rate_hz,
         max(1, min(MAX_MODES, modes)),
         contacts,
-        f"measured on this string: {figures}, of {promise(kind, quality)}",
+        f"{limits(kind, quality)}; measured on this string: {figures}",
         found.highest_hz,
     )
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from promise.runs import RATE_HZ
-from synth.host.plan_measures import judged
+from synth.fit.plan_measures import judged
 from synth.instrument.plan import BRIDGE, FAR, IMPACTS
 from synth.instrument.planfile import PROMISED
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.host import plan_measures
+from synth.fit import plan_measures
 from synth.instrument.plan import scene_kind
 from synth.physics.modes import count_modes_below
 from synth.research.case import load_case

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from promise.runs import RATE_HZ
-from synth.host.plan_measures import STANDS
+from synth.fit.plan_measures import STANDS
 from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.plan import BRIDGE, BRIDGE_ERROR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR
 from synth.instrument.planfile import PROMISED

@@ -6,6 +6,7 @@ import { h, noteName, number } from "./format.js";
 import { Figure, hertz, recolour, seconds, signed } from "./figure.js";
 import { contactTimeline, decays, deviations, empty, spectrogram, waveform } from "./pictures.js";
 import { decayStages, levels } from "./together.js";
+import { mount as mountPlan } from "./plan.js";
 import { mount as mountReference } from "./reference.js";
 
 const WAIT_MS = 200;
@@ -96,15 +97,17 @@ export function mount(element, { store, api }) {
   const cost = h("dl", { class: "tiles" });
   const verdict = h("p", { class: "verdict" });
   const promise = h("p", { class: "muted promise" });
+  const plan = h("div", { class: "reference" });
   const reference = h("div", { class: "reference" });
   element.append(
     head,
     h("div", { class: "plots" }, wave.element, spectrum.element, contacts.element, waking.element, cents.element, decay.element, stages.element),
     h("details", { class: "fold" }, h("summary", {}, "Table of partials"), table),
-    h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), verdict, cost, promise, reference),
+    h("section", { class: "cost", "aria-label": "Cost and error" }, h("h2", {}, "Cost and error"), verdict, cost, promise, plan, reference),
   );
   for (const figure of [wave, spectrum, contacts, waking, stages]) figure.element.classList.add("wide");
   for (const figure of [wave, spectrum, cents, decay, contacts, waking, stages]) figure.show((pen, box) => empty(pen, box, "…"));
+  mountPlan(plan, { store, api });
   mountReference(reference, { store, api });
 
   // ---- asking: after the last change of a drag, the newest question only

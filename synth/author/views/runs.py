@@ -12,7 +12,7 @@ from synth.author.views.place import Place
 from synth.author.views.tape import RATE_HZ
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.engine.engine import Engine
-from synth.host.plan_measures import ONSET_S
+from synth.fit.plan_measures import ONSET_S
 from synth.instrument.compile import Position
 from synth.instrument.preset import BridgeObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events

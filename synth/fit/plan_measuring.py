@@ -20,8 +20,8 @@ import numpy as np
 
 from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.engine.engine import Engine
+from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
 from synth.fit.tune import single_strings
-from synth.host.plan_measures import ROLLING, distances_measured, judged_of_one
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
 from synth.instrument.fingerprints import PLAIN, WAYS, fingerprint, stroke_of, strokes

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from synth.host.plan_measuring import (
+from synth import cli
+from synth.fit.plan_measuring import (
     MARGIN,
     ROLLING_S,
     Ended,
@@ -96,6 +99,49 @@ def test_a_plan_is_measured_and_told_of() -> None:
 def test_whoever_wants_no_more_ends_it() -> None:
     with pytest.raises(Ended):
         measure_plan(small(), lambda done: False)
+
+
+def test_the_command_keeps_a_plan_beside_a_preset_of_ones_own(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(PRESET.format(string="viscoelastic_loss = 0.02", displacement="3.0", rest=""))
+    assert cli.main(["plan", str(tmp_path / "mine.toml")]) == 0
+    assert "--measure-plan measures these" in capsys.readouterr().out
+    assert cli.main(["plan", str(tmp_path / "mine.toml"), "--measure-plan"]) == 0
+    out, err = capsys.readouterr()
+    assert "measured on this string" in out and err == f"synth: written: {tmp_path / 'mine.plan'}\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.plan", "mine.toml"]
+    assert cli.main(["plan", str(tmp_path / "mine.toml")]) == 0
+    assert capsys.readouterr().out == out
+
+
+def test_measuring_that_is_interrupted_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    (tmp_path / "mine.toml").write_text(PRESET.format(string="", displacement="3.0", rest=""))
+    monkeypatch.setattr(OneString, "references", interrupted)
+    assert cli.main(["plan", str(tmp_path / "mine.toml"), "--measure-plan"]) == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "--measure-plan tanpura: comes with the program and is measured already"),
+        (
+            PRESET.replace('kind = "bridge"', 'kind = "none" #').replace("distance_mm", "#").replace("jiva_um", "#"),
+            "on ends at rest",
+        ),
+    ],
+)
+def test_the_command_says_what_has_no_plan(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, words: str
+) -> None:
+    name = "tanpura"
+    if text is not None:
+        name = str(tmp_path / "mine.toml")
+        Path(name).write_text(text.format(string="", displacement="3.0", rest=""))
+    assert cli.main(["plan", name, "--measure-plan"]) == 2
+    assert words in capsys.readouterr().err and not list(tmp_path.glob("*.plan"))
 
 
 @pytest.mark.parametrize("name", ["steel-guitar", "fretless-bass", "harp"])
