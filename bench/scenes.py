@@ -99,8 +99,9 @@ def song(name: str, quality: str = "standard") -> Player:
 
 
 def many_strings(count: int = MANY) -> Preset:
-    """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST."""
-    return parse_preset(many_strings_text(REPOSITORY / "presets", count), f"{count} tanpura strings")
+    """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST, and with the tanpura's plan."""
+    preset = parse_preset(many_strings_text(REPOSITORY / "presets", count), f"{count} tanpura strings")
+    return preset.with_measured(load_preset("tanpura").measured)
 
 
 def many_strings_text(presets: Path, count: int = MANY) -> str:

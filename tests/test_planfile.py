@@ -13,7 +13,8 @@ from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.instrument.compile import compile_preset, describe_plan, measured_of
 from synth.instrument.fingerprints import fingerprint, strokes
 from synth.instrument.planfile import (
-    FARTHEST_SEMITONES,
+    DOWN_SEMITONES,
+    UP_SEMITONES,
     VERSION,
     Measured,
     MeasuredPlan,
@@ -183,8 +184,9 @@ def test_a_string_tuned_up_takes_a_rate_in_proportion() -> None:
     higher = string.at(98.0 * 1.2, "standard")
     assert higher is not None
     assert (higher.rate_hz, higher.highest_hz) == pytest.approx((88200.0 * 1.2, 9000.0 * 1.2))
-    beyond = 2.0 ** ((FARTHEST_SEMITONES + 0.1) / 12.0)
-    assert string.at(98.0 * beyond, "standard") is None and string.at(98.0 / beyond, "standard") is None
+    for off, there in ((0.1, False), (-0.1, True)):
+        up, down = (98.0 * 2.0 ** (each / 12.0) for each in (UP_SEMITONES + off, -DOWN_SEMITONES - off))
+        assert [string.at(hz, "standard") is not None for hz in (up, down)] == [there, there]
 
 
 def test_what_is_said_of_a_plan() -> None:

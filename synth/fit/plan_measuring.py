@@ -301,11 +301,14 @@ def misses(preset: Preset, strokes_played: list[Stroke], notes: set[int] | None 
     for one in measured_strings(preset):
         row = preset.measured.string(one.fingerprint)
         played = [note for note in one.notes if notes is None or note in notes]
-        for quality, found in ({} if row is None or not played else row.qualities).items():
+        for quality in {} if row is None or not played else row.qualities:
+            found = row.at(one.pitch_hz, quality) if row is not None else None
+            if found is None:
+                continue
             for stroke in strokes_played:
                 exact = one.references(played, stroke)
                 ratios = []
-                for note, u in one.runs(played, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
+                for note, u in one.runs(played, stroke, math.ceil(found.rate_hz / RATE_HZ - 1e-9), found.highest_hz):
                     here = distances_measured(u, exact[note].u, RATE_HZ)
                     ratios += [here[measure] / limit for measure, limit in exact[note].limits[quality]]
                 yield Held(one.label, quality, stroke, max(ratios) if ratios else None)

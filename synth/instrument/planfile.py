@@ -41,9 +41,9 @@ SUFFIX = ".plan"
 MOST_BYTES = 1 << 20
 #: qualities that promise something
 PROMISED = ("draft", "standard", "fine")
-#: a string may be tuned so far from the pitch that it was measured at [semitones]
-FARTHEST_SEMITONES = 5.0
-#: … and so far upwards takes what was measured as it is: tuning and temperament are within the margin
+#: a string may be tuned so far down and up from the pitch that it was measured at [semitones]: a tanpura's keep their promises
+DOWN_SEMITONES, UP_SEMITONES = 12.5, 7.0
+#: … and so far up takes what was measured as it is: tuning and temperament are within the margin
 WITHIN_SEMITONES = 0.5
 #: measures: those of `plan`, and third octaves of the velocities [dB]
 FIGURES = ("e", "e_onset", "lsd_db", "bands_db", "heard_db")
@@ -82,7 +82,7 @@ class MeasuredString:
         """What a quality takes at a pitch [Hz]: tuned higher everything is quicker in proportion. None: not known."""
         ratio = pitch_hz / self.pitch_hz
         found, semitones = self.qualities.get(quality), 12.0 * math.log2(ratio)
-        if found is None or abs(semitones) > FARTHEST_SEMITONES:
+        if found is None or not -DOWN_SEMITONES <= semitones <= UP_SEMITONES:
             return None
         ratio = ratio if semitones > WITHIN_SEMITONES else 1.0
         return Measured(found.rate_hz * ratio, found.highest_hz * ratio, found.modes, found.figures)

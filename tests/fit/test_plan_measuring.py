@@ -41,6 +41,15 @@ def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]
     assert not missed
 
 
+@pytest.mark.parametrize("semitones", [-11, 6])
+def test_plans_hold_for_strings_tuned_lower_and_higher(semitones: int) -> None:
+    tanpura = load_preset("tanpura")
+    retuned = tanpura.string[0].model_copy(update={"cents": 100.0 * semitones})
+    found = list(misses(tanpura.model_copy(update={"string": (retuned,)}), STROKES[1:2]))
+    assert {each.quality for each in found} == set(PROMISED)
+    assert all(each.worst is not None and each.worst < 1.0 for each in found)
+
+
 def test_a_plan_too_small_is_seen_to_miss() -> None:
     """Half of the modes of a plan miss what it keeps: the check can fail."""
     from dataclasses import replace
