@@ -41,7 +41,7 @@ SUFFIX = ".plan"
 MOST_BYTES = 1 << 20
 #: qualities that promise something
 PROMISED = ("draft", "standard", "fine")
-#: a string may be tuned so far down and up from the pitch that it was measured at [semitones]: a tanpura's keep their promises
+#: a string may be tuned so far down and up from the pitch that it was measured at [semitones]: a tanpura keeps its promises
 DOWN_SEMITONES, UP_SEMITONES = 12.5, 7.0
 #: … and so far up takes what was measured as it is: tuning and temperament are within the margin
 WITHIN_SEMITONES = 0.5
