@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import json
 import pickle
 import tomllib
 from pathlib import Path
@@ -221,6 +222,9 @@ def test_a_plan_goes_along_with_its_preset() -> None:
     ):
         assert other.measured.strings == preset.measured.strings
     assert preset == make()  # and is no part of it
+    old = json.loads(recipe.written([preset], None, {}))
+    del old["plans"]
+    assert recipe.read(json.dumps(old).encode()).presets[0].measured.strings == ()
 
 
 def test_presets_have_plans_of_their_own_strings() -> None:

@@ -39,8 +39,10 @@ def written(presets: Sequence[Preset], name: str | None, options: Mapping[str, A
 def read(data: bytes) -> Recipe:
     """The recipe that `written` has written. Raises ValueError."""
     whole = json.loads(data)
+    nothing = planfile.text_of(planfile.MeasuredPlan())  # of plugins that were exported by 0.10
+    plans = whole.get("plans", [nothing] * len(whole["presets"]))
     presets = tuple(
         validate_preset(each, str(each.get("name"))).with_measured(planfile.parse(plan, str(each.get("name"))))
-        for each, plan in zip(whole["presets"], whole["plans"], strict=True)
+        for each, plan in zip(whole["presets"], plans, strict=True)
     )
     return Recipe(presets, whole["name"], whole["options"])
