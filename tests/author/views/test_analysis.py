@@ -14,6 +14,7 @@ from synth.author.views.place import find
 from synth.author.views.tape import RATE_HZ, Taped
 from synth.dsp.measures import stft_power
 from synth.fit.tune import measure
+from synth.instrument.planfile import MeasuredPlan
 from synth.instrument.preset import Body, Preset, PresetError, load_preset
 
 from .kit import TEXTS, preset, tanpura
@@ -75,7 +76,7 @@ def test_a_stopped_string_has_the_partials_of_its_length() -> None:
 
 
 def test_the_sound_changes_from_the_first_contact_on() -> None:
-    bass = load_preset("fretted-bass")
+    bass = load_preset("fretted-bass").with_measured(MeasuredPlan())  # both by the law, at the same rate
     far = bass.with_setting("obstacle.heights_mm", str([-30.0 - k for k in range(20)]))
     sounds = []
     for version in (bass, far):
