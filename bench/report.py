@@ -242,7 +242,7 @@ def markdown(found: list[dict[str, Any]], machine: str, whole: bool = True) -> s
         "targets": ("What was aimed at", "", partial(_targets, whole=whole)),
         "batch": (
             "Many notes at once",
-            "Notes a second, by the wall clock: of the engine alone with all its notes prepared, of `render_notes` with what "
+            "Notes a second, by the wall clock: of the engine alone with all notes prepared, of `render_notes` with what "
             "prepared its engines taken off, and of the whole call.",
             _batch,
         ),
