@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from synth.dsp.decimator import MINIMUM_RATE_HZ
 from synth.host import offline, parts
 from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.native.processors import cores
@@ -32,6 +33,8 @@ BLOCK = 16384
 LONGEST_S = 600.0
 #: a key is compiled by another worker, too, rather than that it has so much more to play [s]
 COMPILED_S = 20.0
+#: most of what varies from stroke to stroke, as a multiple of what presets say
+MOST_VARIATION = 2.0
 #: shortest note [s]
 SHORTEST_S = 1e-3
 #: longest wait of a thread before it looks whether it is to end [s]
@@ -107,8 +110,12 @@ def render_notes(
     if not ahead_mib > 0.0:
         raise ValueError(f"ahead_mib must be more than 0, got {ahead_mib!r}")
     from synth.engine import arguments
+    from synth.engine.engine import MOST_SEED
 
-    made = _Making(int(arguments.rate(rate_hz)), arguments.quality(quality), limiter, seed, variation, np.dtype(dtype))
+    rate_hz = arguments.a_count("rate_hz", rate_hz, int(MINIMUM_RATE_HZ), int(arguments.MAXIMUM_RATE_HZ))
+    seed = arguments.a_count("seed", seed, 0, MOST_SEED)
+    variation = arguments.a_number("variation", variation, 0.0, MOST_VARIATION)
+    made = _Making(rate_hz, arguments.quality(quality), bool(limiter), seed, variation, np.dtype(dtype))
     wanted = [_as_note(number, each) for number, each in enumerate(notes)]
     jobs = made.jobs(preset, wanted)
     workers = cores() if threads == "auto" else int(threads)

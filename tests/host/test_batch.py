@@ -153,7 +153,9 @@ def test_what_is_no_fault_of_a_note_is_raised(monkeypatch: pytest.MonkeyPatch) -
         ({"dtype": "int16"}, "dtype must be 'float32' or 'float64', got 'int16'"),
         ({"ahead_mib": 0.0}, "ahead_mib must be more than 0"),
         ({"quality": "best"}, "quality must be one of"),
-        ({"rate_hz": 1.0}, "rate_hz"),
+        ({"rate_hz": 1}, "rate_hz must be at least"),
+        ({"seed": -1}, "seed must be at least 0, got -1"),
+        ({"variation": 3.0}, "variation must lie between 0 and 2, got 3"),
     ],
 )
 def test_arguments_that_cannot_be_are_refused_at_once(named: dict, said: str) -> None:
