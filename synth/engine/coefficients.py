@@ -13,7 +13,8 @@ from synth.engine.layout import CORE, PLAIN
 from synth.engine.on_board import stop_on_board
 from synth.solver.due_responses import put_off
 from synth.solver.fingers import fill_grip
-from synth.solver.laws import EXACT_HOLD, contact_matrix, step_coefficients
+from synth.solver.laws import EXACT_HOLD, contact_matrix
+from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_lags, fill_rows
 from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, string_model
 
@@ -57,7 +58,7 @@ def _alter(core: int, thread: int, s: int) -> None:
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
     rows = own.rows
     rows[:6, n:] = 0.0
-    step_coefficients(plain.law, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
+    quick_coefficients(plain.law, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
     fill_rows(rows)
     if c == 0:
         return

@@ -21,8 +21,9 @@ from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, PLAIN
 from synth.solver.coupling import APART_MODES, LENGTH, TENSION, along, coupling_at, end_at, fill_end, fill_finger_end
 from synth.solver.lanes import PAD
-from synth.solver.laws import EXACT_HOLD, step_coefficients
+from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import fill_reach
+from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_rows
 from synth.solver.stringmodel import string_model
 
@@ -94,7 +95,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
         for j in range(n):
             scratch.sigma[j] = damping(plain.sigma[j], me.hand, model.omega[j] * plain.dt if me.bend != 0.0 else 0.0)
         end.flight[:6, n:] = 0.0
-        step_coefficients(EXACT_HOLD, model.omega[:n], scratch.sigma[:n], plain.mu, frame, end.flight)
+        quick_coefficients(EXACT_HOLD, model.omega[:n], scratch.sigma[:n], plain.mu, frame, end.flight)
         fill_rows(end.flight)
         fill_end(address, shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
         fill_reach(address, shared.end_at[s])

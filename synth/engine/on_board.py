@@ -17,7 +17,8 @@ from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, NO_FINGER, PLAIN
 from synth.physics.fingerboard import board_height, over_line, pressed_share
 from synth.solver.board_table import NO_BOARD_M, SPEAKING, board_at, fill_slack, leave_board
-from synth.solver.laws import EXACT_HOLD, step_coefficients
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_rows
 from synth.solver.stringmodel import MOVING, string_model
 
@@ -90,7 +91,7 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, w * dt if me.bend != 0.0 and w > plain.omega[j] else 0.0)
     rows = own.rows
     rows[:6, n:] = 0.0
-    step_coefficients(EXACT_HOLD, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
+    quick_coefficients(EXACT_HOLD, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
     fill_rows(rows)
     fill_slack(address, omega[:n], scratch.sigma[:n], plain.mu, dt)
 

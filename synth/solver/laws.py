@@ -54,7 +54,7 @@ def law_of(scheme: str) -> int:
 
 
 @njit(**INNER)
-def _hold_responses(omega: float, sigma: float, dt: float):
+def hold_responses(omega: float, sigma: float, dt: float):
     """(1 − p11)/ω², p12 and p11, p22 of q̈ + 2σq̇ + ω²q = 1 over one step, free of cancellation."""
     if (omega + 2.0 * sigma) * dt < _SERIES_BELOW:
         # y = Σ c_k Δt^k with y(0) = y'(0) = 0 and y'' = 1 − 2σy' − ω²y: y is the displacement response.
@@ -108,19 +108,25 @@ def _characteristic_at_one(omega: float, sigma: float, dt: float) -> float:
     return math.expm1(-omega * omega / (sigma + s) * dt) * math.expm1(-(sigma + s) * dt)
 
 
+@njit(inline="always")
+def put_hold(omega: float, mu: float, responses, coef, j: int) -> None:
+    """Column j of the step coefficients of exact-hold from `hold_responses`."""
+    y, impulse, p11, p22 = responses
+    coef[0, j] = p11
+    coef[1, j] = impulse
+    coef[2, j] = -omega * omega * impulse
+    coef[3, j] = p22
+    coef[4, j] = y / mu
+    coef[5, j] = impulse / mu
+
+
 @kernel(int64, float64[::1], float64[::1], float64, float64, float64[:, ::1])
 def step_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> None:
     """Fill `coef` (6, ≥N) with rows p11, p12, p21, p22, kq, kv for modes ω, σ (N,) [1/s], μ [kg/m], Δt [s]."""
     for j in range(omega.size):
         w, s = omega[j], sigma[j]
-        y, impulse, p11, p22 = _hold_responses(w, s, dt)
         if law == EXACT_HOLD:
-            coef[0, j] = p11
-            coef[1, j] = impulse
-            coef[2, j] = -w * w * impulse
-            coef[3, j] = p22
-            coef[4, j] = y / mu
-            coef[5, j] = impulse / mu
+            put_hold(w, mu, hold_responses(w, s, dt), coef, j)
         else:
             e = math.exp(-2.0 * s * dt)
             missing = _characteristic_at_one(w, s, dt)
