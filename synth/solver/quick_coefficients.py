@@ -5,9 +5,9 @@ loops without a branch, to a few units in the last place:
 
     exp(−z) − 1 = t(t + 2), t = exp(−z/2) − 1        sin 2x = 2 sin x cos x, cos 2x = 1 − 2 sin² x, twice
 
-with x a quarter of the angle that a mode turns by in a step. Modes for which these are not as good (angles beyond `_MOST`,
-losses beyond `_MOST_LOSS` or so large beside the angle that the terms cancel, near critical damping or beyond) are left to
-`laws.hold_responses`.
+with x a quarter of the angle that a mode turns by in a step, whole turns left out. Modes for which these are not as good
+(angles beyond `_MOST`, losses beyond `_MOST_LOSS` or so large beside the angle that the terms cancel, near critical damping
+or beyond) are left to `laws.hold_responses`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from synth.solver.laws import EXACT_HOLD, hold_responses, put_hold, step_coeffic
 from synth.solver.vectors import FAST, INNER
 
 #: largest angle ωΔt and loss σΔt of a mode that the series are for
-_MOST, _MOST_LOSS = 3.2, 0.5
+_MOST, _MOST_LOSS = 1000.0, 0.5
+#: 2π in two parts: of so many turns the first is exact
+_TURN, _TURN_REST = 6.283185307176609, 2.9774189921946493e-12
 #: …and largest loss in units of the angle's square: what is lost to cancellation are twice as many units in the last place
 _LOSS_OF_SQUARE = 4.0
 
@@ -31,6 +33,7 @@ def quick_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> No
         step_coefficients(law, omega, sigma, mu, dt, coef)
         return
     n = omega.size
+    _turn(omega, sigma, dt, coef[0, :n], coef[1, :n])
     _in_vectors(omega, sigma, 1.0 / mu, dt, coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n], coef[4, :n], coef[5, :n])
     for j in range(n):
         w, s = omega[j], sigma[j]
@@ -39,13 +42,23 @@ def quick_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> No
             put_hold(w, mu, hold_responses(w, s, dt), coef, j)
 
 
-@njit(fastmath=FAST, error_model="numpy", **INNER)
-def _in_vectors(omega, sigma, per_mu: float, dt: float, p11, p12, p21, p22, kq, kv) -> None:
-    """All modes, those for which it is not meant too."""
+@njit(error_model="numpy", **INNER)
+def _turn(omega, sigma, dt: float, angle, speed) -> None:
+    """speed (N,) = √|ω² − σ²|, angle (N,) = speed Δt between −π and π. Not to be reordered."""
     for j in range(omega.size):
         w, s = omega[j], sigma[j]
-        turn = np.sqrt(abs((w - s) * (w + s)))
-        x = 0.25 * turn * dt
+        speed[j] = np.sqrt(abs((w - s) * (w + s)))
+        whole = speed[j] * dt
+        turns = np.floor(whole * (0.5 / np.pi) + 0.5)
+        angle[j] = (whole - turns * _TURN) - turns * _TURN_REST
+
+
+@njit(fastmath=FAST, error_model="numpy", **INNER)
+def _in_vectors(omega, sigma, per_mu: float, dt: float, p11, p12, p21, p22, kq, kv) -> None:
+    """All modes, those for which it is not meant too; p11 and p12 come with their angles and speeds (`_turn`)."""
+    for j in range(omega.size):
+        w, s = omega[j], sigma[j]
+        turn, x = p12[j], 0.25 * p11[j]
         xx = x * x
         sine = 1.0 / 355687428096000.0 - xx / 121645100408832000.0
         sine = -1.0 / 1307674368000.0 + xx * sine
