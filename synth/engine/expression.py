@@ -105,10 +105,10 @@ def vibrato_of(core: int, s: int, k: int) -> float:
 @njit(**CORE)
 def bend_of(core: int, s: int, k: int, of_channel: float, of_master: float) -> float:
     """Semitones of a string in quantum k of the span: bends of its channel and its zone's master, tuning, a finger's slide,
-    its pull across the fret, its vibrato, pressure. No hand bends one that no key plays."""
+    its pull across the fret, its vibrato, pressure. No hand bends one that no key plays, or that has not been played."""
     state = state_of(core)
     me = state.sounding[s]
-    if bank_of(core).strings[s].positions == 0:
+    if bank_of(core).strings[s].positions == 0 or me.idle:
         return me.retuned
     bend = of_channel
     if state.channels[me.channel].master != me.channel:

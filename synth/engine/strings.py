@@ -116,8 +116,10 @@ def _join(core: int, thread: int, s: int, model_index: int) -> None:
                 model = model_index
             elif other == bank.strings[s].second:
                 model = model_index + bank.strings[s].second_models
+            idle.idle = 0 if other == s else 1  # by which it is bent
             wake(core, thread, other, model)
-            idle.idle = 1
+            if bank.strings[other].of_first:
+                idle.bend = state.sounding[other - 1].bend
             idle.reached = shared.task[UNTIL]
     me.idle = 0
     me.stolen = 0

@@ -46,10 +46,13 @@ def fill_reach(model: int, end: int) -> None:
     """What certificates need to know of a line's contacts, once End.kick and leverage are there."""
     m, e = string_model(model), end_at(end)
     furthest, largest = 0.0, 0.0
+    moved = e.kept[0, : m.modes]  # which holds something within a block only
+    for j in range(m.modes):
+        moved[j] = abs(e.kick[j]) / m.omega[j]
     for c in range(m.shapes.shape[0]):
         total = 0.0
         for j in range(m.modes):
-            total += abs(m.shapes[c, j] * e.kick[j]) / m.omega[j]
+            total += abs(m.shapes[c, j]) * moved[j]
         furthest = max(furthest, MARGIN * total)
         largest = max(largest, abs(e.leverage[c]))
     e.numbers[KICK_REACH] = furthest
