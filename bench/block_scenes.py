@@ -1,4 +1,4 @@
-"""What makes single blocks dear: frets taken over with the legato pedal, notes before the last ones have died, bent chords."""
+"""What makes single blocks dear: frets taken over with the legato pedal, notes before the last ones died, bent chords."""
 
 from __future__ import annotations
 

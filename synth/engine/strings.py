@@ -208,6 +208,8 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     old, new = bank.models[me.model], bank.models[target]
     n_old, n_new = old.own, new.own
     l_old, l_new = old.length, new.length
+    while n_old > 0 and string.q[n_old - 1] == 0.0 and string.v[n_old - 1] == 0.0:  # at rest: nothing of it is carried over
+        n_old -= 1
     q, v = string.q[:n_old], string.v[:n_old]
     scale = 2.0 / math.sqrt(l_old * l_new)
     a, ends, signs = scratch.moved[0, :n_new], scratch.moved[1, :n_new], scratch.moved[2, :n_new]
