@@ -99,7 +99,7 @@ def song(name: str, quality: str = "standard") -> Player:
 
 
 def many_strings(count: int = MANY) -> Preset:
-    """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST, and with the tanpura's plan."""
+    """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST, and the tanpura's plan."""
     preset = parse_preset(many_strings_text(REPOSITORY / "presets", count), f"{count} tanpura strings")
     return preset.with_measured(load_preset("tanpura").measured)
 

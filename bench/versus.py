@@ -1,4 +1,4 @@
-"""What two commits are compared by: scenes of `same_sound`, with the presets of the older one."""
+"""What two commits are compared by: scenes of `same_sound`, with the presets of the older one and the plans of this one."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def scene(name: str, presets: Path) -> dict[str, Any]:
     if name in MANY:
         text, began = scenes.many_strings_text(presets), scenes.first_full()
         rows = make_events(scenes.plucks(parse_preset(text, name)))
-        return _scene(text, rows, began + _SOUNDING_S, threads=MANY[name]) | {"timed_from": began}
+        return _scene(text, "tanpura", rows, began + _SOUNDING_S, threads=MANY[name]) | {"timed_from": began}
     if name in NOTES:
         midi, velocity = NOTES[name]
         rows = make_events([(0, NOTE_ON, 0, midi, velocity)])
-        return _scene(_text(presets, "fretted-bass"), rows, 3.0, only_notes=[[midi]])
+        return _scene(_text(presets, "fretted-bass"), "fretted-bass", rows, 3.0, only_notes=[[midi]])
     song, preset = SONGS[name]
     found = read_song(presets / "demos" / f"{song}.mid", scenes.RATE_HZ)
     keys = sorted(set().union(*found.keys.values()))
-    return _scene(_text(presets, preset), found.events, found.length_s + 2.0, only_notes=[keys])
+    return _scene(_text(presets, preset), preset, found.events, found.length_s + 2.0, only_notes=[keys])
 
 
 def _text(presets: Path, preset: str) -> str:
     return (presets / f"{preset}.toml").read_text(encoding="utf-8")
 
 
-def _scene(toml: str, events: Any, seconds: float, **options: Any) -> dict[str, Any]:
+def _scene(toml: str, preset: str, events: Any, seconds: float, **options: Any) -> dict[str, Any]:
     from same_sound.render import KINDS
 
     words = {number: word for word, number in KINDS.items()}
@@ -50,6 +50,6 @@ def _scene(toml: str, events: Any, seconds: float, **options: Any) -> dict[str, 
         for event in events
     ]  # fmt: skip
     return {
-        "kind": "engine", "presets": [{"toml": toml}], "options": {"quality": "standard", **options}, "events": rows,
+        "kind": "engine", "presets": [{"toml": toml, "plan_of": preset}], "options": {"quality": "standard", **options}, "events": rows,
         "rate_hz": scenes.RATE_HZ, "seconds": seconds, "blocks": [scenes.BLOCK],
     }  # fmt: skip

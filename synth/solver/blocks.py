@@ -51,7 +51,6 @@ from synth.solver.single import fill_single_rows, give_back, take
 from synth.solver.stringmodel import CLOCK, MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
 
-
 #: what modes go through from one block to the next: nothing yet, free flight, the forces of the block
 _NOTHING, _FLIGHT, _FORCES = range(3)
 

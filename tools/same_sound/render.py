@@ -111,7 +111,7 @@ def prepared(scene: dict[str, Any]) -> Any:
 
 
 def _preset(given: str | dict[str, Any]) -> Any:
-    """A preset by name, or {preset or toml, set}."""
+    """A preset by name, or {preset or toml, set}; plan_of: the preset whose measured plan it has, where there are such."""
     if isinstance(given, str):
         given = {"preset": given}
     if "toml" in given:
@@ -121,6 +121,8 @@ def _preset(given: str | dict[str, Any]) -> Any:
             preset = synth.load_preset(str(file))
     else:
         preset = synth.load_preset(_listed(given["preset"]))
+    if "plan_of" in given and hasattr(preset, "with_measured"):
+        preset = preset.with_measured(synth.load_preset(given["plan_of"]).measured)
     for key, value in given.get("set", {}).items():
         preset = preset.with_setting(key, value)
     return preset
