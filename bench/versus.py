@@ -50,6 +50,7 @@ def _scene(toml: str, preset: str, events: Any, seconds: float, **options: Any) 
         for event in events
     ]  # fmt: skip
     return {
-        "kind": "engine", "presets": [{"toml": toml, "plan_of": preset}], "options": {"quality": "standard", **options}, "events": rows,
+        "kind": "engine", "presets": [{"toml": toml, "plan_of": preset}],
+        "options": {"quality": "standard", **options}, "events": rows,
         "rate_hz": scenes.RATE_HZ, "seconds": seconds, "blocks": [scenes.BLOCK],
     }  # fmt: skip
