@@ -108,6 +108,7 @@ def measured(options: argparse.Namespace) -> int:
         history.write(runs)
     if options.publish and drawn and not failed:
         shutil.copyfile(out / "growth.png", page.DOCS / "growth.png")
+        page.put({"growth": pages.of_picture(here)}, pages.SPEED)
         pages.publish(runs)
     print(f"{out}: results.json, tables.md" + (", growth.png" if drawn else ""))
     return failed

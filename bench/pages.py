@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from documentation import page
+from documentation.machine import Machine
 from speed_error.tables import number, table
 
 from bench import REPOSITORY, report
 from bench.aims import aim_of
 from bench.history import BITS, Run
+from synth import __version__
 
 SPEED, README = page.DOCS / "speed.md", REPOSITORY / "README.md"
 #: presets whose notes the page shows, lowest, middle and highest
@@ -206,6 +208,11 @@ def parts(runs: Sequence[Run]) -> dict[Path, dict[str, str]]:
         },
         README: {"speed": _rows(SHORT, some, "× real time, one core (bold: misses its aim)", True)},
     }
+
+
+def of_picture(machine: Machine) -> str:
+    """What stands above the picture, which is of a whole run and not of the history."""
+    return f"One core of: {machine.words}, version {__version__}."
 
 
 def publish(runs: Sequence[Run]) -> None:

@@ -197,6 +197,9 @@ def test_the_pages_have_a_place_for_all_that_is_published(tmp_path: Path) -> Non
         copy.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
         page.put(texts, copy)
         text = copy.read_text(encoding="utf-8")
+        if path == pages.SPEED:
+            page.put({"growth": pages.of_picture(EPYC)}, copy)
+            assert "One core of: AMD EPYC, 2.6 GHz, version " in copy.read_text(encoding="utf-8")
         assert "**123** ×" in text and "Xeon 2.5 GHz" not in "".join(texts.values()) and "## " in text
 
 
