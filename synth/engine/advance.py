@@ -336,7 +336,7 @@ def _nothing_in_reach(core: int, thread: int, s: int) -> bool:
         amplitudes(model.omega[:n], scratch.sigma[:n], string.q[:n], string.v[:n], scratch.amplitude[:n])
         return clear_of_board(board, scratch.amplitude[:n])
     for k in range(contacts):
-        if string.eta[k] >= 0.0:
+        if string.eta[k] >= 0.0 or string.force[k] > 0.0:  # where it pressed just now it is, and can be again
             return False
     amplitude = scratch.amplitude[:n]
     if contacts:
