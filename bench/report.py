@@ -204,24 +204,23 @@ def _memory(found: list[dict[str, Any]]) -> str:
 def _float32(found: list[dict[str, Any]]) -> str:
     here = of(found, "float32")
     speed = [
-        [str(info["modes"]), info["scene"], *(number(one) for form in info["faster"].values() for one in form)]
+        [str(info["modes"]), info["scene"], *map(number, info["faster"])]
         for info in sorted((i for i in here if i["what"] == "speed"), key=lambda info: info["modes"])
     ]
     errors = []
     for info in here:
         if info["what"] == "error":
-            two_step = "stands still" if info["two_step"] is None else f"{number(abs(info['two_step']))}"
-            for form, of_form in info["forms"].items():
-                names = ("against_double", "last_second", "against_reference", "drift_cents", "decay")
-                cells = [number(of_form[name]) for name in names]
-                cells.insert(2, number(info["own"], 3))
-                cells[3] = number(of_form["against_reference"], 3)
-                errors.append([info["label"], rate(info["rate_hz"]), str(info["modes"]), form, *cells, two_step])
+            two_step = "stands still" if info["two_step"] is None else number(abs(info["two_step"]))
+            errs = info["errors"]
+            against = [number(errs["against_double"]), number(errs["last_second"])]
+            against += [number(errs[name], 3) for name in ("own", "against_reference")]
+            cells = [*against, number(errs["drift_cents"]), number(errs["decay"])]
+            errors.append([info["label"], rate(info["rate_hz"]), str(info["modes"]), *cells, two_step])
     parts = []
     if speed:
-        parts.append(table(["modes", "string", "plain, times faster", "best", "increments", "best"], speed))
+        parts.append(table(["modes", "string", "times faster", "best"], speed))
     if errors:
-        head = ["tanpura", "rate", "modes", "form", "e against float64, 3 s", "second 60", "e of float64", "e of float32"]
+        head = ["tanpura", "rate", "modes", "e against float64, 3 s", "second 60", "e of float64", "e of float32"]
         parts.append(table([*head, "drift, cents", "decay off by, 1/s", "two-step form, cents"], errors))
     return "\n".join(parts)
 

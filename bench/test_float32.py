@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from speed_error.store import Store
 from bench import REPOSITORY, float32, kernels
 from bench.conftest import Race, noted
 from bench.count import times_less
-from bench.kernels import BY_NAME, HOLD, Plucked, Setting
+from bench.kernels import HOLD, Plucked, Setting
 from synth.dsp.measures import relative_error
 from synth.native.denormals import enable_ftz, restore
 
@@ -29,12 +30,12 @@ def test_float32_speed(race: Race, modes: int, scene: str, short: bool) -> None:
     plucked, steps = kernels.string(setting), kernels.steps_of(setting, short)
     if scene == "always pressed":
         m = plucked.model
-        plucked = plucked._replace(model=m._replace(eta=m.eta + 2.0 * np.abs(m.shapes @ plucked.q)))
+        eta = m.eta + 2.0 * np.abs(m.shapes @ plucked.q)
+        plucked = plucked._replace(model=replace(m, eta=eta, string=m.string._replace(eta=eta)))
     flies = scene == "in flight"
-    double = BY_NAME["fly_blocks" if flies else "press_blocks"].on(plucked, steps)
-    single = {form: float32.stretch(plucked, steps, form, flies)[0] for form in float32.KERNELS}
-    race(double.call, reset=double.reset, against={form: (one.call, one.reset) for form, one in single.items()})
-    faster = {form: times_less(race.others[form], race.seconds) for form in single}
+    double, single = (float32.stretch(plucked, steps, flies, single=each)[0] for each in (False, True))
+    race(double.call, reset=double.reset, against={"single": (single.call, single.reset)})
+    faster = times_less(race.others["single"], race.seconds)
     race.note(
         "float32", precision="float32", lanes=float32.SINGLE_LANES, what="speed", modes=modes, scene=scene, faster=faster
     )
@@ -62,28 +63,23 @@ def test_float32_error(benchmark: Any, scheme: str, factor: int, modes: int, tab
     first, last = slice(0, round(seconds * BASE_HZ) - 64), slice(-BASE_HZ, None)
     flush = enable_ftz()
     try:
-        double = float32.in_double(plucked, steps)[factor - 1 :: factor]
-        forms = {}
-        for form in float32.KERNELS:
-            one, out = float32.stretch(plucked, steps, form)
-            if form == "plain":
-                benchmark.pedantic(one.call, setup=one.reset, rounds=1)
-            else:
-                one.call()
-            single = out[factor - 1 :: factor]
-            forms[form] = {
-                "against_double": relative_error(single[first], double[first]),
-                "last_second": relative_error(single[last], double[last]) if long else None,
-                "against_reference": relative_error(single[first], judge[1:][first]),
-                "drift_cents": float32.drift(plucked, _LONG_S if long else seconds, form),
-                "decay": float(np.abs(float32.misfit(plucked, form)[1][:20]).max()),
-            }
-        own = relative_error(double[first], judge[1:][first])
+        (one, of_double), (other, of_single) = (float32.stretch(plucked, steps, single=each) for each in (False, True))
+        one.call()
+        benchmark.pedantic(other.call, setup=other.reset, rounds=1)
+        double, single = of_double[factor - 1 :: factor], of_single[factor - 1 :: factor]
+        errors = {
+            "against_double": relative_error(single[first], double[first]),
+            "last_second": relative_error(single[last], double[last]) if long else None,
+            "own": relative_error(double[first], judge[1:][first]),
+            "against_reference": relative_error(single[first], judge[1:][first]),
+            "drift_cents": float32.drift(plucked, _LONG_S if long else seconds),
+            "decay": float(np.abs(float32.misfit(plucked)[1][:20]).max()),
+        }
     finally:
         restore(flush)
     two_step = float(float32.two_step_misfit(plucked)[0])
     noted(
         benchmark, "float32", precision="float32", lanes=float32.SINGLE_LANES, what="error",
-        label=run.label, rate_hz=run.rate_hz, modes=modes, own=own, forms=forms,
+        label=run.label, rate_hz=run.rate_hz, modes=modes, errors=errors,
         two_step=two_step if np.isfinite(two_step) else None,
     )  # fmt: skip
