@@ -52,8 +52,10 @@ HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0
 CHEAPER = 0.97
 #: modes go so far at least, whatever the figures say [Hz]
 LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
-#: strokes that a plan is held to beside those measured: (velocity, times the place, the part of the notes that are played)
+#: strokes that a plan is held to beside those measured: (velocity, times the place)
 OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
+#: velocities that a string which rolls on its bridge is held to besides: its last, grazing contacts come and go with them
+ROLLING_VELOCITIES = (25, 55, 64, 90, 105)
 #: output's place from the saddle, as a share of the open length: that of the calibration's scenes
 SEEN_AT = 0.01
 
@@ -219,6 +221,8 @@ def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], o
         if figures is None:
             break
         kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
+    if one.kind in ROLLING:
+        others = [*others, *(Stroke(velocity) for velocity in ROLLING_VELOCITIES)]
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
     for found in reversed(kept):
         cheaper = factor * found.modes < CHEAPER * most

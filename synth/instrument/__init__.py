@@ -5,6 +5,8 @@ catalogue            presets by family and tag
 table, faults        what its tables have in common; what is wrong, in words
 effects, excitations what a preset may name beside what it has
 plan, calibration    rates and modes that a promised quality needs
+planfile             what was measured of a preset's own strings, in a file beside it
+fingerprints         by what these strings are known again
 compile              strings, contacts and outputs as arrays
 check                whether it can be played, with the reason where it cannot
 """
