@@ -24,8 +24,7 @@ from synth.units import db_to_gain, gain_to_db, midi_to_note
 
 if TYPE_CHECKING:
     from synth.engine.parameters import Binding
-    from synth.instrument.plan import planned_precision
-from synth.instrument.preset import Preset
+    from synth.instrument.preset import Preset
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
 LONGEST_RENDER_S = 24 * 3600.0
@@ -307,6 +306,8 @@ def render_song(
             progress=progress,
         )
         gain = outputs.finish(rendering.peak)
+    from synth.instrument.plan import planned_precision
+
     told = engine.report()
     length_s = rendering.frames / settings.rate_hz
     peak = rendering.peak * gain
