@@ -52,7 +52,7 @@ from synth.solver.stringmodel import Scratch, StringModel, StringState
 
 MAGIC = b"JAWARIBK"
 #: of this layout; a change of what HEADER … RATE mean is another version
-VERSION = 3
+VERSION = 4
 RATES = (44100.0, 48000.0, 88200.0, 96000.0)
 MOST_RATES = 32
 #: of `Engine`, what is not the bank's

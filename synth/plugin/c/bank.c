@@ -51,7 +51,7 @@ _Static_assert(sizeof(struct bank_name) == 40, "as limits.NAME");
 
 static const char MAGIC[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
 static const char FOOT[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'F', 'T'};
-enum { VERSION = 3, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
+enum { VERSION = 4, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
 /* larger than any bank: sums of two do not overflow */
 #define MOST_BYTES ((uint64_t)1 << 40)
 /* of an engine; that of the largest preset takes some megabytes */
