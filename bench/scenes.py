@@ -13,6 +13,7 @@ import numpy as np
 
 from bench import REPOSITORY
 from synth.engine.engine import Engine
+from synth.instrument.plan import FLOAT32, FLOAT64
 from synth.instrument.preset import Preset, load_preset, parse_preset, playable_range
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.midi.song import read_song
@@ -73,6 +74,12 @@ def engine_of(
     engine = Engine(presets, quality=quality, only_notes=notes, **more)
     engine.prepare(RATE_HZ, BLOCK)
     return engine
+
+
+def vectors_of(engine: Engine) -> dict[str, Any]:
+    """precision and lanes of what it computes its strings' modes with."""
+    single = any(model.single for model in engine._strings.models)
+    return {"precision": FLOAT32 if single else FLOAT64, "lanes": 2 * LANES if single else LANES}
 
 
 def note(preset: str, midi: int, velocity: int, quality: str, seconds: float, **more: Any) -> Player:

@@ -11,7 +11,9 @@ from same_sound.trees import Side
 
 from bench import versus
 from bench.conftest import noted
+from synth.instrument.plan import planned_precision
 from synth.jit.kernel_cache import cache_folder
+from synth.solver.lanes import LANES
 
 
 @pytest.fixture(scope="module")
@@ -33,4 +35,14 @@ def test_in_turn(benchmark: Any, base: trees.Base, short: bool, all_cores: Any, 
     benchmark.pedantic(lambda: found.extend(in_turn(sides, scene, 3 if short else 9)), rounds=1, iterations=1)
     theirs, ours = ([each["wall_s" if several else "cpu_s"] for each in rounds] for rounds in found)
     clock = "wall clock" if several else "CPU"
-    noted(benchmark, "against", what=name, commit=base.commit[:10], theirs=theirs, seconds=ours, clock=clock)
+    noted(
+        benchmark,
+        "against",
+        what=name,
+        commit=base.commit[:10],
+        theirs=theirs,
+        seconds=ours,
+        clock=clock,
+        precision=planned_precision("standard"),
+        lanes=2 * LANES,
+    )

@@ -55,4 +55,4 @@ def test_many_notes(benchmark: Any, preset: str, threads: int, short: bool, all_
     for times in found.values():
         times.clear()
     benchmark.pedantic(in_turn, rounds=1 if short else 3, iterations=1)
-    noted(benchmark, "batch", preset=preset, threads=threads, notes=len(notes), **found)
+    noted(benchmark, "batch", preset=preset, threads=threads, notes=len(notes), **found, **scenes.vectors_of(engine))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from bench import block_scenes, scenes
-from bench.conftest import block_rounds
+from bench.conftest import block_rounds, noted
 from bench.count import block_times
 
 BLOCKS = (64, 128, 256)
@@ -29,9 +29,9 @@ def test_even_blocks(benchmark: Any, scene: str, block: int, short: bool) -> Non
     own = block / scenes.RATE_HZ
     found = block_times(rounds, own)
     empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own
-    benchmark.extra_info.update(
-        section="blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
-        stall=float(empty.max() - np.median(empty)),
+    noted(
+        benchmark, "blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
+        stall=float(empty.max() - np.median(empty)), **scenes.vectors_of(player.engine),
     )  # fmt: skip
 
 

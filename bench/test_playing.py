@@ -37,7 +37,7 @@ def test_note(race: Race, preset: str, midi: int, quality: str) -> None:
     race.note(
         "notes", preset=preset, note=midi_to_note(midi), quality=quality, times_real_time=float(np.median(speed)),
         best=max(speed), rate_hz=scenes.RATE_HZ * found.factor, modes=int(position.omega.size),
-        contacts=int(position.eta.size),
+        contacts=int(position.eta.size), **scenes.vectors_of(player.engine),
     )  # fmt: skip
 
 
@@ -56,7 +56,7 @@ def test_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
     empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own
     noted(
         benchmark, "blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
-        stall=float(empty.max() - np.median(empty)),
+        stall=float(empty.max() - np.median(empty)), **scenes.vectors_of(player.engine),
     )  # fmt: skip
 
 
@@ -89,4 +89,5 @@ def test_strings(race: Race, strings: int) -> None:
     race.note(
         "strings", strings=strings, sounding=engine.report().strings_sounding,
         cpu_per_s=float(np.median(race.seconds)) / sound, best_cpu_per_s=min(race.seconds) / sound,
+        **scenes.vectors_of(engine),
     )  # fmt: skip

@@ -107,7 +107,7 @@ def test_bass_note(race: Race, midi: int, velocity: int, short: bool) -> None:
     reached = real_time(player.seconds, race.seconds)
     what = f"bass note at standard, {midi_to_note(midi)}, velocity {velocity}, whole 3 s"
     name = f"bass-note/{midi_to_note(midi)}/{velocity}"
-    race.note("targets", rows=[row(name, what, "× real time", *reached)])
+    race.note("targets", rows=[row(name, what, "× real time", *reached)], **scenes.vectors_of(player.engine))
 
 
 def test_fretless_note(race: Race, short: bool) -> None:
@@ -139,7 +139,7 @@ def test_many_strings(benchmark: Any, threads: int, short: bool, all_cores: Any)
         row(name, f"64 tanpura strings at standard, all touching, {cores}", "× real time", *reached),
         row(f"{name}/block-128", f"their worst block at 128 frames, {cores}", "of its time", found["worst"], None, blocks),
     ]
-    noted(benchmark, "targets", rows=rows, touched=_touched(player), **found)
+    noted(benchmark, "targets", rows=rows, touched=_touched(player), **found, **scenes.vectors_of(player.engine))
 
 
 def _touched(player: scenes.Player) -> int:
@@ -191,4 +191,5 @@ def test_decay(race: Race, preset: str, midi: int, quality: str) -> None:
         row(f"{name}/cpu", f"{label}, CPU time", "of the first", float(np.median(ratios)), float(ratios.min())),
         row(f"{name}/slowest", "its slowest second, mode-steps", "of the first", work.max() / work[0], None),
     ]
-    race.note("targets", rows=rows, mode_steps=work.tolist(), cpu_s=np.median(seconds, axis=0).tolist())
+    vectors = scenes.vectors_of(player.engine)
+    race.note("targets", rows=rows, mode_steps=work.tolist(), cpu_s=np.median(seconds, axis=0).tolist(), **vectors)
