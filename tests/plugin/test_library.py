@@ -155,7 +155,8 @@ _PLAY = """
 
 @pytest.mark.parametrize("level", emit.LEVELS)
 def test_both_levels_sound_the_same_but_for_rounding(library, library_file, bank_files, tmp_path, level):
-    """The kernels are those of the level that is asked for, and play what the others play."""
+    """The kernels are those of the level that is asked for, and play what the others play, modes being float32: e stays a
+    hundredth of what the quality promises."""
     script = [
         sys.executable,
         "-c",
@@ -170,7 +171,7 @@ def test_both_levels_sound_the_same_but_for_rounding(library, library_file, bank
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == min(level, library.processor(None).decode())
     here = library.open_bank(bank_files["tanpura"]).engine().play([(0, 1, 0, 48, 100), (99, 1, 0, 43, 100)], 20000)
-    np.testing.assert_allclose(np.load(tmp_path / "x.npy"), here, atol=1e-6)
+    assert np.linalg.norm(np.load(tmp_path / "x.npy") - here) < 1e-3 * np.linalg.norm(here)
     assert np.abs(here).max() > 0.01
 
 
