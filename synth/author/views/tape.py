@@ -103,12 +103,15 @@ class Piece:
 class Taped(Engine):
     """An engine with the one string of a place, its ends at rest."""
 
-    def __init__(self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ) -> None:
+    def __init__(
+        self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ, *, precision: str | None = None
+    ) -> None:
         super().__init__(
             [place.preset.on_rigid_ends],
             quality=quality,
             limiter=False,
             economy=False,
+            precision=precision,
             only_notes=[{place.note}],
             every_fret=False,
         )

@@ -116,8 +116,7 @@ def test_reference_is_stopped(page):
     page.script(
         """document.getElementById("reference").click();
         const cancel = [...document.querySelectorAll(".reference-head button")].at(-1);
-        const bar = document.querySelector(".reference-head progress");
-        const timer = setInterval(() => bar.hasAttribute("value") && cancel.click(), 5);
+        const timer = setInterval(() => cancel.checkVisibility() && cancel.click(), 5);
         setTimeout(() => clearInterval(timer), 20000);"""
     )
     page.until(lambda: page.find("#reference").is_enabled())

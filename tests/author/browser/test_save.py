@@ -74,6 +74,7 @@ def test_built_in_preset_is_saved_under_a_name_of_its_own(page, folder):
     page.find("#open").click()
     page.find('dialog [data-preset="jawari-harp"]').click()
     page.until(lambda: page.text("#title") == "Jawari harp")
+    page.ready()
     edit(page, "pluck.position", 0.25)
     page.find("#save").click()
     name = page.find("#file-name")

@@ -63,7 +63,7 @@ def at_one_tension(name: str) -> Preset:
 @pytest.mark.parametrize(("name", "note", "velocity"), [note for note in NOTES if note[0] != "free"])
 def test_the_forces_on_the_tape_move_the_modes_on_the_tape(name: str, note: int, velocity: int) -> None:
     """x₊ = A x + g for (q, q̇) over a block, A = Φ⁸: q₊ = tr A · q − det A · q₋ + [g + (A − tr A) g₋]_q."""
-    taped = Taped(find(at_one_tension(name), note))
+    taped = Taped(find(at_one_tension(name), note), precision="float64")
     position = taped.position
     p11, p12, p21, p22, kq, kv = position.coef[:6]
     step = np.moveaxis(np.array([[p11, p12], [p21, p22]]), 2, 0)
