@@ -32,7 +32,7 @@ import pytest
 from documentation import machine, page
 from same_sound import trees
 
-from bench import REPOSITORY, history, pages, plots, report
+from bench import REPOSITORY, history, pages, report
 from synth.files.targets import write_text
 
 
@@ -102,6 +102,8 @@ def measured(options: argparse.Namespace) -> int:
     text = report.markdown(found, here.words, whole=options.only is None)
     write_text(out / "tables.md", text)
     print(text)
+    from bench import plots
+
     drawn = plots.growth(found, out / "growth.png")
     if (options.record or options.publish) and not failed:
         runs = history.with_runs(history.read(), history.runs_of(pages.figures_of(found), here))

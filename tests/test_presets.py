@@ -97,8 +97,8 @@ def bare(preset: Preset) -> Preset:
     return preset.model_copy(update={"body": preset.body.model_copy(update={"resonance": (), "direct_db": 0.0})})
 
 
-def prepared(preset: Preset) -> Engine:
-    engine = Engine([preset], limiter=False)
+def prepared(preset: Preset, precision: str | None = None) -> Engine:
+    engine = Engine([preset], limiter=False, precision=precision)
     engine.prepare(RATE)
     return engine
 
@@ -283,7 +283,7 @@ def test_release_stops_the_note(name: str, note: int) -> None:
 
 
 def test_the_tanpura_rings_on_until_it_is_silenced() -> None:
-    engine = prepared(string_of("tanpura", 43))
+    engine = prepared(string_of("tanpura", 43), "float64")
     held = play(engine, [(0, NOTE_ON, 0, 43, 100)], 2.0)
     released = play(engine, [(0, NOTE_ON, 0, 43, 100), (4410, NOTE_OFF, 0, 43, 0)], 2.0)
     # the event cuts a quantum of steps: other roundings, nothing more

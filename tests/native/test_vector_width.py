@@ -25,7 +25,8 @@ def open_to_choose(monkeypatch, tmp_path):
     """A processor with something to choose, whose user has not chosen, and an empty cache."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     for name in ("JAWARI_LANES", "JAWARI_TRIAL"):
-        monkeypatch.delenv(name, raising=False)
+        monkeypatch.setenv(name, "")  # so that it is put back to what it was, whatever a test does
+        monkeypatch.delenv(name)
     monkeypatch.setattr(vector_width, "level", lambda: "x86-64-v4")
     monkeypatch.setattr(vector_width, "processor", lambda: "Processor X")
     assert prebuilt.found().path is None

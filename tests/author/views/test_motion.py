@@ -34,7 +34,7 @@ NOTES = [
 
 def engine_alone(name: str, note: int, velocity: int, seconds: float, *, economy: bool) -> np.ndarray:
     """(frames,) the note by an engine without a tape."""
-    engine = Engine([find(preset(name), note).preset], limiter=False, economy=economy)
+    engine = Engine([find(preset(name), note).preset], limiter=False, economy=economy, precision="float64")
     engine.prepare(RATE_HZ)
     out = np.zeros((round(seconds * RATE_HZ) + engine.latency_samples, 2))
     engine.process(make_events([(0, NOTE_ON, 0, note, velocity)]), out)
@@ -43,7 +43,7 @@ def engine_alone(name: str, note: int, velocity: int, seconds: float, *, economy
 
 @pytest.mark.parametrize(("name", "note", "velocity"), NOTES)
 def test_a_taped_engine_sounds_as_the_engine(name: str, note: int, velocity: int) -> None:
-    taped = Taped(find(preset(name), note))
+    taped = Taped(find(preset(name), note), precision="float64")
     out = np.concatenate([piece.out.copy() for piece in taped.play(velocity, 0.5)])
     alone = engine_alone(name, note, velocity, 0.5, economy=False)
     # where the finger is, is rounded otherwise, and contacts magnify it: to less than a 60th of what 24 bits resolve
