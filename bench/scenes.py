@@ -78,7 +78,7 @@ def engine_of(
 
 def vectors_of(engine: Engine) -> dict[str, Any]:
     """precision and lanes of what it computes its strings' modes with."""
-    single = any(model.single for model in engine._strings.models)
+    single = engine.has_single
     return {"precision": FLOAT32 if single else FLOAT64, "lanes": 2 * LANES if single else LANES}
 
 

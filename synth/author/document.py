@@ -284,9 +284,14 @@ class Document:
         with self._lock:
             text, preset = changes.apply(self.text, [("name", preset_name(file.stem))], self.name)
             check_regular(file)
+            if self._measured.strings:  # what was measured of its strings goes along
+                check_regular(path_of(file))
+                write_text(path_of(file), text_of(self._measured))
             write_text(file, text)
             if text != self.text:
                 self._take(text, preset, "name")
+            if not self._measured.strings:
+                self._go_by(self._plan_beside(file))
             if autosave != self.autosave:
                 self._drop_autosave()
                 self.file, self.autosave, self.name = file, autosave, file.stem
@@ -321,8 +326,8 @@ class Document:
             now, notices = current(text, self.name)
             preset = changes.checked(now, self.name)
             self.notices = notices
-            self._measured = self._plan_beside(self.file)
             self._take(now, preset, "reload")
+            self._go_by(self._plan_beside(self.file))
             self._on_disk, self._saved = text, Version(now, preset.with_measured(self._measured))
             self.disk = None
             self.revision += 1
@@ -341,14 +346,18 @@ class Document:
             self.check_plan_place()
             assert self.file is not None
             write_text(path_of(self.file), text_of(plan))
-            self._measured = plan
-            past, future = (
-                tuple(replace(step, preset=step.preset.with_measured(plan)) for step in steps)
-                for steps in (self._history.past, self._history.future)
-            )
-            self._history = History(past, future)
-            self._saved = replace(self._saved, preset=self._saved.preset.with_measured(plan))
+            self._go_by(plan)
             self.revision += 1
+
+    def _go_by(self, plan: MeasuredPlan) -> None:
+        """Have every version planned by it."""
+        self._measured = plan
+        past, future = (
+            tuple(replace(step, preset=step.preset.with_measured(plan)) for step in steps)
+            for steps in (self._history.past, self._history.future)
+        )
+        self._history = History(past, future)
+        self._saved = replace(self._saved, preset=self._saved.preset.with_measured(plan))
 
     def close(self, *, discard: bool = False) -> None:
         """Write nothing from now on; `discard`: and throw the autosaved text away."""

@@ -42,7 +42,7 @@ from synth.files import unfinished
 from synth.jit import kernel_cache, vector_width
 
 #: commands that compile kernels, where there are none yet
-_COMPILING = ("render", "play", "drone", "author", "simulate")
+_COMPILING = ("render", "play", "drone", "author", "simulate", "fit")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

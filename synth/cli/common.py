@@ -125,7 +125,9 @@ def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     laws = f"contact law: {', '.join(LAWS)}, or an installed one"
     group.add_argument("--scheme", type=scheme(LAWS), default="exact-hold", metavar="NAME", help=laws)
     group.add_argument(
-        "--precision", choices=PRECISIONS, help="of the strings' modes; default: float32 at draft and standard, else float64"
+        "--precision",
+        choices=PRECISIONS,
+        help="of the modes of strings on rigid ends; default: float32 at draft and standard, float64 else",
     )
     group.add_argument(
         "--internal-rate",

@@ -35,9 +35,13 @@ def add(commands: Any) -> None:
 def _plan(options: argparse.Namespace) -> int:
     from synth.instrument.check import check
     from synth.instrument.compile import describe_plan
-    from synth.instrument.preset import load_preset
+    from synth.instrument.preset import load_preset, parse_preset, read_preset
 
-    preset = check(load_preset(options.preset), options.preset)
+    if options.measure_plan:  # a plan that cannot be read is made anew
+        preset = parse_preset(read_preset(options.preset), options.preset)
+    else:
+        preset = load_preset(options.preset)
+    check(preset, options.preset)
     if options.measure_plan:
         preset = _measured(preset, options.preset)
     note = None if options.note is None else note_number(options.note)

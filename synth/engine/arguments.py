@@ -12,7 +12,7 @@ import numpy as np
 
 from synth.dsp.decimator import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
 from synth.instrument.effects import EffectTable
-from synth.instrument.plan import PRECISIONS, QUALITIES
+from synth.instrument.plan import FLOAT32, PRECISIONS, QUALITIES
 from synth.instrument.preset import Preset
 from synth.midi.events import (
     BEND,
@@ -117,10 +117,12 @@ def quality(name: Any) -> str:
     return name
 
 
-def precision(name: Any) -> str | None:
+def precision(name: Any, scheme: str) -> str | None:
     """A precision's name, or None. Raises ValueError."""
     if name is not None and name not in PRECISIONS:
         raise ValueError(f"precision must be one of {', '.join(PRECISIONS)}, or None for the planned one, got {name!r}")
+    if name == FLOAT32 and scheme != "exact-hold":
+        raise ValueError(f"precision float32 is exact-hold's, got {scheme}; leave one of the two out")
     return name
 
 

@@ -92,7 +92,8 @@ class Engine:
     note_hz      (128,) frequencies that replace the presets' equal temperament
     bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
                  all, id, value at 0, value at 127), None for the parameter's own range
-    precision    of the modes, "float64" or "float32"; None: as planned for the quality (`plan.planned_precision`)
+    precision    "float64", or "float32" where strings can have their modes so (on rigid ends, not over boards); None: as
+                 planned for the quality (`plan.planned_precision`)
     only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
                  every_fret what else can be played on the others. No effect on the sound of those notes
     mix_effects  effects of the mix, in this order before the limiter: tables as in presets
@@ -159,7 +160,7 @@ class Engine:
         )
         self.note_hz = arguments.note_frequencies(note_hz)
         self.economy = quality in ("draft", "standard") if economy is None else economy
-        self.precision = arguments.precision(precision) or planned_precision(quality, scheme, internal_rate_hz)
+        self.precision = arguments.precision(precision, scheme) or planned_precision(quality, scheme, internal_rate_hz)
         self._only_notes = arguments.wanted_notes(only_notes, len(self.parts))
         self._every_fret = every_fret
         self.rate_hz = 0.0
@@ -325,6 +326,11 @@ class Engine:
         highest_hz = max(float(omega.max()) for _, omega in plans) / (2.0 * math.pi)
         risk = energy_warning(self.scheme, self.restitution, slowest, "internal_rate_hz", self.rate_hz, highest_hz)
         return [] if risk is None else [risk]
+
+    @property
+    def has_single(self) -> bool:
+        """Whether any of its strings has its modes in float32: those on rigid ends, where `precision` says so."""
+        return any(model.single for model in self._strings.models)
 
     def reset(self) -> None:
         """Silence, controllers at their power-up values, counters at zero."""

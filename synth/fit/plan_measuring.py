@@ -182,7 +182,7 @@ class OneString:
 
 
 def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> MeasuredString:
-    """What each quality takes on one string; one that no less than the law's keeps is left out. Raises Ended."""
+    """What each quality takes on one string; a quality that no less than the law's keeps is left out. Raises Ended."""
     done = 0.0
 
     def step(part: float) -> None:

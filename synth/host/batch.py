@@ -107,7 +107,7 @@ def render_notes(
         raise ValueError(f"dtype must be 'float32' or 'float64', got {dtype!r}")
     if threads != "auto" and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
         raise ValueError(f"threads must be a whole number from 1 on or 'auto', got {threads!r}")
-    if not ahead_mib > 0.0:
+    if isinstance(ahead_mib, bool) or not isinstance(ahead_mib, int | float) or not ahead_mib > 0.0:
         raise ValueError(f"ahead_mib must be more than 0, got {ahead_mib!r}")
     from synth.engine import arguments
     from synth.engine.engine import MOST_SEED
@@ -228,8 +228,13 @@ class _Making:
 def _wrong(note: Note) -> str:
     """What is wrong with a note's numbers, "" where nothing is."""
     from synth.engine import arguments
+    from synth.instrument.preset import Preset
 
     try:
+        if not isinstance(note.articulation, str):
+            raise TypeError(f"articulation must be a name, or empty, got {note.articulation!r}")
+        if not (note.preset is None or isinstance(note.preset, str | Preset)):
+            raise TypeError(f"preset must be a name, a file or a Preset, got {note.preset!r}")
         arguments.a_count("note", note.note, 0, 127)
         arguments.a_count("velocity", note.velocity, 1, 127)
         arguments.a_number("seconds", note.seconds, SHORTEST_S, LONGEST_S, " s")

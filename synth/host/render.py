@@ -306,8 +306,6 @@ def render_song(
             progress=progress,
         )
         gain = outputs.finish(rendering.peak)
-    from synth.instrument.plan import planned_precision
-
     told = engine.report()
     length_s = rendering.frames / settings.rate_hz
     peak = rendering.peak * gain
@@ -321,7 +319,7 @@ def render_song(
         rate_hz=settings.rate_hz,
         quality=settings.quality,
         scheme=settings.scheme,
-        precision=settings.precision or planned_precision(settings.quality, settings.scheme, settings.internal_rate_hz),
+        precision="float32" if engine.has_single else "float64",
         seed=settings.seed,
         length_s=length_s,
         peak_dbfs=gain_to_db(peak) if peak > 0.0 else None,
@@ -467,6 +465,7 @@ class _Silence:
     """In the place of an engine where no channel is played (a song of percussion alone)."""
 
     latency_samples = 0
+    has_single = False
 
     def prepare(self, rate_hz: float, max_block: int, progress: Callable[[int, int], None] | None = None) -> None:
         pass

@@ -767,7 +767,7 @@ def describe_plan(
                         "contacts": plan.contacts,
                         "plan": "measured" if plan.measured else "law",
                         "error": plan.error,
-                        "kept_in": 1.0 if plan.measured else KEPT,
+                        "kept_in": KEPT,
                         "reason": plan.reason,
                     }
                 )

@@ -176,7 +176,7 @@ def choose_factor(
 def planned_precision(quality: str, scheme: str = "exact-hold", internal_rate_hz: float | None = None) -> str:
     """Elements of the modes: float32 where the promise leaves room a hundred times over, at "draft" and "standard".
 
-    What rounding adds to e is 1e-4 where the promise is 0.1 (tests/engine/test_single.py). What nothing is promised of,
+    What rounding adds to e is 1e-4 where the promise is 0.1 (tests/solver/test_single.py). What nothing is promised of,
     another scheme or a rate of one's own, is float64.
     """
     return FLOAT32 if quality in ("draft", "standard") and scheme == "exact-hold" and internal_rate_hz is None else FLOAT64

@@ -25,7 +25,7 @@ from synth.jit.kernel_sources import users_cache
 from synth.native.processors import level
 
 #: what a trial may take, compiling included, on a machine that does much else; then there is no choice [s]
-_PATIENCE_S = 60.0
+_PATIENCE_S = 20.0
 #: another width than the register's must be faster by this to be chosen: timings are no better
 _WORTH = 1.1
 #: choices that there are to make
@@ -47,19 +47,28 @@ def kept() -> dict[str, Any] | None:
     try:
         known = json.loads(_file().read_text(encoding="utf-8"))
         found = known[processor()]
+        if found["seconds"]:
+            choose(found["seconds"])
         return found if found["lanes"] in _CHOICES else None
     except (OSError, RuntimeError, ValueError, KeyError, TypeError):  # no home; no file, or not ours
         return None
 
 
 def use_kept() -> None:
-    """Have kernels compiled as a trial found, where one was made and nobody has chosen."""
-    if (found := kept()) is not None and found["lanes"] != str(WIDE) and _is_open():
+    """Have kernels compiled as a trial found, where one was made, nobody has chosen and no native library is there, whose
+    kernels are as wide as the registers."""
+    found = kept()
+    if found is None or found["lanes"] == str(WIDE) or not _is_open():
+        return
+    from synth.jit import prebuilt
+
+    if os.environ.get("JAWARI_NATIVE") == "0" or not any(place.is_file() for place in prebuilt.places()):
         os.environ["JAWARI_LANES"] = found["lanes"]
 
 
 def settle() -> str | None:
-    """Make the trial, if there is one to make and none was made. The choice, None: there was nothing to choose."""
+    """Make the trial, if there is one to make and none was made, and go by it. The choice, None: there was nothing to
+    choose, or no time for it."""
     from synth.jit import prebuilt
 
     if not _is_open() or os.environ.get("JAWARI_TRIAL") == "0" or kept() is not None or prebuilt.found().path is not None:
@@ -74,6 +83,8 @@ def settle() -> str | None:
         )
         seconds = json.loads(done.stdout)
         found = {"lanes": choose(seconds), "seconds": seconds}
+    except subprocess.TimeoutExpired:  # the machine does much else: another time
+        return None
     except (OSError, ValueError, KeyError, subprocess.SubprocessError):  # the register's, and no second trial
         found = {"lanes": str(WIDE), "seconds": {}}
     with suppress(OSError, RuntimeError, ValueError):
@@ -83,6 +94,8 @@ def settle() -> str | None:
         known = known if isinstance(known, dict) else {}
         _file().parent.mkdir(parents=True, exist_ok=True)
         write_text(_file(), json.dumps({**known, processor(): found}, indent=1) + "\n")
+    if found["lanes"] != str(WIDE):
+        os.environ["JAWARI_LANES"] = found["lanes"]
     return found["lanes"]
 
 

@@ -105,7 +105,7 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     K free steps.
 
     Modes and what they are multiplied with may be float32; forces, kicks and outputs are float64. Rows of float32 hold
-    Φ^K − 1 where those of float64 hold Φ^K (`responses.single_rows`).
+    Φ^K − 1 where those of float64 hold Φ^K (`single.fill_single_rows`).
     """
     b = code.b
     kicked = motion.endswith(" kicked")

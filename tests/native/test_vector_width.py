@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from synth.jit import prebuilt, vector_width
+from synth.jit import kernel_cache, prebuilt, vector_width
 from synth.jit.vector_width import choose, described, kept, settle, use_kept
 from synth.native import processors
 from tests.patience import compiling_s
@@ -66,8 +66,9 @@ def test_half_a_register_is_taken_where_it_is_clearly_faster(narrow, lanes):
 
 def test_a_trial_is_made_once_and_kept(trial):
     made = trial(times(0.5, 0.8, 0.8, 1.5, 1.9))
-    assert settle() == "8-64" and settle() is None and len(made) == 1
-    assert kept()["lanes"] == "8-64"
+    assert settle() == "8-64" and os.environ["JAWARI_LANES"] == "8-64"
+    assert settle() is None and len(made) == 1 and kept()["lanes"] == "8-64"
+    del os.environ["JAWARI_LANES"]  # the next process
     use_kept()
     assert os.environ["JAWARI_LANES"] == "8-64"
     assert described() == "vectors of 8 doubles, 4 up to 64 modes by a trial (half as wide takes 0.5 to 1.9 times as long)"
@@ -83,13 +84,40 @@ def test_another_processor_has_a_trial_of_its_own(trial, monkeypatch):
 
 
 def test_a_trial_that_fails_leaves_the_registers_width_and_is_not_made_again(trial):
-    made = trial(subprocess.TimeoutExpired("trial", 1.0))
+    made = trial(subprocess.CalledProcessError(1, "trial"))
     assert settle() == "8" and settle() is None and len(made) == 1
     use_kept()
     assert "JAWARI_LANES" not in os.environ and described() == ""
 
 
-@pytest.mark.parametrize("content", ["", "[1]", "{", '{"Processor X": {"lanes": "9"}}', '{"Processor X": 3}'])
+def test_a_trial_that_takes_too_long_is_made_another_time(trial):
+    made = trial(subprocess.TimeoutExpired("trial", 1.0))
+    assert settle() is None and settle() is None and len(made) == 2 and kept() is None
+
+
+def test_a_native_library_goes_before_what_a_trial_found(trial, monkeypatch, tmp_path):
+    trial(times(0.5, 0.8, 0.8, 1.5, 1.9))
+    settle()
+    del os.environ["JAWARI_LANES"]
+    library = tmp_path / "libjawari.so"
+    library.write_bytes(b"")
+    monkeypatch.setenv("JAWARI_NATIVE", str(library))
+    use_kept()
+    assert "JAWARI_LANES" not in os.environ
+
+
+def test_kernels_of_the_width_that_was_found_are_kept_in_a_folder_of_their_own(trial, monkeypatch):
+    trial(times(0.5, 0.8, 0.8, 1.5, 1.9))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "as it was")
+    monkeypatch.setattr(kernel_cache, "_chosen", ["as it was"])
+    settle()
+    kernel_cache.point_again()
+    assert os.environ["NUMBA_CACHE_DIR"].endswith("-8-64")
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[1]", "{", '{"Processor X": {"lanes": "9"}}', '{"Processor X": {"lanes": "8"}}', '{"Processor X": 3}']
+)
 def test_a_file_that_is_not_ours_is_as_none(trial, tmp_path, content):
     made = trial(times(2, 2, 2, 2, 2))
     file = tmp_path / "jawari" / "vectors.json"

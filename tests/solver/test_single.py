@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from synth.cli import common
 from synth.engine.engine import Engine
+from synth.instrument import plan
 from synth.instrument.compile import Position, compile_preset
 from synth.instrument.plan import planned_precision
 from synth.instrument.preset import load_preset
@@ -183,3 +185,16 @@ def test_a_precision_that_there_is_not_is_refused():
         ValueError, match=r"precision must be one of float64, float32, or None for the planned one, got 'half'"
     ):
         Engine([load_preset("tanpura")], precision="half")
+    with pytest.raises(ValueError, match="precision float32 is exact-hold's, got moreau-jean; leave one of the two out"):
+        Engine([load_preset("tanpura")], precision="float32", scheme="moreau-jean")
+
+
+def test_what_share_a_body_is_float64_and_said_to_be():
+    for name, single in (("tanpura", True), ("steel-guitar", False), ("fretless-bass", False)):
+        engine = Engine([load_preset(name)], only_notes=[{48}], every_fret=False)
+        engine.prepare(RATE_HZ, 64)
+        assert engine.has_single is single, name
+
+
+def test_the_command_offers_the_precisions_that_there_are():
+    assert common.PRECISIONS == plan.PRECISIONS
