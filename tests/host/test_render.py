@@ -26,6 +26,8 @@ from .midibytes import header, off, on, track
 class _Engine(FakeEngine):
     """The fake with the rest of an engine's face."""
 
+    has_single = True
+
     def close(self) -> None:
         pass
 
