@@ -7,10 +7,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bench import peak
-from bench.scenes import Player
+from bench.count import block_times
+from bench.scenes import RATE_HZ, Player, stalls, vectors_of
 from synth.native.denormals import enable_ftz, restore
 from synth.solver.lanes import LANES
 
@@ -114,6 +116,18 @@ def block_rounds(benchmark: Any, player: Player, block: int, short: bool) -> lis
     rounds.clear()
     benchmark.pedantic(play, rounds=3 if short else 5, iterations=1)
     return rounds
+
+
+def note_blocks(benchmark: Any, scene: str, player: Player, block: int, short: bool) -> None:
+    """A scene's blocks of so many frames, and as many turns of a loop that does nothing, as long as a median block."""
+    rounds = block_rounds(benchmark, player, block, short)
+    own = block / RATE_HZ
+    found = block_times(rounds, own)
+    empty = stalls(found["median"] * own, len(rounds[0])) / own
+    noted(
+        benchmark, "blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
+        stall=float(empty.max() - np.median(empty)), **vectors_of(player.engine),
+    )  # fmt: skip
 
 
 @pytest.fixture

@@ -13,31 +13,20 @@ import numpy as np
 from bench.kernels import Plucked, Stretch
 from synth.native.simd import LANES
 from synth.solver.blocks import advance_blocks, fly_modes, press_blocks
-from synth.solver.lanes import BLOCK, padded_single
+from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
-from synth.solver.stringmodel import StringModel, Strung, place_contacts, single_copy, single_rows
+from synth.solver.stringmodel import Strung, in_single, place_contacts
 
 SINGLE_LANES = 2 * LANES
 _CALL = 1024  # steps
 
 
-def single_of(model: StringModel) -> StringModel:
-    """The model with its modes in float32."""
-    count = padded_single(model.modes)
-    return model._replace(
-        single=1,
-        certified=0,
-        single_rows=single_rows(model.rows, count),
-        single_shapes=single_copy(model.shapes, count),
-        single_weights=single_copy(model.weights, count),
-    )
-
-
 def stretch(plucked: Plucked, steps: int, flies: bool = False, *, single: bool = True) -> tuple[Stretch, np.ndarray]:
     """All `steps`, a multiple of K, of a string over its contact, or flying free; with the displacements, (steps,)."""
     m, q0, v0 = plucked
-    string = Strung(single_of(m.string) if single else m.string._replace(certified=0), q0, v0, min(steps, _CALL))
-    model, state, scratch = string.addresses
+    model = m.string._replace(certified=0)
+    string = Strung(in_single(model) if single else model, q0, v0, min(steps, _CALL))
+    at, state, scratch = string.addresses
     out = np.zeros(steps)
 
     def reset() -> None:
@@ -45,17 +34,15 @@ def stretch(plucked: Plucked, steps: int, flies: bool = False, *, single: bool =
 
     def take() -> None:
         if not flies and m.law != EXACT_HOLD:
-            place_contacts(model, state, string.model.modes)
+            place_contacts(at, state, string.model.modes)
         for first in range(0, steps, _CALL):
             here = min(_CALL, steps - first)
             if flies:
-                fly_modes(
-                    model, scratch, string.state.q, string.state.v, string.model.modes, here // BLOCK, string.out(here)
-                )
+                fly_modes(at, scratch, string.state.q, string.state.v, string.model.modes, here // BLOCK, string.out(here))
             elif m.law == EXACT_HOLD:
-                press_blocks(model, state, scratch, here // BLOCK, here)
+                press_blocks(at, state, scratch, here // BLOCK, here)
             else:
-                advance_blocks(model, state, scratch, here // BLOCK, here)
+                advance_blocks(at, state, scratch, here // BLOCK, here)
             out[first : first + here] = string.out(here)[0]
 
     return Stretch(take, reset, string.q, string.v), out

@@ -9,11 +9,10 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-import numpy as np
 import pytest
 
 from bench import block_scenes, scenes
-from bench.conftest import block_rounds, noted
+from bench.conftest import note_blocks
 from bench.count import block_times
 
 BLOCKS = (64, 128, 256)
@@ -24,15 +23,7 @@ ROUNDS = 6
 @pytest.mark.parametrize("block", BLOCKS)
 @pytest.mark.parametrize("scene", list(block_scenes.SCENES))
 def test_even_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
-    player = block_scenes.SCENES[scene]()
-    rounds = block_rounds(benchmark, player, block, short)
-    own = block / scenes.RATE_HZ
-    found = block_times(rounds, own)
-    empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own
-    noted(
-        benchmark, "blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
-        stall=float(empty.max() - np.median(empty)), **scenes.vectors_of(player.engine),
-    )  # fmt: skip
+    note_blocks(benchmark, scene, block_scenes.SCENES[scene](), block, short)
 
 
 def player_of(scene: str) -> scenes.Player:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bench import scenes
-from bench.conftest import Race, block_rounds, noted
-from bench.count import block_times
+from bench.conftest import Race, note_blocks
 from synth.instrument.preset import list_presets
 from synth.units import midi_to_note
 
@@ -50,14 +49,7 @@ def test_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
         player.seconds = min(player.seconds, 8.0 if short else 60.0)
     else:
         player = scenes.crowd(scenes.MANY, scenes.first_full() + (0.5 if short else 2.0))
-    rounds = block_rounds(benchmark, player, block, short)
-    own = block / scenes.RATE_HZ
-    found = block_times(rounds, own)
-    empty = scenes.stalls(found["median"] * own, len(rounds[0])) / own
-    noted(
-        benchmark, "blocks", scene=scene, block=block, blocks=len(rounds[0]), **found,
-        stall=float(empty.max() - np.median(empty)), **scenes.vectors_of(player.engine),
-    )  # fmt: skip
+    note_blocks(benchmark, scene, player, block, short)
 
 
 def _counts() -> list:

@@ -73,6 +73,11 @@ def fingerprint(text: str) -> str:
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
+def version_fingerprint(text: str, preset: Preset) -> str:
+    """What tells versions apart: a text, and the plan measured of its preset."""
+    return fingerprint(text + text_of(preset.measured))
+
+
 def current(text: str, origin: str) -> tuple[str, list[str]]:
     """A preset's text in today's format, and what that changed, in words. Raises PresetError."""
     changes.check_text(text, origin)

@@ -18,13 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from synth.author.document import Document, fingerprint
+from synth.author.document import Document, version_fingerprint
 from synth.author.errors import one_line
 from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
-from synth.instrument.planfile import text_of
 from synth.instrument.preset import Preset, playable_notes
 from synth.instrument.ways import switch_keys
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
@@ -50,7 +49,7 @@ LOOK_S = 0.05
 #: numbers of streams, of all players together: a page that changes from one to another does not confuse them
 _STREAMS = itertools.count(1)
 Emit = Callable[[dict[str, Any] | bytes], object]
-#: of an engine: the text's fingerprint, and the notes that it is prepared for (None: all)
+#: of an engine: the version's fingerprint, and the notes that it is prepared for (None: all)
 Key = tuple[str, frozenset[int] | None]
 
 
@@ -242,7 +241,7 @@ class Player:
         self._begins()
         self._silence()  # first, so that the engine can be taken again
         # its strings may be fewer than those that keys need: it has a name of its own
-        engine = self._engine(phrase_preset(preset, wanted), (f"{_name(preset, text)} phrase", wanted.notes))
+        engine = self._engine(phrase_preset(preset, wanted), (f"{version_fingerprint(text, preset)} phrase", wanted.notes))
         if self._output == "server":
             self._speaker = Speaker(engine, self._rate_hz, wanted)
             return
@@ -261,9 +260,9 @@ class Player:
             return
         self._begins()
         if self._output == "server":
-            self._speaker_for(key, preset, _name(preset, text)).send(NOTE_ON, 0, key, velocity)
+            self._speaker_for(key, preset, version_fingerprint(text, preset)).send(NOTE_ON, 0, key, velocity)
             return
-        voice = self._voice_for(key, preset, _name(preset, text))
+        voice = self._voice_for(key, preset, version_fingerprint(text, preset))
         voice.send(NOTE_ON, 0, key, velocity)
         if not self._running:
             self._start()
@@ -423,11 +422,6 @@ class Player:
             self._told_at, self._busy_s = self._frame, 0.0
         if not self._voices and not self._fading:
             self._end()
-
-
-def _name(preset: Preset, text: str) -> str:
-    """What tells a text with its measured plan from others."""
-    return fingerprint(text + text_of(preset.measured))
 
 
 def number(message: dict[str, Any], name: str, low: int, high: int) -> int:

@@ -8,9 +8,8 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from synth.author.document import fingerprint
+from synth.author.document import version_fingerprint
 from synth.author.worker import Worker, compute
-from synth.instrument.planfile import text_of
 from synth.instrument.preset import Preset
 
 #: answers that are kept
@@ -61,7 +60,7 @@ class Viewer:
     ) -> bytes:
         """A view of the preset of a text, as JSON. Raises what the view raises, and Gone."""
         view = VIEWS[name]
-        key = (name, fingerprint(text + text_of(preset.measured)), *sorted(arguments.items()))
+        key = (name, version_fingerprint(text, preset), *sorted(arguments.items()))
         if key in self._kept:
             return self._keep(key, self._kept[key])
         if not view.long:

@@ -35,10 +35,9 @@ from synth.solver.stringmodel import (
     Scratch,
     StringModel,
     StringState,
+    in_single,
     make_scratch,
     make_string,
-    single_copy,
-    single_rows,
     state_sizes,
 )
 
@@ -290,8 +289,7 @@ class _Lists:
         self.compiled.append(model)
         flight = model._replace(dt=frame, rows=rows, weights=weights)
         if single:
-            singles = model.single_rows.shape[1]
-            flight = flight._replace(single_rows=single_rows(rows, singles), single_weights=single_copy(weights, singles))
+            flight = in_single(flight)._replace(single_shapes=model.single_shapes)
         self.flights.append(flight)
 
 

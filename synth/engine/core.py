@@ -43,9 +43,15 @@ def model_of(core: int, s: int):
 
 
 @njit(inline="always")
+def flight_address(core: int, s: int) -> int:
+    """Address of the model of its free flight, a frame at a time."""
+    return shared_of(core).model_at[state_of(core).sounding[s].model, FLIGHT]
+
+
+@njit(inline="always")
 def flight_of(core: int, s: int):
-    """The StringModel of its free flight, a frame at a time."""
-    return string_model(shared_of(core).model_at[state_of(core).sounding[s].model, FLIGHT])
+    """The StringModel of its free flight."""
+    return string_model(flight_address(core, s))
 
 
 @njit(inline="always")

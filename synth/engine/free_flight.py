@@ -17,8 +17,8 @@ import math
 
 from numba import njit
 
-from synth.engine.core import bank_of, flight_of, model_of, scratch_of, shared_of, state_of, string_of
-from synth.engine.layout import CORE, FADE, FLIGHT, QUANTUM
+from synth.engine.core import bank_of, flight_address, flight_of, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.layout import CORE, FADE, QUANTUM
 from synth.engine.output import collect
 from synth.solver.blocks import fly_blocks, fly_modes
 from synth.solver.lanes import BLOCK, padded
@@ -90,11 +90,10 @@ def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
     """`frames` frames of a string in flight from frame `start` of the span, into its direct row."""
     scratch, string, model = scratch_of(thread), string_of(core, s), flight_of(core, s)
     me = state_of(core).sounding[s]
-    address = shared_of(core).model_at[me.model, FLIGHT]
     n, points = string.counts[MOVING], model.points
     out = scratch.out[: points * frames].reshape(points, frames)
     blocks = frames // BLOCK
-    fly_modes(address, thread, string.q, string.v, n, blocks, out)
+    fly_modes(flight_address(core, s), thread, string.q, string.v, n, blocks, out)
     rest = frames - blocks * BLOCK
     if rest > 0:
         begin = blocks * BLOCK

@@ -22,7 +22,7 @@ from typing import Any
 
 from synth.files.targets import write_text
 from synth.jit.kernel_sources import users_cache
-from synth.native.processors import level
+from synth.native.processors import level, model
 
 #: what a trial may take, compiling included, on a machine that does much else; then there is no choice [s]
 _PATIENCE_S = 20.0
@@ -35,11 +35,7 @@ _CHOICES = {"8", "4", *(f"8-{n}" for n in (16, 32, 64, 128, 256))}
 
 def processor() -> str:
     """The processor's name, as the system has it."""
-    with suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    return model() or platform.processor() or platform.machine()
 
 
 def kept() -> dict[str, Any] | None:
@@ -71,7 +67,7 @@ def settle() -> str | None:
     choose, or no time for it."""
     from synth.jit import prebuilt
 
-    if not _is_open() or os.environ.get("JAWARI_TRIAL") == "0" or kept() is not None or prebuilt.found().path is not None:
+    if os.environ.get("JAWARI_TRIAL") == "0" or kept() is not None or not _is_open() or prebuilt.found().path is not None:
         return None
     try:
         done = subprocess.run(

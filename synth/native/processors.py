@@ -3,6 +3,16 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
+
+
+def model(system: Path = Path("/")) -> str:
+    """What the processor is called, as the system below a folder has it; empty where it does not tell."""
+    try:
+        lines = (system / "proc" / "cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
 
 
 def cores() -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import float64, int64, njit
 
@@ -30,9 +32,9 @@ from synth.solver.lanes import (
 from synth.solver.vectors import FAST, INNER, dot
 
 
-def padded_rows(rows: np.ndarray, modes: int) -> np.ndarray:
-    """An aligned copy of (…, N) arrays with zeros up to `modes`."""
-    out = aligned((*rows.shape[:-1], modes))
+def padded_rows(rows: np.ndarray, modes: int, kind: Any = np.float64) -> np.ndarray:
+    """An aligned copy of (…, N) arrays with zeros up to `modes`; kind: of its numbers."""
+    out = aligned((*rows.shape[:-1], modes), kind)
     out[..., : rows.shape[-1]] = rows
     return out
 

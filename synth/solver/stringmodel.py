@@ -221,12 +221,10 @@ def make_string(
         "q_rest": padded_rows(np.zeros(n) if q_rest is None else q_rest, size),
         "layers": _copy(np.zeros((3, 0)) if layers is None else layers),
     }
-    singles = padded_single(n) if single else 0
-    return allocate(
+    extents = {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points, "singles": 0}
+    model = allocate(
         StringModel,
-        SIZES
-        | {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points, "singles": singles}
-        | {"layered": given["layers"].shape[1]},
+        SIZES | extents | {"layered": given["layers"].shape[1]},
         law=law,
         dt=dt,
         restitution=restitution,
@@ -237,27 +235,23 @@ def make_string(
         on_q=in_use_on_q,
         certified=int(certified),
         step=step,
-        single=int(single),
-        single_rows=single_rows(rows, singles),
-        single_shapes=single_copy(shapes, singles),
-        single_weights=single_copy(weights, singles),
+        single=0,
         **given,
     )
+    return in_single(model) if single else model
 
 
-def single_rows(rows: np.ndarray, singles: int) -> np.ndarray:
-    """(ROWS, singles) float32 of rows (ROWS, n): `single.fill_single_rows`."""
-    out = aligned((ROWS, singles), np.float32)
-    fill_single_rows(rows, out)
-    return out
-
-
-def single_copy(rows: np.ndarray, singles: int) -> np.ndarray:
-    """An aligned float32 copy of rows (R, n), `singles` of each: with zeros behind them; none of them for 0."""
-    out = aligned((rows.shape[0], singles), np.float32)
-    count = min(singles, rows.shape[1])
-    out[:, :count] = rows[:, :count]
-    return out
+def in_single(model: StringModel) -> StringModel:
+    """The model with its modes in float32 where it is advanced in blocks: what its float64 arrays say, rounded."""
+    singles = padded_single(model.modes)
+    rows = aligned((ROWS, singles), np.float32)
+    fill_single_rows(model.rows, rows)
+    return model._replace(
+        single=1,
+        single_rows=rows,
+        single_shapes=padded_rows(model.shapes, singles, np.float32),
+        single_weights=padded_rows(model.weights, singles, np.float32),
+    )
 
 
 def state_sizes(modes: int, contacts: int, outputs: int) -> dict[str, int]:

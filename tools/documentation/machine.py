@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import subprocess
 from pathlib import Path
 from typing import NamedTuple
+
+from synth.native.processors import cores, model
 
 _SYSTEM = Path("/")
 _UNITS = {"K": 1, "M": 1024, "G": 1024**2}
@@ -42,11 +43,9 @@ class Machine(NamedTuple):
 
 def here(system: Path = _SYSTEM) -> Machine:
     """This machine, as the system below `system` describes it."""
-    name, mhz = "", 0.0
+    name, mhz = model(system), 0.0
     for line in _read(system / "proc/cpuinfo").splitlines():
         what, _, value = (part.strip() for part in line.partition(":"))
-        if what == "model name" and not name:
-            name = value
         if what == "cpu MHz" and not mhz:
             mhz = float(value)
     base = _read(system / "sys/devices/system/cpu/cpu0/cpufreq/base_frequency")  # kHz; /proc/cpuinfo says what it is now
@@ -55,9 +54,7 @@ def here(system: Path = _SYSTEM) -> Machine:
     if not name and platform.system() == "Darwin":
         done = subprocess.run(["sysctl", "-n", "machdep.cpu.brand_string"], capture_output=True, text=True)
         name = done.stdout.strip() if done.returncode == 0 else ""
-    affinity = getattr(os, "sched_getaffinity", None)
-    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return Machine(name or platform.processor() or platform.machine(), round(mhz), cores, _caches(system))
+    return Machine(name or platform.processor() or platform.machine(), round(mhz), cores(), _caches(system))
 
 
 def _caches(system: Path) -> dict[str, int]:
