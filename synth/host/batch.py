@@ -46,14 +46,15 @@ _OFF_VELOCITY = 64
 
 @dataclass(frozen=True)
 class Note:
-    """One note of `render_notes`.
+    """One note of `render_notes`, or of a phrase that `render` is given.
 
     note, velocity   MIDI, 0 … 127 and 1 … 127
-    seconds          how much of it is rendered, from its note-on
-    off_s            when its key is let go [s]; None: it is held
+    seconds          how much of it is rendered, from its note-on; in a phrase: until the next note begins
+    off_s            when its key is let go, after its note-on [s]; None: it is held, in a phrase for `seconds`
     preset           by name, by file or itself; None: that of all
     articulation     one of the preset's by name; "": as keys, controllers and velocities would have it
     controllers      (number, value), 0 … 127 each, that come before it
+    start_s          in a phrase: when it begins [s]; None: where the note before ends. Of no account where it sounds alone
     """
 
     note: int
@@ -63,6 +64,7 @@ class Note:
     preset: str | Preset | None = None
     articulation: str = ""
     controllers: tuple[tuple[int, int], ...] = ()
+    start_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ class _Making:
         for number, note in enumerate(notes):
             job = _Job(number, note)
             jobs.append(job)
-            job.error = _wrong(note)
+            job.error = what_is_wrong(note)
             if job.error:
                 continue
             chosen = preset if note.preset is None else note.preset
@@ -169,7 +171,7 @@ class _Making:
             if (key, note.articulation) not in playing:
                 if key not in loaded:
                     loaded[key] = self._loaded(chosen)
-                playing[key, note.articulation] = _played(loaded[key], note.articulation, len(playing))
+                playing[key, note.articulation] = played_as(loaded[key], note.articulation, len(playing))
             found = playing[key, note.articulation]
             if isinstance(found, str):
                 job.error = found
@@ -225,7 +227,7 @@ class _Making:
         return sink.samples
 
 
-def _wrong(note: Note) -> str:
+def what_is_wrong(note: Note) -> str:
     """What is wrong with a note's numbers, "" where nothing is."""
     from synth.engine import arguments
     from synth.instrument.preset import Preset
@@ -248,7 +250,7 @@ def _wrong(note: Note) -> str:
     return ""
 
 
-def _played(preset: Preset | str, articulation: str, kind: int) -> tuple[int, Preset] | str:
+def played_as(preset: Preset | str, articulation: str, kind: int) -> tuple[int, Preset] | str:
     """What plays an articulation of a preset, with a number of its own; or why there is none."""
     if isinstance(preset, str) or not articulation:
         return preset if isinstance(preset, str) else (kind, preset)
