@@ -267,7 +267,7 @@ class Sound(NDArrayOperatorsMixin):
             out = io.BytesIO()
             whole = audiofile.Quantizer("16", self.report.seed)(self.samples[:frames])
             soundfile.write(out, whole, self.rate_hz, format="FLAC", subtype="PCM_16")
-            size = out.tell()
-            if size <= EMBEDDED_BYTES or frames < self.rate_hz // 10:
-                return frames, out.getvalue()
-            frames = int(frames * 0.95 * EMBEDDED_BYTES / size)
+            data = out.getvalue()
+            if len(data) <= EMBEDDED_BYTES or frames < self.rate_hz // 10:
+                return frames, data
+            frames = int(frames * 0.95 * EMBEDDED_BYTES / len(data))

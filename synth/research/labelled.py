@@ -1,9 +1,9 @@
 """Results as xarray Datasets: arrays by name with their dimensions, units and where they were taken. They need xarray.
 
 Dimensions of one string: time [s], output and contact by their places [m from the nut], mode from 1. Of strings on a body
-output and contact are numbered, as several strings have the same places; string and place stand beside them, and `axis` names the
-components of the bridge's motion. Attributes hold the rates and the scheme, and all of `metadata` as JSON, so that a Dataset
-can be written to netCDF or Zarr as it is.
+output and contact are numbered, as several strings have the same places; string and place stand beside them. `axis` names
+the components of the bridge's motion. Attributes hold the rates and the scheme, and all of `metadata` as JSON, so that a
+Dataset can be written to netCDF or Zarr as it is.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PANELS = ("u", "contact_force", "energy")
 #: more columns than this are drawn in one colour each without a legend
-_NAMED_COLUMNS = 8
+_NAMED_COLUMNS = 14
 #: rows that a line is drawn with; of more, the least and largest of each stretch
 _POINTS = 4000
 _LABELS = {"u": "displacement, mm", "contact_force": "contact force, N", "energy": "energy, mJ"}
@@ -61,7 +61,7 @@ def draw(
         axis.set_ylabel(_LABELS[panel])
         axis.margins(x=0.0)
         if 1 < len(columns) <= _NAMED_COLUMNS:
-            axis.legend(fontsize="small", loc="upper right")
+            axis.legend(fontsize="small" if len(columns) < 5 else "xx-small", loc="upper right", ncols=1 + len(columns) // 5)
     found[-1].set_xlabel(name)
     return found
 
@@ -135,7 +135,7 @@ def thinned(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def html_of(result: Result | CoupledResult) -> str:
     """A table of the few numbers and a small picture, as a notebook shows a result."""
     rows = [("run", repr(result).strip("<>"))]
-    rows += [(name.replace("_", " "), _shown(value)) for name, value in result.summary.items() if name not in _SAID]
+    rows += [(name, _shown(value)) for name, value in result.summary.items() if name not in _SAID]
     pieces = [notebook_html.table(rows)]
     if not columns_of_any(result):
         return pieces[0]
