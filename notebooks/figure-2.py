@@ -23,7 +23,7 @@ import synth
 from synth.dsp.measures import decay_time_s, relative_error, sounding_fundamental
 
 SHORT = os.environ.get("JAWARI_NOTEBOOK") == "short"  # less of the same, as the tests run it
-duration_s = 0.5 if SHORT else 3.0
+duration_s = 0.8 if SHORT else 3.0
 rate_hz = 48 * 44100
 
 # %%

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,19 @@ PATIENCE_S = 600
 
 class Failed(Exception):
     """A notebook that ended with an error, or that shows not what it should."""
+
+
+@contextmanager
+def kernel() -> Iterator[Any]:
+    """A kernel that runs, for several notebooks."""
+    from jupyter_client.manager import KernelManager
+
+    manager = KernelManager(kernel_name="python3")
+    manager.start_kernel()
+    try:
+        yield manager
+    finally:
+        manager.shutdown_kernel(now=True)
 
 
 def run(book: Any, folder: Path, manager: Any = None) -> Any:
