@@ -66,7 +66,7 @@ def brought(path: Path, data: dict[str, np.ndarray], scene: SceneFacts, referenc
         raise ContestError(f"{path}: u has {u.size} samples; give the whole run from t = 0")
     covered = (u.size - 1) / rate
     count = min(scene.samples, int(np.floor(covered * scene.rate_hz + scene.rate_hz * SAME_S)) + 1)
-    if count < scene.count(scene.windows_s[0]):
+    if count < scene.count(scene.windows_s[0]) - 1:
         raise ContestError(
             f"{path}: lasts {covered:.4g} s, but the shortest window of scene {scene.name!r} is {scene.windows_s[0]:g} s "
             f"of {scene.duration_s:g} s; give the whole run"
