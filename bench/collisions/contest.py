@@ -73,7 +73,7 @@ def ways_of(found: dict[str, Any]) -> list[Way | Kicks | tuple[str, str]]:
         add(scheme, few, whole)
     add("event-driven", (1,), **(NO_R if finite else {}))
     if wall:
-        pairs = ((2, 127), (4, 255), (8, 255), (8, 511), (16, 511)) if elastic else ((1, 255), (2, 511), (4, 1023))
+        pairs = ((2, 127), (4, 255), (8, 511), (16, 511), (32, 1023)) if elastic else ((1, 255), (2, 511), (4, 1023))
         chosen += [way("wall", factor, modes, **E1) for factor, modes in pairs]
     else:
         chosen.append(("wall", "knows a wall, not points"))

@@ -11,11 +11,11 @@ _REACH, _BETA = 48, 9.0
 def interpolated(u: np.ndarray, rate_hz: float, t: np.ndarray) -> np.ndarray:
     """u (n,) at rate_hz from t = 0, at the times t (m,) [s] within it: Kaiser-windowed sinc.
 
-    Before its first sample the signal is mirrored, as a string that starts at rest goes both ways alike, and behind its
-    last one too. What lies above half of rate_hz cannot be had back.
+    Before its first sample the signal is mirrored, as a string that starts at rest goes both ways alike, behind its last one
+    turned about that. What lies above half of rate_hz cannot be had back.
     """
     reach = min(_REACH, u.size - 1)
-    padded = np.concatenate([u[reach:0:-1], u, u[-2 : -reach - 2 : -1]])
+    padded = np.concatenate([u[reach:0:-1], u, 2.0 * u[-1] - u[-2 : -reach - 2 : -1]])
     place = t * rate_hz
     nearest = np.rint(place).astype(np.int64)
     offsets = np.arange(-reach, reach + 1)
