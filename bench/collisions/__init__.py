@@ -1,8 +1,8 @@
 """A benchmark of collisions of strings that anybody's solver can enter: fixed scenes, converged references, a scorer.
 
-    python -m bench.collisions score RUN.npz …      # one's own runs, plain arrays of displacement: e and more, with uncertainty
+    python -m bench.collisions score RUN.npz …      # plain arrays of displacement: e and more, with uncertainty
 
-scenes/     NAME.toml: what a scene is, in physical terms; NAME.json: the same as numbers, for solvers that are not this program
+scenes/     NAME.toml: what a scene is, in physical terms; NAME.json: the same as numbers, for any solver
 outside/    scenes on modes that others publish, made where their files are at hand (JAWARI_REFERENCE)
 references/ NAME.npz: displacement (float32) at the scene's instants; references.json: how each was made, how far it stands
 entries/    scores of solvers: this program's schemes, Siconos, anybody's who sends a file

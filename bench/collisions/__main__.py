@@ -24,7 +24,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 from bench import REPOSITORY
 from bench.collisions import ContestError, entries, report, runfile, scene
 from bench.collisions.score import score
-from synth.files.targets import write_text
+from synth.files.targets import Named, check_apart, check_target, write_text
 
 OUT = REPOSITORY / "out" / "collisions"
 OURS = "jawari.json"
@@ -49,7 +49,9 @@ def _parser() -> argparse.ArgumentParser:
     scoring.add_argument("--entry", type=Path, metavar="FILE", help="write a file of scores to be sent, with what follows")
     scoring.add_argument("--name", default="", metavar="WORDS", help="of an entry: the solver")
     scoring.add_argument("--made-by", default="", metavar="WORDS", help="of an entry: who ran it")
-    scoring.add_argument("--source", default="", metavar="WORDS", help="of an entry: where solver and settings are to be found")
+    scoring.add_argument(
+        "--source", default="", metavar="WORDS", help="of an entry: where solver and settings are to be found"
+    )
     scoring.add_argument("--machine", default="", metavar="WORDS", help="of an entry: the processor that the cost is of")
     making = commands.add_parser("references", help="make references again")
     making.add_argument("scenes", nargs="*", metavar="SCENE")
@@ -57,7 +59,9 @@ def _parser() -> argparse.ArgumentParser:
     running.add_argument("scenes", nargs="*", metavar="SCENE")
     theirs = commands.add_parser("siconos", help="score the runs of Siconos in JAWARI_REFERENCE")
     for each in (running, theirs):
-        each.add_argument("--rounds", type=int, default=2, metavar="N", help="so many timings more of everything (default 2)")
+        each.add_argument(
+            "--rounds", type=int, default=2, metavar="N", help="so many timings more of everything (default 2)"
+        )
         each.add_argument("--budget", type=float, default=10.0, metavar="SEC", help="longest run (default 10 s)")
         each.add_argument("--out", type=Path, default=entries.ENTRIES, metavar="DIR", help="where files of scores are")
     commands.add_parser("page", help="write the tables of docs/collisions.md")
@@ -66,6 +70,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def scored(options: argparse.Namespace) -> int:
     """Every run, or one line for each that cannot be scored and nothing else."""
+    outputs = [
+        Named(f"--{key}", path) for key in ("json", "markdown", "entry") if (path := getattr(options, key)) is not None
+    ]
+    check_apart([Named("RUN", path) for path in options.runs], outputs)
+    for target in outputs:
+        check_target(target.path)
     found, faults = [], []
     for path in options.runs:
         try:
@@ -90,7 +100,9 @@ def scored(options: argparse.Namespace) -> int:
     text = report.of_scores(found)
     if options.json:
         records = [{"file": str(each.run.path), **each.record} for each in found]
-        write_text(options.json, json.dumps({"benchmark": scene.VERSION, "scores": records}, indent=1, ensure_ascii=False) + "\n")
+        write_text(
+            options.json, json.dumps({"benchmark": scene.VERSION, "scores": records}, indent=1, ensure_ascii=False) + "\n"
+        )
     if options.markdown:
         write_text(options.markdown, text)
     print(text, end="")
@@ -185,7 +197,7 @@ def main() -> int:
         if options.rounds < 0 or not options.budget > 0:
             raise ContestError("--rounds must be 0 or more and --budget more than 0 s")
         return run(options) if options.command == "run" else siconos(options)
-    except (ContestError, OSError) as error:
+    except (ValueError, OSError) as error:
         for line in str(error).splitlines():
             print(f"collisions: error: {line}", file=sys.stderr)
         return 2

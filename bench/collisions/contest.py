@@ -1,4 +1,4 @@
-"""This program's schemes on every scene, at several rates: scores and what one core takes, or why a scheme does not apply."""
+"""This program's schemes on every scene, at several rates: scores, what one core takes, or why a scheme does not apply."""
 
 from __future__ import annotations
 

@@ -25,7 +25,9 @@ def checked(path: Path, found: Any) -> dict[str, Any]:
         if not isinstance(found.get(key), kind):
             raise ContestError(f"{path}: {key!r} must be {kind.__name__}, got {found.get(key)!r:.40}")
     if found["benchmark"] != VERSION:
-        raise ContestError(f"{path}: is of version {found['benchmark']} of the benchmark, this is {VERSION}; score the runs anew")
+        raise ContestError(
+            f"{path}: is of version {found['benchmark']} of the benchmark, this is {VERSION}; score the runs anew"
+        )
     known = {*names(), *outside_names()}
     for number, record in enumerate(found["scores"], 1):
         where = f"{path}: score {number}"
@@ -40,7 +42,9 @@ def checked(path: Path, found: Any) -> dict[str, Any]:
             values = record.get(key)
             fits = isinstance(values, list) and len(values) > 0 and all(_figure(value) for value in values)
             if not fits:
-                raise ContestError(f"{where}: {key!r} must be a list of numbers, got {values!r:.40}; let `score --entry` write it")
+                raise ContestError(
+                    f"{where}: {key!r} must be a list of numbers, got {values!r:.40}; let `score --entry` write it"
+                )
         if len({len(record[key]) for key in _FIGURES}) > 1:
             raise ContestError(f"{where}: {', '.join(_FIGURES)} must be of one length; let `score --entry` write them")
         if record.get("cost_s") is not None and not (_figure(record["cost_s"]) and record["cost_s"] >= 0):

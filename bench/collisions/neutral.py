@@ -18,7 +18,7 @@ EQUATION = (
     "phi_j(x) = sqrt(2/length_m) sin(j pi x/length_m), j = 1, 2, ...; u(x, t) = sum_j q_j(t) phi_j(x); q(0) = q0_m_sqrt_m, "
     "q'(0) = 0; up is positive"
 )
-RIGID = "rigid: 0 <= u(x_c) - height_c, force_c >= 0, one of the two 0; nothing is given back by a point that is hit (restitution 0)"
+RIGID = "rigid: 0 <= u(x_c) - height_c, force_c >= 0, one of the two 0; a point gives nothing back (restitution 0)"
 ELASTIC_WALL = "force per length stiffness_n_m2 * max(0, height(x) - u(x)), without loss"
 RIGID_WALL = "rigid all along, elastic: what hits it leaves with the opposite velocity (restitution 1)"
 
@@ -51,7 +51,9 @@ def numbers(name: str, path: Path | None = None) -> dict[str, Any]:
         "benchmark": VERSION,
         "name": name,
         "title": mark["title"],
-        "description": words_of((OUTSIDE if path is None and not (SCENES / f"{name}.toml").exists() else SCENES) / f"{name}.toml"),
+        "description": words_of(
+            (OUTSIDE if path is None and not (SCENES / f"{name}.toml").exists() else SCENES) / f"{name}.toml"
+        ),
         "equation": EQUATION,
         "length_m": string.length_m,
         "tension_n": string.tension_n,
@@ -95,5 +97,3 @@ def text_of(found: dict[str, Any]) -> str:
     """JSON, a key a line."""
     lines = (f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}" for key, value in found.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-

@@ -80,13 +80,19 @@ RECIPES: dict[str, Recipe] = {
     "ideal-bridge": Recipe(
         way("waveguide", 16, 10),
         {"a fourth of the cells": way("waveguide", 4, 10)},
-        {"exact-hold + lumped tail, 3000 modes": way("exact-hold", 192, 3000), "exact-hold, no R, 6000 modes": _hold(192, 6000)},
+        {
+            "exact-hold + lumped tail, 3000 modes": way("exact-hold", 192, 3000),
+            "exact-hold, no R, 6000 modes": _hold(192, 6000),
+        },
         exact=True,
     ),
     "flat-wall": Recipe(
         way("flat-wall", 16, 10, nodes=49, restitution=1.0),
         {},
-        {"wall, one cell a step": way("wall", 1, 255, restitution=1.0), "penalty springs (examples/kicks.py)": Kicks(8, 255)},
+        {
+            "wall, one cell a step": way("wall", 1, 255, restitution=1.0),
+            "penalty springs (examples/kicks.py)": Kicks(8, 255),
+        },
         exact=True,
     ),
 }

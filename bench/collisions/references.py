@@ -29,11 +29,17 @@ _KEPT = 16
 _RATIOS = (48 / 44.1, 1.5, 96 / 44.1, 192 / 44.1, 384 / 44.1)
 
 
-def _computed(name: str, chosen: ways.Way | recipes.Kicks, keep: int, out: Path, say: Callable[[str], None]) -> dict[str, Any]:
+def _computed(
+    name: str, chosen: ways.Way | recipes.Kicks, keep: int, out: Path, say: Callable[[str], None]
+) -> dict[str, Any]:
     """{"u": (n,), "impulse": …} of a scene in a way; from `out` where it has been made by the same sources."""
     path = scene.SCENES / f"{name}.toml"
     fixed = scene.digest(path if path.exists() else scene.OUTSIDE / path.name)
-    spec = {"scene": fixed, "way": type(chosen).__name__, **(chosen._asdict() if isinstance(chosen, tuple) else asdict(chosen))}
+    spec = {
+        "scene": fixed,
+        "way": type(chosen).__name__,
+        **(chosen._asdict() if isinstance(chosen, tuple) else asdict(chosen)),
+    }
     solver = scene.digest(Path(kicks.__file__)) if isinstance(chosen, recipes.Kicks) else code_version(RESEARCH)
     spec |= {"keep": keep, "code": solver}
     key = hashlib.sha256(json.dumps(spec, sort_keys=True).encode()).hexdigest()[:24]

@@ -31,8 +31,8 @@ def of_scores(scores: list[Score]) -> str:
     for name in dict.fromkeys(score.scene.name for score in scores):
         here = [score for score in scores if score.scene.name == name]
         windows = here[0].scene.windows_s
-        head = ["run", *(f"e, {_seconds(w)}" for w in windows), "± of the last", "LSD, dB", "goes with it until", "penetration",
-                "energy rise", "impulse", "cost"]  # fmt: skip
+        head = ["run", *(f"e, {_seconds(w)}" for w in windows), "± of the last", "LSD, dB", "goes with it until"]
+        head += ["penetration", "energy rise", "impulse", "cost"]
         lines = []
         for score in here:
             last = max((k for k, e in enumerate(score.e) if e is not None), default=0)
@@ -57,7 +57,9 @@ def of_scores(scores: list[Score]) -> str:
         for score in here:
             notes = list(score.suspicions)
             if not score.run.picked:
-                notes.append(f"{score.run.rate_hz:g} Hz, interpolated: that alone may make e = {number(max(score.run.floor))}")
+                notes.append(
+                    f"{score.run.rate_hz:g} Hz, interpolated: that alone may make e = {number(max(score.run.floor))}"
+                )
             if any(e is None for e in score.e):
                 notes.append("ends before the scene does")
             if score.pull_n:
@@ -86,7 +88,15 @@ def references_table() -> str:
             how = "waves on a grid"
         until = _seconds(float(f"{record['horizon_s']:.3g}"))
         lines.append([f"`{name}`", facts.title, how, own, by, others, until])
-    head = ["scene", "what", "reference", "uncertainty of e", "checked by itself", "another method: e by window", "stands until"]
+    head = [
+        "scene",
+        "what",
+        "reference",
+        "uncertainty of e",
+        "checked by itself",
+        "another method: e by window",
+        "stands until",
+    ]
     return table(head, lines)
 
 
@@ -199,10 +209,9 @@ def outside_table(entries: list[dict[str, Any]], name: str) -> str:
                 continue
             windows = record["windows_s"]
             cost = record.get("cost_s")
-            lines.append([f"{record.get('solver', entry['name'])}: {record['scheme']}", f"{record['internal_rate_hz'] / 1e3:g} kHz",
-                          str(round(record["modes"])),
-                          *(shown(e, u) for e, u in zip(record["e"], record["uncertainty"], strict=True)),
-                          number(record["lsd_db"]), "–" if cost is None else f"{number(cost)} s"])  # fmt: skip
+            who = f"{record.get('solver', entry['name'])}: {record['scheme']}"
+            e = [shown(e, u) for e, u in zip(record["e"], record["uncertainty"], strict=True)]
+            line = [who, f"{record['internal_rate_hz'] / 1e3:g} kHz", str(round(record["modes"])), *e]
+            lines.append([*line, number(record["lsd_db"]), "–" if cost is None else f"{number(cost)} s"])
     head = ["solver: scheme", "internal rate", "modes", *(f"e, {_seconds(w)}" for w in windows), "LSD, dB", "cost"]
     return table(head, lines)
-

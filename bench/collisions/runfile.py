@@ -33,7 +33,9 @@ class Run:
     floor: tuple[float, ...]  # e by window that the interpolation alone may make
     words: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
-    contacts: dict[str, np.ndarray] = field(default_factory=dict)  # u_contact, contact_force (rows, C), energy (rows,), as they came
+    contacts: dict[str, np.ndarray] = field(
+        default_factory=dict
+    )  # u_contact, contact_force (rows, C), energy (rows,), as they came
 
 
 def scene_of(path: Path, data: dict[str, np.ndarray], given: str | None) -> str:
@@ -86,7 +88,9 @@ def brought(path: Path, data: dict[str, np.ndarray], scene: SceneFacts, referenc
     contacts = {}
     for name in ("u_contact", "contact_force", "energy"):
         if name in data:
-            contacts[name] = _rows(path, name, data[name], u.size, None if name == "energy" else len(scene.contact_heights_m))
+            contacts[name] = _rows(
+                path, name, data[name], u.size, None if name == "energy" else len(scene.contact_heights_m)
+            )
     return Run(path, scene.name, values, rate, picked, floor, words, numbers, contacts)
 
 
@@ -115,7 +119,9 @@ def _row(path: Path, name: str, data: dict[str, np.ndarray]) -> np.ndarray:
     if value.ndim == 2 and value.shape[1] == 1:
         value = value[:, 0]
     if value.ndim != 1 or value.size == 0:
-        raise ContestError(f"{path}: {name!r} must be one row of samples (n,), got shape {value.shape}; choose the output point")
+        raise ContestError(
+            f"{path}: {name!r} must be one row of samples (n,), got shape {value.shape}; choose the output point"
+        )
     wrong = np.flatnonzero(~np.isfinite(value))
     if wrong.size:
         raise ContestError(
@@ -139,7 +145,9 @@ def _rate(path: Path, data: dict[str, np.ndarray], count: int) -> float:
     if count < 2:
         return given or 1.0
     if abs(t[0]) > SAME_S:
-        raise ContestError(f"{path}: 't' must begin at 0 s, where the string is let go, got {t[0]:g} s; keep the first samples")
+        raise ContestError(
+            f"{path}: 't' must begin at 0 s, where the string is let go, got {t[0]:g} s; keep the first samples"
+        )
     rate = (count - 1) / t[-1] if t[-1] > 0.0 else 0.0
     if not 1.0 <= rate <= 1e12:
         raise ContestError(f"{path}: 't' must rise from 0 in seconds, got {t[-1]:g} s at its end")

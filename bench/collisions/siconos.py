@@ -24,7 +24,7 @@ SOURCE = (
 def scored(
     rounds: int, budget_s: float, out: Path, say: Callable[[str], None]
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, Any]]:
-    """(records of Siconos, of this program on the same scenes, references' records). Raises ContestError without the files."""
+    """(records of Siconos, of this program on the same scenes, references' records). Raises ContestError."""
     folder = reference_folder()
     if folder is None:
         raise ContestError("the runs of Siconos are not here; name their folder in JAWARI_REFERENCE")

@@ -43,7 +43,9 @@ def suspicions(u: np.ndarray, ref: np.ndarray) -> list[str]:
             e_shifted, shift = _best_shift(a, b)
             if shift and explains(e_shifted):
                 when = "late" if shift > 0 else "early"
-                found.append(f"u comes {abs(shift)} samples of the reference too {when}: sample 0 is t = 0, the start itself")
+                found.append(
+                    f"u comes {abs(shift)} samples of the reference too {when}: sample 0 is t = 0, the start itself"
+                )
         if found:
             break
     return found

@@ -62,7 +62,9 @@ def tables_of(name: str) -> dict[str, Any]:
     if outside:
         folder = reference_folder()
         if folder is None:
-            raise ContestError(f"scene {name!r}: needs the files of the paper's authors; name their folder in JAWARI_REFERENCE")
+            raise ContestError(
+                f"scene {name!r}: needs the files of the paper's authors; name their folder in JAWARI_REFERENCE"
+            )
         for table in (tables["string"]["measured"], tables["initial"]):
             table["file"] = str(folder / table["file"])
     return tables

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A solver of its own for the benchmark, NumPy only: exact free flight, kicked by penalty springs (Störmer–Verlet, split so).
+"""A solver for the benchmark, NumPy only: exact free flight, kicked by penalty springs (Störmer–Verlet, split so).
 
     python bench/collisions/examples/kicks.py bench/collisions/scenes/tanpura.json tanpura.npz --factor 4
     python -m bench.collisions score tanpura.npz
@@ -22,7 +22,9 @@ def solve(scene, factor, modes=None):
     keep = np.flatnonzero(f < 0.5 / dt) if modes is None else np.arange(f.size)
     omega, sigma, q = 2 * np.pi * f[keep], sigma[keep], q[keep]
     wall = scene.get("wall")
-    x, height = (np.array((wall or scene["contacts"])[("grid_" if wall else "") + key]) for key in ("positions_m", "heights_m"))
+    x, height = (
+        np.array((wall or scene["contacts"])[("grid_" if wall else "") + key]) for key in ("positions_m", "heights_m")
+    )
 
     def phi(x):
         return np.sqrt(2 / scene["length_m"]) * np.sin(np.outer(x, (keep + 1) * np.pi / scene["length_m"]))
