@@ -65,7 +65,7 @@ def test_penalty_springs_say_the_same_of_the_board():
 
 @pytest.mark.parametrize("name", scene.names())
 def test_references_are_confirmed(name):
-    """Where a reference is sure to e < 0.02, another method has said so to 0.02 at least; and its record is that of its recipe."""
+    """Where a reference is sure to e < 0.02, another method has said so to 0.02 at least; its record is its recipe's."""
     record, recipe = scene.records()[name], recipes.RECIPES[name]
     rate = scene.scene(name).rate_hz
     assert (record["scheme"], record["internal_rate_hz"]) == (recipe.reference.label, rate * recipe.reference.factor)

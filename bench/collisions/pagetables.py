@@ -45,7 +45,7 @@ def scorer_table() -> str:
     rates = [f"{ratio * 44.1:.4g}" for ratio in ratios]
     head = ["scene", "e of its own copy", *(f"at {rate}/44.1 of the rate" for rate in rates)]
     words = (
-        "e over the whole of the reference's own motion, sampled at another rate without a filter and interpolated back by the "
-        "scorer; between, the next lower rate counts. It is the motion above half the rate that is lost."
+        "e over the whole of the reference's own motion, sampled at another rate without a filter and interpolated back by "
+        "the scorer; between, the next lower rate counts. It is the motion above half the rate that is lost."
     )
     return f"{words}\n\n{report.table(head, lines)}"

@@ -172,7 +172,7 @@ def scene_table(rows: list[tuple[str, dict[str, Any]]]) -> str:
 def summary_table(found: dict[str, list[tuple[str, dict[str, Any]]]], scenes: list[str]) -> str:
     """Schemes × scenes: the best e for a tenth of real time of one core."""
     keys = {name: _window([r for _, r in found[name] if "does_not_apply" not in r]) for name in scenes}
-    whos = list(dict.fromkeys(who for name in scenes for who, _ in found[name]))
+    whos = list(dict.fromkeys(who for name in scenes for who, record in found[name] if "does_not_apply" not in record))
     lines = []
     for who in whos:
         line = [who]
