@@ -162,7 +162,11 @@ def siconos(options: argparse.Namespace) -> int:
     scores, ours, records = theirs.scored(options.rounds, options.budget, OUT, say)
     head = {"name": "Siconos 4.4", "made_by": "python -m bench.collisions siconos", "source": theirs.SOURCE}
     entries.write(options.out / "siconos.json", {**head, "machine": "as those files note it", "references": records}, scores)
-    entries.write(options.out / "jawari-measured.json", _head(here.words) | {"name": "jawari, on measured modes", "made_by": head["made_by"]}, ours)
+    entries.write(
+        options.out / "jawari-measured.json",
+        _head(here.words) | {"name": "jawari, on measured modes", "made_by": head["made_by"]},
+        ours,
+    )
     return 0
 
 

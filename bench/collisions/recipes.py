@@ -50,7 +50,7 @@ def _tanpura() -> Recipe:
     plain = _rigid_points(384, 2001, 768)
     tail = way("exact-hold", 96, 1001)
     event = way("event-driven", 16, 1001, duration_s=0.1, residual_compliance=False)
-    others = {"exact-hold + lumped tail, 1001 modes": tail, "event-driven, 1001 modes": event}
+    others: dict[str, Way | Kicks] = {"exact-hold + lumped tail, 1001 modes": tail, "event-driven, 1001 modes": event}
     return Recipe(plain.reference, plain.checks, plain.independent | others)
 
 

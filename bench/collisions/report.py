@@ -153,7 +153,7 @@ def scene_table(rows: list[tuple[str, dict[str, Any]]]) -> str:
     lines = []
     for who in dict.fromkeys(who for who, record in rows if "does_not_apply" not in record):
         here = [record for name, record in rows if name == who and "does_not_apply" not in record]
-        at = {}
+        at: dict[float | None, dict[str, Any]] = {}
         for record in here:  # of several at a rate the best
             hz = record.get("internal_rate_hz")
             before = at.get(hz)

@@ -85,7 +85,7 @@ def brought(path: Path, data: dict[str, np.ndarray], scene: SceneFacts, referenc
         values = interpolated(u, rate, t)
     words = {name: _word(path, name, data[name]) for name in WORDS if name in data}
     numbers = {name: _number(path, name, data[name]) for name in NUMBERS if name in data}
-    contacts = {}
+    contacts: dict[str, np.ndarray] = {}
     for name in ("u_contact", "contact_force", "energy"):
         if name in data:
             contacts[name] = _rows(
