@@ -18,9 +18,6 @@ from synth.files import notebook_html
 if TYPE_CHECKING:
     import xarray
 
-    from synth.research.coupled.coupled_result import CoupledResult
-    from synth.research.result import Result
-
 #: attributes of a Dataset, of those that metadata have and that are not None
 _NAMED = ("version", "scheme", "restitution", "tail", "internal_rate_hz", "output_rate_hz", "modes", "duration_s")
 _ENERGIES = {
@@ -30,7 +27,7 @@ _ENERGIES = {
 }  # fmt: skip
 
 
-def dataset_of(result: Result) -> xarray.Dataset:
+def dataset_of(result: Any) -> xarray.Dataset:
     """What `Result.to_xarray` gives; arrays are shared, not copied. Raises ImportError without xarray."""
     variables: dict[str, tuple[Any, Any, dict[str, str]]] = {
         "u": (("time", "output"), result.u, _about("displacement", "m")),
@@ -62,7 +59,7 @@ def dataset_of(result: Result) -> xarray.Dataset:
     return _dataset(variables, coordinates, result)
 
 
-def coupled_dataset_of(result: CoupledResult) -> xarray.Dataset:
+def coupled_dataset_of(result: Any) -> xarray.Dataset:
     """What `CoupledResult.to_xarray` gives."""
     from synth.physics.body_modes import AXES
     from synth.solver.coupled_study import ENERGIES
@@ -93,7 +90,7 @@ def coupled_dataset_of(result: CoupledResult) -> xarray.Dataset:
     return _dataset(variables, coordinates, result)
 
 
-def _dataset(variables: dict[str, Any], coordinates: dict[str, Any], result: Result | CoupledResult) -> xarray.Dataset:
+def _dataset(variables: dict[str, Any], coordinates: dict[str, Any], result: Any) -> xarray.Dataset:
     notebook_html.need("xarray", "to_xarray")
     import xarray
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from synth.files import notebook_html
-
-if TYPE_CHECKING:
-    from synth.research.coupled.coupled_result import CoupledResult
-    from synth.research.result import Result
 
 PANELS = ("u", "contact_force", "energy")
 #: more columns than this are drawn in one colour each without a legend
@@ -26,7 +22,7 @@ _ENERGIES = {"stored": "stored", "residual": "held by the rest", "viscous": "los
 
 
 def draw(
-    result: Result | CoupledResult,
+    result: Any,
     panels: Sequence[str] | None = None,
     start_s: float | None = None,
     end_s: float | None = None,
@@ -66,7 +62,7 @@ def draw(
     return found
 
 
-def _wanted(result: Result | CoupledResult, panels: Sequence[str] | None) -> list[str]:
+def _wanted(result: Any, panels: Sequence[str] | None) -> list[str]:
     there = [panel for panel in PANELS if columns_of(result, panel)]
     if panels is None:
         return there
@@ -84,7 +80,7 @@ def _wanted(result: Result | CoupledResult, panels: Sequence[str] | None) -> lis
 _REMEDIES = {"energy": "; simulate with ledger=True", "contact_force": ", as its string meets nothing"}
 
 
-def _rows(result: Result | CoupledResult, start_s: float | None, end_s: float | None) -> slice:
+def _rows(result: Any, start_s: float | None, end_s: float | None) -> slice:
     low = 0 if start_s is None else int(np.searchsorted(result.t, start_s))
     high = result.t.size if end_s is None else int(np.searchsorted(result.t, end_s, side="right"))
     if high <= low:
@@ -94,7 +90,7 @@ def _rows(result: Result | CoupledResult, start_s: float | None, end_s: float | 
     return slice(low, high)
 
 
-def columns_of(result: Result | CoupledResult, panel: str) -> dict[str, np.ndarray]:
+def columns_of(result: Any, panel: str) -> dict[str, np.ndarray]:
     """Label → column (n,) of what a panel shows."""
     if panel == "energy":
         return _energies(result)
@@ -110,7 +106,7 @@ def columns_of(result: Result | CoupledResult, panel: str) -> dict[str, np.ndarr
     return {label if labels.count(label) == 1 else f"{label} ({k + 1})": values[:, k] for k, label in enumerate(labels)}
 
 
-def _energies(result: Result | CoupledResult) -> dict[str, np.ndarray]:
+def _energies(result: Any) -> dict[str, np.ndarray]:
     energy = getattr(result, "energy", None)
     if energy is not None:
         from synth.solver.coupled_study import ENERGIES
@@ -132,7 +128,7 @@ def thinned(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return t[kept], x[kept]
 
 
-def html_of(result: Result | CoupledResult) -> str:
+def html_of(result: Any) -> str:
     """A table of the few numbers and a small picture, as a notebook shows a result."""
     rows = [("run", repr(result).strip("<>"))]
     rows += [(name, _shown(value)) for name, value in result.summary.items() if name not in _SAID]
@@ -154,7 +150,7 @@ def html_of(result: Result | CoupledResult) -> str:
 _SAID = {"scheme", "internal_rate_hz", "modes", "contacts", "rows"}
 
 
-def columns_of_any(result: Result | CoupledResult) -> bool:
+def columns_of_any(result: Any) -> bool:
     """Whether there is anything to draw."""
     return any(columns_of(result, panel) for panel in PANELS)
 
