@@ -295,7 +295,7 @@ class Engine:
             self.seed,
         )
         self._excitations = Excitations(self.parts)
-        self._origin = snapshot.origin_of(built, self._settings, self._own_kinds())
+        self._built, self._known_origin = built, b""
         self._strings = Strings(built)
         called = entries(bool(built.bodies), bool(built.boards))
         self._shared: Shared = new_shared(bank, self._settings.span, called, self._strings)
@@ -332,9 +332,17 @@ class Engine:
         """Whether any of its strings has its modes in float32: those on rigid ends, where `precision` says so."""
         return any(model.single for model in self._strings.models)
 
-    def reset(self) -> None:
-        """Silence, controllers at their power-up values, counters at zero."""
+    def reset(self, seed: int | None = None) -> None:
+        """Silence, controllers at their power-up values, counters at zero. seed: from now on the engine's; None: as before.
+
+        Raises TypeError or ValueError for a seed that cannot be.
+        """
         bank = self._prepared()
+        if seed is not None and seed != self.seed:
+            self.seed = arguments.a_count("seed", seed, 0, MOST_SEED)
+            self._settings = self._settings._replace(seed=self.seed)
+            self._known_origin = b""
+            self._point_again(self._state)
         defaults = default_parameters(self.compiled)
         for mine, fresh in zip(
             self._state, new_state(bank, self._settings.span, defaults, self._chains.at_rest()), strict=True
@@ -421,6 +429,19 @@ class Engine:
         return int((self._state.sounding["awake"] - self._state.sounding["idle"]).sum())
 
     @property
+    def struck(self) -> list[tuple[int, int]]:
+        """Strings that have been struck since `reset`, each with the fret that it is stopped at now: (number among all
+        parts' `compiled` strings, fret)."""
+        bank, sounding = self._prepared(), self._state.sounding
+        found = []
+        firsts = np.flatnonzero(bank.strings["of_first"] == 0)
+        for number, s in enumerate(firsts):
+            if sounding["strokes"][s]:
+                at = (bank.positions["string"] == s) & (bank.positions["model"] == sounding["model"][s])
+                found += [(number, int(fret)) for fret in bank.positions["fret"][at][:1]]
+        return found
+
+    @property
     def notes_unplayed(self) -> int:
         """Notes that found no string (see `report`)."""
         return int(self._state.unplayed.sum())
@@ -493,13 +514,13 @@ class Engine:
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
         self._prepared()
-        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin)
+        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin())
 
     def set_state(self, data: bytes) -> None:
         """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
         another version, or from other presets, rate or quality: the engine then goes on from where it was."""
         bank = self._prepared()
-        arrays = snapshot.unpack(data, self._changing(), self._origin)
+        arrays = snapshot.unpack(data, self._changing(), self._origin())
         defaults = default_parameters(self.compiled)
         check_state(bank, self._settings, self._chains.problem, self._strings, arrays, defaults)
         waiting = arrays["pending"].size
@@ -520,8 +541,19 @@ class Engine:
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
-        self._core[:] = table(self._prepared(), state, self._shared, self._settings, self._effects)
+        self._point_again(state)
         self._state = state
+
+    def _point_again(self, state: State) -> None:
+        """The core's table leads to this state and to the settings as they are now; what stands behind its own stays."""
+        fresh = table(self._prepared(), state, self._shared, self._settings, self._effects)
+        self._core[: fresh.size] = fresh
+
+    def _origin(self) -> bytes:
+        """What states of this engine belong to."""
+        if not self._known_origin:
+            self._known_origin = snapshot.origin_of(self._built, self._settings, self._own_kinds())
+        return self._known_origin
 
     @property
     def mode_steps(self) -> int:
