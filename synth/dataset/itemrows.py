@@ -14,7 +14,7 @@ from synth.dataset.items import Item
 from synth.dataset.labelstore import SIZES
 from synth.dataset.packing import Packed
 from synth.dataset.recipefile import Notes, Phrases, Recipe
-from synth.dataset.soloist import Sung
+from synth.dataset.sung import Sung
 from synth.files.targets import write_whole
 from synth.units import midi_to_note
 

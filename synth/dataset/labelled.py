@@ -28,7 +28,7 @@ from synth.author.views.place import find, speaking
 from synth.author.views.tape import Taped
 from synth.dataset.items import Item
 from synth.dataset.recipefile import Labels, Recipe
-from synth.dataset.soloist import Sung, events
+from synth.dataset.sung import Sung, events_of_item
 from synth.host.alone import check_played
 from synth.instrument.preset import Preset, PresetError
 
@@ -55,7 +55,7 @@ def labelled(item: Item, recipe: Recipe, preset: Preset) -> Sung:
     engine = _taped(preset, item.note, recipe.sound.quality, recipe.sound.rate_hz)
     engine.reset(item.seed)
     rate_hz = recipe.sound.rate_hz
-    wanted, due = recipe.labels, events(item, rate_hz)
+    wanted, due = recipe.labels, events_of_item(item, rate_hz)
     frames = round(item.seconds * rate_hz)
     heard, pressed, states = [], [], _States(wanted, engine)
     for piece in engine.pieces(due, frames):

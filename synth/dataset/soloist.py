@@ -5,42 +5,23 @@ from __future__ import annotations
 import json
 from collections import OrderedDict
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from synth.dataset.items import Item, Presets
 from synth.dataset.recipefile import Recipe, Written
+from synth.dataset.sung import Sung, events_of_item
 from synth.engine.engine import Engine
-from synth.engine.parameters import INDEX_OF
 from synth.host import parts
-from synth.host.alone import BLOCK, events_of, sound_alone
+from synth.host.alone import BLOCK, sound_alone
 from synth.instrument.compile import CompiledPart, note_frequency
 from synth.instrument.preset import Preset
 from synth.midi.song import read_song
 
 #: engines that are kept at a time; one with the notes of a neck takes some 20 MB
 MOST_ENGINES = 24
-
-
-@dataclass(frozen=True)
-class Sung:
-    """(frames, 2) float64 of an item, and what only its making tells.
-
-    string      label of the string that was struck, and `fret`: of several, joined by "+"
-    f0_hz       pitch of a single note as it is tuned
-    unplayed    notes of a MIDI file that found no string
-    labels      arrays by name, see `labelled`; `facts`: numbers beside them
-    """
-
-    samples: np.ndarray
-    string: str = ""
-    fret: str = ""
-    f0_hz: float | None = None
-    unplayed: int = 0
-    labels: dict[str, np.ndarray] = field(default_factory=dict)
-    facts: dict[str, float] = field(default_factory=dict)
 
 
 def as_text(value: Any) -> str:
@@ -76,12 +57,6 @@ def keys_of(item: Item) -> set[int]:
     return keys
 
 
-def events(item: Item, rate_hz: int) -> np.ndarray:
-    """EVENT array of what is played and set."""
-    live = [(INDEX_OF[name], value) for name, value in item.live]
-    return events_of([(beat.at_s, beat) for beat in item.beats], item.controllers, rate_hz, live)
-
-
 class Soloist:
     """Plays the items of a recipe, one after the other, on engines of its own; the same bits in whatever order."""
 
@@ -105,7 +80,7 @@ class Soloist:
         engine = self._engine(item, keys_of(item) | set(with_it))
         engine.reset(item.seed)
         rate_hz = self._recipe.sound.rate_hz
-        samples = sound_alone(engine, events(item, rate_hz), item.seconds, rate_hz, np.dtype(np.float64))
+        samples = sound_alone(engine, events_of_item(item, rate_hz), item.seconds, rate_hz, np.dtype(np.float64))
         sung = Sung(samples, *_struck(engine))
         return replace(sung, f0_hz=_pitch(engine)) if item.kind == "note" else sung
 
