@@ -140,8 +140,9 @@ class Source:
             self._axes["articulation"] = table.articulation
         if isinstance(table, Notes):
             for name in names:
+                playable = playable_notes(presets(name))
                 try:
-                    self._notes[name] = table.note.of(playable_notes(presets(name)))
+                    self._notes[name] = table.note.of(playable)
                 except ValueError as error:
                     said = str(error) if str(error).startswith(name) else f"{name} {error}"
                     raise RecipeError(f"note: {said}") from None

@@ -14,6 +14,7 @@ Arrays, along the first axis; times count from the sound's first sample, steps a
     state_q, state_v  (S·N,) coordinates and speeds of the modes, state after state
     mode_omega, mode_sigma, mode_wq, mode_wv   (N,) angular frequencies [rad/s], decays [1/s], output weights of the modes
     point_x_m, point_height_m   (C,) place from the speaking string's end at nut or fret, height over its line at rest [m]
+    point_shape       (C·N,) shapes of the modes at the points, point after point [1/√m]
 """
 
 from __future__ import annotations
@@ -75,6 +76,7 @@ def labelled(item: Item, recipe: Recipe, preset: Preset) -> Sung:
         "mode_wv": position.wv,
         "point_x_m": np.asarray(speaking(place).reached.positions_m, np.float64),
         "point_height_m": position.eta,
+        "point_shape": position.shapes.ravel(),
     }
     facts = {
         "label_rate_hz": float(position.plan.rate_hz),

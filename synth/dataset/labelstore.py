@@ -2,7 +2,8 @@
 
     labels/train/shard-000000.zarr/force_n      …of item with rows force_begin to force_begin + force_count
 
-What belongs together has one sort of place (`SIZES`): of the N modes of an item's S states, state_q and state_v hold S·N.
+What belongs together has one sort of place (`SIZES`): of the N modes of an item's S states, state_q and state_v hold S·N,
+and of its C points point_shape C·N.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ SIZES = {
     "state_values": ("state_q", "state_v"),
     "mode": ("mode_omega", "mode_sigma", "mode_wq", "mode_wv"),
     "point": ("point_x_m", "point_height_m"),
+    "point_values": ("point_shape",),
 }
 #: numbers in a chunk
 CHUNK = 1 << 16

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from synth.dataset.alternatives import Alternatives
-from synth.dataset.items import Items, Presets
+from synth.dataset.items import Items, Presets, Source
 from synth.dataset.recipefile import MOST_ITEMS, Midi, Phrases, Played, Recipe, RecipeError, Strokes, Written
 from synth.dataset.soloist import as_text
 from synth.engine.parameters import INDEX_OF, parameters_of
@@ -17,22 +17,26 @@ from synth.units import midi_to_note
 
 def checked_items(written: Written) -> Items:
     """The items of a recipe. Raises RecipeError with all that is wrong with it, each in a line that names file and key."""
-    items = Items(written)
-    lines = [f"{written.origin}: {line}" for line in _faults(written, items)]
-    if items.size > MOST_ITEMS:
+    items, lines = None, []
+    try:
+        items = Items(written)
+    except RecipeError as error:
+        lines = str(error).splitlines()
+    lines += [f"{written.origin}: {line}" for line in _faults(written, [] if items is None else items.sources)]
+    if items is not None and items.size > MOST_ITEMS:
         lines.append(f"{written.origin}: makes {items.size} items, at most {MOST_ITEMS} can be: make several data sets")
-    if lines:
+    if lines or items is None:
         raise RecipeError("\n".join(dict.fromkeys(lines)))
     return items
 
 
-def _faults(written: Written, items: Items) -> Iterator[str]:
-    recipe: Recipe = written.recipe
+def _faults(written: Written, sources: Sequence[Source]) -> Iterator[str]:
+    recipe, presets = written.recipe, Presets(written)
     for place, tables in (("notes", recipe.notes), ("phrases", recipe.phrases), ("midi", recipe.midi)):
         for number, table in enumerate(tables):
-            for line in _faults_of(table, recipe, items.presets):
+            for line in _faults_of(table, recipe, presets):
                 yield f"{place}.{number}.{line}"
-    for source in items.sources:
+    for source in sources:
         for name in source.files:
             try:
                 read_song(str(written.path(name)), recipe.sound.rate_hz, False, None)
@@ -50,9 +54,7 @@ def _faults_of(table: Played, recipe: Recipe, presets: Presets) -> Iterator[str]
             continue
         try:
             preset = presets(name)
-        except (ValueError, OSError) as error:
-            for line in str(error).splitlines():
-                yield f"preset: {line}"
+        except (ValueError, OSError):  # which has been said
             continue
         for key, axis in table.set.items():
             yield from _faults_of_setting(preset, key, axis)
