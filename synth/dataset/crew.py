@@ -80,7 +80,7 @@ class Maker:
 
 def chunks(items: Sequence[Item], notes: dict[Any, set[int]]) -> list[Chunk]:
     """Items in portions of one engine each; notes: by engine, those that it is to be prepared for, else those at hand."""
-    order = sorted(items, key=lambda item: (repr(item.engine), item.file, item.beats[0].note if item.beats else 0, item.key))
+    order = sorted(items, key=lambda item: (item.engine, item.file, item.beats[0].note if item.beats else 0, item.key))
     found: list[Chunk] = []
     mine: list[Item] = []
     for item in [*order, None]:

@@ -40,7 +40,7 @@ def forecast(written: Written, items: Items, workers: int) -> Forecast:
     maker = Maker(written, items)
     sound = size = labels = spent = first_s = 0.0
     engines, errors, made = set(), [], 0
-    all_engines = len({repr(item.engine) for item in items if item.kind != "midi"})
+    all_engines = len({item.engine for item in items if item.kind != "midi"})
     began = time.perf_counter()
     for key in chosen:
         if made and time.perf_counter() - began > LONGEST_S:
@@ -51,7 +51,7 @@ def forecast(written: Written, items: Items, workers: int) -> Forecast:
         start = time.perf_counter()
         maker.make(key)
         again = time.perf_counter() - start
-        engines.add(repr(items.by_key(key).engine))
+        engines.add(items.by_key(key).engine)
         first_s += max(0.0, first - again)
         spent += again
         made += 1

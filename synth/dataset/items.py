@@ -8,6 +8,7 @@ workers nor a table that is added behind changes an item.
 
 from __future__ import annotations
 
+import json
 import math
 import zlib
 from collections.abc import Iterator, Sequence
@@ -87,9 +88,9 @@ class Item:
         return self.beats[0].note if self.kind == "note" else None
 
     @property
-    def engine(self) -> tuple[str, str, tuple[tuple[str, Any], ...]]:
+    def engine(self) -> tuple[str, str, str]:
         """What tells the engine that plays it from others: preset, articulation, numbers of the preset."""
-        return self.preset, self.articulation, self.settings
+        return self.preset, self.articulation, json.dumps(self.settings)
 
 
 def key_of(letter: str, table: int, number: int) -> str:
