@@ -25,7 +25,11 @@ def add(commands: Any) -> None:
         allow_abbrev=False,
         description="Makes a data set by a recipe (TOML), or goes on where it was left; makes items again; checks one.",
     )
-    parser.add_argument("recipe", metavar="RECIPE.toml|FOLDER", help="a recipe, or the folder of a data set")
+    parser.add_argument(
+        "recipe",
+        metavar="RECIPE",
+        help="a .toml file, one of the program by name (first-notes), or the folder of a data set",
+    )
     parser.add_argument("-o", "--output", metavar="OUT", help="folder of the data set; with --item the .flac file")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--check", action="store_true", help="only say what is wrong with the recipe, and count")

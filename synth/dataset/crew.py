@@ -23,7 +23,7 @@ CHUNK = 8
 #: workers that may end before they have begun
 MOST_STILLBORN = 3
 #: chunks that a worker has at a time, so that it does not wait for the next
-_AHEAD = 2
+_AHEAD = 6
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -168,14 +169,19 @@ def _fill(
             opened.update(dict.fromkeys(shard.shard.keys, shard))
             yield from chunks([items.by_key(key) for key in shard.shard.keys], notes)
 
-    with Crew(written, items, workers) as crew:
+    writing: Future[None] | None = None  # shards are written while others are made, one after the other
+    with Crew(written, items, workers) as crew, ThreadPoolExecutor(1) as writer:
         for made in crew.make(wanted()):
             shard = opened.pop(made.key)
             shard.made[made.key] = made
             if len(shard.made) == len(shard.shard.keys):
-                _close(folder, written, plan, shard, about)
+                if writing is not None:
+                    writing.result()
+                writing = writer.submit(_close, folder, written, plan, shard, about)
             done += 1
             progress(done, items.size)
+        if writing is not None:
+            writing.result()
     return left
 
 

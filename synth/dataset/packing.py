@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from synth.dataset.recipefile import Level, Sound
 from synth.dsp.k_weighting import loudness_lufs
@@ -39,8 +41,9 @@ class Packed:
 
 def pack(samples: np.ndarray, sound: Sound, level: Level, seed: int) -> Packed:
     """Of (frames, 2) float64, full scale ±1. seed: of the dither of 16 bits. Raises ValueError for what is not finite."""
-    heard = samples if sound.channels == 2 else 0.5 * (samples[:, :1] + samples[:, 1:])
-    loudest = float(np.abs(heard).max(initial=0.0))
+    samples = np.ascontiguousarray(samples, np.float64)
+    heard = np.empty((len(samples), sound.channels))
+    loudest = _heard(samples, heard)
     if not np.isfinite(loudest):
         raise ValueError("the sound holds numbers that are not finite")
     gain = db_to_gain(level.gain_db)
@@ -49,23 +52,64 @@ def pack(samples: np.ndarray, sound: Sound, level: Level, seed: int) -> Packed:
     lowered = loudest * gain > db_to_gain(level.ceiling_dbfs)
     if lowered:
         gain = db_to_gain(level.ceiling_dbfs) / loudest
-    heard = heard * gain
-    quantize = Quantizer(str(sound.bit_depth), seed)
-    pcm = quantize(heard)
-    if quantize.clipped:
-        raise ValueError(f"{quantize.clipped} samples lay above full scale; lower level.ceiling_dbfs")
+    pcm = _integers(heard, gain, sound, seed)
     return Packed(
         encode(pcm, sound),
         pcm,
         gain_to_db(gain),
         lowered,
         gain_to_db(loudest * gain) if loudest > 0.0 else None,
-        loudness_lufs(heard, sound.rate_hz),
-        float(np.argmax(np.abs(heard).max(axis=1) >= ONSET_SHARE * loudest * gain)) / sound.rate_hz
-        if loudest > 0.0
-        else None,
+        loudness_lufs(heard, sound.rate_hz, gain),
+        _onset(heard, ONSET_SHARE * loudest) / sound.rate_hz if loudest > 0.0 else None,
         digest(pcm),
     )
+
+
+def _integers(heard: np.ndarray, gain: float, sound: Sound, seed: int) -> np.ndarray:
+    """As `Quantizer` rounds; what has no dither in one pass. Nothing lies above full scale: the ceiling is below."""
+    if sound.bit_depth != 24:
+        quantize = Quantizer(str(sound.bit_depth), seed)
+        return quantize(heard * gain)
+    pcm = np.empty(heard.shape, np.int32)
+    _rounded(heard.reshape(-1), gain, pcm.reshape(-1))
+    return pcm
+
+
+@njit(cache=True, nogil=True)
+def _heard(samples, out):
+    """out (frames, 1 or 2): the mean of both channels, or both; the largest magnitude, nan where one is not finite."""
+    largest = total = 0.0
+    if out.shape[1] == 1:
+        for n in range(samples.shape[0]):
+            x = 0.5 * (samples[n, 0] + samples[n, 1])
+            out[n, 0] = x
+            largest = max(largest, abs(x))
+            total += abs(x)
+    else:
+        for n in range(samples.shape[0]):
+            for channel in range(2):
+                x = samples[n, channel]
+                out[n, channel] = x
+                largest = max(largest, abs(x))
+                total += abs(x)
+    return largest if math.isfinite(total) else math.nan
+
+
+@njit(cache=True, nogil=True)
+def _rounded(samples, gain, out):
+    """24 bits in the upper bytes of 32."""
+    for n in range(samples.size):
+        out[n] = np.int32(np.rint(samples[n] * gain * 8388608.0)) << 8
+
+
+@njit(cache=True, nogil=True)
+def _onset(samples, least):
+    """The first frame with a magnitude of at least this."""
+    for n in range(samples.shape[0]):
+        for channel in range(samples.shape[1]):
+            if abs(samples[n, channel]) >= least:
+                return n
+    return samples.shape[0]
 
 
 def encode(pcm: np.ndarray, sound: Sound) -> bytes:

@@ -21,6 +21,7 @@ from synth.dataset.alternatives import Alternatives, alternatives
 from synth.files.sources import read_bytes
 from synth.instrument.faults import value_got, wanted
 from synth.instrument.fields import Note
+from synth.instrument.preset import preset_folder
 from synth.instrument.table import Table
 from synth.spelling import perhaps
 from synth.units import midi_to_note, note_to_midi
@@ -140,7 +141,7 @@ _ONE = Alternatives((1,))
 class Sound(Table):
     """How everything is computed and kept."""
 
-    rate_hz: Annotated[int, Field(strict=True, ge=8000, le=192000)] = 44100
+    rate_hz: Annotated[int, Field(strict=True, ge=44100, le=192000)] = 44100
     quality: Literal["draft", "standard", "fine", "reference"] = "standard"
     bit_depth: Literal[16, 24] = 24
     channels: Literal[1, 2] = 1
@@ -153,7 +154,7 @@ class Level(Table):
 
     gain_db: float = Field(0.0, ge=-120.0, le=60.0)
     normalize_dbfs: float | None = Field(None, ge=-80.0, le=0.0)
-    ceiling_dbfs: float = Field(-0.1, ge=-20.0, le=0.0)
+    ceiling_dbfs: float = Field(-0.1, ge=-20.0, le=-0.01)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Level:
@@ -326,15 +327,32 @@ class Written:
         return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def recipe_path(name_or_path: str | os.PathLike[str]) -> Path:
+    """The file of a recipe, or of one that comes with the program by name. Raises RecipeError where there is none."""
+    path = Path(name_or_path)
+    if path.exists() or path.suffix == ".toml":
+        return path
+    folder = preset_folder() / "recipes"
+    found = folder / f"{name_or_path}.toml"
+    if not found.is_file():
+        names = [each.stem for each in sorted(folder.glob("*.toml"))]
+        raise RecipeError(
+            f"there is no recipe {os.fspath(name_or_path)!r}{perhaps(str(name_or_path), names)}: give a file that ends in "
+            f".toml, the folder of a data set, or one of {', '.join(names)}"
+        )
+    return found
+
+
 def read_recipe(
     path: str | os.PathLike[str], copies: Mapping[str, str] | None = None, found: Mapping[str, Sequence[str]] | None = None
 ) -> Written:
-    """The recipe in a file; names of files in it count from its folder. copies, found: see `Written`.
+    """The recipe in a file, or by name; names of files in it count from its folder. copies, found: see `Written`.
 
     Raises RecipeError with all that is wrong, each in a line that names file and key; OSError.
     """
     origin = os.fspath(path)
-    text = read_bytes(Path(path), MOST_BYTES, "recipe")
+    path = recipe_path(path)
+    text = read_bytes(path, MOST_BYTES, "recipe")
     try:
         data = tomllib.loads(text.decode("utf-8-sig"))
     except UnicodeDecodeError:
@@ -350,7 +368,7 @@ def read_recipe(
         recipe = Recipe.model_validate(data)
     except ValidationError as error:
         raise RecipeError("\n".join(_lines(error, origin))) from None
-    return Written(recipe, text, origin, Path(path).resolve().parent, copies or {}, found or {})
+    return Written(recipe, text, origin, path.resolve().parent, copies or {}, found or {})
 
 
 def _lines(error: ValidationError, origin: str) -> list[str]:

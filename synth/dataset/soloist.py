@@ -20,6 +20,8 @@ from synth.instrument.compile import CompiledPart, note_frequency
 from synth.instrument.preset import Preset
 from synth.midi.song import read_song
 
+#: frames that an engine computes in one go
+PIECE = 1 << 20
 #: engines that are kept at a time; one with the notes of a neck takes some 20 MB
 MOST_ENGINES = 24
 
@@ -80,7 +82,9 @@ class Soloist:
         engine = self._engine(item, keys_of(item) | set(with_it))
         engine.reset(item.seed)
         rate_hz = self._recipe.sound.rate_hz
-        samples = sound_alone(engine, events_of_item(item, rate_hz), item.seconds, rate_hz, np.dtype(np.float64))
+        samples = sound_alone(
+            engine, events_of_item(item, rate_hz), item.seconds, rate_hz, np.dtype(np.float64), block=PIECE
+        )
         sung = Sung(samples, *_struck(engine))
         return replace(sung, f0_hz=_pitch(engine)) if item.kind == "note" else sung
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 #: length of a block and from block to block [s]
@@ -35,23 +36,48 @@ def k_weighting(rate_hz: float) -> NDArray[np.float64]:
     return np.array([shelf, [1.0, -2.0, 1.0, 1.0, 2.0 * (k * k - 1.0) / a0, (1.0 - k / _HIGH_PASS_Q + k * k) / a0]])
 
 
-def loudness_lufs(samples: NDArray[np.float64], rate_hz: float) -> float | None:
-    """Integrated loudness of (frames, channels), left and right alike, one channel counted once [LUFS]; None where
-    nothing is louder than ABSOLUTE_LUFS. What is shorter than a block is one block. Needs SciPy."""
-    from scipy.signal import sosfilt
-
+def loudness_lufs(samples: NDArray[np.float64], rate_hz: float, gain: float = 1.0) -> float | None:
+    """Integrated loudness of gain × (frames, channels), left and right alike, one channel counted once [LUFS]; None where
+    nothing is louder than ABSOLUTE_LUFS. What is shorter than a block is one block."""
     if not len(samples):
         return None
-    power = (sosfilt(k_weighting(rate_hz), samples, axis=0) ** 2).sum(axis=1)
-    size, step = min(len(power), round(BLOCK_S * rate_hz)), round(STEP_S * rate_hz)
-    total = np.concatenate(([0.0], np.cumsum(power)))
-    begins = np.arange(0, len(power) - size + 1, step)
-    blocks = (total[begins + size] - total[begins]) / size
+    step = round(STEP_S * rate_hz)
+    power = gain * gain * _powers(np.ascontiguousarray(samples, np.float64), k_weighting(rate_hz), step)
+    steps = round(BLOCK_S / STEP_S)
+    if len(samples) < steps * step:
+        blocks = np.array([power.sum() / len(samples)])
+    else:
+        whole = np.concatenate(([0.0], np.cumsum(power[: len(samples) // step])))
+        blocks = (whole[steps:] - whole[:-steps]) / (steps * step)
     heard = blocks[blocks > _power_of(ABSOLUTE_LUFS)]
     if not heard.size:
         return None
     heard = heard[heard > heard.mean() * 10.0 ** (RELATIVE_LU / 10.0)]
     return _OFFSET + 10.0 * math.log10(heard.mean())
+
+
+@njit(cache=True, nogil=True)
+def _powers(samples, sections, step):
+    """Sums of squares of the weighted samples (frames, channels) of all channels, for each `step` frames begun."""
+    frames, channels = samples.shape
+    out = np.zeros((frames + step - 1) // step)
+    b0, b1, b2, a1, a2 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
+    c0, c1, c2, d1, d2 = sections[1, 0], sections[1, 1], sections[1, 2], sections[1, 4], sections[1, 5]
+    for channel in range(channels):
+        s1 = s2 = t1 = t2 = 0.0
+        for number in range(out.size):
+            total = 0.0
+            for n in range(number * step, min(frames, (number + 1) * step)):
+                x = samples[n, channel]
+                y = b0 * x + s1
+                s1 = b1 * x - a1 * y + s2
+                s2 = b2 * x - a2 * y
+                z = c0 * y + t1
+                t1 = c1 * y - d1 * z + t2
+                t2 = c2 * y - d2 * z
+                total += z * z
+            out[number] += total
+    return out
 
 
 def _power_of(lufs: float) -> float:

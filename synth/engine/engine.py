@@ -21,6 +21,7 @@ from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import LimiterState, largest_reduction_db
 from synth.engine import arguments, layout, snapshot
 from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
+from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
@@ -41,7 +42,7 @@ from synth.jit import compiling, kernel_helpers, prebuilt
 from synth.midi.events import EVENT
 from synth.midi.zones import LOWER, MOST_MEMBERS
 from synth.native.processors import cores
-from synth.native.views import table
+from synth.native.views import table, words
 from synth.solver.laws import law_of
 from synth.solver.schemes import energy_warning
 from synth.units import LN_1000, db_to_gain, hz_to_midi
@@ -303,6 +304,7 @@ class Engine:
         self._scratch = new_scratch(bank)
         self._thread_table = table(self._scratch)
         self._state: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
+        self._fresh: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
         self._effects: Effects
         self._effects, self._effect_tables = self._chains.bound(self._state)
         self._core = table(bank, self._state, self._shared, self._settings, self._effects)
@@ -337,16 +339,14 @@ class Engine:
 
         Raises TypeError or ValueError for a seed that cannot be.
         """
-        bank = self._prepared()
+        self._prepared()
         if seed is not None and seed != self.seed:
             self.seed = arguments.a_count("seed", seed, 0, MOST_SEED)
             self._settings = self._settings._replace(seed=self.seed)
             self._known_origin = b""
-            self._point_again(self._state)
-        defaults = default_parameters(self.compiled)
-        for mine, fresh in zip(
-            self._state, new_state(bank, self._settings.span, defaults, self._chains.at_rest()), strict=True
-        ):
+            settings, at = table(self._settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
+            self._core[at : at + settings.size] = settings
+        for mine, fresh in zip(self._state, self._fresh, strict=True):
             mine[: len(fresh)] = fresh
         self._strings.reset()
         self._shared.task[layout.UNTIL] = 0
@@ -541,13 +541,9 @@ class Engine:
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
-        self._point_again(state)
-        self._state = state
-
-    def _point_again(self, state: State) -> None:
-        """The core's table leads to this state and to the settings as they are now; what stands behind its own stays."""
         fresh = table(self._prepared(), state, self._shared, self._settings, self._effects)
-        self._core[: fresh.size] = fresh
+        self._core[: fresh.size] = fresh  # what stands behind its own parts stays
+        self._state = state
 
     def _origin(self) -> bytes:
         """What states of this engine belong to."""

@@ -81,6 +81,6 @@ def test_what_is_none_says_why(given_: object, said: str) -> None:
 
 
 def test_whole_numbers_are_asked_for_where_only_they_can_be() -> None:
-    with pytest.raises(ValueError, match="whole number, got 1.5"):
+    with pytest.raises(ValueError, match=r"whole number, got 1.5"):
         alternatives([1, 1.5], whole=True)
     assert alternatives({"from": 1, "to": 3}, whole=True).draw(0.99) == 3

@@ -193,11 +193,11 @@ def test_a_broken_item_is_a_row_with_its_error(tmp_path: Path, monkeypatch: pyte
         (("items = 5", "items = 6"), "shards.items changed: 5 there, 6 here"),
     ],
 )
-def test_another_recipe_is_refused_with_the_remedy(
-    made: Path, tmp_path: Path, change: tuple[str, str], said: str
-) -> None:
+def test_another_recipe_is_refused_with_the_remedy(made: Path, tmp_path: Path, change: tuple[str, str], said: str) -> None:
     before = files(made)
-    with pytest.raises(ValueError, match=f"holds a data set of another recipe .{said}.; name another folder with -o, or remove"):
+    with pytest.raises(
+        ValueError, match=rf"holds a data set of another recipe .{said}.; name another folder with -o, or remove"
+    ):
         fill(written(tmp_path, NOTES.replace(*change)), made)
     assert files(made) == before
 
@@ -205,7 +205,9 @@ def test_another_recipe_is_refused_with_the_remedy(
 def test_what_is_only_said_may_change(made: Path, tmp_path: Path) -> None:
     copy = tmp_path / "set"
     shutil.copytree(made, copy)
-    recipe = written(tmp_path, NOTES, 'format = 1\ntitle = "Better"\nlicence = "CC-BY-4.0"\nseed = 7\n[sound]\nquality = "draft"\n')
+    recipe = written(
+        tmp_path, NOTES, 'format = 1\ntitle = "Better"\nlicence = "CC-BY-4.0"\nseed = 7\n[sound]\nquality = "draft"\n'
+    )
     assert fill(recipe, copy).made == 0
     card = (copy / "README.md").read_text()
     assert "# Better" in card and 'license: "CC-BY-4.0"' in card and "No item failed." in card
@@ -216,7 +218,7 @@ def test_other_code_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     folder.make()
     folder.begin(recipe := written(tmp_path), items := Items(recipe))
     monkeypatch.setattr("synth.dataset.setfolder.code", lambda: "0" * 64)
-    with pytest.raises(ValueError, match="was begun by other code .* would be of two minds"):
+    with pytest.raises(ValueError, match=r"was begun by other code .* would be of two minds"):
         folder.begin(recipe, items)
 
 
@@ -230,7 +232,7 @@ def test_a_full_disk_says_so_and_what_is_whole_stays(tmp_path: Path, monkeypatch
         return real(path, members)
 
     monkeypatch.setattr(filling, "write_shard", write_shard)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match=r"No space left"):
         fill(written(tmp_path), tmp_path / "set")
     monkeypatch.setattr(filling, "write_shard", real)
     told = fill(written(tmp_path), tmp_path / "set")
@@ -240,19 +242,19 @@ def test_a_full_disk_says_so_and_what_is_whole_stays(tmp_path: Path, monkeypatch
 def test_folders_that_cannot_be(tmp_path: Path) -> None:
     recipe = written(tmp_path)
     (tmp_path / "file").write_text("")
-    with pytest.raises(NotADirectoryError, match="is a file"):
+    with pytest.raises(NotADirectoryError, match=r"is a file"):
         fill(recipe, tmp_path / "file")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("")
-    with pytest.raises(ValueError, match="has something else in it .thesis.txt."):
+    with pytest.raises(ValueError, match=r"has something else in it .thesis.txt."):
         fill(recipe, tmp_path / "mine")
-    with pytest.raises(FileNotFoundError, match="there is no directory"):
+    with pytest.raises(FileNotFoundError, match=r"there is no directory"):
         fill(recipe, tmp_path / "nowhere" / "set")
-    with pytest.raises(ValueError, match="no data set lies there"):
+    with pytest.raises(ValueError, match=r"no data set lies there"):
         verify(SetFolder(tmp_path / "mine"), 1)
     folder = SetFolder(tmp_path / "set")
     folder.make()
-    with folder.locked(), pytest.raises(ValueError, match="another run is writing there"):
+    with folder.locked(), pytest.raises(ValueError, match=r"another run is writing there"):
         fill(recipe, tmp_path / "set")
 
 
@@ -293,10 +295,14 @@ stroke = [{ at_s = 0.0, note = "C4", hold_s = 0.1 }, { at_s = 0.1, note = "G4", 
     fill(written(tmp_path, text), tmp_path / "set")
     (row,) = rows(tmp_path / "set")
     pcm, _ = decode(read_member(tmp_path / "set" / row["shard"], row["offset"], row["size"]))
-    assert pcm.dtype == np.int16 and pcm.shape == (round(0.3 * 44100), 2) and row["string"] == "C4+G4" and row["note"] is None
+    assert (
+        pcm.dtype == np.int16 and pcm.shape == (round(0.3 * 44100), 2) and row["string"] == "C4+G4" and row["note"] is None
+    )
     assert not np.array_equal(pcm[:, 0], pcm[:, 1])  # dither of its own
     song = [(0, NOTE_ON, 0, 60, 100), (4410, NOTE_OFF, 0, 60, 64), (4410, NOTE_ON, 0, 67, 40), (8820, NOTE_OFF, 0, 67, 64)]
-    heard = synth.render(make_events(song), "jawari-harp", quality="draft", limiter=False, end_s=0.3, seed=row["seed"]).samples
+    heard = synth.render(
+        make_events(song), "jawari-harp", quality="draft", limiter=False, end_s=0.3, seed=row["seed"]
+    ).samples
     assert np.abs(pcm / 2.0**15 - heard).max() <= 1.5 / 2**15 and np.abs(heard).max() > 0.01
 
 
@@ -327,7 +333,7 @@ def test_a_changed_preset_is_another_data_set(tmp_path: Path) -> None:
     folder.make()
     folder.begin(recipe, Items(recipe))
     (tmp_path / "mine.toml").write_bytes(own.read_bytes() + b"\n# another\n")
-    with pytest.raises(ValueError, match="was begun with another mine.toml; name another folder"):
+    with pytest.raises(ValueError, match=r"was begun with another mine.toml; name another folder"):
         folder.begin(recipe, Items(recipe))
 
 
@@ -350,9 +356,9 @@ def test_a_seed_given_at_reset_is_the_engines() -> None:
     engines[1].set_state(engines[0].get_state())
     engines[0].reset(0)
     assert np.array_equal(sound(engines[0]), zero)
-    with pytest.raises(ValueError, match="other presets, rate or quality"):
+    with pytest.raises(ValueError, match=r"other presets, rate or quality"):
         engines[1].set_state(engines[0].get_state())
-    with pytest.raises(ValueError, match="seed must be at least 0"):
+    with pytest.raises(ValueError, match=r"seed must be at least 0"):
         engines[0].reset(-1)
     assert engines[0].struck == [(0, 0)] or len(engines[0].struck) == 1
 

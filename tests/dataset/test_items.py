@@ -77,7 +77,9 @@ def test_phrases_are_transposed_and_stretched(tmp_path: Path) -> None:
         ("jawari-harp", 0), ("jawari-harp", -2), ("tanpura", 0), ("tanpura", -2)]  # fmt: skip
     item = items[1]
     assert [beat.note for beat in item.beats] == [36, 43] and item.kind == "phrase" and item.note is None
-    assert item.beats[1].at_s == pytest.approx(0.5 * item.stretch) and item.beats[1].off_s == pytest.approx(0.3 * item.stretch)
+    assert item.beats[1].at_s == pytest.approx(0.5 * item.stretch) and item.beats[1].off_s == pytest.approx(
+        0.3 * item.stretch
+    )
     assert item.seconds == pytest.approx(0.8 * item.stretch + 0.5)
 
 

@@ -42,7 +42,9 @@ release_s = 0.0
 
 
 @pytest.fixture(scope="module", params=SCENES)
-def labelled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict, np.ndarray]:
+def labelled(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict, dict, np.ndarray]:
     """(folder, row, labels, sound) of one note."""
     place = tmp_path_factory.mktemp(request.param)
     fill(written(place, RECIPE + SCENES[request.param][0], HEAD), place / "set")
