@@ -208,8 +208,9 @@ MEASURES: dict[str, Measure] = {
     "impulse_n_s": Measure(_impulse_n_s, "impulse of all contacts [N s]", {}),
     "unsolved_steps": Measure(_of_summary("unsolved_steps"), "steps not solved to tolerance", {}),
     "steps": Measure(_of_summary("steps"), "steps of the model", {}),
+    "modes_used": Measure(_of_summary("modes"), "modes of the run", {}),
     "mode_steps": Measure(_mode_steps, "steps × modes", {}),
-    "cpu_s": Measure(lambda t: t.cpu_s, "CPU time of the run, without compiling [s]", {}, timed=True),
+    "cpu_s": Measure(lambda t: t.cpu_s, "CPU time of a case's steps, of a note and its engine [s]", {}, timed=True),
     "cpu_per_s": Measure(lambda t: t.cpu_s / t.duration_s, "the same for a second of sound [s/s]", {}, timed=True),
     "times_real_time": Measure(
         lambda t: t.duration_s / max(t.cpu_s, 1e-9), "seconds of sound a CPU second", {}, timed=True

@@ -16,7 +16,7 @@ class Taken:
     signals      (n, P) float64: displacement at the case's P outputs [m]; of a note left and right, full scale ±1
     rate_hz      of its rows; row 0 is t = 0
     expected_hz  where the first partial should be: c/2L of the case's string, the note's pitch; None: not known
-    cpu_s        CPU time of this thread, without compiling; wall_s the same of a clock on the wall [s]
+    cpu_s        CPU time of a case's steps, of a note's engine; wall_s by a clock on the wall [s]
     result       of a case: `Result` or `CoupledResult`
     reference    the run that it is compared with, None where the study has none
     """
