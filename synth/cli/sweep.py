@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from synth.cli.common import number, warner
+from synth.cli import common
 
 if TYPE_CHECKING:
     from synth.study.conducting import Counts
@@ -31,19 +31,23 @@ def add(commands: Any) -> None:
     parser.add_argument("study", metavar="STUDY", nargs="?", help="a .toml file; with --status it may be left out")
     parser.add_argument("-o", "--output", metavar="FOLDER", help="where it is kept (default: STUDY.sweep)")
     parser.add_argument(
-        "--workers", type=number(int, 0, 4096), metavar="N",
+        "--workers", type=common.number(int, 0, 4096), metavar="N",
         help="processes of this machine, one thread each (default: one for each processor); 0: a loop in this one",
     )  # fmt: skip
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers compute, tcp://…")
-    parser.add_argument("--check", action="store_true", help="only say what would be computed: rows, the first of them, time")
+    parser.add_argument(
+        "--check", action="store_true", help="only say what would be computed: rows, the first of them, time"
+    )
     parser.add_argument("--dry-run", action="store_true", help="the same, after a few rows were tried and thrown away")
     parser.add_argument("--status", metavar="FOLDER", help="say how far the study in a folder is, also while it runs")
     parser.add_argument("--retry-failed", action="store_true", help="compute rows that failed again")
     parser.add_argument(
-        "--prune", action="store_true", help="take out of the folder what the study no longer asks for, or an older program made"
+        "--prune",
+        action="store_true",
+        help="take out of the folder what the study no longer asks for, or an older program made",
     )
     parser.add_argument("--plot", action="store_true", help="draw the study's [[plot]]s into its folder at the end")
-    parser.add_argument("--heartbeat", type=number(float, 1, 86400, " s"), default=30.0, metavar="SEC",
+    parser.add_argument("--heartbeat", type=common.number(float, 1, 86400, " s"), default=30.0, metavar="SEC",
                         help="a line so often where there is no terminal (default 30)")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
@@ -94,7 +98,7 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     from synth.study.sweeping import conduct
 
     progress = Progress(None if options.quiet or options.json else sys.stderr, options.heartbeat)
-    warn, last = warner(options.quiet), None
+    warn, last = common.warner(options.quiet), None
 
     def told(counts: Counts) -> None:
         nonlocal last

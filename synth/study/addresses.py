@@ -1,10 +1,10 @@
 """A row's address: SHA-256 of all that its numbers depend on, so that none is computed twice.
 
 In it: the content of the base (tables and arrays of a case, text and measured plan of a preset, the function's name), every
-setting, the measures with their options, the arrays asked for, the reference's settings and check, the sources of the program
-(`code_version` of `work.running.ROOMS`), Python's version (3.x) and those of NumPy, Numba, llvmlite and SciPy, and the text of
-the files that the study names as its sources. Not in it: names of files and folders, the processor (whose vectors change
-last bits; the table of times names the machine of every row), order, plots, how many workers there were.
+setting, the measures with their options, the arrays asked for, the reference's settings and check, the sources of the
+program (`code_version` of `work.running.ROOMS`), Python's version (3.x), those of NumPy, Numba, llvmlite and SciPy, and the
+text of the files that the study names as its sources. Not in it: names of files and folders, the processor (whose vectors
+change last bits; the table of times names the machine of every row), order, plots, how many workers there were.
 """
 
 from __future__ import annotations

@@ -108,7 +108,8 @@ class Dask:
             {
                 "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
                 "distributed.scheduler.worker-ttl": None,
-                "distributed.nanny.pre-spawn-environ": dask.config.get("distributed.nanny.pre-spawn-environ", {}) | _ONE_THREAD,
+                "distributed.nanny.pre-spawn-environ": dask.config.get("distributed.nanny.pre-spawn-environ", {})
+                | _ONE_THREAD,
                 "distributed.admin.large-graph-warning-threshold": "1GB",
                 "distributed.admin.system-monitor.gil.enabled": False,
             }
@@ -127,7 +128,9 @@ class Dask:
             self.close()
             if scheduler is None:
                 raise OSError(f"workers could not be started: {error}") from None
-            raise OSError(f"--scheduler: none answers at {scheduler} ({error}); check the address, and `dask scheduler`") from None
+            raise OSError(
+                f"--scheduler: none answers at {scheduler} ({error}); check the address, and `dask scheduler`"
+            ) from None
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._batches: dict[Any, Any] = {}  # key → future
         self._needs: dict[Any, str | None] = {}  # key → reference
@@ -155,8 +158,8 @@ class Dask:
     def _check(self) -> None:
         if self._client.status not in ("running", "newly-created"):
             raise OSError(
-                f"the scheduler {self._scheduler or 'of this process'} has gone; what has arrived is kept: start it, and the "
-                "same command goes on"
+                f"the scheduler {self._scheduler or 'of this process'} has gone; what has arrived is kept: start it, and "
+                "the same command goes on"
             )
 
     def submit(self, reference: tuple[str, Any] | None, jobs: Any, first: bool = False) -> Any:
@@ -218,7 +221,12 @@ class Dask:
             return KILLED
         except Exception as error:
             self._check()
-            if type(error).__name__ in ("CancelledError", "FutureCancelledError", "FuturesCancelledError", "CommClosedError"):
+            if type(error).__name__ in (
+                "CancelledError",
+                "FutureCancelledError",
+                "FuturesCancelledError",
+                "CommClosedError",
+            ):
                 return LOST
             raise OSError(f"a worker could not take a batch: {type(error).__name__}: {error}") from error
 

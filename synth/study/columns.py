@@ -1,7 +1,7 @@
 """Values by name as Parquet's columns: one type a column, whatever the parts that it is put together from.
 
-Whole numbers are int64, with others float64; what is neither number, truth nor text, or more than one of these, is JSON text,
-which the field says (`JSON`).
+Whole numbers are int64, with others float64; what is neither number, truth nor text, or more than one of these, is JSON
+text, which the field says (`JSON`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,14 @@ def _together(kinds: set[str]) -> str:
     return next(iter(kinds)) if len(kinds) == 1 else "json"
 
 
-_TYPES = {"none": pa.null(), "bool": pa.bool_(), "int": pa.int64(), "float": pa.float64(), "text": pa.string(), "json": pa.string()}
+_TYPES = {
+    "none": pa.null(),
+    "bool": pa.bool_(),
+    "int": pa.int64(),
+    "float": pa.float64(),
+    "text": pa.string(),
+    "json": pa.string(),
+}
 
 
 def column(name: str, values: Sequence[Any]) -> tuple[pa.Field, pa.Array]:

@@ -1,7 +1,7 @@
 """The finished table: a row for each that the study asks for, in its order, whatever the order in which they came.
 
-Of rows and columns only what the study and its results decide on is in `table.parquet`, so that a run that was disturbed gives
-the same table as one that was not; what is measured of the machine is in `times.parquet`, row by row.
+Of rows and columns only what the study and its results decide on is in `table.parquet`, so that a run that was disturbed
+gives the same table as one that was not; what is measured of the machine is in `times.parquet`, row by row.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""A study's rows to a crew and back. Rows are made as the crew can take them: neither this process nor a scheduler ever holds
-more than a few batches for each worker, however many rows there are.
+"""A study's rows to a crew and back. Rows are made as the crew can take them: neither this process nor a scheduler ever
+holds more than a few batches for each worker, however many rows there are.
 """
 
 from __future__ import annotations

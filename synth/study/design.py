@@ -94,11 +94,13 @@ class Design:
         for name, value in settings.items():
             key = canonical(name)
             follows = key not in NUMERICAL if self._follows is None else key in self._follows
-            if name in base and value == base[name] or follows:
+            if (name in base and value == base[name]) or follows:
                 kept[name] = value
         found = _over(kept, dict(table.set))
         if any(canonical(name) == "quality" for name in table.set):
-            found = {name: value for name, value in found.items() if canonical(name) not in ("run.internal_rate_hz", "run.modes")}
+            found = {
+                name: value for name, value in found.items() if canonical(name) not in ("run.internal_rate_hz", "run.modes")
+            }
         elif any(canonical(name) == "run.internal_rate_hz" for name in table.set):
             found.pop("quality", None)
         return found

@@ -95,7 +95,7 @@ class Folder:
         return sorted((self.path / "parts").glob("[0-9]*.parquet"))
 
     def open(self) -> None:
-        """Makes the folder where it is not, takes its lock, and makes a part of what a killed process left. Raises OSError."""
+        """Makes and locks the folder; what a killed process left becomes a part. Raises OSError."""
         if not self.path.exists():
             check_folder(self.path, self.path.parent)
         elif not self.path.is_dir():
@@ -143,7 +143,9 @@ class Folder:
         good, bad = Keys(), []
         for found in self.tables(["key", "code", "failure"]):
             reasons = found.column("failure").to_pylist() if "failure" in found.column_names else [None] * found.num_rows
-            for key, code, reason in zip(found.column("key").to_pylist(), found.column("code").to_pylist(), reasons, strict=True):
+            for key, code, reason in zip(
+                found.column("key").to_pylist(), found.column("code").to_pylist(), reasons, strict=True
+            ):
                 codes[code] = codes.get(code, 0) + 1
                 if reason is None:
                     good.add(key)
@@ -165,16 +167,20 @@ class Folder:
                     there = file.schema_arrow.names
                     yield file.read(None if names is None else [name for name in names if name in there])
             except pa.ArrowInvalid as error:
-                raise OSError(f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew") from None
+                raise OSError(
+                    f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew"
+                ) from None
 
-    def add(self, key: str, code: str, settings: Mapping[str, Any], values: Mapping[str, Any], arrays: Any, spent: Any) -> None:
+    def add(
+        self, key: str, code: str, settings: Mapping[str, Any], values: Mapping[str, Any], arrays: Any, spent: Any
+    ) -> None:
         """A row that has arrived. It outlives this process from the next `tick` on."""
         if arrays:
             self._write_arrays(key, arrays)
         row = {"key": key, "code": code, **settings, **values, **{TIME + name: value for name, value in spent.items()}}
         with naming(self.path):
             if self._journal is None:
-                self._journal = open(self.path / f"journal-{self._next:08d}.jsonl", "a", encoding="utf-8")  # noqa: SIM115
+                self._journal = open(self.path / f"journal-{self._next:08d}.jsonl", "a", encoding="utf-8")
             self._journal.write(json.dumps(row, ensure_ascii=False) + "\n")
         self._rows.append(row)
 
@@ -197,7 +203,9 @@ class Folder:
         if journal is not None:
             Path(journal.name).unlink(missing_ok=True)
         self._since = time.monotonic()
-        small = [path for path in self.parts if pq.read_metadata(path).num_rows < PART_ROWS / 2] if self._next % 8 == 0 else []
+        small = (
+            [path for path in self.parts if pq.read_metadata(path).num_rows < PART_ROWS / 2] if self._next % 8 == 0 else []
+        )
         if len(small) >= _MANY:
             self._merge(small)
 

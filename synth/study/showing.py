@@ -57,7 +57,9 @@ class Progress:
             parts += [f"{rate:.3g} rows/s", f"{duration((counts.total - counts.done) / rate)} left"]
         if counts.failed:
             parts.append(f"{counts.failed} failed")
-        parts.append(f"{counts.workers} worker{'' if counts.workers == 1 else 's'}" if counts.workers else "waiting for workers")
+        parts.append(
+            f"{counts.workers} worker{'' if counts.workers == 1 else 's'}" if counts.workers else "waiting for workers"
+        )
         return ", ".join(parts)
 
     def _rate(self) -> float:

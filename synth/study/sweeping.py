@@ -95,8 +95,8 @@ def conduct(
         done, failed, codes = kept.known(retry_failed)
         other = sum(rows for code, rows in codes.items() if code != opened.addresses.code)
         if other and not prune:
-            say(f"{other} rows in {folder} are of another version of the program or its libraries; rows are computed with this "
-                "one, those are kept (--prune takes them away)")  # fmt: skip
+            say(f"{other} rows in {folder} are of another version of the program or its libraries; rows are computed with "
+                "this one, those are kept (--prune takes them away)")  # fmt: skip
         counts = Counts(len(opened.design))
         last = 0.0
 
@@ -156,7 +156,8 @@ def _said(opened: Opened, counts: Counts, state: str) -> dict[str, Any]:
     return {
         "name": opened.study.name, "code": opened.addresses.code, "state": state, "rows": counts.total, "done": counts.done,
         "computed": counts.computed, "failed": counts.failed, "workers": counts.workers, "process": os.getpid(),
-        "seconds": round(time.monotonic() - counts.began, 1), "at": time.strftime("%F %T"), "parameters": opened.study.parameters,
+        "seconds": round(time.monotonic() - counts.began, 1), "at": time.strftime("%F %T"),
+        "parameters": opened.study.parameters,
         "measures": [each["as"] for each in opened.study.measured()],
     }  # fmt: skip
 
@@ -212,4 +213,14 @@ def read_arrays(folder: str | os.PathLike[str], key: str) -> dict[str, Any]:
     return {str(name): array[:] for name, array in group.arrays()}
 
 
-__all__ = ["Opened", "StudyError", "conduct", "open_study", "read_arrays", "read_results", "read_rows", "read_table", "sweep"]
+__all__ = [
+    "Opened",
+    "StudyError",
+    "conduct",
+    "open_study",
+    "read_arrays",
+    "read_results",
+    "read_rows",
+    "read_table",
+    "sweep",
+]

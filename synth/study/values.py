@@ -73,7 +73,9 @@ class Distribution(Table):
 
     @model_validator(mode="after")
     def _one(self) -> Distribution:
-        kinds = [name for name in ("uniform", "loguniform", "normal", "lognormal", "integers", "choice") if self._given(name)]
+        kinds = [
+            name for name in ("uniform", "loguniform", "normal", "lognormal", "integers", "choice") if self._given(name)
+        ]
         if len(kinds) != 1:
             raise ValueError("give one of uniform, loguniform, normal, lognormal, integers and choice")
         pair = getattr(self, kinds[0])
@@ -125,7 +127,7 @@ class Draw(Table):
 
 
 def unit_cube(sampler: str, count: int, dimensions: int, seed: int) -> np.ndarray:
-    """(count, dimensions) samples in [0, 1): by NumPy's generator, or SciPy's Latin hypercube or scrambled Sobol sequence."""
+    """(count, dimensions) samples in [0, 1): NumPy's generator, or SciPy's Latin hypercube or scrambled Sobol sequence."""
     generator = np.random.default_rng(seed)
     if sampler == "random":
         return generator.random((count, dimensions))

@@ -78,8 +78,8 @@ def stored(folder: Path) -> int:
 
 
 def local(folder: Path, rows: int, seconds: float, rounds: int, patience_s: float = 600.0) -> dict[str, Any]:
-    """A LocalCluster of 2 workers: both killed `rounds` times, then the process that holds the scheduler, once; against a run
-    that nobody disturbs. Returns what happened."""
+    """A LocalCluster of 2 workers: both killed `rounds` times, then the process that holds the scheduler, once; against a
+    run that nobody disturbs. Returns what happened."""
     study = folder / "naps.toml"
     study.write_text(study_text(rows, seconds))
     calm = sweep(study, folder / "calm", "--workers", "2")
@@ -125,7 +125,10 @@ def cluster(port: int, workers: int, folder: Path, threads: int = 1) -> Iterator
     address = f"tcp://127.0.0.1:{port}"
     begun = [
         subprocess.Popen(
-            [*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"], env=environment(), cwd=folder, **_QUIET
+            [*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
+            env=environment(),
+            cwd=folder,
+            **_QUIET,
         )  # type: ignore[call-overload]
     ]
     try:

@@ -242,4 +242,5 @@ def _run_note(source: Mapping[str, Any], settings: Mapping[str, Any], ledger: bo
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     if sound.error:
         raise ValueError(sound.error)
+    assert sound.samples is not None
     return Taken(dict(settings), sound.samples, float(sound.rate_hz), midi_to_hz(note.note, preset.tuning.a4_hz), cpu, wall)

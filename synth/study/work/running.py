@@ -150,7 +150,14 @@ def _measured(
             raise RuntimeError(f"its reference failed: {reference['failure']}")
         reference = taken_of(reference)
         taken = Taken(
-            taken.settings, taken.signals, taken.rate_hz, taken.expected_hz, taken.cpu_s, taken.wall_s, taken.result, reference
+            taken.settings,
+            taken.signals,
+            taken.rate_hz,
+            taken.expected_hz,
+            taken.cpu_s,
+            taken.wall_s,
+            taken.result,
+            reference,
         )
     values: dict[str, Any] = {}
     timed: dict[str, Any] = {}
