@@ -98,7 +98,7 @@ class Dask:
     Raises OSError where no scheduler answers at the address, and while waiting where it has gone.
     """
 
-    def __init__(self, head: dict[str, Any], workers: int, scheduler: str | None) -> None:
+    def __init__(self, head: dict[str, Any], workers: int, scheduler: str | None, wait_s: float = 20.0) -> None:
         import dask
         from distributed import Client, LocalCluster
 
@@ -123,7 +123,7 @@ class Dask:
                     n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
                     silence_logs=logging.CRITICAL,
                 )  # fmt: skip
-            self._client = Client(self._cluster or scheduler, timeout="20s", set_as_default=False)
+            self._client = Client(self._cluster or scheduler, timeout=wait_s, set_as_default=False)
         except (OSError, ValueError) as error:
             self.close()
             if scheduler is None:

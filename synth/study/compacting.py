@@ -74,7 +74,7 @@ def finish(folder: Folder, design: Design, addressed: Any) -> pa.Table | None:
     if any(references):
         made.append(columns.column("reference", references))
     made.append(columns.column("key", keys))
-    made = [(field, array) for field, array in made if not (field.type == pa.null() and field.name not in parameters)]
+    made = [_typed(field, array) for field, array in made]
     table = pa.Table.from_arrays(
         [array if isinstance(array, pa.ChunkedArray) else pa.chunked_array([array]) for _, array in made],
         schema=pa.schema([field for field, _ in made]),
@@ -86,6 +86,11 @@ def finish(folder: Folder, design: Design, addressed: Any) -> pa.Table | None:
     write_table(times, folder.path / "times.parquet")
     write_table(table, folder.path / "table.parquet")
     return table
+
+
+def _typed(field: pa.Field, array: Any) -> tuple[pa.Field, Any]:
+    """A column that has nothing in all rows is one of numbers."""
+    return (pa.field(field.name, pa.float64()), array.cast(pa.float64())) if field.type == pa.null() else (field, array)
 
 
 def prune(folder: Folder, design: Design, addressed: Any) -> int:

@@ -40,6 +40,8 @@ _MANY = 32
 #: before a column's name in a part: what is not the same again
 TIME = "time."
 FORMAT = 1
+#: in a folder that was begun and killed before it said of which study it is
+_BEGUN = {"lock", "parts"}
 
 
 class Keys:
@@ -100,7 +102,7 @@ class Folder:
             check_folder(self.path, self.path.parent)
         elif not self.path.is_dir():
             raise NotADirectoryError(f"{self.path}: is a file; give a folder")
-        elif not (self.path / "study.json").exists() and any(each.name != "lock" for each in self.path.iterdir()):
+        elif not (self.path / "study.json").exists() and {each.name for each in self.path.iterdir()} - _BEGUN:
             raise FileExistsError(f"{self.path}: is no study's folder, and not empty; give another")
         with naming(self.path):
             (self.path / "parts").mkdir(parents=True, exist_ok=True)

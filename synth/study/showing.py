@@ -24,7 +24,7 @@ class Progress:
         self._stream = stream
         self._terminal = stream is not None and stream.isatty()
         self._every = REFRESH_S if self._terminal else heartbeat_s
-        self._shown = time.monotonic() - (self._every if self._terminal else self._every - 2.0)
+        self._shown = time.monotonic() - (self._every if self._terminal else max(0.0, self._every - 2.0))
         self._seen: deque[tuple[float, int]] = deque()
         self._width = 0
 
