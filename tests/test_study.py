@@ -30,7 +30,7 @@ from tests.patience import until
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 STUDIES = TOOLS.parent / "studies"
-ROWS = '''
+ROWS = """
 import os, signal, time
 import numpy as np
 
@@ -52,7 +52,7 @@ def against(settings, reference=None):
     if settings["x"] == "reference":
         return {"runs": 1, "signal": np.ones(4)}
     return {"distance": float(np.sum(reference["arrays"]["signal"]) - settings["x"])}
-'''
+"""
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,9 @@ def test_a_reference_follows_what_is_asked_and_not_how() -> None:
     design = Design(study)
     found = [design.reference(row) for row in design]
     assert {json.dumps(each, sort_keys=True) for each in found} == {
-        json.dumps({"duration_s": 0.1, "initial.displacement_m": d, "internal_rate_hz": 352800, "modes": 100}, sort_keys=True)
+        json.dumps(
+            {"duration_s": 0.1, "initial.displacement_m": d, "internal_rate_hz": 352800, "modes": 100}, sort_keys=True
+        )
         for d in (1e-3, 2e-3)
     }
 
@@ -173,7 +175,9 @@ def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, capsys: pytest.Captur
     assert main(["sweep", str(path)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 2 and all(f"{path}: " in line for line in lines)
-    path.write_text('measures = ["peak"]\nbase.case = "tanpura"\ngrid."string.tensoin_n" = [1.0]\ngrid."finger.3.width_m" = [1]\n')
+    path.write_text(
+        'measures = ["peak"]\nbase.case = "tanpura"\ngrid."string.tensoin_n" = [1.0]\ngrid."finger.3.width_m" = [1]\n'
+    )
     assert main(["sweep", str(path), "-o", str(tmp_path / "out")]) == 2
     assert "finger" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
@@ -241,7 +245,9 @@ def test_a_changed_study_computes_what_is_new_and_keeps_the_old(place: Path, tmp
     assert len(list(sweeping.read_rows(tmp_path / "s"))) == 4
     told: list[str] = []
     sweeping.sweep(study, tmp_path / "s", workers=0, prune=True, say=told.append)
-    assert len(list(sweeping.read_rows(tmp_path / "s"))) == 2 and told == [f"2 rows that are not asked for left {tmp_path / 's'}"]
+    assert len(list(sweeping.read_rows(tmp_path / "s"))) == 2 and told == [
+        f"2 rows that are not asked for left {tmp_path / 's'}"
+    ]
 
 
 def test_another_program_computes_anew_and_says_so(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,7 +285,13 @@ def test_a_line_that_was_cut_off_is_no_row(place: Path, tmp_path: Path) -> None:
     with Folder(tmp_path / "s"):
         pass
     opened = sweeping.open_study(study)
-    row = {"key": opened.addressed({"seconds": 0, "x": 1})[0], "code": opened.addresses.code, "seconds": 0, "x": 1, "y": 1 / 7}
+    row = {
+        "key": opened.addressed({"seconds": 0, "x": 1})[0],
+        "code": opened.addresses.code,
+        "seconds": 0,
+        "x": 1,
+        "y": 1 / 7,
+    }
     (tmp_path / "s" / "study.json").write_text("{}")
     (tmp_path / "s" / "journal-00000000.jsonl").write_text(json.dumps(row) + "\n" + json.dumps(row | {"x": 2})[:60])
     counts: list[Counts] = []

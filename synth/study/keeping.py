@@ -34,7 +34,7 @@ from synth.files.targets import check_folder, naming, write_text, write_whole
 from synth.study import columns
 
 #: rows that a part has at most, and seconds after which what has arrived becomes one
-PART_ROWS, PART_S = 20_000, 20.0
+PART_ROWS, PART_S = 2_000, 20.0
 #: parts with fewer rows than PART_ROWS / 2 that are made one
 _MANY = 32
 #: before a column's name in a part: what is not the same again

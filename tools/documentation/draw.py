@@ -23,6 +23,7 @@ FLOORS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("what is typed", (("cli", "the commands"),)),
     ("without Python", (("plugin", "CLAP, VST3, LV2, libjawari"),)),
     ("what is played", (("drone", "a tanpura by itself"), ("author", "the page"))),
+    ("studies", (("study", "many runs, each once"),)),
     ("live", (("live", "PortAudio, JACK, MIDI, takes"),)),
     ("uses", (("host", "songs to files"), ("fit", "from recordings"))),
     ("two families", (("engine", "instruments that are played"), ("research", "one case at a time"))),

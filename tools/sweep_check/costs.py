@@ -78,14 +78,18 @@ def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, An
     """One scheduler and sleeping workers, `threads` at once in four processes: rows a second against what they could do, and
     what the conducting process, the scheduler and the wires have to do with it."""
     from synth.study.sweeping import open_study, sweep
+    from synth.study.work.running import run_batch
 
     port = kills.free_port()
     study = {"base": {"call": "sweep_check.rows:nap", "set": {"seconds": seconds}},
              "grid": {"x": {"from": 0, "to": rows - 1, "step": 1}}}  # fmt: skip
     opened = open_study(study)
-    settings = opened.design.row(1)
-    row_out = len(pickle.dumps([("0" * 64, settings, opened.addresses.source(settings))] * 100)) / 100.0
-    row_back = len(pickle.dumps([("0" * 64, dict.fromkeys("abcde", 0.5), {}, dict.fromkeys("abcd", 0.5))] * 100)) / 100.0
+    some = [opened.design.row(number) for number in range(100)]
+    jobs = [(opened.addressed(row)[0], row, opened.addresses.source(row)) for row in some]
+    row_out = len(pickle.dumps(jobs)) / 100.0
+    row_back = (
+        len(pickle.dumps(run_batch(opened.addresses.head, None, [(k, s | {"seconds": 0}, o) for k, s, o in jobs]))) / 100.0
+    )
     seen: list[tuple[float, int, float, float]] = []
     with kills.cluster(port, 4, folder, threads // 4) as begun:
         scheduler = begun[0].pid
