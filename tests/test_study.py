@@ -18,7 +18,7 @@ import pytest
 import synth.study.work.running as running
 from synth.cli import main
 from synth.study import columns, sweeping
-from synth.study.addresses import Addresses
+from synth.study.addressing import Addresses
 from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
@@ -195,7 +195,7 @@ def test_an_address_is_of_all_that_numbers_depend_on(place: Path, monkeypatch: p
     assert addresses_of(called("square", [2.0, 1])) == first[::-1]
     assert not set(first) & set(addresses_of(called("nap", [1, 2])))
     assert not set(first) & set(addresses_of(called("square", [1, 2], base={"set": {"z": 0}})))
-    monkeypatch.setattr("synth.study.addresses.versions", lambda: running.versions() | {"numpy": "0.1"})
+    monkeypatch.setattr("synth.study.addressing.versions", lambda: running.versions() | {"numpy": "0.1"})
     assert not set(first) & set(addresses_of(called("square", [1, 2])))
 
 
@@ -254,7 +254,7 @@ def test_another_program_computes_anew_and_says_so(place: Path, tmp_path: Path, 
     study = called("nap", [1, 2], base={"set": {"seconds": 0}})
     sweeping.sweep(study, tmp_path / "s", workers=0)
     versions = running.versions() | {"code": "0" * 64}
-    for module in ("addresses", "work.running"):
+    for module in ("addressing", "work.running"):
         monkeypatch.setattr(f"synth.study.{module}.versions", lambda: versions)
     told: list[str] = []
     counts: list[Counts] = []
@@ -379,12 +379,18 @@ def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
 
 
 CASE = """
-measures = ["e", "lsd_db", "pitch_cents", "energy_balance", "contact_part", "first_contact_s", "cpu_s",
-            { measure = "e", as = "e_early", options = { until_s = 0.02 } }, { measure = "t60_s", options = { partial = 40 } }]
+measures = ["e", "lsd_db", "pitch_cents", "energy_balance", "contact_part", "first_contact_s",
+            "cpu_s",
+            { measure = "e", as = "e_early", options = { until_s = 0.02 } },
+            { measure = "t60_s", options = { partial = 40 } }]
 arrays = ["u"]
 base = { case = "tanpura", set = { duration_s = 0.1, output_rate_hz = 44100, modes = "below-half" } }
-reference = { set = { internal_rate_hz = 352800, modes = 300, scheme = "exact-hold" }, check = { internal_rate_hz = 176400 } }
-grid = { scheme = ["exact-hold", "moreau-jean"], internal_rate_hz = [44100, 88200] }
+[reference]
+set = { internal_rate_hz = 352800, modes = 300, scheme = "exact-hold" }
+check = { internal_rate_hz = 176400 }
+[grid]
+scheme = ["exact-hold", "moreau-jean"]
+internal_rate_hz = [44100, 88200]
 [[plot]]
 x = "internal_rate_hz"
 y = "e"
@@ -478,7 +484,8 @@ def test_the_command_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_asking_for_help_loads_no_dask() -> None:
-    program = "import sys\nfrom synth.cli import _parser\n_parser()\nprint(*{'dask', 'pandas', 'pyarrow', 'numpy'} & set(sys.modules))"
+    program = "import sys\nfrom synth.cli import _parser\n_parser()\n"
+    program += "print(*{'dask', 'pandas', 'pyarrow', 'numpy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 

@@ -4,7 +4,7 @@ values        lists, ranges and random draws of a parameter
 studyfile     a study's tables, read and checked
 design        the rows that a study asks for, one after the other, never all at once
 work          what a worker does: bases, measures, a batch of rows. Its sources are part of every row's address
-addresses     a row's address: the hash of all that its numbers depend on
+addressing    a row's address: the hash of all that its numbers depend on
 keeping       the folder: journal, Parquet parts, references, arrays, the lock
 compacting    the finished table, in the order of the study
 conducting    rows to workers and back, in bounded number; killed workers, killed schedulers

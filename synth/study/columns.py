@@ -12,7 +12,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from synth.study.addresses import plain_json
+from synth.study.addressing import plain_json
 
 #: of a field whose text is JSON
 JSON = {b"json": b"1"}

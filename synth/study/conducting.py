@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from synth.study.addresses import Addresses
+from synth.study.addressing import Addresses
 from synth.study.clusters import KILLED, LOST, Crew
 from synth.study.design import Design
 from synth.study.keeping import Folder, Keys

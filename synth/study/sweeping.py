@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from synth.study.addresses import Addresses, check_rows
+from synth.study.addressing import Addresses, check_rows
 from synth.study.conducting import Counts, address
 from synth.study.design import Design, spread
 from synth.study.studyfile import Study, StudyError, read_study
