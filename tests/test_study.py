@@ -261,14 +261,14 @@ def test_another_program_computes_anew_and_says_so(place: Path, tmp_path: Path, 
     sweeping.sweep(study, tmp_path / "s", workers=0, say=told.append, told=counts.append)
     assert counts[-1].computed == 2 and "2 rows" in told[0] and "another version" in told[0]
     monkeypatch.setattr("synth.study.work.running.versions", lambda: versions | {"numpy": "other"})
-    with pytest.raises(ValueError, match="a worker computes with another program: .* has numpy other instead of"):
+    with pytest.raises(ValueError, match=r"a worker computes with another program: .* has numpy other instead of"):
         sweeping.sweep(called("nap", [7], base={"set": {"seconds": 0}}), tmp_path / "s", workers=0)
 
 
 def test_two_at_one_folder_and_folders_of_others(place: Path, tmp_path: Path) -> None:
     study = called("nap", [1], base={"set": {"seconds": 0}})
     with Folder(tmp_path / "s"):
-        with pytest.raises(BlockingIOError, match=f"s: process {os.getpid()} on .* is at work there; wait for it"):
+        with pytest.raises(BlockingIOError, match=rf"s: process {os.getpid()} on .* is at work there; wait for it"):
             sweeping.sweep(study, tmp_path / "s", workers=0)
     sweeping.sweep(study, tmp_path / "s", workers=0)
     (tmp_path / "other").mkdir()
@@ -371,7 +371,7 @@ def test_an_interrupted_sweep_keeps_what_it_has(tmp_path: Path) -> None:
 def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
     from synth.study import clusters
 
-    with pytest.raises(OSError, match="--scheduler: none answers at tcp://127.0.0.1:9"):
+    with pytest.raises(OSError, match=r"--scheduler: none answers at tcp://127.0.0.1:9"):
         clusters.Dask({}, 1, "tcp://127.0.0.1:9", wait_s=2)
 
 
