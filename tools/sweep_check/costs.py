@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sweep_check import kills
-from sweep_check.rows import work
+from sweep_check.rows import nap, work
 
 
 def _calibrated() -> int:
@@ -55,6 +55,18 @@ def overhead(folder: Path, rows: int, workers: int) -> dict[str, Any]:
     loop = (loop + (time.perf_counter() - began) / (rows // 2)) / 2.0
     return {"workers": workers, "rows": rows, "plain loop": loop, "study": row, "more": row / loop - 1.0,
             "start and end": whole - (seen[-1][0] - seen[first][0])}  # fmt: skip
+
+
+def asleep(folder: Path, rows: int) -> dict[str, Any]:
+    """The same of rows that sleep 0.2 s, so that other programs count little: what one worker waits for between rows."""
+    began = time.perf_counter()
+    for x in range(20):
+        nap({"x": x, "seconds": 0.2})
+    loop = (time.perf_counter() - began) / 20
+    seen = _sweep(folder, {"x": {"from": 0, "to": rows - 1, "step": 1}}, "nap", {"seconds": 0.2}, 1)
+    first = next(k for k, (_, done) in enumerate(seen) if done >= 4)
+    row = (seen[-1][0] - seen[first][0]) / (seen[-1][1] - seen[first][1])
+    return {"rows": rows, "plain loop": loop, "study": row, "more": row / loop - 1.0}
 
 
 def _resident_mb() -> float:
