@@ -1,5 +1,5 @@
 """Imports go one way only: _version, signals, spelling, units, panning, files → native → jit → midi → physics, solver, dsp →
-instrument → engine, research → host, fit → live → drone, author → plugin, dataset → cli.
+instrument → engine, research → host, fit → study → live → drone, author → plugin, dataset → cli.
 """
 
 import ast
@@ -25,6 +25,7 @@ FLOORS = (
     {"instrument"},
     {"engine", "research"},
     {"host", "fit"},
+    {"study"},
     {"live"},
     {"drone", "author"},
     {"plugin", "dataset"},

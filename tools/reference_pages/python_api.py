@@ -30,6 +30,7 @@ MODULES: dict[str, tuple[str, ...] | None] = {
     "synth.midi.events": None,
     "synth.fit": None,
     "synth.research.case": ("case_names", "case_path", "case_folder"),
+    "synth.study.sweeping": ("sweep", "read_table", "read_rows", "read_results", "read_arrays"),
     "synth.physics.string": None,
     "synth.physics.tuning": None,
     "synth.physics.modes": None,
