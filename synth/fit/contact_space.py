@@ -1,0 +1,118 @@
+"""The unknowns of one note over an obstacle, as numbers in a unit cube.
+
+Of a bridge: height of the thread as a share of that above which the string hardly touches, d·A/((1 − p)L); distance and
+place of plucking as shares of the length; and what is in the way, draw time and a factor of all losses. Of a curved bridge
+the amplitude too: its arc, unlike a single point, has a size of its own. Of frets action, amplitude, place, draw, losses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synth.fit.contact_model import Bridge, Neck, Stroke
+from synth.physics.string import String
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What may lie between low and high; by ratios or not."""
+
+    name: str
+    low: float
+    high: float
+    ratios: bool = False
+
+    def at(self, share: float) -> float:
+        if self.ratios:
+            return self.low * (self.high / self.low) ** share
+        return self.low + share * (self.high - self.low)
+
+    def share(self, value: float) -> float:
+        if self.ratios:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
+
+
+#: height over that above which there is hardly contact; distance over the length; place; draw time [s]; losses
+HEIGHT = Unknown("height", -0.3, 1.3)
+DISTANCE = Unknown("distance", 0.0012, 0.03, True)
+POSITION = Unknown("position", 0.02, 0.5)
+DRAW = Unknown("draw", 0.003, 0.04, True)
+LOSSES = Unknown("losses", 0.6, 1.6, True)
+#: in which the string slides off the finger [s]
+SLIP = Unknown("slip", 1e-4, 3e-3, True)
+#: amplitude over what is taken for it
+AMPLITUDE = Unknown("amplitude", 0.3, 3.0, True)
+#: action at fret 12 [m] and how far the string is drawn aside over it
+ACTION = Unknown("action", 0.8e-3, 4e-3, True)
+STRENGTH = Unknown("strength", 0.2, 4.0, True)
+#: what the answer is about; the rest is in its way
+ASKED = ("height", "distance", "position", "action", "strength")
+
+
+@dataclass(frozen=True)
+class Space:
+    """The cube. amplitude_m: what the string is drawn aside by, or what is taken for it; held: values that are known."""
+
+    string: String
+    unknowns: tuple[Unknown, ...]
+    amplitude_m: float
+    held: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def size(self) -> int:
+        return len(self.unknowns)
+
+    def index(self, name: str) -> int:
+        """Raises ValueError for what is not looked for."""
+        return [unknown.name for unknown in self.unknowns].index(name)
+
+    def values(self, point: Sequence[float] | Real) -> dict[str, float]:
+        """Of all unknowns, and what is held."""
+        return {**dict(self.held), **{u.name: u.at(float(x)) for u, x in zip(self.unknowns, point, strict=True)}}
+
+    def stroke(self, point: Sequence[float] | Real) -> Stroke:
+        value = self.values(point)
+        length, place = self.string.length_m, value["position"]
+        hand = value["draw"], value["losses"], value.get("slip", 0.0)
+        amplitude = self.amplitude_m * value.get("amplitude", 1.0)
+        if "action" in value:
+            drawn = value["strength"] * value["action"]
+            return Stroke(value["action"], 0.0, place, drawn, *hand)
+        distance = value["distance"] * length
+        # heights are over the amplitude that is taken for true, so that an arc of another size does not move them
+        height = value["height"] * distance * amplitude / ((1.0 - place) * length)
+        return Stroke(height, distance, place, amplitude, *hand)
+
+    def point(self, value: dict[str, float]) -> Real:
+        """The point at which the unknowns have these values."""
+        return np.array([min(1.0, max(0.0, u.share(value[u.name]))) for u in self.unknowns])
+
+
+def space_of(
+    string: String,
+    shape: Bridge | Neck,
+    amplitude_m: float,
+    *,
+    slides: bool = False,
+    amplitude_known: bool = False,
+    position: float | None = None,
+) -> Space:
+    """Of a bridge or frets. slides: the string slides off the finger; position: of the pluck, where it is known."""
+    if isinstance(shape, Neck):
+        found = [ACTION, STRENGTH, POSITION, DRAW, LOSSES]
+    else:
+        found = [HEIGHT, DISTANCE, POSITION, DRAW, LOSSES]
+        if shape.points > 1 and not amplitude_known:
+            found.append(AMPLITUDE)
+    if slides:
+        found.append(SLIP)
+    held = () if position is None else (("position", position),)
+    return Space(string, tuple(u for u in found if u.name not in dict(held)), amplitude_m, held)
