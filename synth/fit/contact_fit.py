@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,7 @@ from synth.fit.contact_features import (
 )
 from synth.fit.contact_model import Bridge, ContactModel, Grid, Neck, Stroke
 from synth.fit.contact_search import NOTES, evolve, sobol, starts_of
-from synth.fit.contact_space import ASKED, DRAW, Space, space_of
+from synth.fit.contact_space import Estimate, Space, asked, estimates, space_of
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
 from synth.instrument.calibration import STEPS
 
@@ -51,15 +51,6 @@ LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4, "action": 1e-5
 _FIRST, _FIRST_STARTS = 160, 8
 _DRAWS = 16
 _SECOND, _FINALISTS = 240, 3
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """value and 95 % interval, of height (over amplitude), distance and position (over length), action [m], strength."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -145,9 +136,7 @@ def contact_search(
     return Search(model, space, notes=notes, starts=starts)
 
 
-def fit_note(
-    search: Search, samples: ArrayLike, rate_hz: float, *, progress: Progress = lambda _: True
-) -> NoteFit:
+def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Progress = lambda _: True) -> NoteFit:
     """The contact and the pluck of one recorded note, (n,) or (n, channels), full scale 1.
 
     progress: told how much is done (0 … 1); where it returns False, FitCancelled is raised. Raises FitRefused with the
@@ -168,7 +157,9 @@ def seen_of(search: Search, note: Note, samples: ArrayLike) -> Observed:
     """Features of a note with some of what stands before it. Raises FitRefused where it is too short."""
     seconds = note.samples.size / note.rate_hz
     if seconds < LEAST_S:
-        raise FitRefused(f"the note must last at least {LEAST_S:g} s for its contact, got {seconds:.2g} s; let it ring longer")
+        raise FitRefused(
+            f"the note must last at least {LEAST_S:g} s for its contact, got {seconds:.2g} s; let it ring longer"
+        )
     bands = bands_of(search.model.string, note.rate_hz)
     before = note.before if note.before.size > 0.15 * note.rate_hz else None
     noise = quiet_power(note.samples, note.rate_hz, bands) if before is None else bands.powers(
@@ -312,8 +303,8 @@ class _Fitting:
         for other, other_loss in finalists:
             if other_loss > max(AS_GOOD * finalists[0][1], finalists[0][1] + AS_GOOD_LOSS):
                 continue
-            for name, value in _asked(self.search.space, other).items():
-                mine = _asked(self.search.space, point)[name]
+            for name, value in asked(self.search.space, other).items():
+                mine = asked(self.search.space, point)[name]
                 if abs(value - mine) > AGREED[name]:
                     raise FitRefused(
                         f"several contacts explain the sound as well: {name} {_say(name, mine)} or {_say(name, value)}; "
@@ -334,20 +325,14 @@ class _Fitting:
         )
         normal, covariance = _jackknife(jacobian, rows, int(near.used.sum()))
         bias = np.outer(point - coarse, point - coarse)
-        values = {}
-        for name, value in _asked(space, point).items():
-            slope = np.array([
-                (_asked(space, point + step * np.eye(space.size)[i])[name] - value) / step for i, step in enumerate(steps)
-            ])  # fmt: skip
-            half = FACTOR * math.sqrt(max(0.0, float(slope @ (covariance + bias) @ slope)))
-            half = math.hypot(half, LEAST_HALF[name])
-            values[name] = Estimate(value, value - half, value + half)
+        covariance = FACTOR**2 * (covariance + bias)
+        values = estimates(space, point, covariance, LEAST_HALF)
         played = search.model.sound(space.stroke(point), grid, SECONDS)
         recorded = self.seen.level_db[found.shift]
         return NoteFit(
             space.stroke(point), values, found.loss, free, played.touching, near.bands, found.offsets_db, recorded,
             recorded - found.left_db, float(np.sqrt(np.nanmean(found.left_db**2))), search.evaluations - self.before,
-            self.note.onset_s, self.note.warnings, point, normal, FACTOR**2 * (covariance + bias),
+            self.note.onset_s, self.note.warnings, point, normal, covariance,
         )  # fmt: skip
 
 
@@ -365,15 +350,6 @@ def _jackknife(jacobian: Real, rows: Real, bands: int) -> tuple[Real, Real]:
     return normal, (bands - 1) / bands * moved.T @ moved
 
 
-def _asked(space: Space, point: Real) -> dict[str, float]:
-    """What the answer is about: height over amplitude, distance and place over length, action, strength."""
-    stroke, values = space.stroke(point), space.values(point)
-    found = {name: values[name] for name in ASKED if name in values and name not in dict(space.held)}
-    if "height" in found:
-        found["height"] = stroke.height_m / stroke.displacement_m
-    return found
-
-
 def _say(name: str, value: float) -> str:
     if name == "height":
         return f"{1e3 * value:.2f} µm per mm"
@@ -386,6 +362,3 @@ def _words(shape: Bridge | Neck) -> str:
     if isinstance(shape, Neck):
         return "frets"
     return "a bridge of one point" if shape.points == 1 else f"a curved bridge of {shape.points} points"
-
-
-__all__ = ["Estimate", "NoContact", "NoteFit", "Search", "contact_search", "fit_note", "replace"]

@@ -15,12 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synth.engine.stroke import WIDEST
-from synth.instrument.compile import open_string, output_weights
+from synth.instrument.compile import make_string, open_string, output_weights
 from synth.instrument.preset import BridgeObstacle, FretsObstacle, Preset, at_note
 from synth.jit import kernel_helpers
 from synth.native.denormals import enable_ftz, restore
 from synth.physics.excitation import pluck_weights
-from synth.physics.modes import base_frequencies, count_modes_below, decay_rates, force_weights, modal_frequencies, mode_shapes
+from synth.physics.modes import (
+    base_frequencies,
+    count_modes_below,
+    decay_rates,
+    force_weights,
+    modal_frequencies,
+    mode_shapes,
+)
 from synth.physics.obstacle import Obstacle, frets, parabola_height
 from synth.physics.string import String
 from synth.physics.tail import lumped_tail
@@ -31,7 +38,7 @@ from synth.solver.stepwise import finger_row
 
 Real = NDArray[np.float64]
 #: modes beyond that are left out [Hz]: features end below
-HIGHEST_MODE_HZ = 14000.0
+HIGHEST_MODE_HZ = 22000.0
 #: spring of a finger whose path is a force that is given [N/m]
 _SOFT = 1e-3
 
@@ -120,12 +127,17 @@ class ContactModel:
         kernel_helpers.compile_all("synth.research.methods.warmup:kernels")
 
     @classmethod
-    def of_preset(cls, preset: Preset, index: int, note: int | None = None) -> ContactModel:
-        """Of string `index` of a preset at one of its open notes, by default the lowest. Raises ValueError where nothing of it
-        is to be found: another obstacle than a bridge or frets, or something soft on it."""
+    def of_preset(
+        cls, preset: Preset, index: int, note: int | None = None, frequency_hz: float | None = None
+    ) -> ContactModel:
+        """Of string `index` of a preset at one of its open notes, by default the lowest, tuned as the preset has it or to
+        frequency_hz. Raises ValueError where nothing of it is to be found: another obstacle than a bridge or frets, or
+        something soft on it."""
         table = preset.string[index]
         note = table.notes[0] if note is None else note
-        string, below = open_string(preset, table, note)
+        string, _ = open_string(preset, table, note)
+        if frequency_hz is not None:
+            string = make_string(preset, table, note, frequency_hz)
         shape = preset.obstacle
         found: Bridge | Neck
         if isinstance(shape, BridgeObstacle) and shape.layer is None:
@@ -140,7 +152,6 @@ class ContactModel:
                 f"obstacle of {preset.name} must be a bridge, or frets described by their action, without a layer, got "
                 f"{shape.kind}; name a preset that has one, such as tanpura"
             )
-        assert below is not None
         pluck = preset.pluck
         slides = max(at_note(pluck.slip_ms, note), at_note(pluck.hardest_slip_ms, note)) > 0.0
         hand = Hand(1e-3 * pluck.width_mm, slides, 1e3 * pluck.finger_stiffness_n_mm, pluck.finger_loss)
@@ -223,4 +234,3 @@ class ContactModel:
         finally:
             restore(flush)
         return Played(run.u[draw + 1 : draw + 1 + frames, 0], int(run.counts[driver.CONTACT_STEPS]) / (draw + frames))
-

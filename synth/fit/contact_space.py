@@ -116,3 +116,39 @@ def space_of(
         found.append(SLIP)
     held = () if position is None else (("position", position),)
     return Space(string, tuple(u for u in found if u.name not in dict(held)), amplitude_m, held)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """value and 95 % interval, of height (over amplitude), distance and position (over length), action [m], strength."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def half(self) -> float:
+        """Half the interval."""
+        return 0.5 * (self.high - self.low)
+
+
+def asked(space: Space, point: Sequence[float] | Real) -> dict[str, float]:
+    """What the answer is about: height over amplitude, distance and place over length, action [m], strength over action."""
+    stroke, values = space.stroke(point), space.values(point)
+    found = {name: values[name] for name in ASKED if name in values and name not in dict(space.held)}
+    if "height" in found:
+        found["height"] = stroke.height_m / stroke.displacement_m
+    return found
+
+
+def estimates(space: Space, point: Real, covariance: Real, least: dict[str, float]) -> dict[str, Estimate]:
+    """Each with an interval of one root of the covariance (d, d) of the unknowns to each side, and no less than `least`."""
+    found = {}
+    step = np.where(point > 0.99, -1e-3, 1e-3)
+    for name, value in asked(space, point).items():
+        slope = np.array(
+            [(asked(space, point + step[i] * np.eye(space.size)[i])[name] - value) / step[i] for i in range(space.size)]
+        )
+        half = math.hypot(math.sqrt(max(0.0, float(slope @ covariance @ slope))), least[name])
+        found[name] = Estimate(value, value - half, value + half)
+    return found
