@@ -20,8 +20,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--contact",
         action="store_true",
-        help="find height and distance of the bridge of -p's string, and where it was plucked; over frets (experimental) the "
-        "action. Several recordings have one obstacle",
+        help="find height and distance of the bridge of -p's string, and where it was plucked; over frets (experimental) "
+        "the action. Several recordings have one obstacle",
     )
     own.add_argument(
         "--amplitude",
@@ -65,10 +65,10 @@ def run(options: argparse.Namespace) -> int:
     reason = missing_for_contact(picture=options.picture is not None)
     if reason is not None:
         raise ValueError(reason)
+    from synth.files.targets import Named, check_apart, check_target
     from synth.fit.contact_group import fit_contact, linear_string
     from synth.fit.contact_report import contact_report, contact_settings, draw
     from synth.fit.recording import read_recording
-    from synth.files.targets import Named, check_apart, check_target
     from synth.instrument.preset import parse_preset, read_preset
 
     text = read_preset(options.preset)

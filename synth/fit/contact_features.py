@@ -97,6 +97,13 @@ class Observed:
     used: NDArray[np.bool_]
     trend: Real
 
+    def first(self, windows: int) -> Observed:
+        """The first windows only."""
+        return Observed(
+            self.bands, self.shifts_s, self.level_db[:, :windows], self.clean_db[:, :windows], self.noise,
+            self.counts[:, :windows], self.used, self.trend,
+        )  # fmt: skip
+
     @property
     def points(self) -> int:
         return int(self.used.sum()) * self.level_db.shape[1]

@@ -94,8 +94,8 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
         if abs(beside) > RETUNED:
             which = "the note" if len(found) == 1 else f"note {number}"
             raise FitRefused(
-                f"{which} must be string {index}'s, {wanted:.4g} Hz within {RETUNED:g} cents, got {hz:.4g} Hz; choose another "
-                "--string, or give a note of it that touches nothing: --open"
+                f"{which} must be string {index}'s, {wanted:.4g} Hz within {RETUNED:g} cents, got {hz:.4g} Hz; choose "
+                "another --string, or give a note of it that touches nothing: --open"
             )
     beside = float(np.median([cents(hz, wanted) for hz in found]))
     if abs(beside) <= IN_TUNE:
@@ -140,7 +140,7 @@ def fit_contact(
     ContactModel.of_preset(preset, index)  # that there is an obstacle to look for
     model, warnings = tuned_model(preset, index, recordings)
     amplitude = amplitude_of(preset, index) if amplitude_m is None else amplitude_m
-    search = contact_search(model, amplitude, amplitude_known=amplitude_m is not None, position=position, notes=notes)
+    search = contact_search(model, amplitude, position=position, notes=notes)
     found = []
     count = len(recordings)
     for number, (samples, rate_hz) in enumerate(recordings):
@@ -179,8 +179,8 @@ def _together(search: Search, found: list[NoteFit]) -> list[NoteFit]:
         mine = each.values[name]
         if abs(mine.value - middle) > CONTRADICTION * mine.half + 0.05 * abs(middle):
             raise FitRefused(
-                f"the recordings must be of one obstacle, got {name} {_told(name, mine.value)} in recording {number + 1} and "
-                f"{_told(name, middle)} in the others; fit them one by one, or leave that one out"
+                f"the recordings must be of one obstacle, got {name} {_told(name, mine.value)} in recording {number + 1} "
+                f"and {_told(name, middle)} in the others; fit them one by one, or leave that one out"
             )
     joined = []
     for each in found:

@@ -37,7 +37,7 @@ from synth.solver.laws import EXACT_HOLD
 from synth.solver.stepwise import finger_row
 
 Real = NDArray[np.float64]
-#: modes beyond that are left out [Hz]: features end below
+#: modes beyond that are left out [Hz]: features end far below
 HIGHEST_MODE_HZ = 22000.0
 #: spring of a finger whose path is a force that is given [N/m]
 _SOFT = 1e-3
@@ -117,7 +117,7 @@ class ContactModel:
     string    as it would sound if it touched nothing
     shape     what lies below it
     hand      what of the pluck is held
-    output    (string, n) → weights (n,), (n,) of what is heard on q and q̇ of the modes; None: the force at the obstacle's end
+    output    (string, n) → weights (n,), (n,) of what is heard on q and q̇ of modes; None: the force at the obstacle's end
     """
 
     def __init__(self, string: String, shape: Bridge | Neck, hand: Hand, output: Any = None) -> None:
@@ -159,10 +159,10 @@ class ContactModel:
             return cls(string, found, hand)
         return cls(string, found, hand, lambda of, n: output_weights(preset, of, string.length_m, n))
 
-    def grid(self, steps_a_period: float, least_hz: float) -> Grid:
-        """So many steps a period of the open string, or least_hz."""
+    def grid(self, steps_a_period: float, least_hz: float, highest_hz: float = HIGHEST_MODE_HZ) -> Grid:
+        """So many steps a period of the open string, or least_hz; modes up to highest_hz."""
         rate = max(steps_a_period * self.string.fundamental_hz, least_hz)
-        return Grid(rate, max(4, count_modes_below(self.string, min(HIGHEST_MODE_HZ, 0.49 * rate))))
+        return Grid(rate, max(4, count_modes_below(self.string, min(highest_hz, 0.49 * rate))))
 
     def _modal(self, grid: Grid) -> tuple[Real, Real]:
         if grid not in self._known:

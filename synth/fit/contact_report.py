@@ -11,7 +11,7 @@ import numpy as np
 from synth.fit.contact_group import ContactFit
 from synth.fit.contact_model import Neck
 from synth.fit.contact_space import Estimate
-from synth.instrument.preset import BridgeObstacle, at_note
+from synth.instrument.preset import BridgeObstacle
 from synth.units import midi_to_note
 
 
@@ -53,8 +53,8 @@ def _at_note(there: Any, note: int, value: float) -> Any:
 
 
 def contact_report(fit: ContactFit) -> dict[str, Any]:
-    """JSON-able: `obstacle`, `notes`, `facts` [[name, value, what it is]], `warnings`, `curves` (of the first note's bands as
-    `synth.fit.report` has its curves)."""
+    """JSON-able: `obstacle`, `notes`, `facts` [[name, value, what it is]], `warnings`, `curves` (of the first
+    note's bands as `synth.fit.report` has its curves)."""
     return {
         "string": fit.string,
         "length_m": fit.length_m,
@@ -76,16 +76,13 @@ def facts(fit: ContactFit) -> list[list[str]]:
     length = 1e3 * fit.length_m
     if "height" in fit.values:
         each, jiva = fit.values["height"], 1e3 * fit.amplitude_m
-        found.append([
-            "Height over amplitude", _of(each, 1e3, "µm per mm", 2), "thread over bridge for each mm of the pluck: all of it a sound tells"
-        ])  # fmt: skip
+        tip = "thread over bridge for each mm of the pluck: all of it that a sound tells"
+        found.append(["Height over amplitude", _of(each, 1e3, "µm per mm", 2), tip])
         whose = "given" if fit.amplitude_known else "the preset's"
-        found.append([
-            f"Height at {jiva:.3g} mm", _of(each, 1e3 * jiva, "µm", 2), f"at an amplitude of {jiva:.3g} mm ({whose})"
-        ])  # fmt: skip
-        found.append([
-            "Distance", _of(fit.values["distance"], length, "mm", 2), f"from the end to the bridge's edge, of {length:.4g} mm of string"
-        ])  # fmt: skip
+        tip = f"at an amplitude of {jiva:.3g} mm ({whose})"
+        found.append([f"Height at {jiva:.3g} mm", _of(each, 1e3 * jiva, "µm", 2), tip])
+        tip = f"from the end to the bridge's edge, of {length:.4g} mm of string"
+        found.append(["Distance", _of(fit.values["distance"], length, "mm", 2), tip])
     if "action" in fit.values:
         found.append(["Action at fret 12", _of(fit.values["action"], 1e3, "mm", 3), "experimental"])
     for number, (note, ratio) in enumerate(zip(fit.notes, fit.ratios, strict=True), start=1):
