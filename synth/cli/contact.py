@@ -20,8 +20,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--contact",
         action="store_true",
-        help="find height and distance of the bridge of -p's string, and where it was plucked; over frets (experimental) "
-        "the action. Several recordings have one obstacle",
+        help="find height and distance of the bridge under -p's string, and where it was plucked; several recordings "
+        "have one bridge",
     )
     own.add_argument(
         "--amplitude",
@@ -116,9 +116,7 @@ def _about(name: str, work: Any) -> Any:
 
 
 def _text(options: argparse.Namespace, told: dict[str, Any]) -> str:
-    what = "frets, experimental" if told["experimental"] else "bridge"
-    lines = [f"{', '.join(options.recording)}: a string over a {what}" if not told["experimental"] else
-             f"{', '.join(options.recording)}: a string over {what}"]  # fmt: skip
+    lines = [f"{', '.join(options.recording)}: a string over a bridge"]
     width = max(len(name) for name, _, _ in told["facts"])
     lines += [f"  {name:{width}}  {value}" for name, value, _ in told["facts"]]
     lines += [f"  note: {words}" for words in told["warnings"]]

@@ -29,11 +29,12 @@ from synth.fit.contact_features import (
     huber,
     observe,
 )
-from synth.fit.contact_model import Bridge, ContactModel, Grid, Neck, Stroke
+from synth.fit.contact_model import Bridge, ContactModel, Grid, Stroke
 from synth.fit.contact_search import NOTES, evolve, sobol, starts_of
 from synth.fit.contact_space import Estimate, Space, asked, estimates, space_of
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
 from synth.instrument.calibration import STEPS
+from synth.instrument.plan import BRIDGE
 
 Real = NDArray[np.float64]
 #: notes must last that long [s]
@@ -42,13 +43,13 @@ LEAST_S = 2.0
 MOST_LOSS = 0.35
 #: finalists whose loss is within this ratio of the best, or this much more, must agree
 AS_GOOD, AS_GOOD_LOSS = 1.6, 0.01
-#: within so much: height over amplitude, distance and place, all over the length, action [m]
-AGREED = {"height": 5e-4, "distance": 4e-4, "position": 0.01, "action": 1e-4, "strength": math.inf}
+#: within so much: height over amplitude, distance and place, all over the length
+AGREED = {"height": 5e-4, "distance": 4e-4, "position": 0.01}
 #: no contact is taken for it if it explains the sound nearly as well
 NO_CONTACT = 1.25
 #: factor and least halves of intervals, from notes that are not those of the table (tools/contact-table --calibrate)
 FACTOR = 5.0
-LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4, "action": 1e-5, "strength": 5e-3}
+LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4}
 #: the dictionary and the first evolution look at so many seconds, and at modes up to there [Hz]
 SHORT_S, COARSE_HZ = 1.2, 14000.0
 _FIRST, _FIRST_STARTS = 160, 14
@@ -63,7 +64,7 @@ class NoteFit:
     """What one note says.
 
     stroke     the note that fits best, heights and displacement at the amplitude that was taken
-    values     by name: `height`, `distance`, `position` over amplitude and length; or `action` [m], `strength`
+    values     by name: `height`, `distance`, `position` over amplitude and length
     losses, draw_s   what was in the way
     loss       mean pseudo-Huber loss; 1 is about 3 dB
     free_loss  of the best note that touches nothing
@@ -103,12 +104,11 @@ class Search:
     """The notes of one string over one kind of obstacle, and a dictionary of them that all its recordings share."""
 
     def __init__(self, model: ContactModel, space: Space, *, notes: int = NOTES, starts: int = _FIRST_STARTS) -> None:
-        more = _CURVED if isinstance(model.shape, Bridge) and model.shape.points > 1 else 1
+        more = _CURVED if model.shape.points > 1 else 1
         self.model, self.space, self.notes, self.starts = model, space, more * notes, starts + 2 * (more - 1)
         self.second = _SECOND * more
-        kind = "impacts" if isinstance(model.shape, Neck) else "bridge"
-        self.coarse = model.grid(STEPS[kind]["draft"], 0.0, COARSE_HZ)
-        self.fine = model.grid(STEPS[kind]["standard"], 44100.0)
+        self.coarse = model.grid(STEPS[BRIDGE]["draft"], 0.0, COARSE_HZ)
+        self.fine = model.grid(STEPS[BRIDGE]["standard"], 44100.0)
         self._dictionaries: dict[tuple[bytes, float], tuple[Real, list[Real]]] = {}
         self.evaluations = 0
 
@@ -141,7 +141,7 @@ def contact_search(
 ) -> Search:
     """A search for notes of a model. amplitude_m: how far the string was drawn aside, or what is taken for it. position: of
     the pluck, where it is known. notes and starts: fewer are quicker, and miss more."""
-    space = space_of(model.string, model.shape, amplitude_m, slides=model.hand.slides, position=position)
+    space = space_of(model.string, amplitude_m, slides=model.hand.slides, position=position)
     return Search(model, space, notes=notes, starts=starts)
 
 
@@ -304,8 +304,6 @@ class _Fitting:
     def _free(self, points: Real, losses: Real) -> float:
         """Loss of the best note that touches nothing."""
         space = self.search.space
-        if isinstance(self.search.model.shape, Neck):
-            return math.inf
         fixed = space.index("height")
         loose = np.flatnonzero(points[:, fixed] > 0.8)
         best = np.array(points[loose[np.argmin(losses[loose])]])
@@ -388,12 +386,8 @@ def _jackknife(jacobian: Real, rows: Real, bands: int) -> tuple[Real, Real]:
 def _say(name: str, value: float) -> str:
     if name == "height":
         return f"{1e3 * value:.2f} µm per mm"
-    if name == "action":
-        return f"{1e3 * value:.2f} mm"
     return f"{value:.4f} of the length"
 
 
-def _words(shape: Bridge | Neck) -> str:
-    if isinstance(shape, Neck):
-        return "frets"
+def _words(shape: Bridge) -> str:
     return "a bridge of one point" if shape.points == 1 else f"a curved bridge of {shape.points} points"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +34,7 @@ class Job(NamedTuple):
     seed: int = 0
 
 
-def _main(_: Path | None) -> list[Job]:
+def _main() -> list[Job]:
     return [
         Job(f"main {family} {seed}", "main", drawn(seed, family))
         for family in ("tanpura", "sitar")
@@ -43,13 +42,13 @@ def _main(_: Path | None) -> list[Job]:
     ]
 
 
-def _calibration(_: Path | None) -> list[Job]:
+def _calibration() -> list[Job]:
     return [Job(f"calibration {seed}", "calibration", drawn(seed, "tanpura")) for seed in range(3000, 3010)] + [
         Job(f"calibration sitar {seed}", "calibration", drawn(seed, "sitar")) for seed in range(3000, 3004)
     ]
 
 
-def _nuisance(_: Path | None) -> list[Job]:
+def _nuisance() -> list[Job]:
     kinds: list[tuple[str, dict[str, Any]]] = [
         ("body", {"body": True}),
         ("output place", {"heard": 0.03}),
@@ -63,11 +62,11 @@ def _nuisance(_: Path | None) -> list[Job]:
     ]
 
 
-def _misleading(_: Path | None) -> list[Job]:
+def _misleading() -> list[Job]:
     return [Job(f"misleading {name}", "misleading", None, name, 7000 + i) for i, name in enumerate(CASES)]
 
 
-SETS: dict[str, Callable[[Path | None], list[Job]]] = {
+SETS: dict[str, Callable[[], list[Job]]] = {
     "calibration": _calibration,
     "main": _main,
     "nuisance": _nuisance,
