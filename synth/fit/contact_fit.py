@@ -186,7 +186,7 @@ def quiet_power(x: Real, rate_hz: float, bands: Bands) -> Real:
     padded = 2 ** math.ceil(math.log2(size))
     count = min(40, (x.size // 2) // size)
     tail = x[x.size - count * size :].reshape(count, size) * np.hanning(size)
-    power = np.abs(np.fft.rfft(tail, padded)) ** 2 / np.sum(np.hanning(size) ** 2)
+    power = 2.0 * np.abs(np.fft.rfft(tail, padded)) ** 2 / np.sum(np.hanning(size) ** 2)
     first = np.ceil(bands.edges_hz * padded / rate_hz).astype(np.int64)
     found = []
     for low, high in pairwise(first):
