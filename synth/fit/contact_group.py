@@ -155,6 +155,8 @@ def fit_contact(
     joined = _together(search, found) if count > 1 else found
     for number, each in enumerate(joined):
         warnings += [f"{_numbered(number, count)}{words}" for words in each.warnings]
+    if model.shape.points > 1:
+        warnings.append("of a curved bridge the search often misses: an answer is a guess that wants a second note to agree")
     values = {name: each for name, each in joined[0].values.items() if name in ("height", "distance")}
     return ContactFit(preset, index, model, tuple(joined), values, amplitude, amplitude_m is not None, tuple(warnings))
 
