@@ -19,6 +19,7 @@ __all__ = [
     "apply_settings",
     "fit_recording",
     "missing",
+    "missing_for_contact",
     "report",
     "settings",
 ]
@@ -27,3 +28,12 @@ __all__ = [
 def missing() -> str | None:
     """Why nothing can be fitted here; None: it can."""
     return "a fit needs scipy: pip install 'jawari[fit]'" if find_spec("scipy") is None else None
+
+
+def missing_for_contact(*, picture: bool = False) -> str | None:
+    """Why no contact can be fitted here, or drawn; None: it can."""
+    for name in ("scipy", "cma", *(("matplotlib",) if picture else ())):
+        if find_spec(name) is None:
+            extra = "plot" if name == "matplotlib" else "fit"
+            return f"a fit of contacts needs {name}: pip install 'jawari[{extra}]'"
+    return None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -56,6 +56,7 @@ class Note:
     peak_dbfs  largest sample of the recording
     noise_rms  rms before the onset, 0 where there is nothing before it
     warnings   what was left out
+    before     (m,) what stands before the onset, its mean removed; nothing where the recording begins with it
     """
 
     samples: NDArray[np.float64]
@@ -64,6 +65,7 @@ class Note:
     peak_dbfs: float
     noise_rms: float
     warnings: tuple[str, ...]
+    before: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
 
 def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
@@ -131,7 +133,7 @@ def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
     before = x[: max(0, begin - round(0.02 * rate_hz))]
     noise = float(np.std(before)) if before.size > 0.05 * rate_hz else 0.0
     note = x[begin:end]
-    return Note(note - note.mean(), rate_hz, begin / rate_hz, peak_db, noise, tuple(warnings))
+    return Note(note - note.mean(), rate_hz, begin / rate_hz, peak_db, noise, tuple(warnings), before)
 
 
 def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64], list[str]]:

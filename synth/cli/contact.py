@@ -1,0 +1,128 @@
+"""`synth fit --contact`: bridge, thread and place of plucking out of recordings, shown and written into a preset."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from synth.cli import fitted_file
+from synth.cli.common import number
+
+#: options that belong to --contact
+_OWN = ("amplitude", "pluck_at", "open", "picture")
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """The options of `--contact`."""
+    own = parser.add_argument_group("what the string touches")
+    own.add_argument(
+        "--contact",
+        action="store_true",
+        help="find height and distance of the bridge under -p's string, and where it was plucked; several recordings "
+        "have one bridge",
+    )
+    own.add_argument(
+        "--amplitude",
+        type=number(float, 0.01, 50, " mm"),
+        metavar="MM",
+        help="how far the string was drawn aside in the first recording (default: as -p's hardest pluck)",
+    )
+    own.add_argument(
+        "--pluck-at",
+        type=number(float, 0.02, 0.5),
+        metavar="SHARE",
+        help="where it was plucked, if that is known, of the length",
+    )
+    own.add_argument(
+        "--open",
+        metavar="OTHER.wav",
+        help="a note of the same string that touches nothing: pitch, stiffness, losses from it",
+    )
+    own.add_argument("--picture", metavar="FILE.png", help="draw the bands of recordings and model")
+
+
+def check(options: argparse.Namespace) -> None:
+    """Raises ValueError for options that do not go together."""
+    if not options.contact:
+        for name in _OWN:
+            if getattr(options, name) is not None:
+                raise ValueError(f"--{name.replace('_', '-')} goes with --contact: add it, or leave it out")
+        if len(options.recording) > 1:
+            raise ValueError(f"one recording at a time, got {len(options.recording)}; several go with --contact")
+        return
+    if options.preset is None:
+        raise ValueError("--contact needs a preset whose string and kind of bridge are taken: say which with -p")
+    if options.pitch is not None:
+        raise ValueError("--pitch does not go with --contact, where the preset's string tells the pitch; leave it out")
+
+
+def run(options: argparse.Namespace) -> int:
+    """The command; its exit code."""
+    from synth.fit import missing_for_contact
+
+    reason = missing_for_contact(picture=options.picture is not None)
+    if reason is not None:
+        raise ValueError(reason)
+    from synth.files.targets import Named, check_apart, check_target
+    from synth.fit.contact_group import fit_contact, linear_string
+    from synth.fit.contact_report import contact_report, contact_settings, draw
+    from synth.fit.recording import read_recording
+    from synth.instrument.preset import parse_preset, read_preset
+
+    text = read_preset(options.preset)
+    preset = parse_preset(text, options.preset)
+    index = 0 if options.string is None else fitted_file.string_index(preset, options.string)
+    read = [*options.recording, *([] if options.open is None else [options.open])]
+    if options.output is not None:
+        fitted_file.check_output(options.output, options.preset, read)
+    if options.picture is not None:
+        outputs = [] if options.output is None else [Named("-o", options.output)]
+        check_apart([Named("recording", each) for each in read], [Named("--picture", options.picture), *outputs])
+        check_target(options.picture)
+    if options.open is not None:
+        preset = _about(options.open, lambda: linear_string(preset, index, *read_recording(options.open)))
+    recordings = [read_recording(each) for each in options.recording]
+    shown = sys.stderr.isatty()
+
+    def progress(share: float) -> bool:
+        if shown:
+            print(f"\r  {100.0 * share:3.0f} %", end="" if share < 1.0 else "\r       \r", file=sys.stderr, flush=True)
+        return True
+
+    found = _about(options.recording[0] if len(recordings) == 1 else f"{len(recordings)} recordings", lambda: fit_contact(
+        recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude,
+        position=options.pluck_at, progress=progress,
+    ))  # fmt: skip
+    progress(1.0)
+    values = contact_settings(found)
+    told = {**contact_report(found), "settings": [{"path": path, "value": value} for path, value in values]}
+    if options.picture is not None:
+        draw(found, options.picture)
+        told["picture"] = options.picture
+    if options.output is not None:
+        fitted_file.write(text, options.preset, options.output, values)
+        told["output"] = options.output
+    print(json.dumps(told, indent=2, allow_nan=False) if options.json else _text(options, told))
+    return 0
+
+
+def _about(name: str, work: Any) -> Any:
+    try:
+        return work()
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _text(options: argparse.Namespace, told: dict[str, Any]) -> str:
+    lines = [f"{', '.join(options.recording)}: a string over a bridge"]
+    width = max(len(name) for name, _, _ in told["facts"])
+    lines += [f"  {name:{width}}  {value}" for name, value, _ in told["facts"]]
+    lines += [f"  note: {words}" for words in told["warnings"]]
+    lines.append("settings:")
+    lines += [f"  {item['path']} = {fitted_file.value_text(item['value'])}" for item in told["settings"]]
+    for name in ("picture", "output"):
+        if name in told:
+            lines.append(f"{'drawn' if name == 'picture' else 'written'}: {told[name]}")
+    return "\n".join(lines)
