@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kept_rows import rows_of, study_of
 from speed_error.grid import AS_DEFAULT, BASE_HZ, E0, LONGEST_S, WITHOUT_R, Run, reference
-from speed_error.measure import displacement
-from speed_error.store import Store
+from speed_error.jobs import SOURCES, row_of
 
 from bench import REPOSITORY, float32, kernels
 from bench.conftest import Race, noted
@@ -17,6 +17,7 @@ from bench.count import times_less
 from bench.kernels import HOLD, Plucked, Setting
 from synth.dsp.measures import relative_error
 from synth.native.denormals import enable_ftz, restore
+from synth.study.sweeping import read_arrays
 
 #: the string flies, meets its bridge as it does when plucked, or lies on it all the time
 SCENES = ("in flight", "plucked", "always pressed")
@@ -41,6 +42,14 @@ def test_float32_speed(race: Race, modes: int, scene: str, short: bool) -> None:
     )
 
 
+def _judge(finest: Run, seconds: float) -> np.ndarray:
+    """The reference's displacement (n,) at 44.1 kHz [m], kept as the row of a study."""
+    folder = REPOSITORY / "out" / "float32-reference"
+    block = {"set": {**row_of(finest), "duration_s": seconds, "ledger_s": 0.0}}
+    (row,) = rows_of(study_of("speed_error.jobs:compared", [block], SOURCES), folder, 0)
+    return read_arrays(folder, row["key"])["raw"]
+
+
 @pytest.mark.parametrize(
     ("scheme", "factor", "modes", "table"),
     [
@@ -59,7 +68,7 @@ def test_float32_error(benchmark: Any, scheme: str, factor: int, modes: int, tab
     long = factor < 8
     steps = 64 * int((_LONG_S if long else seconds) * run.rate_hz / 64)
     (_, finest), *_ = reference("tanpura", short)
-    judge = displacement(Store(REPOSITORY / "out" / "speed-error" / "runs"), finest, seconds)[1]["raw"]
+    judge = _judge(finest, seconds)
     first, last = slice(0, round(seconds * BASE_HZ) - 64), slice(-BASE_HZ, None)
     flush = enable_ftz()
     try:

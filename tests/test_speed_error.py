@@ -12,32 +12,41 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from documentation import page
-from speed_error import grid, kernels, measure, tables
-from speed_error.store import Store
+from speed_error import grid, kernels, measure, session, tables
 
 from synth.research import methods
 from synth.solver.lanes import LANES
 
 
-def test_what_was_kept_is_found_by_what_it_depends_on(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    spec = {"case": "tanpura", "factor": 2}
-    assert store.load(spec) is None
-    store.save(spec, {"e": 0.5}, {"u": np.arange(3.0)})
-    values, arrays = store.load(spec)
-    assert values == {"e": 0.5} and np.array_equal(arrays["u"], np.arange(3.0))
-    assert store.load({**spec, "factor": 3}) is None
-    store.sources = "other"
-    assert store.load(spec) is None
-    assert not list(tmp_path.glob(".*"))
+def test_a_session_is_kept_and_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs against a low reference: their errors are those of the runs themselves; again, nothing is computed."""
+    finest = grid.Run("bass", "exact-hold", 4, 60, grid.WITHOUT_R)
+    wanted = [grid.Run("bass", "exact-hold", 1, 60), grid.Run("bass", "moreau-jean", 2, 60, grid.E0)]
+    monkeypatch.setattr(session, "runs", lambda case, short: wanted)
+    monkeypatch.setattr(session, "reference", lambda case, short: [("", finest), ("half its rate", grid.half_rate(finest))])
+    monkeypatch.setattr(session, "LONGEST_S", {"bass": 0.1})
+    monkeypatch.setattr(measure, "LONGEST_S", {"bass": 0.1})
+    monkeypatch.setattr(session, "_TIMED_CPU_S", 0.01)
 
+    def taken() -> session.Session:
+        found = session.Session(tmp_path / "out", ["bass"], ["exact-hold", "moreau-jean"], True, 6.0, 2, 0)
+        found.run()
+        return found
 
-def test_arrays_without_their_record_are_no_result(tmp_path: Path) -> None:
-    """A run that was killed between the two files is made again."""
-    store = Store(tmp_path)
-    store.save({"a": 1}, {}, {"u": np.zeros(2)})
-    (tmp_path / f"{store.key({'a': 1})}.json").unlink()
-    assert store.load({"a": 1}) is None
+    first = taken()
+    assert [each["run"] for each in first.rows] == wanted and not first.skipped
+    exact = measure.displacement(finest, 0.1)[1]
+    for run, each in zip(wanted, first.rows, strict=True):
+        values, signals = measure.displacement(run, 0.1)
+        expected = values | measure.errors(signals, exact) | {"energy_rise": measure.ledger(run, 0.02)["energy_rise"]}
+        expected["penetration_m"] = each["penetration_m"]  # of the ledger's run, too
+        assert {key: each[key] for key in expected} == expected
+        assert all(np.array_equal(first.signals[run][kind], signals[kind]) for kind in ("raw", "band"))
+        assert each["cpu_per_s"] <= each["cpu_per_s_median"]
+    monkeypatch.setattr("speed_error.jobs.displacement", None)
+    monkeypatch.setattr("speed_error.jobs.cpu_s", None)
+    for one, other in zip(first.rows, taken().rows, strict=True):
+        assert {**one, "times_real_time_decimated": 0} == {**other, "times_real_time_decimated": 0}
 
 
 def row(scheme: str, factor: int, modes: int, e: float, cpu: float, **table: object) -> dict:
@@ -53,12 +62,12 @@ def test_ratios_are_taken_between_the_cheapest_that_reach_an_error() -> None:
         row("moreau-jean-filtered", 192, 1001, 0.009, 8.0, restitution=0.0),
         row("moreau-jean-filtered", 96, 1001, 0.001, 4.0, restitution=1.0),
     ]
-    session = SimpleNamespace(rows=ours + rivals, default_rows=lambda case: ours)
-    first, second = tables.ratios(session)
+    known = SimpleNamespace(rows=ours + rivals, default_rows=lambda case: ours)
+    first, second = tables.ratios(known)
     assert "480 times fewer mode-steps, 900 times less CPU time" in first and first.endswith("kept")
     assert "160 times fewer mode-steps, 400 times less CPU time" in second and "8.47 MHz" in second
-    session.rows = [*ours, {**rivals[0], "cpu_per_s": 0.4}]
-    first, second = tables.ratios(session)
+    known.rows = [*ours, {**rivals[0], "cpu_per_s": 0.4}]
+    first, second = tables.ratios(known)
     assert first.endswith("MISSED") and "not reached" in second
 
 
@@ -110,10 +119,10 @@ def test_a_page_takes_what_a_run_says(tmp_path: Path) -> None:
         rows[-1] |= {"cpu_per_s": 0.1, "cpu_per_s_median": 0.1, "mode_steps_per_s": 1.0}
     stands = {"half its rate": {"e_0.1s": 2e-5, "spectral_distance_db": 0.0}}
     references = {row["run"].case: {"run": row["run"], "stands": stands, "values": {"last_contact_s": 3.0}} for row in rows}
-    session = SimpleNamespace(
+    known = SimpleNamespace(
         rows=rows, timed=[], references=references, machine="a machine", default_rows=lambda case: rows[:1]
     )
-    said = tables.parts(session)
+    said = tables.parts(known)
     page_there = page.DOCS / "speed-error.md"
     copy = tmp_path / "page.md"
     copy.write_text(page_there.read_text(encoding="utf-8"), encoding="utf-8")

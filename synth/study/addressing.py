@@ -2,9 +2,10 @@
 
 In it: the content of the base (tables and arrays of a case, text and measured plan of a preset, the function's name), every
 setting, the measures with their options, the arrays asked for, the reference's settings and check, the sources of the
-program (`code_version` of `work.running.ROOMS`), Python's version (3.x), those of NumPy, Numba, llvmlite and SciPy, and the
-text of the files that the study names as its sources. Not in it: names of files and folders, the processor (whose vectors
-change last bits; the table of times names the machine of every row), order, plots, how many workers there were.
+program (`code_version` of `work.running.ROOMS`, or of the rooms that the study names for its function), Python's version
+(3.x), those of NumPy, Numba, llvmlite and SciPy, and the text of the files that the study names as its sources. Not in it:
+names of files and folders, the processor (whose vectors change last bits; the table of times names the machine of every
+row), order, plots, how many workers there were.
 """
 
 from __future__ import annotations
@@ -47,16 +48,21 @@ class Addresses:
         path = [str((folder / each).resolve()) for each in study.base.path]
         if study.base.call is not None or any(":" in each["name"] for each in study.measured()):
             path.append(str(folder.resolve()))
+        rooms = ((*study.base.rooms, "study/work"),) if study.base.rooms else ()
+        try:
+            found = versions(*rooms)
+        except ValueError as error:
+            raise StudyError(f"base.rooms: {error}") from None
         timed = {each["as"] for each in study.measured() if each["name"] in MEASURES and MEASURES[each["name"]].timed}
         self.times = [*study.times, *sorted(timed - set(study.times))]
         self.head: dict[str, Any] = {
-            "measures": study.measured(), "arrays": list(study.arrays), "path": path, "versions": versions(),
+            "measures": study.measured(), "arrays": list(study.arrays), "path": path, "versions": found, "rooms": rooms,
             "check": dict(study.reference.check) if study.reference else {}, "times": self.times,
         }  # fmt: skip
         for each in reversed(path):
             if each not in sys.path:
                 sys.path.insert(0, each)
-        self.code = hashlib.sha256(plain_json([versions(), self._sources()]).encode()).hexdigest()
+        self.code = hashlib.sha256(plain_json([found, self._sources()]).encode()).hexdigest()
         said = [self.code, self.head["measures"], self.head["arrays"], study.times]
         self._prefix = hashlib.sha256(plain_json(said).encode())
         said = [self.code, self.head["check"], "reference"]

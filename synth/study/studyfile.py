@@ -41,11 +41,14 @@ class BaseTable(Table):
     set: dict[str, Any] = Field(default_factory=dict)
     path: list[str] = Field(default_factory=list)
     sources: list[str] = Field(default_factory=list)
+    rooms: list[str] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _one(self) -> BaseTable:
         if sum(each is not None for each in (self.case, self.preset, self.call)) > 1:
             raise ValueError("give one of case, preset and call")
+        if self.rooms and self.call is None:
+            raise ValueError("rooms says what a function's rows depend on; leave it out, or give call")
         if self.call is not None and self.call.count(":") != 1:
             raise ValueError(f"call must be MODULE:FUNCTION, got {self.call!r}")
         return self

@@ -10,7 +10,6 @@ import numpy as np
 
 from speed_error.grid import BASE_HZ, LONGEST_S, Run
 from speed_error.kernels import STEPS, kernel_of
-from speed_error.store import Store
 from synth.dsp.decimator import MAXIMUM_FACTOR, decimate, decimate_signal, design, new_history, workspace
 from synth.dsp.measures import log_spectral_distance, relative_error
 from synth.native.denormals import enable_ftz, restore
@@ -30,62 +29,45 @@ def kept_factor(factor: int) -> int:
     return max(k for k in range(1, MOST_KEPT + 1) if factor % k == 0)
 
 
-def displacement(store: Store, run: Run, duration_s: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Values and the signals `raw` (plain samples) and `band` (decimated), both at 44.1 kHz; kept in the store.
+def displacement(run: Run, duration_s: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Values and the signals `raw` (plain samples) and `band` (decimated), both at 44.1 kHz.
 
     A scheme that does not take the case gives values["refused"] and no signals.
     """
-    spec = {"what": "displacement", "duration_s": duration_s, **run.spec}
-    found = store.load(spec)
-    if found is not None:
-        return found
     kept = kept_factor(run.factor)
     try:
         scene = run.scene(duration_s, kept)
-        started = time.process_time()
         outcome = methods.run(scene)
-        spent = time.process_time() - started
     except CaseError as error:
-        store.save(spec, {"refused": str(error)})
         return {"refused": str(error)}, {}
     u = outcome.u[:, 0]
     finite = bool(np.all(np.isfinite(u))) and float(np.abs(u).max()) < 1e3
     values = {
         "finite": finite,
-        "duration_s": duration_s,
         "last_contact_s": outcome.last_contact_step * scene.dt if outcome.last_contact_step >= 0 else None,
         "contact_part": outcome.contact_steps / max(1, scene.steps),
         "penetration_m": max(0.0, float(outcome.largest_penetration_m)) if finite else math.inf,
         "unsolved_steps": int(outcome.unsolved_steps),
-        "cpu_s": spent,
     }
     signals = {"raw": u[::kept].copy(), "band": decimate_signal(u, BASE_HZ, kept)} if finite else {}
-    store.save(spec, values, signals)
     return values, signals
 
 
-def ledger(store: Store, run: Run, duration_s: float) -> dict[str, Any]:
+def ledger(run: Run, duration_s: float) -> dict[str, Any]:
     """Largest energy rise of one step, relative, and largest stored energy over that at the start; NaN: no ledger."""
-    spec = {"what": "ledger", "duration_s": duration_s, **run.spec}
-    found = store.load(spec)
-    if found is None:
-        try:
-            outcome = methods.run(run.scene(duration_s, kept_factor(run.factor), ledger=True))
-        except CaseError as error:
-            values: dict[str, Any] = {"refused": str(error)}
-        else:
-            growth = math.nan
-            if outcome.energy is not None:
-                held = outcome.energy[:, 0] + outcome.energy[:, 1]
-                growth = float(np.max(held) / held[0]) if np.all(np.isfinite(held)) else math.inf
-            values = {
-                "energy_rise": float(outcome.largest_energy_rise),
-                "energy_growth": growth,
-                "penetration_m": max(0.0, float(outcome.largest_penetration_m)),
-            }
-        store.save(spec, values)
-        found = values, {}
-    return found[0]
+    try:
+        outcome = methods.run(run.scene(duration_s, kept_factor(run.factor), ledger=True))
+    except CaseError as error:
+        return {"refused": str(error)}
+    growth = math.nan
+    if outcome.energy is not None:
+        held = outcome.energy[:, 0] + outcome.energy[:, 1]
+        growth = float(np.max(held) / held[0]) if np.all(np.isfinite(held)) else math.inf
+    return {
+        "energy_rise": float(outcome.largest_energy_rise),
+        "energy_growth": growth,
+        "penetration_m": max(0.0, float(outcome.largest_penetration_m)),
+    }
 
 
 def errors(signals: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> dict[str, float]:

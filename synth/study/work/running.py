@@ -31,11 +31,14 @@ _MOST_WORDS = 500
 
 
 @cache
-def versions() -> dict[str, str]:
-    """Of all that a row's numbers depend on beside its inputs: sources, Python, libraries."""
+def versions(rooms: tuple[str, ...] = ROOMS) -> dict[str, str]:
+    """Of all that a row's numbers depend on beside its inputs: sources in these rooms, Python, libraries.
+
+    Raises ValueError for a room that is not there.
+    """
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {"code": code_version(ROOMS), "python": ".".join(platform.python_version_tuple()[:2])}
+    found = {"code": code_version(rooms), "python": ".".join(platform.python_version_tuple()[:2])}
     for name in LIBRARIES:
         try:
             found[name] = version(name)
@@ -49,7 +52,7 @@ def prepare(head: Mapping[str, Any]) -> str | None:
     for folder in head["path"]:
         if folder not in sys.path and Path(folder).is_dir():
             sys.path.insert(0, folder)
-    here = versions()
+    here = versions(*head.get("rooms", ()))
     other = {name: (here.get(name), wanted) for name, wanted in head["versions"].items() if here.get(name) != wanted}
     if other:
         told = ", ".join(f"{name} {mine!s:.12} instead of {wanted!s:.12}" for name, (mine, wanted) in other.items())
