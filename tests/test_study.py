@@ -48,6 +48,9 @@ def nap(settings):
     time.sleep(settings["seconds"])
     return {"y": settings["x"] / 7}
 
+def named(settings):
+    return {"length": len(settings["case"] + settings["preset"])}
+
 def against(settings, reference=None):
     if settings["x"] == "reference":
         return {"runs": 1, "signal": np.ones(4)}
@@ -494,3 +497,10 @@ def test_addresses_need_no_particular_folder(place: Path) -> None:
     """A study's own modules lie in its folder, wherever that is."""
     study, _, _ = read_study(called("nap", [1]))
     assert Addresses(study, place).code == Addresses(study, Path()).code
+
+
+def test_a_function_may_call_its_parameters_as_tables_are_called(place: Path, tmp_path: Path) -> None:
+    study = called("named", 0) | {"grid": {"case": ["a", "bcd"], "preset": ["", "ef"]}}
+    found = sweeping.sweep(study, tmp_path / "named", workers=0)
+    assert found["length"].tolist() == [1, 3, 3, 5]
+    assert found["key"].nunique() == 4

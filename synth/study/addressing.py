@@ -100,7 +100,7 @@ class Addresses:
 
     def _of(self, prefix: Any, settings: Mapping[str, Any], source: Mapping[str, Any], reference: str | None) -> str:
         digest = prefix.copy()
-        named = {canonical(key): value for key, value in settings.items() if key not in ("case", "preset")}
+        named = {canonical(key): value for key, value in settings.items() if key != source["kind"]}  # whose content counts
         digest.update(plain_json([self._content(source), named, reference]).encode())
         return digest.hexdigest()
 
