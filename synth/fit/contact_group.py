@@ -19,8 +19,8 @@ from synth.fit.contact_model import ContactModel
 from synth.fit.contact_search import NOTES
 from synth.fit.contact_space import Estimate, estimates
 from synth.fit.estimate import fit_recording
-from synth.fit.pitch import find_series
-from synth.fit.recording import FitRefused, Progress, cut_note
+from synth.fit.pitch import Series, find_series
+from synth.fit.recording import FitRefused, Note, Progress, cut_note
 from synth.fit.settings import apply_settings, settings
 from synth.instrument.compile import note_frequency, string_frequency
 from synth.instrument.preset import Preset, at_note
@@ -28,6 +28,10 @@ from synth.units import cents
 
 #: a note beside the string's pitch by less is taken as it is, by less than the other retunes the string [cents]
 IN_TUNE, RETUNED = 4.0, 60.0
+#: a bridge moves partials by up to so much: that is no second note [cents]
+MOVED = 30.0
+#: the string's own series counts with so many odd partials among the first ones
+LEAST_ODD, ODD_AMONG = 3, 12
 #: notes of one obstacle may differ by so many halves of their intervals
 CONTRADICTION = 2.0
 Recording = tuple[ArrayLike, float]
@@ -84,9 +88,7 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
     wanted = note_frequency(preset, table, note, None)
     found = []
     for samples, rate_hz in recordings:
-        cut = cut_note(samples, float(rate_hz))
-        series = find_series(cut)
-        found.append(series.f0_hz * math.sqrt(1.0 + series.inharmonicity))
+        found.append(_pitch(cut_note(samples, float(rate_hz)), wanted))
     for number, hz in enumerate(found, start=1):
         beside = cents(hz, wanted)
         if abs(beside) > RETUNED:
@@ -102,6 +104,32 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
     return ContactModel.of_preset(preset, index, frequency_hz=hz), [
         f"the string is tuned by {beside:+.0f} cents, as recorded"
     ]
+
+
+def _pitch(note: Note, wanted_hz: float) -> float:
+    """First partial of a note [Hz]: of the series that explains it best, or, where that is another than the string's or
+    none, of the string's own if that is there with odd partials too, so that it is not an octave's. Raises FitRefused."""
+
+    def first(series: Series) -> float:
+        return series.f0_hz * math.sqrt(1.0 + series.inharmonicity)
+
+    refused, found = None, math.nan
+    try:
+        found = first(find_series(note, moved_cents=MOVED))
+        if abs(cents(found, wanted_hz)) <= RETUNED:
+            return found
+    except FitRefused as error:
+        refused = error
+    try:
+        own = find_series(note, wanted_hz, moved_cents=MOVED)
+        odd = np.count_nonzero(own.numbers[own.numbers <= ODD_AMONG] % 2)
+        if abs(cents(first(own), wanted_hz)) <= RETUNED and odd >= LEAST_ODD:
+            return first(own)
+    except FitRefused:
+        pass
+    if refused is not None:
+        raise refused
+    return found
 
 
 def amplitude_of(preset: Preset, index: int) -> float:

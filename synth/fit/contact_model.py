@@ -189,7 +189,7 @@ class ContactModel:
         model, n = self._scene(grid, stroke), grid.modes
         string, rate = self.string, grid.rate_hz
         frames = math.ceil(seconds * rate)
-        draw, slip = max(2, round(stroke.draw_s * rate)), round(stroke.slip_s * rate)
+        draw, slip = max(2, math.ceil(stroke.draw_s * rate)), math.ceil(stroke.slip_s * rate)
         q, force, _ = driver.static_contact(model, np.zeros(model.omega.size))
         run = driver.start_run(model, q, np.zeros_like(q), force, 1, draw + frames + 1, False, False)
         place = stroke.position * string.length_m
@@ -202,18 +202,18 @@ class ContactModel:
         here = float(weights @ q)
         state = np.array([here, 0.0])
 
-        def cosine(steps: int, start: float, end: float) -> Real:
-            turn = np.cos(np.pi * np.arange(steps + 1) / steps)
-            return np.asarray(start + 0.5 * (end - start) * (1.0 - turn))
+        def cosine(shares: Real, start: float, end: float) -> Real:
+            return np.asarray(start + 0.5 * (end - start) * (1.0 - np.cos(np.pi * np.clip(shares, 0.0, 1.0))))
 
         flush = enable_ftz()
         try:
-            path = cosine(draw, here, stroke.displacement_m)
+            # both times count in parts of a step: what is heard has to change with them smoothly
+            path = cosine(1.0 - np.arange(draw, -1, -1) / (stroke.draw_s * rate), here, stroke.displacement_m)
             driver.run(model, run, draw, Finger(
                 weights, coupling, own, self.hand.stiffness_n_m, self.hand.loss * impedance, path, state
             ))  # fmt: skip
             if slip >= 1:
-                path = cosine(slip, float(state[1]) / _SOFT, 0.0)
+                path = cosine(np.arange(slip + 1) / (stroke.slip_s * rate), float(state[1]) / _SOFT, 0.0)
                 driver.run(model, run, min(slip, frames), Finger(weights, coupling, own, _SOFT, 0.0, path, state))
             driver.run(model, run, frames - min(slip, frames) if slip else frames)
         finally:

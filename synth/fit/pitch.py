@@ -56,8 +56,9 @@ class Peaks:
     resolution_hz: float
 
 
-def find_series(note: Note, expected_hz: float | None = None) -> Series:
-    """The series of a note. expected_hz: its pitch within half an octave, if it is known. Raises FitRefused."""
+def find_series(note: Note, expected_hz: float | None = None, *, moved_cents: float = 0.0) -> Series:
+    """The series of a note. expected_hz: its pitch within half an octave, if it is known. moved_cents: by so much a contact
+    may move a partial beside the series, and what lies within is no second note's. Raises FitRefused."""
     begin = round(BEGIN_S * note.rate_hz)
     x = note.samples[begin : begin + round(SPAN_S * note.rate_hz)]
     peaks = spectral_peaks(x, note.rate_hz)
@@ -69,7 +70,7 @@ def find_series(note: Note, expected_hz: float | None = None) -> Series:
         refuse_slow(note.samples, note.rate_hz)
         hint = "" if expected_hz is None else f" near {expected_hz:.4g} Hz"
         raise FitRefused(f"no pitch is found{hint}: the spectrum has no series of partials; record a single plucked string")
-    _refuse_second_note(peaks, best)
+    _refuse_second_note(peaks, best, moved_cents)
     return best
 
 
@@ -191,7 +192,7 @@ def stretched(numbers: NDArray[np.int64], frequencies_hz: NDArray[np.float64]) -
     return float(np.sqrt(base)), slope / base
 
 
-def _refuse_second_note(peaks: Peaks, best: Series) -> None:
+def _refuse_second_note(peaks: Peaks, best: Series, moved_cents: float = 0.0) -> None:
     """Refuses what holds two notes: a second series in what is left, or two that share a lower one."""
     numbers = set(best.numbers.tolist())
     strong = {
@@ -212,8 +213,10 @@ def _refuse_second_note(peaks: Peaks, best: Series) -> None:
                     )
     every = np.arange(1, _MOST_PARTIALS + 1)
     places = every * best.f0_hz * np.sqrt(1.0 + best.inharmonicity * every**2)
-    distance = np.abs(peaks.frequencies_hz[:, None] - places[None, :]).min(axis=1)
-    left = distance > np.minimum(np.maximum(3.0 * peaks.resolution_hz, 0.03 * best.f0_hz), 0.2 * best.f0_hz)
+    apart = np.abs(peaks.frequencies_hz[:, None] - places[None, :])
+    distance, place = apart.min(axis=1), places[apart.argmin(axis=1)]
+    slack = np.maximum(max(3.0 * peaks.resolution_hz, 0.03 * best.f0_hz), place * (2.0 ** (moved_cents / 1200.0) - 1.0))
+    left = distance > np.minimum(slack, 0.2 * best.f0_hz)
     rest = Peaks(peaks.frequencies_hz[left], peaks.levels_db[left], peaks.weights[left], peaks.resolution_hz)
     other = best_series(rest) if np.count_nonzero(left) >= 3 else None
     share = 0.0 if other is None else float(rest.weights.sum() / peaks.weights.sum()) * other.explained

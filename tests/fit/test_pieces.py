@@ -814,6 +814,15 @@ def test_a_note_alone_and_two_at_once() -> None:
         find_series(both)
 
 
+def test_partials_that_a_contact_moves_are_no_second_note() -> None:
+    moved = ringing(range(1, 11)) + ringing(range(1, 11), 200.0 * 2.0 ** (26.0 / 1200.0))
+    for beside, cents in ((moved, 0.0), (ringing(range(1, 11)) + ringing(range(1, 9), 212.0), 30.0)):
+        with pytest.raises(FitRefused, match=r"two notes sound|strong partials"):
+            find_series(Note(beside, RATE, 0.0, 0.0, 0.0, ()), moved_cents=cents)
+    found = find_series(Note(moved, RATE, 0.0, 0.0, 0.0, ()), 200.0, moved_cents=30.0)
+    assert found.f0_hz == pytest.approx(200.0, rel=0.016)
+
+
 def test_a_fit_says_how_far_it_is_and_can_be_ended() -> None:
     x = ringing(range(1, 13))
     shares: list[float] = []

@@ -38,13 +38,13 @@ def _main() -> list[Job]:
     return [
         Job(f"main {family} {seed}", "main", drawn(seed, family))
         for family in ("tanpura", "sitar")
-        for seed in range(5000, 5020)
+        for seed in range(8000, 8020)
     ]
 
 
 def _calibration() -> list[Job]:
-    return [Job(f"calibration {seed}", "calibration", drawn(seed, "tanpura")) for seed in range(3000, 3010)] + [
-        Job(f"calibration sitar {seed}", "calibration", drawn(seed, "sitar")) for seed in range(3000, 3004)
+    return [Job(f"calibration {seed}", "calibration", drawn(seed, "tanpura")) for seed in range(3100, 3112)] + [
+        Job(f"calibration sitar {seed}", "calibration", drawn(seed, "sitar")) for seed in range(3100, 3104)
     ]
 
 
