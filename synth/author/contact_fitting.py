@@ -74,8 +74,8 @@ def fit_string_contact(
     amplitude_m: float | None = None,
     progress: Callable[[float], bool] = lambda _: True,
 ) -> FittedContact:
-    """The contact of string number `string` in the bytes of an audio file; None: the string nearest to its note. amplitude_m:
-    how far the string was drawn aside, where that is known; None: what the preset's hardest pluck has stands for it. Raises
+    """The contact of string number `string` in the bytes of an audio file; None: the string nearest to its note.
+    amplitude_m: how far the string was drawn aside; None: unknown, what the preset's hardest pluck has stands for it. Raises
     ValueError with the reason, and FitCancelled where `progress`, told how much is done (0 … 1), returns False."""
     reason = missing_for_contact()
     if reason is not None:
@@ -121,4 +121,5 @@ def _amplitude_words(fit: ContactFit) -> str:
     if "height" not in fit.values:
         return ""
     whose = "as you say" if fit.amplitude_known else "the preset's hardest pluck"
-    return f"A sound of unknown gain tells height over amplitude only; this height is for {1e3 * fit.amplitude_m:.3g} mm, {whose}."
+    amplitude = f"{1e3 * fit.amplitude_m:.3g} mm"
+    return f"A sound of unknown gain tells height over amplitude only; this height is for {amplitude}, {whose}."
