@@ -10,7 +10,8 @@ import pytest
 
 from bench import scenes
 from bench.conftest import noted
-from synth.host.batch import BLOCK, render_notes
+from synth.host.alone import BLOCK
+from synth.host.batch import render_notes
 from synth.midi.events import NOTE_ON, make_events
 
 #: presets whose notes cost little and much, and their notes

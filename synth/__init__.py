@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from synth.engine.engine import Engine
     from synth.host.batch import Note, RenderedNote, render_notes
     from synth.host.memory import render
+    from synth.host.soundclip import Sound
     from synth.instrument.preset import Preset, PresetError, list_presets, load_preset
     from synth.midi.events import EVENT
     from synth.midi.messages import events_from_mido
     from synth.research.case import Case, CaseError, load_case
+    from synth.research.coupled.coupled_result import CoupledResult
     from synth.research.result import Result, ResultError, load_result
     from synth.research.simulation import simulate
 
@@ -26,6 +28,7 @@ __all__ = [
     "EVENT",
     "Case",
     "CaseError",
+    "CoupledResult",
     "Engine",
     "Note",
     "Preset",
@@ -33,6 +36,7 @@ __all__ = [
     "RenderedNote",
     "Result",
     "ResultError",
+    "Sound",
     "__version__",
     "events_from_mido",
     "list_presets",
@@ -48,6 +52,7 @@ _MODULES = {
     "EVENT": "synth.midi.events",
     "Case": "synth.research.case",
     "CaseError": "synth.research.case",
+    "CoupledResult": "synth.research.coupled.coupled_result",
     "Engine": "synth.engine.engine",
     "Note": "synth.host.batch",
     "Preset": "synth.instrument.preset",
@@ -55,6 +60,7 @@ _MODULES = {
     "RenderedNote": "synth.host.batch",
     "Result": "synth.research.result",
     "ResultError": "synth.research.result",
+    "Sound": "synth.host.soundclip",
     "events_from_mido": "synth.midi.messages",
     "list_presets": "synth.instrument.preset",
     "load_case": "synth.research.case",
@@ -68,10 +74,12 @@ _MODULES = {
 kernel_cache.use()
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'synth' has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+if not TYPE_CHECKING:  # a type checker would take any name for one of the package
+
+    def __getattr__(name: str) -> Any:
+        if name not in _MODULES:
+            raise AttributeError(f"module 'synth' has no attribute {name!r}")
+        return getattr(import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

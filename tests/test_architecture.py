@@ -1,5 +1,5 @@
 """Imports go one way only: _version, signals, spelling, units, panning, files → native → jit → midi → physics, solver, dsp →
-instrument → engine, research → host, fit → live → drone, author → plugin → cli.
+instrument → engine, research → host, fit → study → live → drone, author → plugin, dataset → cli.
 """
 
 import ast
@@ -25,9 +25,10 @@ FLOORS = (
     {"instrument"},
     {"engine", "research"},
     {"host", "fit"},
+    {"study"},
     {"live"},
     {"drone", "author"},
-    {"plugin"},
+    {"plugin", "dataset"},
     {"cli"},
     {"__main__"},
 )

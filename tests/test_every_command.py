@@ -41,10 +41,12 @@ DEVICES = ["devices"]
 PRESETS = ["presets", "show", "my.toml"]
 PLAN = ["plan", "my.toml", "C3", "--quality", "draft"]
 SIMULATE = ["simulate", "case.toml", "-o", "out.npz"]
+#: what it reads is looked at, and nothing computed: a folder of results is tests/test_study.py's
+SWEEP = ["sweep", "study.toml", "--check"]
 COMPLETION = ["completion", "bash"]
 GOOD = {
     "render": RENDER, "drone": DRONE, "play": PLAY, "author": AUTHOR, "fit": FIT, "body": BODY, "devices": DEVICES,
-    "presets": PRESETS, "plan": PLAN, "simulate": SIMULATE, "completion": COMPLETION,
+    "presets": PRESETS, "plan": PLAN, "simulate": SIMULATE, "sweep": SWEEP, "completion": COMPLETION,
 }  # fmt: skip
 CONDITIONS = (
     "output is input", "full disk", "closed stdin", "closed stdout", "closed stderr", "SIGHUP", "odd names",
@@ -138,7 +140,7 @@ def _full() -> Iterator[Cell]:
     yield cell("fit", replaced(FIT, new_toml="old.toml"), r"old\.toml: File too large", largest=1000)
     yield cell("body", replaced(BODY, new_toml="old.toml"), r"old\.toml: File too large", largest=300)
     yield cell("simulate", replaced(SIMULATE, out_npz="old.npz"), r"old\.npz: File too large", largest=1000)
-    for command in ("fit", "body", "devices", "presets", "plan", "completion"):
+    for command in ("fit", "body", "devices", "presets", "plan", "sweep", "completion"):
         arguments = {"fit": FIT[:2], "body": BODY[:3]}.get(command, GOOD[command])
         yield cell(command, arguments, "standard output: No space left on device", out="/dev/full")
     yield cell("author", AUTHOR, "standard output: No space left on device", out="/dev/full")
@@ -186,6 +188,7 @@ def _odd() -> Iterator[Cell]:
             "presets": (["presets", "check", "--", toml], 0, ()),
             "plan": (["plan", "--quality", "draft", "--", toml, "C3"], 0, ()),
             "simulate": (["simulate", "-o" + odd + ".npz", "--json", "--", "case-" + toml[-200:]], 0, (odd + ".npz",)),
+            "sweep": (["sweep", "--check", "--json", "--", "study-" + toml[-200:]], 0, ()),
         }
         for command, (arguments, code, makes) in cells.items():
             yield Cell(command, "odd names", arguments, code, NO_DEVICE if code else "", makes)
@@ -226,7 +229,7 @@ def _hung_up() -> Iterator[Cell]:
             yield Cell("render", "SIGHUP", long, 128 + signalled["signal"], how=signalled)
     long = ["drone", "-o", "old.wav", "--duration", "86400", *CHEAP]
     yield Cell("drone", "SIGHUP", long, 129, how={"signal": signal.SIGHUP, "at": ".old.wav.*"})
-    for command in ("fit", "body", "devices", "presets", "plan", "simulate", "completion"):
+    for command in ("fit", "body", "devices", "presets", "plan", "simulate", "sweep", "completion"):
         how = {"signal": signal.SIGHUP, "at": "write"}
         # with its file there already, as whole as it will be
         makes = {"fit": ("new.toml",), "body": ("new.toml",), "simulate": ("out.npz",)}.get(command, ())
@@ -244,6 +247,7 @@ NONE = {
     ("devices", "output is input"): "it reads no file and writes none",
     ("presets", "output is input"): "it writes to standard output only, and a shell has emptied a file before it runs",
     ("plan", "output is input"): "it writes to standard output only",
+    ("sweep", "output is input"): "it writes to a folder of its own, which is no study's file (tests/test_study.py)",
     ("completion", "output is input"): "it reads no file and writes to standard output only",
     ("completion", "odd names"): "it takes no names",
     ("play", "full disk"): "it needs a sound server: tests/live/test_recorder.py, as the recording goes on without one",
@@ -276,6 +280,9 @@ outputs_m = [0.1]
 """
 
 
+STUDY = 'measures = ["peak"]\nbase.case = "tanpura"\ngrid.modes = [5, 6]\n'
+
+
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory) -> dict[str, Path]:
     """Everything that the table's commands read, and what was there before where they write."""
@@ -286,6 +293,7 @@ def prepared(tmp_path_factory) -> dict[str, Path]:
     (folder / "long.mid").write_bytes(header(division=1) + track((0, on(48)), (170_000, off(48))))
     (folder / "my.toml").write_text(preset, encoding="utf-8")
     (folder / "case.toml").write_text(case)
+    (folder / "study.toml").write_text(STUDY)
     np.savez(folder / "modes.npz", q=np.linspace(1e-4, 1e-5, 5))
     (folder / "t.scl").write_text("twelve\n1\n100.0\n")
     (folder / "t.kbm").write_text("0\n0\n127\n60\n69\n440.0\n1\n")
@@ -306,6 +314,7 @@ def prepared(tmp_path_factory) -> dict[str, Path]:
         (odd / f"{name}.mid").write_bytes(song)
         (odd / f"{name}.toml").write_text(preset, encoding="utf-8")
         (odd / ("case-" + f"{name}.toml"[-200:])).write_text(case)
+        (odd / ("study-" + f"{name}.toml"[-200:])).write_text(STUDY)
         shutil.copy(folder / "note.wav", odd / ("odd" + f"{name}.wav"[-200:]))
         shutil.copy(folder / "bridge.csv", odd / ("bridge" + f"{name}.csv"[-200:]))
     return {"plain": folder, "odd": odd}
@@ -314,7 +323,7 @@ def prepared(tmp_path_factory) -> dict[str, Path]:
 @pytest.fixture(scope="module")
 def server(prepared, tmp_path_factory) -> Iterator[ForkServer]:
     env = {**os.environ, **hide_sound_card(), "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": ""}
-    warm = [[*arguments] for arguments in (RENDER, DRONE, FIT, BODY, PLAN, SIMULATE)]
+    warm = [[*arguments] for arguments in (RENDER, DRONE, FIT, BODY, PLAN, SIMULATE, SWEEP)]
     folder = tmp_path_factory.mktemp("warm")
     shutil.copytree(prepared["plain"], folder, dirs_exist_ok=True)
     with ForkServer(env, warm, folder) as running:

@@ -1,5 +1,5 @@
-"""The command line: `synth render`, `play`, `drone`, `author`, `export`, `fit`, `body`, `devices`, `presets`, `plan`,
-`simulate`, `doctor`, `completion`; without any, a greeting.
+"""The command line: `synth render`, `play`, `drone`, `author`, `export`, `dataset`, `fit`, `body`, `devices`, `presets`,
+`plan`, `simulate`, `sweep`, `doctor`, `completion`; without any, a greeting.
 
 Exit codes: 0 done; 1 failed for a reason that lies in the program, or whoever read its output has enough; 2 wrong usage or
 input, or something that could not be written (one line on standard error says what, and what was there before is as it was);
@@ -23,6 +23,7 @@ from synth.cli import (
     author,
     bodies,
     completion,
+    dataset,
     devices,
     doctor,
     drone,
@@ -34,6 +35,7 @@ from synth.cli import (
     render,
     simulate,
     streams,
+    sweep,
 )
 from synth.cli.common import Parser, fault
 from synth.cli.greeting import greet
@@ -42,7 +44,7 @@ from synth.files import unfinished
 from synth.jit import kernel_cache, vector_width
 
 #: commands that compile kernels, where there are none yet
-_COMPILING = ("render", "play", "drone", "author", "simulate", "fit")
+_COMPILING = ("render", "play", "drone", "author", "simulate", "sweep", "fit", "dataset")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -146,12 +148,14 @@ def _parser() -> argparse.ArgumentParser:
     drone.add(commands)
     author.add(commands)
     export.add(commands)
+    dataset.add(commands)
     fit.add(commands)
     bodies.add(commands)
     devices.add(commands)
     presets.add(commands)
     plan.add(commands)
     simulate.add(commands)
+    sweep.add(commands)
     doctor.add(commands)
     completion.add(commands, parser)
     return parser

@@ -20,8 +20,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--contact",
         action="store_true",
-        help="find height and distance of the bridge of -p's string, and where it was plucked; over frets (experimental) the "
-        "action. Several recordings have one obstacle",
+        help="find height and distance of the bridge under -p's string, and where it was plucked; several recordings "
+        "have one bridge",
     )
     own.add_argument(
         "--amplitude",
@@ -65,10 +65,10 @@ def run(options: argparse.Namespace) -> int:
     reason = missing_for_contact(picture=options.picture is not None)
     if reason is not None:
         raise ValueError(reason)
+    from synth.files.targets import Named, check_apart, check_target
     from synth.fit.contact_group import fit_contact, linear_string
     from synth.fit.contact_report import contact_report, contact_settings, draw
     from synth.fit.recording import read_recording
-    from synth.files.targets import Named, check_apart, check_target
     from synth.instrument.preset import parse_preset, read_preset
 
     text = read_preset(options.preset)
@@ -116,9 +116,7 @@ def _about(name: str, work: Any) -> Any:
 
 
 def _text(options: argparse.Namespace, told: dict[str, Any]) -> str:
-    what = "frets, experimental" if told["experimental"] else "bridge"
-    lines = [f"{', '.join(options.recording)}: a string over a {what}" if not told["experimental"] else
-             f"{', '.join(options.recording)}: a string over {what}"]  # fmt: skip
+    lines = [f"{', '.join(options.recording)}: a string over a bridge"]
     width = max(len(name) for name, _, _ in told["facts"])
     lines += [f"  {name:{width}}  {value}" for name, value, _ in told["facts"]]
     lines += [f"  note: {words}" for words in told["warnings"]]

@@ -21,6 +21,7 @@ from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import LimiterState, largest_reduction_db
 from synth.engine import arguments, layout, snapshot
 from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
+from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
@@ -41,7 +42,7 @@ from synth.jit import compiling, kernel_helpers, prebuilt
 from synth.midi.events import EVENT
 from synth.midi.zones import LOWER, MOST_MEMBERS
 from synth.native.processors import cores
-from synth.native.views import table
+from synth.native.views import table, words
 from synth.solver.laws import law_of
 from synth.solver.schemes import energy_warning
 from synth.units import LN_1000, db_to_gain, hz_to_midi
@@ -295,7 +296,7 @@ class Engine:
             self.seed,
         )
         self._excitations = Excitations(self.parts)
-        self._origin = snapshot.origin_of(built, self._settings, self._own_kinds())
+        self._built, self._known_origin = built, b""
         self._strings = Strings(built)
         called = entries(bool(built.bodies), bool(built.boards))
         self._shared: Shared = new_shared(bank, self._settings.span, called, self._strings)
@@ -303,6 +304,7 @@ class Engine:
         self._scratch = new_scratch(bank)
         self._thread_table = table(self._scratch)
         self._state: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
+        self._fresh: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
         self._effects: Effects
         self._effects, self._effect_tables = self._chains.bound(self._state)
         self._core = table(bank, self._state, self._shared, self._settings, self._effects)
@@ -332,13 +334,19 @@ class Engine:
         """Whether any of its strings has its modes in float32: those on rigid ends, where `precision` says so."""
         return any(model.single for model in self._strings.models)
 
-    def reset(self) -> None:
-        """Silence, controllers at their power-up values, counters at zero."""
-        bank = self._prepared()
-        defaults = default_parameters(self.compiled)
-        for mine, fresh in zip(
-            self._state, new_state(bank, self._settings.span, defaults, self._chains.at_rest()), strict=True
-        ):
+    def reset(self, seed: int | None = None) -> None:
+        """Silence, controllers at their power-up values, counters at zero. seed: from now on the engine's; None: as before.
+
+        Raises TypeError or ValueError for a seed that cannot be.
+        """
+        self._prepared()
+        if seed is not None and seed != self.seed:
+            self.seed = arguments.a_count("seed", seed, 0, MOST_SEED)
+            self._settings = self._settings._replace(seed=self.seed)
+            self._known_origin = b""
+            settings, at = table(self._settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
+            self._core[at : at + settings.size] = settings
+        for mine, fresh in zip(self._state, self._fresh, strict=True):
             mine[: len(fresh)] = fresh
         self._strings.reset()
         self._shared.task[layout.UNTIL] = 0
@@ -421,6 +429,19 @@ class Engine:
         return int((self._state.sounding["awake"] - self._state.sounding["idle"]).sum())
 
     @property
+    def struck(self) -> list[tuple[int, int]]:
+        """Strings that have been struck since `reset`, each with the fret that it is stopped at now: (number among all
+        parts' `compiled` strings, fret)."""
+        bank, sounding = self._prepared(), self._state.sounding
+        found = []
+        firsts = np.flatnonzero(bank.strings["of_first"] == 0)
+        for number, s in enumerate(firsts):
+            if sounding["strokes"][s]:
+                at = (bank.positions["string"] == s) & (bank.positions["model"] == sounding["model"][s])
+                found += [(number, int(fret)) for fret in bank.positions["fret"][at][:1]]
+        return found
+
+    @property
     def notes_unplayed(self) -> int:
         """Notes that found no string (see `report`)."""
         return int(self._state.unplayed.sum())
@@ -493,13 +514,13 @@ class Engine:
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
         self._prepared()
-        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin)
+        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin())
 
     def set_state(self, data: bytes) -> None:
         """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
         another version, or from other presets, rate or quality: the engine then goes on from where it was."""
         bank = self._prepared()
-        arrays = snapshot.unpack(data, self._changing(), self._origin)
+        arrays = snapshot.unpack(data, self._changing(), self._origin())
         defaults = default_parameters(self.compiled)
         check_state(bank, self._settings, self._chains.problem, self._strings, arrays, defaults)
         waiting = arrays["pending"].size
@@ -520,8 +541,15 @@ class Engine:
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
-        self._core[:] = table(self._prepared(), state, self._shared, self._settings, self._effects)
+        fresh = table(self._prepared(), state, self._shared, self._settings, self._effects)
+        self._core[: fresh.size] = fresh  # what stands behind its own parts stays
         self._state = state
+
+    def _origin(self) -> bytes:
+        """What states of this engine belong to."""
+        if not self._known_origin:
+            self._known_origin = snapshot.origin_of(self._built, self._settings, self._own_kinds())
+        return self._known_origin
 
     @property
     def mode_steps(self) -> int:

@@ -34,6 +34,6 @@ def missing_for_contact(*, picture: bool = False) -> str | None:
     """Why no contact can be fitted here, or drawn; None: it can."""
     for name in ("scipy", "cma", *(("matplotlib",) if picture else ())):
         if find_spec(name) is None:
-            extra = "notebook" if name == "matplotlib" else "fit"
+            extra = "plot" if name == "matplotlib" else "fit"
             return f"a fit of contacts needs {name}: pip install 'jawari[{extra}]'"
     return None

@@ -57,7 +57,7 @@ class Bands:
         taper = np.hanning(size + 1)[:size]
         frames = np.lib.stride_tricks.sliding_window_view(x, size)[starts] * taper
         padded = 2 ** math.ceil(math.log2(size))
-        power = np.abs(np.fft.rfft(frames, padded)) ** 2 / np.sum(taper**2) / rate_hz
+        power = 2.0 * np.abs(np.fft.rfft(frames, padded)) ** 2 / np.sum(taper**2) / rate_hz
         first = np.ceil(self.edges_hz * padded / rate_hz).astype(np.int64)
         sums = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
         first = np.minimum(first, sums.shape[1] - 1)
@@ -96,6 +96,13 @@ class Observed:
     counts: NDArray[np.bool_]
     used: NDArray[np.bool_]
     trend: Real
+
+    def first(self, windows: int) -> Observed:
+        """The first windows only."""
+        return Observed(
+            self.bands, self.shifts_s, self.level_db[:, :windows], self.clean_db[:, :windows], self.noise,
+            self.counts[:, :windows], self.used, self.trend,
+        )  # fmt: skip
 
     @property
     def points(self) -> int:

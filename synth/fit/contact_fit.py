@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,11 +29,12 @@ from synth.fit.contact_features import (
     huber,
     observe,
 )
-from synth.fit.contact_model import Bridge, ContactModel, Grid, Neck, Stroke
+from synth.fit.contact_model import Bridge, ContactModel, Grid, Stroke
 from synth.fit.contact_search import NOTES, evolve, sobol, starts_of
 from synth.fit.contact_space import Estimate, Space, asked, estimates, space_of
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
 from synth.instrument.calibration import STEPS
+from synth.instrument.plan import BRIDGE
 
 Real = NDArray[np.float64]
 #: notes must last that long [s]
@@ -41,16 +43,20 @@ LEAST_S = 2.0
 MOST_LOSS = 0.35
 #: finalists whose loss is within this ratio of the best, or this much more, must agree
 AS_GOOD, AS_GOOD_LOSS = 1.6, 0.01
-#: within so much: height over amplitude, distance and place, all over the length, action [m]
-AGREED = {"height": 5e-4, "distance": 4e-4, "position": 0.01, "action": 1e-4, "strength": math.inf}
+#: within so much: height over amplitude, distance and place, all over the length
+AGREED = {"height": 5e-4, "distance": 4e-4, "position": 0.01}
 #: no contact is taken for it if it explains the sound nearly as well
 NO_CONTACT = 1.25
 #: factor and least halves of intervals, from notes that are not those of the table (tools/contact-table --calibrate)
-FACTOR = 2.0
-LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4, "action": 1e-5, "strength": 5e-3}
-_FIRST, _FIRST_STARTS = 160, 8
+FACTOR = 5.0
+LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4}
+#: the dictionary and the first evolution look at so many seconds, and at modes up to there [Hz]
+SHORT_S, COARSE_HZ = 1.2, 14000.0
+_FIRST, _FIRST_STARTS = 160, 14
+#: a curved bridge has more unknowns: so many times the notes and the starts
+_CURVED = 2
 _DRAWS = 16
-_SECOND, _FINALISTS = 240, 3
+_SECOND, _FINALISTS, _CONTENDERS = 240, 5, 3
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class NoteFit:
     """What one note says.
 
     stroke     the note that fits best, heights and displacement at the amplitude that was taken
-    values     by name: `height`, `distance`, `position` over amplitude and length; or `action` [m], `strength`
+    values     by name: `height`, `distance`, `position` over amplitude and length
     losses, draw_s   what was in the way
     loss       mean pseudo-Huber loss; 1 is about 3 dB
     free_loss  of the best note that touches nothing
@@ -98,18 +104,19 @@ class Search:
     """The notes of one string over one kind of obstacle, and a dictionary of them that all its recordings share."""
 
     def __init__(self, model: ContactModel, space: Space, *, notes: int = NOTES, starts: int = _FIRST_STARTS) -> None:
-        self.model, self.space, self.notes, self.starts = model, space, notes, starts
-        kind = "impacts" if isinstance(model.shape, Neck) else "bridge"
-        self.coarse = model.grid(STEPS[kind]["draft"], 0.0)
-        self.fine = model.grid(STEPS[kind]["standard"], 44100.0)
+        more = _CURVED if model.shape.points > 1 else 1
+        self.model, self.space, self.notes, self.starts = model, space, more * notes, starts + 2 * (more - 1)
+        self.second = _SECOND * more
+        self.coarse = model.grid(STEPS[BRIDGE]["draft"], 0.0, COARSE_HZ)
+        self.fine = model.grid(STEPS[BRIDGE]["standard"], 44100.0)
         self._dictionaries: dict[tuple[bytes, float], tuple[Real, list[Real]]] = {}
         self.evaluations = 0
 
-    def powers(self, point: Real, bands: Bands, grid: Grid) -> Real:
+    def powers(self, point: Real, bands: Bands, grid: Grid, seconds: float = SECONDS) -> Real:
         """(windows, B) of the note at a point of the cube."""
         self.evaluations += 1
-        sound = self.model.sound(self.space.stroke(point), grid, SECONDS + 0.05).frames
-        return bands.powers(sound, grid.rate_hz)
+        sound = self.model.sound(self.space.stroke(point), grid, seconds + 0.05).frames
+        return bands.powers(sound, grid.rate_hz, seconds)
 
     def dictionary(self, bands: Bands, done: Callable[[float], None]) -> tuple[Real, list[Real]]:
         """Points (n, d) and their powers."""
@@ -119,20 +126,22 @@ class Search:
             for i, point in enumerate(points):
                 if i % 8 == 0:
                     done(i / len(points))
-                powers.append(self.powers(point, bands, self.coarse))
+                powers.append(self.powers(point, bands, self.coarse, SHORT_S))
             self._dictionaries[key] = points, powers
         return self._dictionaries[key]
 
 
 def contact_search(
-    model: ContactModel, amplitude_m: float, *, amplitude_known: bool = False, position: float | None = None,
-    notes: int = NOTES, starts: int = _FIRST_STARTS,
-) -> Search:  # fmt: skip
+    model: ContactModel,
+    amplitude_m: float,
+    *,
+    position: float | None = None,
+    notes: int = NOTES,
+    starts: int = _FIRST_STARTS,
+) -> Search:
     """A search for notes of a model. amplitude_m: how far the string was drawn aside, or what is taken for it. position: of
     the pluck, where it is known. notes and starts: fewer are quicker, and miss more."""
-    space = space_of(
-        model.string, model.shape, amplitude_m, slides=model.hand.slides, amplitude_known=amplitude_known, position=position
-    )
+    space = space_of(model.string, amplitude_m, slides=model.hand.slides, position=position)
     return Search(model, space, notes=notes, starts=starts)
 
 
@@ -177,10 +186,10 @@ def quiet_power(x: Real, rate_hz: float, bands: Bands) -> Real:
     padded = 2 ** math.ceil(math.log2(size))
     count = min(40, (x.size // 2) // size)
     tail = x[x.size - count * size :].reshape(count, size) * np.hanning(size)
-    power = np.abs(np.fft.rfft(tail, padded)) ** 2 / np.sum(np.hanning(size) ** 2)
+    power = 2.0 * np.abs(np.fft.rfft(tail, padded)) ** 2 / np.sum(np.hanning(size) ** 2)
     first = np.ceil(bands.edges_hz * padded / rate_hz).astype(np.int64)
     found = []
-    for low, high in zip(first[:-1], first[1:], strict=True):
+    for low, high in pairwise(first):
         # the fifth part of what is distributed exponentially lies below 0.22 of its mean
         quiet = np.quantile(power[:, low:high], 0.2, axis=1) / 0.223
         found.append(float(np.median(quiet)) * (high - low) / padded)
@@ -192,14 +201,15 @@ class _Fitting:
         self.search, self.note, self.seen, self.done = search, note, seen, done
         self.before = search.evaluations
 
-    def _loss(self, seen: Observed, grid: Grid) -> Callable[[Real], float]:
-        return lambda point: compare(seen, self.search.powers(point, seen.bands, grid)).loss
+    def _loss(self, seen: Observed, grid: Grid, seconds: float = SECONDS) -> Callable[[Real], float]:
+        return lambda point: compare(seen, self.search.powers(point, seen.bands, grid, seconds)).loss
 
-    def _near(self, point: Real, grid: Grid, reach: int) -> tuple[Observed, Compared]:
+    def _near(self, point: Real, grid: Grid, reach: int, seconds: float = SECONDS) -> tuple[Observed, Compared]:
         """The recording at shifts near the best one of a point."""
-        found = compare(self.seen, self.search.powers(point, self.seen.bands, grid))
-        last = len(self.seen.shifts_s)
-        return self.seen.at(np.arange(max(0, found.shift - reach), min(last, found.shift + reach + 1))), found
+        seen = self.seen.first(self.seen.bands.windows(seconds))
+        found = compare(seen, self.search.powers(point, seen.bands, grid, seconds))
+        last = len(seen.shifts_s)
+        return seen.at(np.arange(max(0, found.shift - reach), min(last, found.shift + reach + 1))), found
 
     def result(self) -> NoteFit:
         search, seen = self.search, self.seen
@@ -207,30 +217,55 @@ class _Fitting:
             raise FitRefused(
                 f"only {int(seen.used.sum())} bands of the note stand out of the noise; record it louder, or nearer"
             )
+        short = seen.first(seen.bands.windows(SHORT_S))
         points, powers = search.dictionary(seen.bands, lambda share: self.done(0.3 * share))
-        losses = np.array([compare(seen, power).loss for power in powers])
+        losses = np.array([compare(short, power).loss for power in powers])
         self.done(0.35)
         found = []
         for i, start in enumerate(starts_of(points, losses, search.starts)):
-            near, _ = self._near(start, search.coarse, 3)
-            trail = evolve(self._loss(near, search.coarse), start, most=_FIRST, seed=i + 1)
-            point, loss = self._other_draws(*trail.best)
+            near, _ = self._near(start, search.coarse, 3, SHORT_S)
+            trail = evolve(self._loss(near, search.coarse, SHORT_S), start, most=_FIRST, seed=i + 1)
+            point, _ = self._other_draws(*trail.best)
             found.append(self._squares(point, search.coarse, rounds=6))
             self.done(0.35 + 0.3 * (i + 1) / search.starts)
         found.sort(key=lambda each: each[1])
         finalists = []
         for i, (point, _) in enumerate(found[:_FINALISTS]):
             near, _ = self._near(point, search.coarse, 2)
-            trail = evolve(self._loss(near, search.coarse), point, step=0.02, most=_SECOND, seed=i + 101)
+            trail = evolve(self._loss(near, search.coarse), point, step=0.02, most=search.second, seed=i + 101)
             finalists.append(self._squares(self._other_draws(*trail.best)[0], search.coarse, rounds=6))
             self.done(0.65 + 0.2 * (i + 1) / _FINALISTS)
         finalists = sorted([*finalists, *found], key=lambda each: each[1])
         free = self._free(points, losses)
         self.done(0.9)
-        polished = self._squares(finalists[0][0], search.fine, rounds=8)
+        coarse, polished = finalists[0], self._squares(finalists[0][0], search.fine, rounds=8)
+        for other in self._contenders(polished[0], finalists):
+            # a valley that has not been followed to its end looks like another answer
+            near, _ = self._near(other[0], search.coarse, 1)
+            trail = evolve(self._loss(near, search.coarse), other[0], step=0.01, most=search.second, seed=201)
+            point, loss = self._squares(trail.best[0], search.coarse, rounds=8)
+            finalists = [each for each in finalists if each is not other] + [(point, loss)]
+            further = self._squares(point, search.fine, rounds=8)
+            if further[1] < polished[1]:
+                coarse, polished = (point, loss), further
         self._refuse(polished, finalists, free)
         self.done(0.97)
-        return self._told(polished[0], finalists[0][0], free)
+        return self._told(polished[0], coarse[0], free)
+
+    def _contenders(
+        self, point: Real, finalists: list[tuple[Real, float]], most: int = _CONTENDERS
+    ) -> list[tuple[Real, float]]:
+        """Those of the finalists that are nearly as good as the best and differ from a point, at most so many."""
+        limit = max(AS_GOOD * finalists[0][1], finalists[0][1] + AS_GOOD_LOSS)
+        return [each for each in finalists if each[1] <= limit and self._differs(point, each[0]) is not None][:most]
+
+    def _differs(self, point: Real, other: Real) -> tuple[str, float, float] | None:
+        """What two points differ in by more than agreement allows, and both values of it; None: nothing."""
+        theirs = asked(self.search.space, other)
+        for name, mine in asked(self.search.space, point).items():
+            if abs(theirs[name] - mine) > AGREED[name]:
+                return name, mine, theirs[name]
+        return None
 
     def _other_draws(self, point: Real, loss: float) -> tuple[Real, float]:
         """The same with the draw time that fits best: it has minima a period apart."""
@@ -269,8 +304,6 @@ class _Fitting:
     def _free(self, points: Real, losses: Real) -> float:
         """Loss of the best note that touches nothing."""
         space = self.search.space
-        if isinstance(self.search.model.shape, Neck):
-            return math.inf
         fixed = space.index("height")
         loose = np.flatnonzero(points[:, fixed] > 0.8)
         best = np.array(points[loose[np.argmin(losses[loose])]])
@@ -293,23 +326,23 @@ class _Fitting:
             bound = 1.0 / (1.0 - place)
             raise NoContact(
                 "the string hardly touches the bridge, or not at all: its height over the amplitude must exceed about "
-                f"{1e3 * bound:.3g} µm per mm times distance over length in mm per m; strike harder for a number", bound
+                f"{bound:.3g} µm per mm for each mm of distance in a metre of string; strike harder for a number", bound
             )  # fmt: skip
         if loss > MOST_LOSS:
             raise FitRefused(
                 f"no note over {_words(self.search.model.shape)} explains the sound (loss {loss:.2f}, at most "
-                f"{MOST_LOSS:g}): another obstacle, string or length, several notes, or much reverberation; check -p and --string"
+                f"{MOST_LOSS:g}): another obstacle, string or length, several notes, or much reverberation; "
+                "check -p and --string"
             )
+        best = min(each[1] for each in finalists)
         for other, other_loss in finalists:
-            if other_loss > max(AS_GOOD * finalists[0][1], finalists[0][1] + AS_GOOD_LOSS):
-                continue
-            for name, value in asked(self.search.space, other).items():
-                mine = asked(self.search.space, point)[name]
-                if abs(value - mine) > AGREED[name]:
-                    raise FitRefused(
-                        f"several contacts explain the sound as well: {name} {_say(name, mine)} or {_say(name, value)}; "
-                        "record a stronger stroke, or several notes over the same obstacle"
-                    )
+            different = self._differs(point, other)
+            if other_loss <= max(AS_GOOD * best, best + AS_GOOD_LOSS) and different is not None:
+                name, mine, value = different
+                raise FitRefused(
+                    f"several contacts explain the sound as well: {name} {_say(name, mine)} or {_say(name, value)}; "
+                    "record a stronger stroke, or several notes over the same obstacle"
+                )
 
     def _told(self, point: Real, coarse: Real, free: float) -> NoteFit:
         search, space, grid = self.search, self.search.space, self.search.fine
@@ -353,12 +386,8 @@ def _jackknife(jacobian: Real, rows: Real, bands: int) -> tuple[Real, Real]:
 def _say(name: str, value: float) -> str:
     if name == "height":
         return f"{1e3 * value:.2f} µm per mm"
-    if name == "action":
-        return f"{1e3 * value:.2f} mm"
     return f"{value:.4f} of the length"
 
 
-def _words(shape: Bridge | Neck) -> str:
-    if isinstance(shape, Neck):
-        return "frets"
+def _words(shape: Bridge) -> str:
     return "a bridge of one point" if shape.points == 1 else f"a curved bridge of {shape.points} points"

@@ -1,6 +1,6 @@
 """One obstacle out of one or several recordings of a string: the contact fit from sound to numbers.
 
-Each recording has an amplitude, a place and a draw of its own; the distance of the bridge's edge, or the action, is one. The
+Each recording has an amplitude, a place and a draw of its own; the distance of the bridge's edge is one. The
 answers of the notes are brought together by their covariances (generalised least squares); notes that contradict each
 other are refused. One obstacle has one height, so that heights over amplitudes say how the amplitudes are to each other.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synth.fit.contact_fit import LEAST_HALF, NoContact, NoteFit, Search, contact_search, fit_note
-from synth.fit.contact_model import ContactModel, Neck
+from synth.fit.contact_model import ContactModel
 from synth.fit.contact_search import NOTES
 from synth.fit.contact_space import Estimate, estimates
 from synth.fit.estimate import fit_recording
@@ -40,7 +40,7 @@ class ContactFit:
     preset, string   the preset with the linear string that was taken, and which of its strings
     model            its notes
     notes            what each recording says, in order
-    values           of the obstacle: `height` over the amplitude of the first note and `distance` over length, or `action`
+    values           of the obstacle: `height` over the amplitude of the first note and `distance` over length
     amplitude_m      by which the first note was drawn aside, or what was taken for it
     amplitude_known  whether it was given
     warnings         what a reader should know
@@ -63,8 +63,6 @@ class ContactFit:
     def ratios(self) -> list[float]:
         """Amplitude of each note over that of the first, as one height of the bridge has it."""
         first = self.notes[0].values
-        if "height" not in first:
-            return [note.stroke.displacement_m / self.notes[0].stroke.displacement_m for note in self.notes]
         return [
             first["height"].value / note.values["height"].value if note.values["height"].value > 0.0 else math.nan
             for note in self.notes
@@ -94,8 +92,8 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
         if abs(beside) > RETUNED:
             which = "the note" if len(found) == 1 else f"note {number}"
             raise FitRefused(
-                f"{which} must be string {index}'s, {wanted:.4g} Hz within {RETUNED:g} cents, got {hz:.4g} Hz; choose another "
-                "--string, or give a note of it that touches nothing: --open"
+                f"{which} must be string {index}'s, {wanted:.4g} Hz within {RETUNED:g} cents, got {hz:.4g} Hz; choose "
+                "another --string, or give a note of it that touches nothing: --open"
             )
     beside = float(np.median([cents(hz, wanted) for hz in found]))
     if abs(beside) <= IN_TUNE:
@@ -140,12 +138,16 @@ def fit_contact(
     ContactModel.of_preset(preset, index)  # that there is an obstacle to look for
     model, warnings = tuned_model(preset, index, recordings)
     amplitude = amplitude_of(preset, index) if amplitude_m is None else amplitude_m
-    search = contact_search(model, amplitude, amplitude_known=amplitude_m is not None, position=position, notes=notes)
+    search = contact_search(model, amplitude, position=position, notes=notes)
     found = []
     count = len(recordings)
     for number, (samples, rate_hz) in enumerate(recordings):
+
+        def done(share: float, begun: int = number) -> bool:
+            return progress((begun + share) / count)
+
         try:
-            found.append(fit_note(search, samples, rate_hz, progress=lambda share, n=number: progress((n + share) / count)))
+            found.append(fit_note(search, samples, rate_hz, progress=done))
         except NoContact as none:
             raise NoContact(f"{_numbered(number, count)}{none}", none.bound) from None
         except FitRefused as error:
@@ -153,11 +155,9 @@ def fit_contact(
     joined = _together(search, found) if count > 1 else found
     for number, each in enumerate(joined):
         warnings += [f"{_numbered(number, count)}{words}" for words in each.warnings]
-    if isinstance(model.shape, Neck):
-        warnings.append(
-            "fits over frets are experimental: believe the action only if moderate strokes of several strengths agree"
-        )
-    values = {name: joined[0].values[name] for name in ("height", "distance", "action") if name in joined[0].values}
+    if model.shape.points > 1:
+        warnings.append("of a curved bridge the search often misses: an answer is a guess that wants a second note to agree")
+    values = {name: each for name, each in joined[0].values.items() if name in ("height", "distance")}
     return ContactFit(preset, index, model, tuple(joined), values, amplitude, amplitude_m is not None, tuple(warnings))
 
 
@@ -166,9 +166,9 @@ def _numbered(number: int, count: int) -> str:
 
 
 def _together(search: Search, found: list[NoteFit]) -> list[NoteFit]:
-    """The notes with one distance, or action. Raises FitRefused where they contradict each other."""
+    """The notes with one distance. Raises FitRefused where they contradict each other."""
     space = search.space
-    name = "action" if isinstance(search.model.shape, Neck) else "distance"
+    name = "distance"
     at = space.index(name)
     variance = np.array([each.covariance[at, at] + 1e-8 for each in found])
     where = np.array([each.point[at] for each in found])
@@ -179,8 +179,8 @@ def _together(search: Search, found: list[NoteFit]) -> list[NoteFit]:
         mine = each.values[name]
         if abs(mine.value - middle) > CONTRADICTION * mine.half + 0.05 * abs(middle):
             raise FitRefused(
-                f"the recordings must be of one obstacle, got {name} {_told(name, mine.value)} in recording {number + 1} and "
-                f"{_told(name, middle)} in the others; fit them one by one, or leave that one out"
+                f"the recordings must be of one obstacle, got {name} {_told(mine.value)} in recording {number + 1} "
+                f"and {_told(middle)} in the others; fit them one by one, or leave that one out"
             )
     joined = []
     for each in found:
@@ -193,5 +193,5 @@ def _together(search: Search, found: list[NoteFit]) -> list[NoteFit]:
     return joined
 
 
-def _told(name: str, value: float) -> str:
-    return f"{1e3 * value:.2f} mm" if name == "action" else f"{1e3 * value:.2f} mm per m of length"
+def _told(value: float) -> str:
+    return f"{1e3 * value:.2f} mm per m of length"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from synth.engine.stroke import WIDEST
 from synth.instrument.compile import make_string, open_string, output_weights
-from synth.instrument.preset import BridgeObstacle, FretsObstacle, Preset, at_note
+from synth.instrument.preset import BridgeObstacle, Preset, at_note
 from synth.jit import kernel_helpers
 from synth.native.denormals import enable_ftz, restore
 from synth.physics.excitation import pluck_weights
@@ -28,7 +28,7 @@ from synth.physics.modes import (
     modal_frequencies,
     mode_shapes,
 )
-from synth.physics.obstacle import Obstacle, frets, parabola_height
+from synth.physics.obstacle import Obstacle, parabola_height
 from synth.physics.string import String
 from synth.physics.tail import lumped_tail
 from synth.solver import driver
@@ -37,7 +37,7 @@ from synth.solver.laws import EXACT_HOLD
 from synth.solver.stepwise import finger_row
 
 Real = NDArray[np.float64]
-#: modes beyond that are left out [Hz]: features end below
+#: modes beyond that are left out [Hz]: features end far below
 HIGHEST_MODE_HZ = 22000.0
 #: spring of a finger whose path is a force that is given [N/m]
 _SOFT = 1e-3
@@ -70,20 +70,8 @@ class Bridge:
 
 
 @dataclass(frozen=True)
-class Neck:
-    """Frets whose height at the twelfth is looked for (`obstacle.frets`); `distance_m` of a stroke is of no account."""
-
-    count: int
-    relief_m: float
-    nut_height_m: float
-
-    def obstacle(self, length_m: float, height_m: float, distance_m: float) -> Obstacle:
-        return frets(length_m, self.count, height_m, relief_m=self.relief_m, nut_height_m=self.nut_height_m)
-
-
-@dataclass(frozen=True)
 class Stroke:
-    """One note. height_m: of the thread over the bridge, or the action at fret 12; distance_m of the bridge's edge from the
+    """One note. height_m: of the thread over the bridge; distance_m of the bridge's edge from the
     end; position: of the pluck, from that end as a share of L; displacement_m it draws the ideal string by in draw_s;
     losses: factor of all decay rates; slip_s in which the string slides off the finger."""
 
@@ -117,10 +105,10 @@ class ContactModel:
     string    as it would sound if it touched nothing
     shape     what lies below it
     hand      what of the pluck is held
-    output    (string, n) → weights (n,), (n,) of what is heard on q and q̇ of the modes; None: the force at the obstacle's end
+    output    (string, n) → weights (n,), (n,) of what is heard on q and q̇ of modes; None: the force at the obstacle's end
     """
 
-    def __init__(self, string: String, shape: Bridge | Neck, hand: Hand, output: Any = None) -> None:
+    def __init__(self, string: String, shape: Bridge, hand: Hand, output: Any = None) -> None:
         self.string, self.shape, self.hand = string, shape, hand
         self._output = output
         self._known: dict[Grid, tuple[Real, Real]] = {}
@@ -131,7 +119,7 @@ class ContactModel:
         cls, preset: Preset, index: int, note: int | None = None, frequency_hz: float | None = None
     ) -> ContactModel:
         """Of string `index` of a preset at one of its open notes, by default the lowest, tuned as the preset has it or to
-        frequency_hz. Raises ValueError where nothing of it is to be found: another obstacle than a bridge or frets, or
+        frequency_hz. Raises ValueError where nothing of it is to be found: another obstacle than a bridge, or
         something soft on it."""
         table = preset.string[index]
         note = table.notes[0] if note is None else note
@@ -139,18 +127,15 @@ class ContactModel:
         if frequency_hz is not None:
             string = make_string(preset, table, note, frequency_hz)
         shape = preset.obstacle
-        found: Bridge | Neck
         if isinstance(shape, BridgeObstacle) and shape.layer is None:
             met = shape.points if table.bridge_points is None else table.bridge_points
             if met == 0:
                 raise ValueError(f"string {index} of {preset.name} lies over no bridge (bridge_points = 0); choose another")
             found = Bridge(shape.points, met, 1e-3 * shape.radius_mm)
-        elif isinstance(shape, FretsObstacle) and not shape.heights_mm and shape.layer is None and shape.sawari_um is None:
-            found = Neck(shape.count, 1e-3 * shape.relief_mm, 1e-3 * shape.nut_height_mm)
         else:
             raise ValueError(
-                f"obstacle of {preset.name} must be a bridge, or frets described by their action, without a layer, got "
-                f"{shape.kind}; name a preset that has one, such as tanpura"
+                f"obstacle of {preset.name} must be a bridge without a layer, got {shape.kind}; name a preset "
+                "that has one, such as tanpura"
             )
         pluck = preset.pluck
         slides = max(at_note(pluck.slip_ms, note), at_note(pluck.hardest_slip_ms, note)) > 0.0
@@ -159,10 +144,10 @@ class ContactModel:
             return cls(string, found, hand)
         return cls(string, found, hand, lambda of, n: output_weights(preset, of, string.length_m, n))
 
-    def grid(self, steps_a_period: float, least_hz: float) -> Grid:
-        """So many steps a period of the open string, or least_hz."""
+    def grid(self, steps_a_period: float, least_hz: float, highest_hz: float = HIGHEST_MODE_HZ) -> Grid:
+        """So many steps a period of the open string, or least_hz; modes up to highest_hz."""
         rate = max(steps_a_period * self.string.fundamental_hz, least_hz)
-        return Grid(rate, max(4, count_modes_below(self.string, min(HIGHEST_MODE_HZ, 0.49 * rate))))
+        return Grid(rate, max(4, count_modes_below(self.string, min(highest_hz, 0.49 * rate))))
 
     def _modal(self, grid: Grid) -> tuple[Real, Real]:
         if grid not in self._known:

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from synth.fit.contact_group import ContactFit
-from synth.fit.contact_model import Neck
 from synth.fit.contact_space import Estimate
-from synth.instrument.preset import BridgeObstacle, at_note
+from synth.instrument.preset import BridgeObstacle
 from synth.units import midi_to_note
 
 
@@ -21,22 +20,17 @@ def contact_settings(fit: ContactFit) -> list[tuple[str, Any]]:
     preset, note = fit.preset, fit.preset.string[fit.string].notes[0]
     table = preset.obstacle
     found: list[tuple[str, Any]] = []
-    if isinstance(fit.model.shape, Neck):
-        found.append(("obstacle.action_12th_mm", _rounded(1e3 * fit.values["action"].value, 4)))
+    assert isinstance(table, BridgeObstacle)
+    height = 1e6 * fit.values["height"].value * fit.amplitude_m
+    found.append(("obstacle.jiva_um", _at_note(table.jiva_um, note, _rounded(height, 4))))
+    share = fit.values["distance"].value
+    if table.distance_mm is None:
+        found.append(("obstacle.distance_ratio", _rounded(share, 5)))
     else:
-        assert isinstance(table, BridgeObstacle)
-        height = 1e6 * fit.values["height"].value * fit.amplitude_m
-        found.append(("obstacle.jiva_um", _at_note(table.jiva_um, note, _rounded(height, 4))))
-        share = fit.values["distance"].value
-        if table.distance_mm is None:
-            found.append(("obstacle.distance_ratio", _rounded(share, 5)))
-        else:
-            found.append(
-                ("obstacle.distance_mm", _at_note(table.distance_mm, note, _rounded(1e3 * share * fit.length_m, 5)))
-            )
-        if fit.amplitude_known:
-            displacement = _rounded(1e3 * fit.amplitude_m, 5)
-            found.append(("pluck.displacement_mm", _at_note(preset.pluck.displacement_mm, note, displacement)))
+        found.append(("obstacle.distance_mm", _at_note(table.distance_mm, note, _rounded(1e3 * share * fit.length_m, 5))))
+    if fit.amplitude_known:
+        displacement = _rounded(1e3 * fit.amplitude_m, 5)
+        found.append(("pluck.displacement_mm", _at_note(preset.pluck.displacement_mm, note, displacement)))
     place = fit.notes[0].values.get("position")
     if place is not None:
         found.append(("pluck.position", _rounded(place.value, 4)))
@@ -53,15 +47,14 @@ def _at_note(there: Any, note: int, value: float) -> Any:
 
 
 def contact_report(fit: ContactFit) -> dict[str, Any]:
-    """JSON-able: `obstacle`, `notes`, `facts` [[name, value, what it is]], `warnings`, `curves` (of the first note's bands as
-    `synth.fit.report` has its curves)."""
+    """JSON-able: `obstacle`, `notes`, `facts` [[name, value, what it is]], `warnings`, `curves` (of the first
+    note's bands as `synth.fit.report` has its curves)."""
     return {
         "string": fit.string,
         "length_m": fit.length_m,
         "first_partial_hz": _rounded(fit.model.string.fundamental_hz, 7),
         "amplitude_mm": _rounded(1e3 * fit.amplitude_m, 5),
         "amplitude_known": fit.amplitude_known,
-        "experimental": isinstance(fit.model.shape, Neck),
         "obstacle": {name: _interval(each) for name, each in fit.values.items()},
         "notes": [_note(note, ratio) for note, ratio in zip(fit.notes, fit.ratios, strict=True)],
         "facts": facts(fit),
@@ -74,20 +67,14 @@ def facts(fit: ContactFit) -> list[list[str]]:
     """[[name, value, what it is]]"""
     found: list[list[str]] = []
     length = 1e3 * fit.length_m
-    if "height" in fit.values:
-        each, jiva = fit.values["height"], 1e3 * fit.amplitude_m
-        found.append([
-            "Height over amplitude", _of(each, 1e3, "µm per mm", 2), "thread over bridge for each mm of the pluck: all of it a sound tells"
-        ])  # fmt: skip
-        whose = "given" if fit.amplitude_known else "the preset's"
-        found.append([
-            f"Height at {jiva:.3g} mm", _of(each, 1e3 * jiva, "µm", 2), f"at an amplitude of {jiva:.3g} mm ({whose})"
-        ])  # fmt: skip
-        found.append([
-            "Distance", _of(fit.values["distance"], length, "mm", 2), f"from the end to the bridge's edge, of {length:.4g} mm of string"
-        ])  # fmt: skip
-    if "action" in fit.values:
-        found.append(["Action at fret 12", _of(fit.values["action"], 1e3, "mm", 3), "experimental"])
+    each, jiva = fit.values["height"], 1e3 * fit.amplitude_m
+    tip = "thread over bridge for each mm of the pluck: all of it that a sound tells"
+    found.append(["Height over amplitude", _of(each, 1e3, "µm per mm", 2), tip])
+    whose = "given" if fit.amplitude_known else "the preset's"
+    tip = f"at an amplitude of {jiva:.3g} mm ({whose})"
+    found.append([f"Height at {jiva:.3g} mm", _of(each, 1e3 * jiva, "µm", 2), tip])
+    tip = f"from the end to the bridge's edge, of {length:.4g} mm of string"
+    found.append(["Distance", _of(fit.values["distance"], length, "mm", 2), tip])
     for number, (note, ratio) in enumerate(zip(fit.notes, fit.ratios, strict=True), start=1):
         which = "" if len(fit.notes) == 1 else f" {number}"
         if "position" in note.values:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 #: notes of a dictionary, starts of the evolution, its population, first step and most evaluations of one start
-NOTES, STARTS, POPULATION, STEP, MOST = 512, 3, 8, 0.06, 400
+NOTES, STARTS, POPULATION, STEP, MOST = 1024, 3, 8, 0.06, 400
 #: starts lie that far from each other in the cube
 APART = 0.12
 SEED = 1

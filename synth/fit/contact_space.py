@@ -1,8 +1,8 @@
 """The unknowns of one note over an obstacle, as numbers in a unit cube.
 
 Of a bridge: height of the thread as a share of that above which the string hardly touches, d·A/((1 − p)L); distance and
-place of plucking as shares of the length; and what is in the way, draw time and a factor of all losses. Of a curved bridge
-the amplitude too: its arc, unlike a single point, has a size of its own. Of frets action, amplitude, place, draw, losses.
+place of plucking as shares of the length; and what is in the way, draw time and a factor of all losses. A curved bridge has
+an arc of a size of its own: there the amplitude has to be known.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.contact_model import Bridge, Neck, Stroke
+from synth.fit.contact_model import Stroke
 from synth.physics.string import String
 
 Real = NDArray[np.float64]
@@ -48,13 +48,8 @@ DRAW = Unknown("draw", 0.003, 0.04, True)
 LOSSES = Unknown("losses", 0.6, 1.6, True)
 #: in which the string slides off the finger [s]
 SLIP = Unknown("slip", 1e-4, 3e-3, True)
-#: amplitude over what is taken for it
-AMPLITUDE = Unknown("amplitude", 0.3, 3.0, True)
-#: action at fret 12 [m] and how far the string is drawn aside over it
-ACTION = Unknown("action", 0.8e-3, 4e-3, True)
-STRENGTH = Unknown("strength", 0.2, 4.0, True)
 #: what the answer is about; the rest is in its way
-ASKED = ("height", "distance", "position", "action", "strength")
+ASKED = ("height", "distance", "position")
 
 
 @dataclass(frozen=True)
@@ -82,14 +77,9 @@ class Space:
         value = self.values(point)
         length, place = self.string.length_m, value["position"]
         hand = value["draw"], value["losses"], value.get("slip", 0.0)
-        amplitude = self.amplitude_m * value.get("amplitude", 1.0)
-        if "action" in value:
-            drawn = value["strength"] * value["action"]
-            return Stroke(value["action"], 0.0, place, drawn, *hand)
         distance = value["distance"] * length
-        # heights are over the amplitude that is taken for true, so that an arc of another size does not move them
-        height = value["height"] * distance * amplitude / ((1.0 - place) * length)
-        return Stroke(height, distance, place, amplitude, *hand)
+        height = value["height"] * distance * self.amplitude_m / ((1.0 - place) * length)
+        return Stroke(height, distance, place, self.amplitude_m, *hand)
 
     def point(self, value: dict[str, float]) -> Real:
         """The point at which the unknowns have these values."""
@@ -98,20 +88,13 @@ class Space:
 
 def space_of(
     string: String,
-    shape: Bridge | Neck,
     amplitude_m: float,
     *,
     slides: bool = False,
-    amplitude_known: bool = False,
     position: float | None = None,
 ) -> Space:
-    """Of a bridge or frets. slides: the string slides off the finger; position: of the pluck, where it is known."""
-    if isinstance(shape, Neck):
-        found = [ACTION, STRENGTH, POSITION, DRAW, LOSSES]
-    else:
-        found = [HEIGHT, DISTANCE, POSITION, DRAW, LOSSES]
-        if shape.points > 1 and not amplitude_known:
-            found.append(AMPLITUDE)
+    """Of a bridge. slides: the string slides off the finger; position: of the pluck, where it is known."""
+    found = [HEIGHT, DISTANCE, POSITION, DRAW, LOSSES]
     if slides:
         found.append(SLIP)
     held = () if position is None else (("position", position),)
@@ -120,7 +103,7 @@ def space_of(
 
 @dataclass(frozen=True)
 class Estimate:
-    """value and 95 % interval, of height (over amplitude), distance and position (over length), action [m], strength."""
+    """value and 95 % interval, of height (over amplitude), distance and position (over length)."""
 
     value: float
     low: float
@@ -133,11 +116,10 @@ class Estimate:
 
 
 def asked(space: Space, point: Sequence[float] | Real) -> dict[str, float]:
-    """What the answer is about: height over amplitude, distance and place over length, action [m], strength over action."""
+    """What the answer is about: height over amplitude, distance and place over length."""
     stroke, values = space.stroke(point), space.values(point)
     found = {name: values[name] for name in ASKED if name in values and name not in dict(space.held)}
-    if "height" in found:
-        found["height"] = stroke.height_m / stroke.displacement_m
+    found["height"] = stroke.height_m / stroke.displacement_m
     return found
 
 

@@ -17,18 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from synth.dsp.decimator import MINIMUM_RATE_HZ
-from synth.host import offline, parts
-from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
+from synth.host import parts
 from synth.native.processors import cores
 from synth.spelling import perhaps
-from synth.units import midi_to_note
 
 if TYPE_CHECKING:
     from synth.engine.engine import Engine
     from synth.instrument.preset import Preset
 
-#: frames that an engine computes at a time; between two such blocks it can be stopped
-BLOCK = 16384
 #: longest note [s]
 LONGEST_S = 600.0
 #: a key is compiled by another worker, too, rather than that it has so much more to play [s]
@@ -41,19 +37,19 @@ SHORTEST_S = 1e-3
 _LOOK_S = 0.2
 #: preparing holds the interpreter's lock most of the time, and kernels are compiled once
 _PREPARING = threading.Lock()
-_OFF_VELOCITY = 64
 
 
 @dataclass(frozen=True)
 class Note:
-    """One note of `render_notes`.
+    """One note of `render_notes`, or of a phrase that `render` is given.
 
     note, velocity   MIDI, 0 … 127 and 1 … 127
-    seconds          how much of it is rendered, from its note-on
-    off_s            when its key is let go [s]; None: it is held
+    seconds          how much of it is rendered, from its note-on; in a phrase: until the next note begins
+    off_s            when its key is let go, after its note-on [s]; None: it is held, in a phrase for `seconds`
     preset           by name, by file or itself; None: that of all
     articulation     one of the preset's by name; "": as keys, controllers and velocities would have it
     controllers      (number, value), 0 … 127 each, that come before it
+    start_s          in a phrase: when it begins [s]; None: where the note before ends. Of no account where it sounds alone
     """
 
     note: int
@@ -63,6 +59,7 @@ class Note:
     preset: str | Preset | None = None
     articulation: str = ""
     controllers: tuple[tuple[int, int], ...] = ()
+    start_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -161,7 +158,7 @@ class _Making:
         for number, note in enumerate(notes):
             job = _Job(number, note)
             jobs.append(job)
-            job.error = _wrong(note)
+            job.error = what_is_wrong(note)
             if job.error:
                 continue
             chosen = preset if note.preset is None else note.preset
@@ -169,7 +166,7 @@ class _Making:
             if (key, note.articulation) not in playing:
                 if key not in loaded:
                     loaded[key] = self._loaded(chosen)
-                playing[key, note.articulation] = _played(loaded[key], note.articulation, len(playing))
+                playing[key, note.articulation] = played_as(loaded[key], note.articulation, len(playing))
             found = playing[key, note.articulation]
             if isinstance(found, str):
                 job.error = found
@@ -191,6 +188,7 @@ class _Making:
     def engine(self, preset: Preset, keys: set[int], going: threading.Event) -> Engine:
         """Prepared for some keys. Raises _Stopped once nobody waits any more, and what the engine raises."""
         from synth.engine.engine import Engine
+        from synth.host.alone import BLOCK
 
         engine = Engine(
             [preset], quality=self.quality, limiter=self.limiter, seed=self.seed, only_notes=[keys], every_fret=False,
@@ -206,26 +204,19 @@ class _Making:
 
     def sound(self, engine: Engine, job: _Job, going: threading.Event) -> np.ndarray:
         """(frames, 2) of a note. Raises ValueError for one that no string plays, RuntimeError for what is no sound."""
+        from synth.host.alone import events_of, sound_alone
+
+        def look() -> None:
+            if not going.is_set():
+                raise _Stopped
+
         note = job.note
-        rows = [(0, CONTROL, 0, number, value) for number, value in note.controllers]
-        rows.append((0, NOTE_ON, 0, note.note, note.velocity))
-        if note.off_s is not None:
-            rows.append((round(note.off_s * self.rate_hz), NOTE_OFF, 0, note.note, _OFF_VELOCITY))
-        span = offline.span_of(0.0, self.rate_hz, end_s=note.seconds, tail_s=0.0)
-        sink = _Sink(np.empty((span.end, 2), self.dtype), going)
+        events = events_of([(0.0, note)], note.controllers, self.rate_hz)
         engine.reset()
-        offline.render(engine, make_events(rows), span, self.rate_hz, sink, block=BLOCK)
-        told = engine.report()
-        if told.unplayed:
-            raise ValueError(f"{midi_to_note(note.note)} is not played: {told.unplayed[0].reason}")
-        if not told.notes:
-            raise ValueError(f"{midi_to_note(note.note)} is a key that switches articulations, and sounds nothing")
-        if told.silenced:
-            raise RuntimeError("the motion of a string blew up and was silenced")
-        return sink.samples
+        return sound_alone(engine, events, note.seconds, self.rate_hz, self.dtype, look)
 
 
-def _wrong(note: Note) -> str:
+def what_is_wrong(note: Note) -> str:
     """What is wrong with a note's numbers, "" where nothing is."""
     from synth.engine import arguments
     from synth.instrument.preset import Preset
@@ -248,7 +239,7 @@ def _wrong(note: Note) -> str:
     return ""
 
 
-def _played(preset: Preset | str, articulation: str, kind: int) -> tuple[int, Preset] | str:
+def played_as(preset: Preset | str, articulation: str, kind: int) -> tuple[int, Preset] | str:
     """What plays an articulation of a preset, with a number of its own; or why there is none."""
     if isinstance(preset, str) or not articulation:
         return preset if isinstance(preset, str) else (kind, preset)
@@ -265,19 +256,6 @@ def _line(error: BaseException) -> str:
 
 class _Stopped(Exception):
     """Nobody waits for sounds any more."""
-
-
-class _Sink:
-    """Blocks into an array, rounded to its type."""
-
-    def __init__(self, samples: np.ndarray, going: threading.Event) -> None:
-        self.samples, self._going, self._at = samples, going, 0
-
-    def write(self, block: np.ndarray) -> None:
-        if not self._going.is_set():
-            raise _Stopped
-        self.samples[self._at : self._at + len(block)] = block
-        self._at += len(block)
 
 
 def share_out(keys: Sequence[tuple[int, int]], seconds: Sequence[float], workers: int) -> list[int]:

@@ -2,53 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack, cast
 
 import numpy as np
 
 from synth.host import offline, parts
-from synth.host.render import RenderReport, RenderSettings, render_song
+from synth.host.batch import Note
+from synth.host.notelist import as_played, is_phrase, phrase_of
+from synth.host.render import RenderSettings, render_song
+from synth.host.soundclip import Sound
 from synth.midi.messages import song_from
 from synth.units import db_to_gain
 
 if TYPE_CHECKING:
+    import mido
+
+    from synth.engine.parameters import Binding
     from synth.instrument.preset import Preset
 
 
-@dataclass(frozen=True)
-class Rendered:
-    """samples: (frames, 2), full scale ±1.  stems: part → (frames, 2) before the limiter; empty unless asked for.
-    report: as `synth render` gives it.
-    """
+#: the name of `Sound` up to version 0.11
+Rendered = Sound
 
-    samples: np.ndarray
-    rate_hz: int
-    stems: dict[str, np.ndarray]
-    report: RenderReport
 
-    def __repr__(self) -> str:
-        return f"Rendered({len(self.samples) / self.rate_hz:.2f} s at {self.rate_hz} Hz, {self.report.notes} notes)"
+class Settings(TypedDict, total=False):
+    """What else `render` may be given by name: fields of `RenderSettings`."""
+
+    settings: Sequence[tuple[str | None, str, str]]
+    block: int
+    threads: int | str
+    quality: str
+    scheme: str
+    restitution: float
+    internal_rate_hz: int | None
+    precision: str | None
+    limiter: bool
+    gain_db: float
+    polyphony: int | None
+    normalize_dbfs: float | None
+    tail: float | str | None
+    container: str | None
+    bit_depth: str
+    start_s: float
+    end_s: float | None
+    seed: int
+    variation: float
+    tuning: str | None
+    keyboard: str | None
+    bindings: dict[int, list[Binding]]
+    mpe: bool
+    transpose: dict[int | None, int]
+    fold: bool | None
+    fallback: str | None
+    gm: bool
+    only_strings: bool
 
 
 def render(
-    song: Any,
+    song: str | os.PathLike[str] | mido.MidiFile | np.ndarray | Note | Iterable[Any],
     preset: str | Preset | None = None,
     *,
-    channels: Mapping[int, str | Preset] | None = None,
     rate_hz: int = 44100,
+    channels: Mapping[int, str | Preset] | None = None,
     stems: bool = False,
     warn: Callable[[str], None] = lambda _: None,
     progress: offline.Progress | None = None,
-    **settings: Any,
-) -> Rendered:
-    """The sound of a song: what `synth render` writes, as arrays.
+    **settings: Unpack[Settings],
+) -> Sound:
+    """The sound of a song or of a few notes: what `synth render` writes, as an array with what is to be said of it.
 
-    song        a MIDI file's name, a `mido.MidiFile`, mido's messages with times in seconds since the one before, or an
-                EVENT array with frames of rate_hz
-    preset      by name, by file or itself, for all channels but percussion; None: by General MIDI program
-    channels    channel 1 … 16 → its preset, "none" to leave it out
+    song        a MIDI file's name, a `mido.MidiFile`, mido's messages with times in seconds since the one before, an EVENT
+                array with frames of rate_hz, or a phrase: a `Note`, or a list of them or of (note, velocity[, seconds[,
+                start_s]]). Notes of a phrase follow each other unless they say when they begin; those with a preset or
+                an articulation of their own are parts of their own
+    preset      by name, by file or itself, for all channels but percussion, and for notes that name none; None: by General
+                MIDI program
+    rate_hz     of the sound
+    channels    of a song: channel 1 … 16 → its preset, "none" to leave it out
+    stems       whether each part is wanted alone, too
     settings    the rest of `RenderSettings`: quality, tail, start_s, end_s, gain_db, normalize_dbfs, limiter, transpose
                 ({channel 0 … 15, or None for all: semitones}), fold, fallback, seed, threads, mpe …
     warn, progress   called with each oddity, and with (seconds done, most seconds)
@@ -65,27 +98,51 @@ def render(
         made[label] = chosen
         return label
 
+    if isinstance(song, Iterator):
+        song = list(song)
     by_channel = {}
     for channel, chosen in (channels or {}).items():
         if not (isinstance(channel, int) and 1 <= channel <= 16):
             raise ValueError(f"channels must be 1 to 16, got {channel!r}")
         by_channel[channel - 1] = name(chosen)
-    unknown = sorted(set(settings) - set(RenderSettings.__dataclass_fields__) | {"midi", "output"} & set(settings))
+    unknown = sorted(set(settings) - set(Settings.__annotations__))
     if unknown:
         raise TypeError(f"render() has no setting {unknown[0]!r}")
-    title, music = song_from(song, rate_hz, bool(settings.get("mpe", False)))
+    mpe = bool(settings.get("mpe", False))
+    if is_phrase(song):
+        if channels:
+            raise ValueError("channels are those of a song; the notes of a phrase name their presets themselves")
+        phrase = phrase_of(cast("Note | Sequence[Any]", song), rate_hz)
+        for channel, (own, articulation) in phrase.voices.items():
+            if articulation:
+                found = _loaded(preset if own is None else own, articulation)
+                by_channel[channel] = name(as_played(found, articulation))
+            elif own is not None:
+                by_channel[channel] = name(own)
+        title, music = "the phrase", phrase.song(rate_hz, mpe)
+    else:
+        title, music = song_from(song, rate_hz, mpe)
     wanted = RenderSettings(
         title, "the array", None if preset is None else name(preset), by_channel, rate_hz=rate_hz, **settings
     )
     kept: list[_Arrays] = []
 
-    def outputs(settings: RenderSettings, cast: Sequence[parts.Part], span: offline.Span) -> _Arrays:
-        kept.append(_Arrays(settings, [part.label for part in cast] if stems else []))
+    def outputs(settings: RenderSettings, players: Sequence[parts.Part], span: offline.Span) -> _Arrays:
+        kept.append(_Arrays(settings, [part.label for part in players] if stems else []))
         return kept[0]
 
     report = render_song(music, wanted, outputs, presets=made, warn=warn, progress=progress)
     report.output = None
-    return Rendered(kept[0].mix.samples, rate_hz, {k: sink.samples for k, sink in kept[0].by_label.items()}, report)
+    return Sound(kept[0].mix.samples, rate_hz, {k: sink.samples for k, sink in kept[0].by_label.items()}, report)
+
+
+def _loaded(preset: str | Preset | None, articulation: str) -> Preset:
+    """The preset whose articulation a note asks for."""
+    if preset is None:
+        raise ValueError(f"articulation {articulation!r} is one of a preset: name one for the note, or one for all")
+    if not isinstance(preset, str):
+        return preset
+    return parts.load_presets([preset], ())[preset]
 
 
 class _Kept:

@@ -21,9 +21,10 @@ BOX, EDGE, TEXT, SOFT, ARROW = "#f7ecdd", "#8a4b16", "#2b1a0c", "#6b4a2c", "#b07
 #: the rooms of the package, from the top: what each floor is, and the rooms on it with what is in them
 FLOORS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("what is typed", (("cli", "the commands"),)),
-    ("without Python", (("plugin", "CLAP, VST3, LV2, libjawari"),)),
+    ("what is made of it", (("plugin", "CLAP, VST3, LV2, libjawari"), ("dataset", "labelled sound"))),
     ("what is played", (("drone", "a tanpura by itself"), ("author", "the page"))),
     ("live", (("live", "PortAudio, JACK, MIDI, takes"),)),
+    ("studies", (("study", "many runs, each once"),)),
     ("uses", (("host", "songs to files"), ("fit", "from recordings"))),
     ("two families", (("engine", "instruments that are played"), ("research", "one case at a time"))),
     ("presets", (("instrument", "preset, plan, compile, check"),)),

@@ -23,14 +23,14 @@ EXTENDING = Path(__file__).resolve().parents[2] / "docs" / "extending"
 
 #: module → names that are public in it, None: all; beside those of `synth` itself
 MODULES: dict[str, tuple[str, ...] | None] = {
-    "synth.host.memory": ("Rendered",),
+    "synth.host.memory": ("Settings",),
     "synth.host.render": ("RenderSettings", "RenderReport"),
     "synth.engine.engine": ("EngineReport", "Unplayed"),
     "synth.engine.parameters": ("Parameter",),
     "synth.midi.events": None,
     "synth.fit": None,
     "synth.research.case": ("case_names", "case_path", "case_folder"),
-    "synth.research.coupled.coupled_result": ("CoupledResult",),
+    "synth.study.sweeping": ("sweep", "read_table", "read_rows", "read_results", "read_arrays"),
     "synth.physics.string": None,
     "synth.physics.tuning": None,
     "synth.physics.modes": None,

@@ -88,6 +88,8 @@ def check(wheel: Path, songs: Path, folder: Path) -> list[str]:
     begin = time.perf_counter()
     installed.install(wheel)
     told = [f"installed in {time.perf_counter() - begin:.0f} s"]
+    installed.python("import pathlib, synth; assert pathlib.Path(synth.__file__).with_name('py.typed').is_file()")
+    told.append("type checkers are told that it is typed (py.typed)")
     song = [str(songs / SONG[0]), *SONG[1:]]
     times = []
     for name in ("first", "second"):

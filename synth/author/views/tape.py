@@ -21,7 +21,8 @@ from synth.engine.engine import Engine
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
 from synth.instrument.compile import Position
 from synth.jit.entries import entry
-from synth.midi.events import EVENT, NOTE_ON, make_events
+from synth.midi.events import NOTE_ON, make_events
+from synth.midi.eventsource import from_events
 from synth.native.arrays import allocate, f8, i8
 from synth.native.views import call_back, opener, table
 from synth.solver.lanes import BLOCK
@@ -44,6 +45,7 @@ class Tape(NamedTuple):
     force: Annotated[np.ndarray, f8("steps, contacts")]  # [N]
     ends: Annotated[np.ndarray, i8("shots")]  # steps made before each shot, since the tape was last read
     q: Annotated[np.ndarray, f8("shots, cap")]  # coordinates of the modes
+    v: Annotated[np.ndarray, f8("shots, cap")]  # …and their speeds
     finger: Annotated[np.ndarray, f8("shots")]  # height to which the finger holds the string [m], nan without one
     out: Annotated[np.ndarray, f8("2*span_steps")]  # outputs of the steps that are being made
     step: int  # address of the engine's own function
@@ -80,6 +82,7 @@ def _taped_steps(core: int, thread: int, s: int, steps: int) -> None:
                 tape.force[made + t, k] = scratch.record[t * contacts + k]
         for j in range(model.n):
             tape.q[shot, j] = string.q[j]
+            tape.v[shot, j] = string.v[j]
         tape.finger[shot] = scratch.path[count] if fingered else np.nan
         tape.ends[shot] = made + count
         tape.written[STEPS] = made + count
@@ -96,8 +99,14 @@ class Piece:
     force: np.ndarray  # (K, C) [N]
     ends: np.ndarray  # (M,) steps since the note began
     q: np.ndarray  # (M, N)
+    v: np.ndarray  # (M, N)
     finger: np.ndarray  # (M,) [m], nan without a finger
-    out: np.ndarray  # (frames,) left channel, late by the engine's latency
+    both: np.ndarray  # (frames, 2), late by the engine's latency
+
+    @property
+    def out(self) -> np.ndarray:
+        """(frames,) left channel."""
+        return self.both[:, 0]
 
 
 class Taped(Engine):
@@ -147,15 +156,22 @@ class Taped(Engine):
     def play(self, velocity: int, seconds: float) -> Iterator[Piece]:
         """The note, held, from the touch of the finger until `seconds` later, in pieces."""
         self.reset()
-        note = make_events([(0, NOTE_ON, 0, self.place.note, velocity)])
+        yield from self.pieces(make_events([(0, NOTE_ON, 0, self.place.note, velocity)]), round(seconds * self.rate_hz))
+
+    def pieces(self, events: np.ndarray, frames: int) -> Iterator[Piece]:
+        """So many frames of sound from the first event on, of an engine that has been reset. events: EVENT array; the first
+        wakes the string."""
         position = self.position
         modes, contacts = position.omega.size, position.eta.size
-        made = 0
-        left = round(seconds * self.rate_hz) + self.latency_samples
+        source = from_events(events)
+        made = at = 0
+        left = frames + self.latency_samples
         while left > 0:
             out = np.zeros((min(left, PIECE), 2))
             self.tape.written[:] = 0
-            self.process(note, out)
+            due = source(at + len(out))
+            due["frame"] -= at
+            self.process(due, out)
             steps, shots = (int(count) for count in self.tape.written)
             tape = self.tape
             yield Piece(
@@ -163,9 +179,10 @@ class Taped(Engine):
                 tape.force[:steps, :contacts],
                 made + tape.ends[:shots],
                 tape.q[:shots, :modes],
+                tape.v[:shots, :modes],
                 tape.finger[:shots],
-                out[:, 0],
+                out,
             )
             made += steps
+            at += len(out)
             left -= len(out)
-            note = np.zeros(0, EVENT)

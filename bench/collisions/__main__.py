@@ -1,0 +1,214 @@
+"""The benchmark of collisions: score runs of any solver, make this program's entries, make references again.
+
+    python -m bench.collisions list                           # the scenes
+    python -m bench.collisions score RUN.npz …                # a table; --json FILE, --markdown FILE, --entry FILE too
+    python -m bench.collisions references [SCENE …]           # made again by their recipes; stopped, it goes on where it was
+    python -m bench.collisions run [SCENE …]                  # all schemes here into entries/jawari.json, on one core
+    python -m bench.collisions siconos                        # runs of Siconos, where JAWARI_REFERENCE has them
+    python -m bench.collisions page                           # the tables of docs/collisions.md, of all entries
+
+docs/collisions.md says what a run is and how to send scores. A wrong file: one line, exit code 2, nothing written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
+
+from bench import REPOSITORY
+from bench.collisions import ContestError, entries, report, runfile, scene
+from bench.collisions.score import score
+from synth.files.targets import Named, check_apart, check_target, write_text
+
+OUT = REPOSITORY / "out" / "collisions"
+OURS = "jawari.json"
+
+
+def say(text: str) -> None:
+    """A line about what goes on."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="bench.collisions", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands.add_parser("list", help="the scenes")
+    scoring = commands.add_parser("score", help="score runs: plain .npz files of displacement")
+    scoring.add_argument("runs", nargs="+", type=Path, metavar="RUN.npz")
+    scoring.add_argument("--scene", metavar="NAME", help="of runs that do not say of which scene they are")
+    scoring.add_argument("--json", type=Path, metavar="FILE", help="write every figure there")
+    scoring.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables there; they are printed anyway")
+    scoring.add_argument("--entry", type=Path, metavar="FILE", help="write a file of scores to be sent, with what follows")
+    scoring.add_argument("--name", default="", metavar="WORDS", help="of an entry: the solver")
+    scoring.add_argument("--made-by", default="", metavar="WORDS", help="of an entry: who ran it")
+    scoring.add_argument(
+        "--source", default="", metavar="WORDS", help="of an entry: where solver and settings are to be found"
+    )
+    scoring.add_argument("--machine", default="", metavar="WORDS", help="of an entry: the processor that the cost is of")
+    making = commands.add_parser("references", help="make references again")
+    making.add_argument("scenes", nargs="*", metavar="SCENE")
+    running = commands.add_parser("run", help="entries of this program's schemes")
+    running.add_argument("scenes", nargs="*", metavar="SCENE")
+    theirs = commands.add_parser("siconos", help="score the runs of Siconos in JAWARI_REFERENCE")
+    for each in (running, theirs):
+        each.add_argument(
+            "--rounds", type=int, default=2, metavar="N", help="so many timings more of everything (default 2)"
+        )
+        each.add_argument("--budget", type=float, default=10.0, metavar="SEC", help="longest run (default 10 s)")
+        each.add_argument("--out", type=Path, default=entries.ENTRIES, metavar="DIR", help="where files of scores are")
+    commands.add_parser("page", help="write the tables of docs/collisions.md")
+    return parser
+
+
+def scored(options: argparse.Namespace) -> int:
+    """Every run, or one line for each that cannot be scored and nothing else."""
+    outputs = [
+        Named(f"--{key}", path) for key in ("json", "markdown", "entry") if (path := getattr(options, key)) is not None
+    ]
+    check_apart([Named("RUN", path) for path in options.runs], outputs)
+    for target in outputs:
+        check_target(target.path)
+    found, faults = [], []
+    for path in options.runs:
+        try:
+            data = runfile.read(path)
+            name = runfile.scene_of(path, data, options.scene)
+            facts, reference = scene.scene(name), scene.reference(name)
+            found.append(score(runfile.brought(path, data, facts, reference), facts, reference))
+        except ContestError as error:
+            text = str(error)
+            faults.append(text if str(path) in text else f"{path}: {text}")
+    if faults:
+        raise ContestError("\n".join(faults))
+    if options.entry:
+        head = {"name": options.name, "made_by": options.made_by, "source": options.source, "machine": options.machine}
+        missing = [f"--{key.replace('_', '-')}" for key, value in head.items() if not value.strip()]
+        if missing:
+            raise ContestError(f"--entry: an entry says what it is of; give {', '.join(missing)}")
+        for each in found:
+            if "scheme" not in each.run.words:
+                raise ContestError(f"{each.run.path}: has no 'scheme', the words of its row in the table; write it")
+        entries.write(options.entry, head, [each.record for each in found])
+    text = report.of_scores(found)
+    if options.json:
+        records = [{"file": str(each.run.path), **each.record} for each in found]
+        write_text(
+            options.json, json.dumps({"benchmark": scene.VERSION, "scores": records}, indent=1, ensure_ascii=False) + "\n"
+        )
+    if options.markdown:
+        write_text(options.markdown, text)
+    print(text, end="")
+    for each in found:
+        for words in each.suspicions:
+            say(f"collisions: {each.run.path}: {words}")
+    return 0
+
+
+def _known(given: list[str], known: list[str]) -> list[str]:
+    for name in given:
+        if name not in known:
+            raise ContestError(f"scene {name!r:.60} is not one of {', '.join(known)}")
+    return given or known
+
+
+def _head(machine_words: str) -> dict[str, Any]:
+    from synth import __version__
+
+    return {
+        "name": "jawari",
+        "made_by": "python -m bench.collisions run",
+        "source": f"this repository, version {__version__}; cost: CPU seconds of the steps, one core, best of the rounds",
+        "machine": machine_words,
+    }
+
+
+def run(options: argparse.Namespace) -> int:
+    """Entries of the schemes here; the scenes that are not asked for stay as they were."""
+    from documentation import machine
+
+    from bench.__main__ import pin
+    from bench.collisions import contest
+
+    names = _known(options.scenes, scene.names())
+    here = machine.here()
+    pin()
+    path = options.out / OURS
+    if path.is_file() and set(names) != set(scene.names()) and entries.read(path)["machine"] != here.words:
+        raise ContestError(f"{path}: is of another machine; run all scenes, not {', '.join(names)} alone")
+    for name in names:
+        records = contest.entered(name, scene.scene(name), scene.reference(name), options.rounds, options.budget, say)
+        entries.write(path, _head(here.words), entries.merged(path, records))
+    say(str(path))
+    return 0
+
+
+def siconos(options: argparse.Namespace) -> int:
+    """Runs of Siconos, and the schemes here on the same modes."""
+    from documentation import machine
+
+    from bench.__main__ import pin
+    from bench.collisions import siconos as theirs
+
+    here = machine.here()
+    pin()
+    scores, ours, records = theirs.scored(options.rounds, options.budget, OUT, say)
+    head = {"name": "Siconos 4.4", "made_by": "python -m bench.collisions siconos", "source": theirs.SOURCE}
+    entries.write(options.out / "siconos.json", {**head, "machine": "as those files note it", "references": records}, scores)
+    entries.write(
+        options.out / "jawari-measured.json",
+        _head(here.words) | {"name": "jawari, on measured modes", "made_by": head["made_by"]},
+        ours,
+    )
+    return 0
+
+
+def page() -> int:
+    """The tables of docs/collisions.md."""
+    from documentation import page as pages
+
+    from bench.collisions import pagetables
+
+    pages.put(pagetables.parts(), pages.DOCS / "collisions.md")
+    return 0
+
+
+def main() -> int:
+    """The command line."""
+    options = _parser().parse_args()
+    try:
+        if options.command == "list":
+            for name in scene.names():
+                facts = scene.scene(name)
+                print(f"{name:14} {facts.duration_s:g} s at {facts.rate_hz:g} Hz: {facts.title}")
+            return 0
+        if options.command == "score":
+            return scored(options)
+        if options.command == "references":
+            from bench.collisions import references
+
+            references.make_all(_known(options.scenes, scene.names()), OUT, say)
+            return 0
+        if options.command == "page":
+            return page()
+        if options.rounds < 0 or not options.budget > 0:
+            raise ContestError("--rounds must be 0 or more and --budget more than 0 s")
+        return run(options) if options.command == "run" else siconos(options)
+    except (ValueError, OSError) as error:
+        for line in str(error).splitlines():
+            print(f"collisions: error: {line}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        say("stopped; what is finished is kept")
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,185 @@
+"""`synth sweep`: a study, on this machine or on many."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from synth.cli import common
+
+if TYPE_CHECKING:
+    from synth.study.conducting import Counts
+    from synth.study.sweeping import Opened
+
+#: rows that --check shows
+_SHOWN = 5
+#: rows that --dry-run computes
+_TRIED = 3
+
+
+def add(commands: Any) -> None:
+    parser = commands.add_parser(
+        "sweep",
+        help="a study: many runs of a case or preset over parameters, each once, on one machine or a cluster",
+        allow_abbrev=False,
+        description="Computes what a study (TOML) asks for and its folder does not have yet. Stopped or killed, the same "
+        "command goes on.",
+    )
+    parser.add_argument("study", metavar="STUDY", nargs="?", help="a .toml file; with --status it may be left out")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help="where it is kept (default: STUDY.sweep)")
+    parser.add_argument(
+        "--workers", type=common.number(int, 0, 4096), metavar="N",
+        help="processes of this machine, one thread each (default: one for each processor); 0: a loop in this one",
+    )  # fmt: skip
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers compute, tcp://…")
+    parser.add_argument(
+        "--check", action="store_true", help="only say what would be computed: rows, the first of them, time"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="the same, after a few rows were tried and thrown away")
+    parser.add_argument("--status", metavar="FOLDER", help="say how far the study in a folder is, also while it runs")
+    parser.add_argument("--retry-failed", action="store_true", help="compute rows that failed again")
+    parser.add_argument(
+        "--prune",
+        action="store_true",
+        help="take out of the folder what the study no longer asks for, or an older program made",
+    )
+    parser.add_argument("--plot", action="store_true", help="draw the study's [[plot]]s into its folder at the end")
+    parser.add_argument("--heartbeat", type=common.number(float, 1, 86400, " s"), default=30.0, metavar="SEC",
+                        help="a line so often where there is no terminal (default 30)")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="summary as JSON")
+    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.set_defaults(run=_sweep)
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    if options.status is not None:
+        if options.study is not None or options.check or options.dry_run:
+            raise ValueError("--status looks at a folder; leave out the study")
+        return _status(Path(options.status), options.json)
+    if options.study is None:
+        raise ValueError("the study is missing: give a .toml file, or --status FOLDER")
+    if options.scheduler is not None and options.workers is not None:
+        raise ValueError("--workers are of this machine, --scheduler has its own; give one of them")
+    _needed(options.plot)
+    from synth.study.sweeping import open_study
+
+    opened = open_study(options.study)
+    folder = Path(options.output) if options.output is not None else Path(f"{Path(options.study).stem}.sweep")
+    if options.check or options.dry_run:
+        return _check(opened, folder, options)
+    return _run(opened, folder, options)
+
+
+def _needed(plot: bool) -> None:
+    """ValueError where the extra is not installed."""
+    from importlib.util import find_spec
+
+    missing = [name for name in ("distributed", "pyarrow", "pandas", "zarr", "scipy") if find_spec(name) is None]
+    missing += ["matplotlib"] if plot and find_spec("matplotlib") is None else []
+    if missing:
+        raise ValueError(f"studies need {', '.join(missing)}: pip install 'jawari[study]'")
+
+
+def _status(folder: Path, as_json: bool) -> int:
+    _needed(False)
+    from synth.study.showing import standing, standing_text
+
+    found = standing(folder)
+    print(json.dumps(found, indent=2) if as_json else standing_text(found))
+    return 0
+
+
+def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
+    from synth.native.processors import cores
+    from synth.study.showing import Progress
+    from synth.study.sweeping import conduct
+
+    progress = Progress(None if options.quiet or options.json else sys.stderr, options.heartbeat)
+    warn, last = common.warner(options.quiet), None
+
+    def told(counts: Counts) -> None:
+        nonlocal last
+        last = counts
+        progress(counts)
+
+    workers = cores() if options.workers is None else int(options.workers)
+    try:
+        counts = conduct(opened, folder, workers, options.scheduler, options.retry_failed, options.prune, told, warn)
+    except BaseException:
+        progress.close()
+        if last is not None:
+            warn(f"{folder}: {last.done} of {last.total} rows are kept; the same command goes on")
+        raise
+    progress.close()
+    pictures = []
+    if options.plot:
+        from synth.study.drawing import draw_all
+
+        pictures = [str(path) for path in draw_all(opened.study, folder)]
+    if options.json:
+        about = {"folder": str(folder), "rows": counts.total, "computed": counts.computed, "kept": counts.kept,
+                 "failed": counts.failed, "retried": counts.retried, "pictures": pictures}  # fmt: skip
+        print(json.dumps(about, indent=2))
+    elif not options.quiet:
+        print(f"{folder}/table.parquet: {counts.total} rows, {counts.computed} computed now, {counts.failed} failed")
+        for path in pictures:
+            print(path)
+    return 0
+
+
+def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
+    from synth.native.processors import cores
+    from synth.study.design import spread
+    from synth.study.showing import duration
+    from synth.study.sweeping import read_rows
+
+    total = len(opened.design)
+    first = [opened.design.row(number) for number in range(min(total, _SHOWN))]
+    there, seconds = 0, []
+    if (folder / "parts").is_dir():
+        for row in read_rows(folder):
+            there += 1
+            if isinstance(row.get("time.row_wall_s"), float) and row.get("code") == opened.addresses.code:
+                seconds.append(row["time.row_wall_s"])
+    if options.dry_run:
+        seconds = _tried(opened, spread(total, _TRIED))
+    workers = cores() if options.workers is None else max(1, int(options.workers))
+    mean = sum(seconds) / len(seconds) if seconds else None
+    whole = None if mean is None else mean * total / workers
+    if options.json:
+        about = {"rows": total, "stored": there, "first": first, "row_s": mean, "workers": workers, "seconds": whole}
+        print(json.dumps(about, indent=2))
+        return 0
+    print(f"{opened.study.name}: {total} rows; {folder} has {there}")
+    for settings in first:
+        print("  " + ", ".join(f"{name} {value}" for name, value in settings.items()))
+    if total > len(first):
+        print(f"  … {total - len(first)} more")
+    draws = [block.draw for block in opened.study.blocks if block.draw is not None and block.draw.sampler == "sobol"]
+    for draw in draws:
+        if draw.count & (draw.count - 1):
+            print(f"sobol: {draw.count} is no power of two; its samples are then less even")
+    if whole is None:
+        print("time: not known before rows have been computed; --dry-run tries some")
+    else:
+        print(f"time: about {duration(whole)} on {workers} workers, {mean:.3g} s a row")
+    return 0
+
+
+def _tried(opened: Opened, numbers: list[int]) -> list[float]:
+    """Seconds of a few rows, the first of them twice as it may compile; raises ValueError where one fails."""
+    from synth.study.work.running import run_reference, run_row
+
+    head, found = opened.addresses.head, []
+    for number in [numbers[0], *numbers]:
+        settings = opened.design.row(number)
+        asked = opened.design.reference(settings)
+        reference = None if asked is None else run_reference(head, asked, opened.addresses.source(asked))
+        values, _, spent = run_row(head, reference, settings, opened.addresses.source(settings))
+        if "failure" in values:
+            raise ValueError(f"row {number}: {values['failure']}")
+        found.append(float(spent["row_wall_s"]))
+    return found[1:]

@@ -1,0 +1,226 @@
+"""Workers, each a process with engines of its own, and who gives them items: a process knows no other's interpreter lock.
+
+An item goes out with others of its engine; a worker that has died is replaced, and what it was at is tried again item by
+item: the one that kills a second worker is a row with an error like others.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from synth.dataset.items import Item, Items
+from synth.dataset.recipefile import Written
+
+#: items that a worker is given at a time
+CHUNK = 8
+#: workers that may end before they have begun
+MOST_STILLBORN = 3
+#: chunks that a worker has at a time, so that it does not wait for the next
+_AHEAD = 6
+
+
+@dataclass(frozen=True)
+class Made:
+    """An item as a worker gives it: its row, FLAC (empty: there is an error) and labels."""
+
+    key: str
+    row: dict[str, Any]
+    flac: bytes
+    labels: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Items of one engine, and the notes that it will be asked for."""
+
+    keys: tuple[str, ...]
+    notes: frozenset[int]
+
+
+class Maker:
+    """Makes items in this process."""
+
+    def __init__(self, written: Written, items: Items | None = None) -> None:
+        from synth.dataset.setfolder import code
+        from synth.dataset.soloist import Soloist
+
+        self._written = written
+        self._items = Items(written) if items is None else items
+        self._soloist = Soloist(written, self._items.presets)
+        self._code = code()
+
+    def make(self, key: str, notes: Iterable[int] = ()) -> Made:
+        """One item; what is wrong with it stands in its row."""
+        from synth._version import __version__
+        from synth.dataset.itemrows import row_of
+        from synth.dataset.packing import pack
+
+        item, recipe = self._items.by_key(key), self._written.recipe
+        try:
+            sung = self._soloist.play(item, notes)
+            packed = pack(sung.samples, recipe.sound, recipe.level, item.seed)
+        except Exception as error:  # whatever it is, it is this item's
+            said = " ".join(str(error).split())
+            known = isinstance(error, ValueError | RuntimeError | OSError) and said
+            said = said if known else f"{type(error).__name__}: {said}"
+            return Made(key, row_of(item, recipe, None, None, said, __version__, self._code), b"", {})
+        return Made(key, row_of(item, recipe, sung, packed, "", __version__, self._code), packed.flac, sung.labels)
+
+    def close(self) -> None:
+        """Ends its engines."""
+        self._soloist.close()
+
+
+def chunks(items: Sequence[Item], notes: dict[Any, set[int]]) -> list[Chunk]:
+    """Items in portions of one engine each; notes: by engine, those that it is to be prepared for, else those at hand."""
+    order = sorted(items, key=lambda item: (item.engine, item.file, item.beats[0].note if item.beats else 0, item.key))
+    found: list[Chunk] = []
+    mine: list[Item] = []
+    for item in [*order, None]:
+        if mine and (item is None or item.engine != mine[0].engine or len(mine) == CHUNK):
+            asked = notes.get(mine[0].engine) or {beat.note for each in mine for beat in each.beats if 0 <= beat.note <= 127}
+            found.append(Chunk(tuple(each.key for each in mine), frozenset(asked)))
+            mine = []
+        if item is not None:
+            mine.append(item)
+    return found
+
+
+def _work(connection: Connection, written: Written) -> None:
+    """A worker's life: chunks in, items out, until nobody asks any more."""
+    from threadpoolctl import threadpool_limits
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asks is interrupted, and ends us
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with threadpool_limits(1):
+        maker = Maker(written)
+        with suppress(BrokenPipeError):
+            connection.send(None)  # ready
+        while True:
+            try:
+                chunk = connection.recv()
+                if chunk is None:
+                    break
+                for key in chunk.keys:
+                    connection.send(maker.make(key, chunk.notes))
+            except (EOFError, BrokenPipeError, ConnectionResetError):
+                break
+        maker.close()
+
+
+class _Worker:
+    def __init__(self, written: Written) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=_work, args=(theirs, written), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.ready = False
+        self.chunks: deque[tuple[Chunk, set[str]]] = deque()  # given, with the keys that have not come back
+
+    def give(self, chunk: Chunk) -> None:
+        self.chunks.append((chunk, set(chunk.keys)))
+        with suppress(BrokenPipeError, ConnectionResetError):  # it is found dead when it is listened to
+            self.connection.send(chunk)
+
+    def take(self, key: str) -> None:
+        self.chunks[0][1].discard(key)
+        if not self.chunks[0][1]:
+            self.chunks.popleft()
+
+    def end(self) -> None:
+        self.connection.close()
+        self.process.terminate()
+        self.process.join()
+
+
+class Crew:
+    """Makes chunks of items by `workers` processes; of one worker in this process. A context manager, which ends them."""
+
+    def __init__(self, written: Written, items: Items, workers: int) -> None:
+        self._written, self._items, self._count = written, items, workers
+        self._workers: list[_Worker] = []
+        self._maker: Maker | None = None
+        self._stillborn = 0
+        self._killed: set[str] = set()  # keys that a worker was at when it died
+
+    def __enter__(self) -> Crew:
+        if self._count == 1:
+            self._maker = Maker(self._written, self._items)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for worker in self._workers:
+            worker.end()
+        self._workers = []
+        if self._maker is not None:
+            self._maker.close()
+
+    def make(self, wanted: Iterator[Chunk]) -> Iterator[Made]:
+        """All items of the chunks, in the order in which they are done; `wanted` is asked no earlier than needed."""
+        if self._maker is not None:
+            for chunk in wanted:
+                for key in chunk.keys:
+                    yield self._maker.make(key, chunk.notes)
+            return
+        again: deque[Chunk] = deque()
+        while True:
+            for number in range(self._count):
+                while number >= len(self._workers) or len(self._workers[number].chunks) < _AHEAD:
+                    given = again.popleft() if again else next(wanted, None)
+                    if given is None:
+                        break
+                    if number >= len(self._workers):
+                        self._workers.append(_Worker(self._written))
+                    self._workers[number].give(given)
+            busy = [worker for worker in self._workers if worker.chunks]
+            if not busy and not again:
+                return
+            for ready in wait([worker.connection for worker in busy]):
+                number = next(n for n, worker in enumerate(self._workers) if worker.connection is ready)
+                worker = self._workers[number]
+                try:
+                    made = worker.connection.recv()
+                except (EOFError, OSError):
+                    yield from self._replace(number, again)
+                    continue
+                if made is None:
+                    worker.ready = True
+                    continue
+                worker.take(made.key)
+                yield made
+
+    def _replace(self, number: int, again: deque[Chunk]) -> Iterator[Made]:
+        """A worker has died: another one, and its items one by one; one that has killed two workers has an error."""
+        from synth._version import __version__
+        from synth.dataset.itemrows import row_of
+        from synth.dataset.setfolder import code
+
+        dead = self._workers[number]
+        dead.end()
+        if not dead.ready:
+            self._stillborn += 1
+            if self._stillborn > MOST_STILLBORN:
+                raise ChildProcessError(
+                    f"workers end as they begin (exit code {dead.process.exitcode}); in a program of your own make data "
+                    "sets under if __name__ == '__main__'"
+                )
+        self._workers[number] = _Worker(self._written)
+        for place, (lost, left) in enumerate(dead.chunks):
+            keys = [key for key in lost.keys if key in left]
+            if place == 0 and keys and dead.ready:
+                first = keys[0]
+                if first in self._killed:
+                    keys.remove(first)
+                    said = f"its worker died twice (exit code {dead.process.exitcode}); out of memory, or killed"
+                    row = row_of(self._items.by_key(first), self._written.recipe, None, None, said, __version__, code())
+                    yield Made(first, row, b"", {})
+                self._killed.add(first)
+            again.extend(Chunk((key,), lost.notes) for key in keys)

@@ -1,0 +1,155 @@
+"""An item with the motion that made its sound: the same engine's own steps, kept on a tape (`author.views.tape`).
+
+The note's string is played by itself, with its modes in float64 and no economy (at every step, in every mode), so that the
+sound *is* that motion heard: forces of every step, and the modes as they were. What strings that share a bridge, or several
+to a key, do is not on a tape of one string: such presets are refused.
+
+Arrays, along the first axis; times count from the sound's first sample, steps are of the internal rate:
+
+    contact_point     (K,) which point, counted from the nut            contact_start_s, contact_end_s, contact_peak_n,
+                      contact_impulse_ns (K,): each touch of each point, in order of time
+    force_step, force_point, force_n   (F,) every step at which a point was pressed, exactly as the solver had it [N]
+    state_step        (S,) steps made when the state was looked at
+    finger_m          (S,) height to which a finger holds the string [m], nan without one
+    state_q, state_v  (S·N,) coordinates and speeds of the modes, state after state
+    mode_omega, mode_sigma, mode_wq, mode_wv   (N,) angular frequencies [rad/s], decays [1/s], output weights of the modes
+    point_x_m, point_height_m   (C,) place from the speaking string's end at nut or fret, height over its line at rest [m]
+    point_shape       (C·N,) shapes of the modes at the points, point after point [1/√m]
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from synth.author.views.contacts import Forces, contacts_of, gather, touches
+from synth.author.views.place import find, speaking
+from synth.author.views.tape import Taped
+from synth.dataset.items import Item
+from synth.dataset.recipefile import Labels, Recipe
+from synth.dataset.sung import Sung, events_of_item
+from synth.host.alone import check_played
+from synth.instrument.preset import Preset, PresetError
+
+#: prepared tapes that are kept
+_KEPT = 24
+
+
+def refusal(preset: Preset) -> str:
+    """Why the motion of a preset's strings cannot be labelled; "" where it can."""
+    if preset.coupled:
+        return f"{preset.name} has strings that share a bridge; take presets whose strings stand alone"
+    if any(table.choir != 1 for table in preset.string):
+        return f"{preset.name} sounds several strings at a key; take presets that sound one"
+    return ""
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def labelled(item: Item, recipe: Recipe, preset: Preset) -> Sung:
+    """The sound of a note and its labels. Raises PresetError, ValueError or RuntimeError for what is wrong with it."""
+    why = refusal(preset)
+    if why:
+        raise PresetError(f"labels: {why}")
+    assert item.note is not None
+    engine = _taped(preset, item.note, recipe.sound.quality, recipe.sound.rate_hz)
+    engine.reset(item.seed)
+    rate_hz = recipe.sound.rate_hz
+    wanted, due = recipe.labels, events_of_item(item, rate_hz)
+    frames = round(item.seconds * rate_hz)
+    heard, pressed, states = [], [], _States(wanted, engine)
+    for piece in engine.pieces(due, frames):
+        heard.append(piece.both.copy())
+        pressed.append(touches(piece.first, piece.force))
+        states.look(piece.ends, piece.q, piece.v, piece.finger)
+    check_played(engine, due)
+    samples = np.concatenate(heard)[engine.latency_samples :]
+    last = frames * engine.compiled[0].strings[0].factor
+    forces = _until(gather(pressed, engine.step_s), last)
+    position, place = engine.position, engine.place
+    arrays = _of_forces(forces, wanted, place.sounding_hz) | states.arrays(last)
+    arrays |= {
+        "mode_omega": position.omega,
+        "mode_sigma": position.sigma,
+        "mode_wq": position.wq,
+        "mode_wv": position.wv,
+        "point_x_m": np.asarray(speaking(place).reached.positions_m, np.float64),
+        "point_height_m": position.eta,
+        "point_shape": position.shapes.ravel(),
+    }
+    facts = {
+        "label_rate_hz": float(position.plan.rate_hz),
+        "length_m": position.length_m,
+        "tension_n": position.tension_n,
+        "linear_density_kg_m": position.mu,
+    }
+    return Sung(samples, place.label, str(place.fret), place.sounding_hz, labels=arrays, facts=facts)
+
+
+@lru_cache(_KEPT)
+def _kept(key: str, note: int, quality: str, rate_hz: int) -> list[Taped]:
+    return []
+
+
+def _taped(preset: Preset, note: int, quality: str, rate_hz: int) -> Taped:
+    kept = _kept(preset.model_dump_json(), note, quality, rate_hz)
+    if not kept:
+        kept.append(Taped(find(preset, note), quality, rate_hz, precision="float64"))
+    return kept[0]
+
+
+def _until(forces: Forces, step: int) -> Forces:
+    """Without what follows the sound's end: the engine is as much ahead as it is late."""
+    early = forces.step < step
+    return Forces(forces.step[early], forces.point[early], forces.force[early], forces.step_s)
+
+
+def _of_forces(forces: Forces, wanted: Labels, pitch_hz: float) -> dict[str, np.ndarray]:
+    found: dict[str, np.ndarray] = {}
+    if wanted.contacts:
+        contacts = contacts_of(forces, 1.0 / pitch_hz)
+        found["contact_point"] = np.array([each.point for each in contacts], np.int32)
+        for name in ("start_s", "end_s", "peak_n", "impulse_ns"):
+            found[f"contact_{name}"] = np.array([getattr(each, name) for each in contacts], np.float64)
+    if wanted.forces:
+        found["force_step"] = forces.step.astype(np.int64)
+        found["force_point"] = forces.point.astype(np.int32)
+        found["force_n"] = forces.force.astype(wanted.dtype)
+    return found
+
+
+class _States:
+    """The states nearest behind each multiple of 1/state_hz, as they were; none is interpolated."""
+
+    def __init__(self, wanted: Labels, engine: Taped) -> None:
+        self._wanted = wanted
+        self._every = 1.0 / (wanted.state_hz * engine.step_s) if wanted.state_hz else np.inf
+        self._next = 0.0
+        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._modes = engine.position.omega.size
+
+    def look(self, ends: np.ndarray, q: np.ndarray, v: np.ndarray, finger: np.ndarray) -> None:
+        """Takes copies of those states of a piece that are wanted."""
+        if not self._wanted.state_hz:
+            return
+        taken = []
+        for shot, end in enumerate(ends):
+            if end >= self._next:
+                taken.append(shot)
+                self._next = (np.floor(end / self._every) + 1.0) * self._every
+        self._parts.append((ends[taken].copy(), finger[taken].copy(), q[taken].copy(), v[taken].copy()))
+
+    def arrays(self, last: int) -> dict[str, np.ndarray]:
+        """Those up to the last step."""
+        if not self._wanted.state_hz:
+            return {}
+        ends, finger, q, v = (np.concatenate(each) for each in zip(*self._parts, strict=True))
+        early = ends <= last
+        kind = self._wanted.dtype
+        return {
+            "state_step": ends[early].astype(np.int64),
+            "finger_m": finger[early].astype(kind),
+            "state_q": q[early].astype(kind).ravel(),
+            "state_v": v[early].astype(kind).ravel(),
+        }

@@ -1,0 +1,226 @@
+"""`sweep`: a study from its tables to its finished table; reading what a folder has."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from synth.study.addressing import Addresses, check_rows
+from synth.study.conducting import Counts, address
+from synth.study.design import Design, spread
+from synth.study.studyfile import Study, StudyError, read_study
+
+if TYPE_CHECKING:
+    import pandas
+
+#: rows that are looked at before any is computed
+CHECKED = 200
+#: study.json is written anew so often, at most [s]
+_SAID_S = 2.0
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A study that has been read: its tables, its rows, its addresses, and what it is called in messages."""
+
+    study: Study
+    design: Design
+    addresses: Addresses
+    origin: str
+
+    def addressed(self, settings: dict[str, Any]) -> tuple[str, str | None]:
+        """(address of a row, its reference's or None)."""
+        return address(self.addresses, self.design, settings)
+
+
+def open_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study, checked: int = CHECKED) -> Opened:
+    """Reads a study and looks at `checked` of its rows. Raises StudyError, with a line for every fault, or OSError."""
+    found, folder, origin = read_study(study)
+    design = Design(found)
+    addresses = Addresses(found, folder)
+    check_rows(addresses, design, origin, spread(len(design), checked))
+    return Opened(found, design, addresses, origin)
+
+
+def sweep(
+    study: str | os.PathLike[str] | Mapping[str, Any] | Study,
+    folder: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    prune: bool = False,
+    told: Callable[[Counts], None] | None = None,
+    say: Callable[[str], None] | None = None,
+) -> pandas.DataFrame:
+    """Computes all rows of a study that its folder does not have yet, and returns its table.
+
+    study     a file (docs/sweep.md has its tables), these tables as a dict, or a `Study`
+    folder    where it is kept; made where there is none. Stopped, killed, or changed: the same call goes on
+    workers   processes of this machine, one thread each (default: one for each processor); 0: none, a loop in this process
+    scheduler address of a Dask scheduler whose workers take the place of these
+    retry_failed  rows that failed are computed again
+    prune     rows that the study no longer asks for, and those of another version of the program, leave the folder
+    told      called often with how far it is; say: with a line, where something is to be known
+
+    Returns a pandas DataFrame, a row for each that the study asks for, in its order: parameters, measures, `failure` where a
+    row failed, `reference`, `key`; and what differs from run to run, such as `cpu_s` (`times.parquet`).
+    Raises StudyError (a ValueError), ValueError where a worker has another program, OSError. A script that calls it with
+    workers needs `if __name__ == "__main__":`, as the processes import it.
+    """
+    from synth.native.processors import cores
+
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or not 0 <= workers <= 4096):
+        raise ValueError(f"workers must be a whole number from 0 to 4096, got {workers!r}")
+    opened = open_study(study)
+    conduct(opened, Path(folder), cores() if workers is None else workers, scheduler, retry_failed, prune, told, say)
+    return read_table(folder)
+
+
+def conduct(
+    opened: Opened, folder: Path, workers: int, scheduler: str | None, retry_failed: bool = False, prune: bool = False,
+    told: Callable[[Counts], None] | None = None, say: Callable[[str], None] | None = None,
+) -> Counts:  # fmt: skip
+    """Runs a study in its folder and writes its table. See `sweep`."""
+    from synth.study import clusters, compacting
+    from synth.study.conducting import Conductor
+    from synth.study.keeping import Folder, Keys
+
+    say, told = say or (lambda text: None), told or (lambda counts: None)
+    with Folder(folder) as kept:
+        done, failed, codes = kept.known(retry_failed)
+        other = sum(rows for code, rows in codes.items() if code != opened.addresses.code)
+        if other and not prune:
+            say(f"{other} rows in {folder} are of another version of the program or its libraries; rows are computed with "
+                "this one, those are kept (--prune takes them away)")  # fmt: skip
+        counts = Counts(len(opened.design))
+        last = 0.0
+
+        def heard(now: Counts, state: str = "running") -> None:
+            nonlocal last, counts
+            counts = now
+            told(now)
+            if time.monotonic() - last > _SAID_S or state != "running":
+                last = time.monotonic()
+                kept.say(_said(opened, now, state))
+
+        heard(counts)
+        crew = None
+        try:
+            missing = _missing(opened, done)
+            if missing:
+                crew = clusters.crew_of(opened.addresses.head, min(workers, missing), scheduler)
+                conductor = Conductor(opened.design, opened.addresses, kept, crew, done, failed, heard)
+                counts = conductor.counts
+                conductor.run()
+                kept.flush()
+                counts = conductor.counts
+            else:
+                counts.kept = counts.total
+                counts.failed = _failed(opened, failed) if len(failed) else 0
+            done, failed = Keys(), Keys()
+            if prune:
+                gone = compacting.prune(kept, opened.design, opened.addressed)
+                say(f"{gone} rows that are not asked for left {folder}") if gone else None
+            if compacting.finish(kept, opened.design, opened.addressed) is None and counts.total:
+                raise OSError(f"{folder}: rows are missing, though all were computed; start again")
+            heard(counts, "finished")
+        except BaseException:
+            heard(counts, "stopped")
+            raise
+        finally:
+            if crew is not None:
+                crew.close()
+    return counts
+
+
+def _missing(opened: Opened, done: Any) -> int:
+    """Rows that are not there, counted up to as many as there could be workers."""
+    missing = 0
+    for settings in opened.design:
+        missing += opened.addressed(settings)[0] not in done
+        if missing >= 4096:
+            break
+    return missing
+
+
+def _failed(opened: Opened, failed: Any) -> int:
+    return sum(opened.addressed(settings)[0] in failed for settings in opened.design)
+
+
+def _said(opened: Opened, counts: Counts, state: str) -> dict[str, Any]:
+    return {
+        "name": opened.study.name, "code": opened.addresses.code, "state": state, "rows": counts.total, "done": counts.done,
+        "computed": counts.computed, "failed": counts.failed, "workers": counts.workers, "process": os.getpid(),
+        "seconds": round(time.monotonic() - counts.began, 1), "at": time.strftime("%F %T"),
+        "parameters": opened.study.parameters,
+        "measures": [each["as"] for each in opened.study.measured()],
+    }  # fmt: skip
+
+
+def read_table(folder: str | os.PathLike[str], times: bool = True) -> pandas.DataFrame:
+    """The finished table of a study's folder as a pandas DataFrame; with `times`, what differs from run to run beside it.
+
+    Raises OSError where there is none yet: `read_rows` reads what has arrived.
+    """
+    import pandas
+    import pyarrow.parquet as pq
+
+    path = Path(folder)
+    if not (path / "table.parquet").is_file():
+        raise FileNotFoundError(f"{path}: has no table.parquet yet; `synth sweep --status` says how far it is")
+    table = pq.read_table(path / "table.parquet").to_pandas()
+    if times and (path / "times.parquet").is_file():
+        spent = pq.read_table(path / "times.parquet").to_pandas().drop(columns="key")
+        table = pandas.concat([table, spent[[name for name in spent if name not in table]]], axis=1)
+    return table
+
+
+def read_rows(folder: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
+    """Every row that a folder has in its parts, as it came, also while a study runs: dicts of parameters, values and
+    `time.…`, nested values as Python's. Raises OSError."""
+    from synth.study import columns
+    from synth.study.keeping import Folder
+
+    for part in Folder(Path(folder)).tables():
+        yield from columns.rows_of(part)
+
+
+def read_results(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """Rows of the finished table in order, nested values as Python's, times beside them. Raises OSError."""
+    import pyarrow.parquet as pq
+
+    from synth.study import columns
+
+    path = Path(folder)
+    rows = columns.rows_of(pq.read_table(path / "table.parquet"))
+    spent = columns.rows_of(pq.read_table(path / "times.parquet"))
+    return [times | row for row, times in zip(rows, spent, strict=True)]
+
+
+def read_arrays(folder: str | os.PathLike[str], key: str) -> dict[str, Any]:
+    """NumPy arrays that were kept of the row of an address, by name. Raises OSError where there are none."""
+    import zarr
+
+    path = Path(folder) / "arrays.zarr" / key
+    if not path.is_dir():
+        raise FileNotFoundError(f"{folder}: has no arrays of row {key}")
+    group = zarr.open_group(path, mode="r")
+    return {str(name): array[:] for name, array in group.arrays()}
+
+
+__all__ = [
+    "Opened",
+    "StudyError",
+    "conduct",
+    "open_study",
+    "read_arrays",
+    "read_results",
+    "read_rows",
+    "read_table",
+    "sweep",
+]

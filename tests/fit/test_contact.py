@@ -1,0 +1,199 @@
+"""The contact fit: features, unknowns, one small fit from sound to preset, and what is refused."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from synth import cli
+from synth.fit import contact_fit, contact_group
+from synth.fit.contact_features import SECONDS, bands_of, compare, huber, observe
+from synth.fit.contact_fit import contact_search, fit_note
+from synth.fit.contact_model import Bridge, ContactModel, Stroke
+from synth.fit.contact_search import sobol, starts_of
+from synth.fit.contact_space import asked, space_of
+from synth.fit.recording import FitCancelled, FitRefused
+from synth.instrument.preset import load_preset
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from contact_truths.notes import Truth, length_m, sound
+
+RATE_HZ = 44100
+TRUTH = Truth("tanpura", 0, 8e-6, 7e-3, 0.33, 3e-3, 0.011, seed=5, quality="standard")
+
+
+@pytest.fixture(scope="module")
+def model() -> ContactModel:
+    return ContactModel.of_preset(load_preset("tanpura"), 0)
+
+
+@pytest.fixture(scope="module")
+def recording() -> np.ndarray:
+    return sound(TRUTH)
+
+
+def test_only_ratios_can_be_heard(model: ContactModel) -> None:
+    """Height, amplitude and sound times three are the same motion."""
+    grid = model.grid(250.0, 0.0)
+    one = model.sound(Stroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), grid, 0.5)
+    three = model.sound(Stroke(24e-6, 7e-3, 0.33, 9e-3, 0.011), grid, 0.5)
+    assert 0.05 < one.touching == three.touching < 0.95
+    assert np.abs(three.frames - 3.0 * one.frames).max() < 1e-9 * np.abs(three.frames).max()
+
+
+def test_a_height_out_of_reach_touches_nothing(model: ContactModel) -> None:
+    played = model.sound(Stroke(5e-4, 7e-3, 0.33, 3e-3, 0.011), model.grid(250.0, 0.0), 0.5)
+    assert played.touching == 0.0
+
+
+def test_a_curved_bridge_falls_away_from_the_string() -> None:
+    below = Bridge(4, 3, 8.0).obstacle(0.88, 1e-5, 8e-3)
+    assert below.positions_m == pytest.approx((0.874, 0.876, 0.878))
+    assert below.heights_m == pytest.approx([-(x**2) / 16.0 - 1e-5 for x in (6e-3, 4e-3, 2e-3)])
+
+
+def test_offsets_of_bands_gain_and_onset_do_not_count(model: ContactModel) -> None:
+    bands = bands_of(model.string, RATE_HZ)
+    grid = model.grid(250.0, RATE_HZ)
+    x = model.sound(Stroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), grid, SECONDS + 0.2).frames
+    power = bands.powers(x, RATE_HZ)
+    assert power.shape == (bands.windows(), bands.edges_hz.size - 1)
+    recorded = np.concatenate([np.zeros(2000), 0.01 * np.convolve(x, [1.0, 0.5])])
+    noise = np.full(bands.edges_hz.size - 1, 1e-14)
+    seen = observe(recorded, RATE_HZ, 2000 - 265, bands, noise)
+    same = compare(seen, power)
+    # the filter's slope within a band, and 9 µs of onset, are left: 0.1 dB
+    assert seen.shifts_s[same.shift] == pytest.approx(0.006) and same.loss < 0.01
+    other = compare(
+        seen, bands.powers(model.sound(Stroke(12e-6, 7e-3, 0.33, 3e-3, 0.011), grid, SECONDS + 0.1).frames, RATE_HZ)
+    )
+    assert other.loss > 0.1
+
+
+def test_huber_is_square_then_straight() -> None:
+    assert huber(np.array([0.01])) == pytest.approx(1e-4, rel=1e-3)
+    assert huber(np.array([100.0])) == pytest.approx(198.0, rel=1e-3)
+
+
+def test_power_of_a_tone_is_in_its_band(model: ContactModel) -> None:
+    bands = bands_of(model.string, RATE_HZ)
+    t = np.arange(RATE_HZ * 3) / RATE_HZ
+    power = bands.powers(np.sin(2.0 * np.pi * 3.0 * 98.0 * t), RATE_HZ)
+    assert np.all(power.argmax(axis=1) == 2)
+    assert power[:, 2] == pytest.approx(0.5, rel=0.01)
+
+
+def test_unknowns_and_back(model: ContactModel) -> None:
+    space = space_of(model.string, 3e-3, slides=True)
+    points = sobol(space.size, 16)
+    for point in points:
+        assert space.point(space.values(point)) == pytest.approx(point)
+        stroke, found = space.stroke(point), asked(space, point)
+        assert found["height"] == pytest.approx(stroke.height_m / 3e-3)
+        assert found["distance"] * model.string.length_m == pytest.approx(stroke.distance_m)
+    held = space_of(model.string, 3e-3, position=0.2)
+    assert held.size == 4 and held.stroke(np.full(4, 0.5)).position == 0.2 and "position" not in asked(held, np.full(4, 0.5))
+
+
+def test_starts_are_apart() -> None:
+    points = np.array([[0.1, 0.1], [0.12, 0.1], [0.5, 0.5]])
+    assert starts_of(points, np.array([1.0, 0.5, 2.0]), 2).tolist() == [[0.12, 0.1], [0.5, 0.5]]
+
+
+def test_a_note_gives_its_bridge(model: ContactModel, recording: np.ndarray, monkeypatch) -> None:
+    """A dictionary narrowed to a neighbourhood stands for the search; the rest is as it is."""
+    search = contact_search(model, 3e-3, starts=1)
+    centre = search.space.point({"height": 0.24, "distance": 0.0076, "position": 0.34, "draw": 0.0115, "losses": 1.03})
+    monkeypatch.setattr(contact_fit, "sobol", lambda size, notes: np.clip(centre + 0.03 * (sobol(size, 16) - 0.5), 0.0, 1.0))
+    monkeypatch.setattr(contact_fit, "starts_of", lambda points, losses, count: starts_of(points, losses, count))
+    monkeypatch.setattr(contact_fit, "_FIRST", 48)
+    monkeypatch.setattr(search, "second", 48)
+    told: list[float] = []
+    # no note of the neighbourhood is out of reach: what touches nothing is not asked for
+    monkeypatch.setattr(contact_fit._Fitting, "_free", lambda self, points, losses: 1.0)
+    found = fit_note(search, recording, RATE_HZ, progress=lambda share: told.append(share) or True)
+    length = length_m("tanpura", 0)
+    assert found.values["height"].value == pytest.approx(8e-6 / 3e-3, abs=3e-4)
+    assert found.values["distance"].value * length == pytest.approx(7e-3, abs=3e-4)
+    assert found.values["position"].value == pytest.approx(0.33, abs=0.01)
+    for name, value in TRUTH.values.items():
+        assert found.values[name].low <= value <= found.values[name].high
+    assert found.loss < 0.15 < found.free_loss and told == sorted(told)
+
+
+def test_cancelled(model: ContactModel, recording: np.ndarray) -> None:
+    with pytest.raises(FitCancelled):
+        fit_note(contact_search(model, 3e-3, notes=16), recording, RATE_HZ, progress=lambda share: False)
+
+
+def test_notes_that_are_none_are_refused(model: ContactModel, recording: np.ndarray) -> None:
+    search = contact_search(model, 3e-3, notes=16)
+    for samples, reason in (
+        (np.zeros(3 * RATE_HZ), "silent"),
+        (recording[: RATE_HZ + RATE_HZ // 2], "must last at least 2 s"),
+        (np.clip(recording, -0.1, 0.1), "clipped"),
+    ):
+        with pytest.raises(FitRefused, match=reason):
+            fit_note(search, samples, RATE_HZ)
+
+
+def test_the_pitch_is_the_strings(recording: np.ndarray) -> None:
+    preset = load_preset("tanpura")
+    tuned, warnings = contact_group.tuned_model(preset, 0, [(recording, RATE_HZ)])
+    assert tuned.string.fundamental_hz == pytest.approx(97.9, rel=2e-3) and len(warnings) <= 1
+    flat, warnings = contact_group.tuned_model(preset, 0, [(recording, RATE_HZ * 0.98)])
+    assert flat.string.fundamental_hz == pytest.approx(0.98 * 97.9, rel=2e-3) and "-3" in warnings[0]
+    with pytest.raises(FitRefused, match=r"must be string 1's, 130\.8 Hz within 60 cents"):
+        contact_group.tuned_model(preset, 1, [(recording, RATE_HZ)])
+
+
+def test_the_command_says_what_does_not_go(capsys, tmp_path, recording: np.ndarray) -> None:
+    path = tmp_path / "note.wav"
+    soundfile.write(path, recording, RATE_HZ, subtype="PCM_24")
+    for arguments, reason in (
+        ([str(path), "--amplitude", "3"], "--amplitude goes with --contact"),
+        ([str(path), str(path)], "one recording at a time, got 2"),
+        ([str(path), "--contact"], "say which with -p"),
+        ([str(path), "--contact", "-p", "tanpura", "--pitch", "98"], "--pitch does not go with --contact"),
+        ([str(path), "--contact", "-p", "fretted-bass"], "must be a bridge without a layer, got frets"),
+        ([str(path), "--contact", "-p", "tanpura", "--string", "Sa 1"], "must be string 1's"),
+        ([str(path), "--contact", "-p", "tanpura", "--picture", str(path)], "which is read: give the output another name"),
+        ([str(path), "--contact", "-p", "tanpura", "--pluck-at", "0.9"], "must be a number from 0.02 to 0.5"),
+    ):
+        try:
+            code = cli.main(["fit", *arguments])
+        except SystemExit as ended:  # argparse
+            code = ended.code
+        assert code == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1 and reason in lines[0], lines
+
+
+def test_what_is_found_is_told_and_written(capsys, tmp_path, recording: np.ndarray, monkeypatch) -> None:
+    """The command around a fit that is known."""
+    path, target, picture = tmp_path / "note.wav", tmp_path / "mine.toml", tmp_path / "fit.png"
+    soundfile.write(path, recording, RATE_HZ, subtype="PCM_24")
+
+    def near(self: contact_fit._Fitting) -> contact_fit.NoteFit:
+        value = {"height": 0.237, "distance": 7e-3 / 0.95, "position": 0.33, "draw": 0.011, "losses": 1.0}
+        point = self.search.space.point(value)
+        return self._told(point, point, 1.0)
+
+    monkeypatch.setattr(contact_fit._Fitting, "result", near)
+    pytest.importorskip("matplotlib")
+    arguments = ["fit", "--contact", str(path), "-p", "tanpura", "--amplitude", "6", "--picture", str(picture)]
+    assert cli.main([*arguments, "-o", str(target)]) == 0
+    told = capsys.readouterr().out
+    assert "Height over amplitude" in told and "7.00 ±" in told and "0.3300 ±" in told and f"written: {target}" in told
+    preset = load_preset(str(target))
+    assert preset.obstacle.distance_mm == pytest.approx(7.0, abs=0.01) and preset.pluck.position == 0.33
+    assert preset.obstacle.jiva_um == pytest.approx(16.0, rel=0.03) and preset.pluck.displacement_mm == 6.0
+    assert "# IA2018: the tanpura's two-point bridge" in target.read_text()
+    assert picture.stat().st_size > 5000
+    assert cli.main([*arguments[:-2], "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["obstacle"]["height"]["value"] == pytest.approx(8e-6 / 3e-3, rel=0.03)
+    assert found["curves"]["bands"]["points"] and found["notes"][0]["loss"] < 0.2

@@ -1,0 +1,496 @@
+"""Studies: rows, addresses, what failures and kills leave, and the finished table."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import synth.study.work.running as running
+from synth.cli import main
+from synth.study import columns, sweeping
+from synth.study.addressing import Addresses
+from synth.study.conducting import Counts
+from synth.study.design import Design, spread
+from synth.study.drawing import pareto
+from synth.study.keeping import Folder, Keys
+from synth.study.showing import Progress, duration, standing
+from synth.study.studyfile import StudyError, read_study
+from synth.study.values import Draw, Range
+from tests.patience import until
+
+TOOLS = Path(__file__).resolve().parents[1] / "tools"
+STUDIES = TOOLS.parent / "studies"
+ROWS = """
+import os, signal, time
+import numpy as np
+
+def square(settings):
+    if settings["x"] == 3:
+        raise ValueError("three is no number")
+    return {"y": settings["x"] ** 2, "list": [settings["x"]], "sound": np.arange(3.0) * settings["x"], "cpu": time.time()}
+
+def deadly(settings):
+    if settings["x"] == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"y": 1.0}
+
+def nap(settings):
+    time.sleep(settings["seconds"])
+    return {"y": settings["x"] / 7}
+
+def against(settings, reference=None):
+    if settings["x"] == "reference":
+        return {"runs": 1, "signal": np.ones(4)}
+    return {"distance": float(np.sum(reference["arrays"]["signal"]) - settings["x"])}
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "study_rows.py").write_text(ROWS)
+    sys.path.insert(0, str(folder))
+    return folder
+
+
+def called(function: str, x: Any, **more: Any) -> dict[str, Any]:
+    return {"base": {"call": f"study_rows:{function}", **more.pop("base", {})}, "grid": {"x": x}, **more}
+
+
+# --- what a study asks for ----------------------------------------------------------------------------------
+
+
+def test_ranges() -> None:
+    assert Range.model_validate({"from": 1, "to": 2, "step": 0.25}).values() == [1.0, 1.25, 1.5, 1.75, 2.0]
+    assert Range.model_validate({"from": 4, "to": 0, "step": -2}).values() == [4, 2, 0]
+    logarithmic = Range.model_validate({"from": 1, "to": 1000, "count": 4, "spacing": "log"}).values()
+    np.testing.assert_allclose(logarithmic, [1, 10, 100, 1000], rtol=1e-14)
+    assert Range.model_validate({"from": 1, "to": 3, "count": 9, "whole": True}).values() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("sampler", ["random", "latin-hypercube", "sobol"])
+def test_draws_are_the_same_again_and_lie_where_they_should(sampler: str) -> None:
+    table = {
+        "count": 256, "seed": 3, "sampler": sampler,
+        "parameters": {"a": {"uniform": [2, 4]}, "b": {"loguniform": [1, 100]}, "c": {"normal": [5, 2]},
+                       "d": {"integers": [1, 3]}, "e": {"choice": ["x", "y"]}},
+    }  # fmt: skip
+    first, again = (Draw.model_validate(table).samples() for _ in range(2))
+    other = Draw.model_validate(table | {"seed": 4}).samples()
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["a"], other["a"])
+    assert first["a"].min() >= 2 and first["a"].max() <= 4
+    # even samplers are nearer to the middles than chance has it: 0.577 / 16 and 9.2 / 16 would be one standard error
+    even = 1.0 if sampler == "random" else 0.1
+    assert abs(first["a"].mean() - 3.0) < 4 * even * 0.577 / 16
+    assert abs(np.log(first["b"]).mean() - math.log(10.0)) < 4 * even * 1.33 / 16
+    assert abs(first["c"].mean() - 5.0) < 4 * even * 2.0 / 16
+    assert set(first["d"].tolist()) == {1, 2, 3} and set(first["e"]) == {"x", "y"}
+
+
+def test_rows_of_blocks_in_order() -> None:
+    study, _, _ = read_study(
+        {
+            "base": {"call": "a:b", "set": {"modes": 9, "k": 0}},
+            "grid": {"x": [1, 2], "y": [3, 4]},
+            "block": [
+                {"zip": {"x": [5, 6], "z": ["p", "q"]}, "set": {"run.modes": 7}},
+                {"draw": {"count": 2, "seed": 0, "parameters": {"x": {"integers": [1, 9]}}}},
+            ],
+        }
+    )
+    design = Design(study)
+    rows = list(design)
+    assert len(design) == len(rows) == 8 and rows == [design.row(k) for k in range(8)]
+    assert rows[:4] == [{"modes": 9, "k": 0, "x": x, "y": y} for x in (1, 2) for y in (3, 4)]
+    assert rows[5] == {"k": 0, "run.modes": 7, "x": 6, "z": "q"}
+    assert all(isinstance(row["x"], int) for row in rows[6:])
+    assert spread(8, 3) == [0, 4, 7] and spread(2, 3) == [0, 1]
+
+
+def test_millions_of_rows_are_made_one_by_one() -> None:
+    study, _, _ = read_study(called("nap", {"from": 0, "to": 999, "step": 1}) | {"zip": {"z": list(range(1000))}})
+    design = Design(study)
+    assert len(design) == 1_000_000 and design.row(123_456) == {"x": 123, "z": 456}
+
+
+def test_a_reference_follows_what_is_asked_and_not_how() -> None:
+    study, _, _ = read_study(
+        {
+            "base": {"case": "tanpura", "set": {"duration_s": 0.1}},
+            "grid": {"scheme": ["exact-hold", "moreau-jean"], "modes": [10, 20], "initial.displacement_m": [1e-3, 2e-3]},
+            "reference": {"set": {"internal_rate_hz": 352800, "modes": 100}},
+            "measures": ["e"],
+        }
+    )
+    design = Design(study)
+    found = [design.reference(row) for row in design]
+    assert {json.dumps(each, sort_keys=True) for each in found} == {
+        json.dumps(
+            {"duration_s": 0.1, "initial.displacement_m": d, "internal_rate_hz": 352800, "modes": 100}, sort_keys=True
+        )
+        for d in (1e-3, 2e-3)
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"grid": {"x": []}}, "grid.x: "),
+        ({"grid": {"x": {"from": 0, "to": 1}}}, "grid.x: give either count or step"),
+        ({"grid": {"x": {"from": 0, "to": 1, "count": 2, "spacing": "log"}}}, "more than 0 for spacing log, got 0 and 1"),
+        ({"grid": {"x": 3}}, "grid.x: "),
+        ({"grid": {"x": [1, 1]}}, "grid.x has 1 twice"),
+        ({"zip": {"a": [1, 2], "b": [1]}}, "lists of one length, got a 2, b 1"),
+        ({"grid": {"modes": [1]}, "set": {"run.modes": 2}}, "say the same"),
+        ({"measures": ["loudnes"]}, "no measure 'loudnes'"),
+        ({"measures": ["e"]}, "e compares with a reference"),
+        ({"measures": [{"measure": "peak", "options": {"side": 1}}]}, "has no option 'side'; it has output"),
+        ({"measures": ["peak", "peak"]}, "two are called 'peak'"),
+        ({"base": {}}, "base: missing"),
+        ({"base": {"case": "tanpura", "preset": "tanpura"}}, "give one of case, preset and call"),
+        ({"colour": "red"}, "colour: no such key"),
+        ({"draw": {"count": 4, "seed": 1, "parameters": {"x": {"uniform": [2, 1]}}}}, "from less to more"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_key(change: dict[str, Any], told: str) -> None:
+    with pytest.raises(StudyError) as raised:
+        read_study({"base": {"case": "tanpura"}, "measures": ["peak"], **change})
+    assert told in str(raised.value) and str(raised.value).startswith("study: ")
+
+
+def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text('mesures = ["e"]\nbase.case = "tanpura"\ngrid.x = { from = 1, to = 2 }\n')
+    assert main(["sweep", str(path)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2 and all(f"{path}: " in line for line in lines)
+    path.write_text(
+        'measures = ["peak"]\nbase.case = "tanpura"\ngrid."string.tensoin_n" = [1.0]\ngrid."finger.3.width_m" = [1]\n'
+    )
+    assert main(["sweep", str(path), "-o", str(tmp_path / "out")]) == 2
+    assert "finger" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+# --- addresses ----------------------------------------------------------------------------------------------
+
+
+def addresses_of(study: dict[str, Any]) -> list[str]:
+    opened = sweeping.open_study(study)
+    return [opened.addressed(row)[0] for row in opened.design]
+
+
+def test_an_address_is_of_all_that_numbers_depend_on(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = addresses_of(called("square", [1, 2]))
+    assert addresses_of(called("square", [2.0, 1])) == first[::-1]
+    assert not set(first) & set(addresses_of(called("nap", [1, 2])))
+    assert not set(first) & set(addresses_of(called("square", [1, 2], base={"set": {"z": 0}})))
+    monkeypatch.setattr("synth.study.addressing.versions", lambda: running.versions() | {"numpy": "0.1"})
+    assert not set(first) & set(addresses_of(called("square", [1, 2])))
+
+
+def test_a_case_s_file_counts_by_what_is_in_it(tmp_path: Path) -> None:
+    text = (TOOLS.parent / "presets" / "cases" / "tanpura.toml").read_text()
+    for name, change in (("a", ("", "")), ("b", ("", "")), ("c", ("tension_n = 180.5", "tension_n = 180.6"))):
+        (tmp_path / f"{name}.toml").write_text(text.replace(*change) if change[0] else text)
+    found = {
+        name: addresses_of({"base": {"case": str(tmp_path / f"{name}.toml")}, "grid": {"modes": [9]}, "measures": ["peak"]})
+        for name in "abc"
+    }
+    assert found["a"] == found["b"] != found["c"]
+
+
+def test_a_set_of_addresses() -> None:
+    keys, there = Keys(), [f"{number:064x}"[::-1] for number in range(70_000)]
+    for key in there:
+        keys.add(key)
+    assert len(keys) == 70_000 and all(key in keys for key in there[::997]) and "f" * 64 not in keys
+
+
+# --- runs ---------------------------------------------------------------------------------------------------
+
+
+def test_failures_are_rows_and_are_tried_again_when_asked(place: Path, tmp_path: Path) -> None:
+    study = called("square", [1, 2, 3, 4], times=["cpu"])
+    table = sweeping.sweep(study, tmp_path / "s", workers=0)
+    assert table["failure"].dropna().to_dict() == {2: "three is no number"}
+    assert "study_rows.py:" in table["failed_at"][2] and table["y"][3] == 16 and "cpu" in table
+    rows = sweeping.read_results(tmp_path / "s")
+    assert rows[3]["list"] == [4] and rows[2]["list"] is None
+    np.testing.assert_array_equal(sweeping.read_arrays(tmp_path / "s", rows[3]["key"])["sound"], [0.0, 4.0, 8.0])
+    counts: list[Counts] = []
+    before = (tmp_path / "s" / "table.parquet").read_bytes()
+    sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    assert counts[-1].computed == 0 and counts[-1].failed == 1
+    sweeping.sweep(study, tmp_path / "s", workers=0, retry_failed=True, told=counts.append)
+    assert counts[-1].computed == 1 and (tmp_path / "s" / "table.parquet").read_bytes() == before
+
+
+def test_a_changed_study_computes_what_is_new_and_keeps_the_old(place: Path, tmp_path: Path) -> None:
+    counts: list[Counts] = []
+    sweeping.sweep(called("nap", [1, 2, 3], base={"set": {"seconds": 0}}), tmp_path / "s", workers=0)
+    study = called("nap", [2, 5], base={"set": {"seconds": 0}})
+    table = sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    assert table["x"].tolist() == [2, 5] and (counts[-1].kept, counts[-1].computed) == (1, 1)
+    assert len(list(sweeping.read_rows(tmp_path / "s"))) == 4
+    told: list[str] = []
+    sweeping.sweep(study, tmp_path / "s", workers=0, prune=True, say=told.append)
+    assert len(list(sweeping.read_rows(tmp_path / "s"))) == 2 and told == [
+        f"2 rows that are not asked for left {tmp_path / 's'}"
+    ]
+
+
+def test_another_program_computes_anew_and_says_so(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = called("nap", [1, 2], base={"set": {"seconds": 0}})
+    sweeping.sweep(study, tmp_path / "s", workers=0)
+    versions = running.versions() | {"code": "0" * 64}
+    for module in ("addressing", "work.running"):
+        monkeypatch.setattr(f"synth.study.{module}.versions", lambda: versions)
+    told: list[str] = []
+    counts: list[Counts] = []
+    sweeping.sweep(study, tmp_path / "s", workers=0, say=told.append, told=counts.append)
+    assert counts[-1].computed == 2 and "2 rows" in told[0] and "another version" in told[0]
+    monkeypatch.setattr("synth.study.work.running.versions", lambda: versions | {"numpy": "other"})
+    with pytest.raises(ValueError, match=r"a worker computes with another program: .* has numpy other instead of"):
+        sweeping.sweep(called("nap", [7], base={"set": {"seconds": 0}}), tmp_path / "s", workers=0)
+
+
+def test_two_at_one_folder_and_folders_of_others(place: Path, tmp_path: Path) -> None:
+    study = called("nap", [1], base={"set": {"seconds": 0}})
+    with Folder(tmp_path / "s"):
+        with pytest.raises(BlockingIOError, match=rf"s: process {os.getpid()} on .* is at work there; wait for it"):
+            sweeping.sweep(study, tmp_path / "s", workers=0)
+    sweeping.sweep(study, tmp_path / "s", workers=0)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match="is no study's folder, and not empty"):
+        sweeping.sweep(study, tmp_path / "other", workers=0)
+    assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
+
+
+def test_a_line_that_was_cut_off_is_no_row(place: Path, tmp_path: Path) -> None:
+    """A journal outlives its process; of its last line perhaps a part."""
+    study = called("nap", [1, 2], base={"set": {"seconds": 0}})
+    calm = sweeping.sweep(study, tmp_path / "calm", workers=0)
+    with Folder(tmp_path / "s"):
+        pass
+    opened = sweeping.open_study(study)
+    row = {
+        "key": opened.addressed({"seconds": 0, "x": 1})[0],
+        "code": opened.addresses.code,
+        "seconds": 0,
+        "x": 1,
+        "y": 1 / 7,
+    }
+    (tmp_path / "s" / "study.json").write_text("{}")
+    (tmp_path / "s" / "journal-00000000.jsonl").write_text(json.dumps(row) + "\n" + json.dumps(row | {"x": 2})[:60])
+    counts: list[Counts] = []
+    table = sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    assert counts[-1].computed == 1 and table[["x", "y"]].equals(calm[["x", "y"]])
+    assert (tmp_path / "s" / "table.parquet").read_bytes() == (tmp_path / "calm" / "table.parquet").read_bytes()
+
+
+def test_parts_give_one_table_however_they_were_cut() -> None:
+    rows = [{"a": 1, "b": None, "c": "x"}, {"a": 2.5, "b": math.nan}, {"a": None, "b": math.inf, "c": [1]}, {"c": 3.0}]
+    whole = columns.put_together([columns.table(rows)])
+    for cut in (1, 2, 3):
+        parts = columns.put_together([columns.table(rows[:cut]), columns.table(rows[cut:])])
+        assert parts.schema.equals(whole.schema, check_metadata=True)
+        assert columns.rows_of(parts).__repr__() == columns.rows_of(whole).__repr__()
+
+
+def test_a_reference_is_computed_once_and_kept(place: Path, tmp_path: Path) -> None:
+    study = called("against", [1, 2, 5], reference={"set": {"x": "reference"}})
+    table = sweeping.sweep(study, tmp_path / "s", workers=0)
+    assert table["distance"].tolist() == [3.0, 2.0, -1.0] and table["reference"].nunique() == 1
+    (kept,) = (tmp_path / "s" / "references").iterdir()
+    before = kept.stat().st_mtime_ns
+    sweeping.sweep(called("against", [1, 7], reference={"set": {"x": "reference"}}), tmp_path / "s", workers=0)
+    assert kept.stat().st_mtime_ns == before
+
+
+def test_a_worker_that_dies_of_a_row_is_a_failure_of_that_row(place: Path, tmp_path: Path) -> None:
+    table = sweeping.sweep(called("deadly", [0, 1, 2, 3, 4, 5]), tmp_path / "s", workers=1)
+    assert table["failure"].notna().tolist() == [False, False, True, False, False, False]
+    assert "workers died of it again and again" in table["failure"][2]
+    assert table["y"].dropna().tolist() == [1.0] * 5
+
+
+def test_what_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None:
+    """60 rows: both workers killed, then the process that has the scheduler; `tools/sweep-check` does it with 2,000."""
+    sys.path.insert(0, str(TOOLS))
+    from sweep_check import kills
+
+    study = tmp_path / "naps.toml"
+    study.write_text(kills.study_text(60, 0.02))
+    assert main(["sweep", str(study), "-o", str(tmp_path / "calm"), "--workers", "0", "--quiet"]) == 0
+    study.write_text(kills.study_text(60, 0.02))
+    wild = tmp_path / "wild"
+    process = kills.sweep(study, wild, "--workers", "2")
+    until(lambda: kills.stored(wild) >= 3 or process.poll() is not None, "no row came")
+    workers = kills.children(process.pid)
+    killed = [kills.kill(pid) for pid in workers]
+    until(lambda: kills.stored(wild) >= 8 or process.poll() is not None, "no row came after the kill")
+    process.kill()
+    process.wait()
+    there = kills.stored(wild)
+    assert killed and there >= 3
+    done: list[Counts] = []
+    opened = sweeping.open_study(study)
+    sweeping.conduct(opened, wild, 0, None, told=done.append)
+    assert done[-1].computed == 60 - there
+    assert kills.digest(wild) == kills.digest(tmp_path / "calm")
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), "workers outlive their scheduler")
+
+
+def test_an_interrupted_sweep_keeps_what_it_has(tmp_path: Path) -> None:
+    sys.path.insert(0, str(TOOLS))
+    from sweep_check import kills
+
+    study, folder = tmp_path / "naps.toml", tmp_path / "s"
+    study.write_text(kills.study_text(4000, 0.02))
+    process = kills.sweep(study, folder, "--workers", "0")
+    until(lambda: kills.stored(folder) >= 2, "no row came")
+    assert standing(folder)["state"] == "running"
+    process.send_signal(signal.SIGINT)
+    assert process.wait() == 130
+    found = standing(folder)
+    assert found["state"] == "stopped" and 2 <= found["stored"] < 4000 and not found["table"]
+
+
+def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
+    from synth.study import clusters
+
+    with pytest.raises(OSError, match=r"--scheduler: none answers at tcp://127.0.0.1:9"):
+        clusters.Dask({}, 1, "tcp://127.0.0.1:9", wait_s=2)
+
+
+# --- measures, pictures, the command ------------------------------------------------------------------------
+
+
+CASE = """
+measures = ["e", "lsd_db", "pitch_cents", "energy_balance", "contact_part", "first_contact_s",
+            "cpu_s",
+            { measure = "e", as = "e_early", options = { until_s = 0.02 } },
+            { measure = "t60_s", options = { partial = 40 } }]
+arrays = ["u"]
+base = { case = "tanpura", set = { duration_s = 0.1, output_rate_hz = 44100, modes = "below-half" } }
+[reference]
+set = { internal_rate_hz = 352800, modes = 300, scheme = "exact-hold" }
+check = { internal_rate_hz = 176400 }
+[grid]
+scheme = ["exact-hold", "moreau-jean"]
+internal_rate_hz = [44100, 88200]
+[[plot]]
+x = "internal_rate_hz"
+y = "e"
+colour = "scheme"
+log = ["x", "y"]
+file = "e.svg"
+"""
+
+
+def test_a_study_of_a_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    import synth
+    from synth.dsp.measures import relative_error
+
+    monkeypatch.chdir(tmp_path)
+    Path("case.toml").write_text(CASE)
+    assert main(["sweep", "case.toml", "--check"]) == 0
+    assert "case: 4 rows; case.sweep has 0" in capsys.readouterr().out and not Path("case.sweep").exists()
+    assert main(["sweep", "case.toml", "--workers", "0", "--plot", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["rows"], said["computed"], said["failed"]) == (4, 4, 0) and Path(said["pictures"][0]).stat().st_size > 5000
+    table = sweeping.read_table("case.sweep")
+    runs = [
+        synth.simulate("tanpura", duration_s=0.1, output_rate_hz=44100, **each)
+        for each in ({"internal_rate_hz": 88200, "modes": 185}, {"internal_rate_hz": 352800, "modes": 300})
+    ]
+    kept = sweeping.read_arrays("case.sweep", table["key"][1])["u"]
+    assert table["e"][1] == relative_error(kept[:, 0], runs[1].u[:, 0])
+    assert table["e"][0] > table["e"][1] > 0 and table["e_early"][1] < table["e"][1] < table["e"][3]
+    assert (table["energy_balance"] < 1e-9).all() and abs(table["pitch_cents"]).max() < 30
+    assert (table["t60_s"].isna() == table["not_measured"].notna()).all() and table["t60_s"].isna().any()
+    assert table["not_measured"].dropna().str.startswith("t60_s: ").all()
+    assert "cpu_s" in table and "cpu_s" not in sweeping.read_table("case.sweep", times=False)
+    with Folder(Path("case.sweep")) as folder:
+        (kept_reference,) = [folder.reference(key) for key in table["reference"].unique()]
+    assert 0 < kept_reference["values"]["e"] < table["e"].min()
+    assert main(["sweep", "--status", "case.sweep"]) == 0
+    assert "case: finished, 4 of 4 rows, 0 failed" in capsys.readouterr().out
+
+
+def test_a_study_of_notes(tmp_path: Path) -> None:
+    import synth
+
+    study = {
+        "base": {"preset": "fretted-bass", "set": {"quality": "draft", "seconds": 0.3, "note": "A1"}},
+        "grid": {"velocity": [60, 120], "pluck.position": [0.1, 0.2]},
+        "measures": ["pitch_cents", "peak", "rms"],
+        "arrays": ["signals"],
+    }
+    table = sweeping.sweep(study, tmp_path / "s", workers=0)
+    preset = synth.load_preset("fretted-bass").with_setting("pluck.position", "0.2")
+    (sound,) = synth.render_notes(preset, [(33, 120, 0.3)], quality="draft", variation=0.0, dtype="float64")
+    np.testing.assert_array_equal(sweeping.read_arrays(tmp_path / "s", table["key"][3])["signals"], sound.samples)
+    assert table["peak"][2] > table["peak"][0] and abs(table["pitch_cents"]).max() < 30
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
+def test_studies_that_come_with_the_program_can_be_run(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", str(path), "--check"]) == 0
+    assert " rows; " in capsys.readouterr().out
+
+
+def test_a_pareto_front() -> None:
+    x, y = np.array([1.0, 2, 3, 4, 2]), np.array([5.0, 3, 4, 1, 3])
+    assert pareto(x, y) == [0, 1, 3]
+    assert pareto(x, y, ["x"]) == [3] and pareto(-x, y, ["x"]) == [3, 1, 0]
+
+
+def test_progress_says_rate_and_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    progress = Progress(sys.stderr, heartbeat_s=0.0)
+    counts = Counts(100, kept=10, workers=2)
+    progress(counts)
+    progress._seen[0] = (progress._seen[0][0] - 10.0, 0)
+    counts.computed = 45
+    progress._seen.append((time.monotonic(), 45))
+    progress(counts)
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("synth: 55 of 100 rows, 4.") and last.endswith("10 s left, 2 workers")
+    assert [duration(s) for s in (5, 600, 8000, 300_000)] == ["5 s", "10 min", "2 h 13 min", "3 d 11 h"]
+
+
+def test_the_command_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, told in (
+        (["sweep"], "the study is missing"),
+        (["sweep", "none.toml"], "none.toml: "),
+        (["sweep", "--status", str(tmp_path)], "is no study's folder"),
+        (["sweep", "a.toml", "--workers", "2", "--scheduler", "tcp://x"], "give one of them"),
+    ):
+        assert main(arguments) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert told in line
+
+
+def test_asking_for_help_loads_no_dask() -> None:
+    program = "import sys\nfrom synth.cli import _parser\n_parser()\n"
+    program += "print(*{'dask', 'pandas', 'pyarrow', 'numpy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_addresses_need_no_particular_folder(place: Path) -> None:
+    """A study's own modules lie in its folder, wherever that is."""
+    study, _, _ = read_study(called("nap", [1]))
+    assert Addresses(study, place).code == Addresses(study, Path()).code

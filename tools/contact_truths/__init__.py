@@ -1,0 +1,1 @@
+"""Notes whose contact is known, for tools/contact-table and tests/fit."""

@@ -1,0 +1,1 @@
+"""What `tools/notebooks` does: sources into notebooks, notebooks run, what they show into the documentation."""
