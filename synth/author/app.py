@@ -476,7 +476,7 @@ class App:
         string = _number(query, "string", 0, strings - 1) if "string" in query else None  # None: the nearest to its note
         contact = _number(query, "contact", 0, 1) if "contact" in query else 0
         amplitude_m = (
-            1e-3 * _number(query, "amplitude", 0.01, 50, kind=float) if "amplitude" in query else None
+            1e-3 * _number(query, "amplitude", 0.01, 49, kind=float) if "amplitude" in query else None
         )  # given in mm
         preset = document.preset
         data = await body_of(request, MOST_RECORDING)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -113,7 +114,7 @@ def fit_string_contact(
 def _words(refused: str) -> str:
     for there, here in _WORDS:
         refused = refused.replace(there, here)
-    return refused
+    return re.sub(r"string (\d+)(?='s,)", lambda found: f"string {int(found[1]) + 1}", refused)  # the page counts from 1
 
 
 def _amplitude_words(fit: ContactFit) -> str:

@@ -30,15 +30,15 @@ export function mount(element, { store, api }) {
   const kinds = h(
     "select",
     { id: "fit-kind", onchange: again },
-    h("option", { value: "string" }, "String: pitch, stiffness, losses, pluck"),
-    h("option", { value: "contact" }, "Bridge and hand: height, distance, place of the pluck"),
+    h("option", { value: "string" }, "String: pitch, losses, pluck"),
+    h("option", { value: "contact" }, "Bridge and hand: height, place"),
   );
   const contact = () => kinds.value === "contact";
   const amplitude = h("input", {
     type: "number",
     id: "fit-amplitude",
     min: 0.01,
-    max: 50,
+    max: 49,
     step: "any",
     placeholder: "as the preset",
     title: "How far the string was drawn aside, if you know it: without it the preset's hardest pluck stands for it",
@@ -85,9 +85,13 @@ export function mount(element, { store, api }) {
       h("h2", {}, "Fit to a recording"),
       h("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => dialog.close() }, "×"),
     ),
-    h("label", { class: "fit-string" }, h("span", {}, "Find"), kinds),
-    h("label", { class: "fit-string" }, h("span", {}, "String"), strings),
-    amplitudeLine,
+    h(
+      "div",
+      { class: "fit-choices" },
+      h("label", { class: "fit-string" }, h("span", {}, "Find"), kinds),
+      h("label", { class: "fit-string" }, h("span", {}, "String"), strings),
+      amplitudeLine,
+    ),
     zone,
     working,
     refusal,
@@ -150,7 +154,7 @@ export function mount(element, { store, api }) {
     const can = contact() ? store.state.session?.fit_contact : store.state.session?.fit;
     if (can && !can.available) return refuse(file.name, can.reason);
     if (contact() && !amplitude.checkValidity())
-      return refuse(file.name, "the string is drawn aside by 0.01 to 50 mm, or leave it to the preset");
+      return refuse(file.name, "the string is drawn aside by 0.01 to 49 mm, or leave it to the preset");
     zone.hidden = true;
     working.hidden = false;
     working.firstChild.textContent = file.name;
