@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from synth.author.connection import Connection, Stage
+from synth.author.contact_fitting import FittedContact, fit_string_contact
 from synth.author.document import Conflict, Document
 from synth.author.documents import Documents
 from synth.author.errors import one_line
@@ -33,7 +34,7 @@ from synth.author.samples import Samples
 from synth.author.speaker import why_not
 from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
-from synth.fit import missing
+from synth.fit import missing, missing_for_contact
 from synth.instrument.planfile import PROMISED, MeasuredPlan
 from synth.instrument.preset import MOST_BYTES, PresetError, load_preset
 from synth.jit import compiling
@@ -321,6 +322,7 @@ class App:
                     },
                 ],
                 "fit": {"available": missing() is None, "reason": missing()},
+                "fit_contact": {"available": missing_for_contact() is None, "reason": missing_for_contact()},
             }
         )
 
@@ -472,10 +474,16 @@ class App:
             raise Refused(404, "doc: there is no such document; open it anew")
         strings = len(document.preset.string)
         string = _number(query, "string", 0, strings - 1) if "string" in query else None  # None: the nearest to its note
+        contact = _number(query, "contact", 0, 1) if "contact" in query else 0
+        amplitude_m = (
+            1e-3 * _number(query, "amplitude", 0.01, 49, kind=float) if "amplitude" in query else None
+        )  # given in mm
         preset = document.preset
         data = await body_of(request, MOST_RECORDING)
 
         def work(progress: Progress) -> Any:
+            if contact:
+                return fit_string_contact(document.id, data, preset, string, amplitude_m, progress)
             return fit_string(document.id, data, preset, string, progress)
 
         return JSONResponse({"job": self.jobs.start(f"fit of {document.id}", work, lambda made: made.report).id})
@@ -488,7 +496,7 @@ class App:
     async def _apply_fit(self, request: Request) -> Response:
         document = self._document(request)
         job = self._a_job((await Fields.of(request)).get("job", str))
-        if job.state != "done" or not isinstance(job.made, FittedString):
+        if job.state != "done" or not isinstance(job.made, FittedString | FittedContact):
             raise Refused(409, "this job has fitted nothing")
         if job.made.doc != document.id:
             raise Refused(409, "this was fitted to another preset; fit the recording anew")

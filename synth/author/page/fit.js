@@ -1,5 +1,5 @@
 // Fitting a string of the preset to a recording: drop a note, look at the fit against the data, take it over. Unless a string
-// is chosen, it is the one whose note lies nearest.
+// is chosen, it is the one whose note lies nearest. What is fitted is the string itself, or what it touches and the hand.
 //
 //   mount(element, {store, api}): fills the element and follows the store from then on.
 
@@ -23,6 +23,28 @@ export function mount(element, { store, api }) {
 
   const NEAREST = "the one nearest to its note";
   const strings = h("select", { id: "fit-string", onchange: () => (run !== null || result !== null) && listen(last) });
+  const again = () => {
+    amplitudeLine.hidden = !contact();
+    if (run !== null || result !== null) listen(last);
+  };
+  const kinds = h(
+    "select",
+    { id: "fit-kind", onchange: again },
+    h("option", { value: "string" }, "String: pitch, losses, pluck"),
+    h("option", { value: "contact" }, "Bridge and hand: height, place"),
+  );
+  const contact = () => kinds.value === "contact";
+  const amplitude = h("input", {
+    type: "number",
+    id: "fit-amplitude",
+    min: 0.01,
+    max: 49,
+    step: "any",
+    placeholder: "as the preset",
+    title: "How far the string was drawn aside, if you know it: without it the preset's hardest pluck stands for it",
+    onchange: () => contact() && again(),
+  });
+  const amplitudeLine = h("label", { class: "fit-string", hidden: true }, h("span", {}, "Drawn aside by, mm"), amplitude);
   const picker = h("input", {
     type: "file",
     id: "fit-file",
@@ -63,7 +85,13 @@ export function mount(element, { store, api }) {
       h("h2", {}, "Fit to a recording"),
       h("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => dialog.close() }, "×"),
     ),
-    h("label", { class: "fit-string" }, h("span", {}, "String"), strings),
+    h(
+      "div",
+      { class: "fit-choices" },
+      h("label", { class: "fit-string" }, h("span", {}, "Find"), kinds),
+      h("label", { class: "fit-string" }, h("span", {}, "String"), strings),
+      amplitudeLine,
+    ),
     zone,
     working,
     refusal,
@@ -77,20 +105,21 @@ export function mount(element, { store, api }) {
   const stretch = new Figure("Frequency against number, above n f₀", { height: 170 });
   const decay = new Figure("T60 against frequency", { height: 170 });
   const levels = new Figure("Level at the onset against number", { height: 170 });
+  const bands = new Figure("Level of each band over the note", { height: 220 });
   const settings = h("div", { class: "settings", tabindex: 0, role: "region", "aria-label": "Settings" });
   const apply = h("button", { type: "button", class: "primary", id: "apply-fit", onclick: take }, "Fill the controls");
+  const aside = h("span", {}, h("i", { class: "key-dot hollow" }), " measured, but not followed ");
   found.append(
     proposal,
     tiles,
     warnings,
-    h("div", { class: "plots" }, stretch.element, decay.element, levels.element),
+    h("div", { class: "plots" }, stretch.element, decay.element, levels.element, bands.element),
     h(
       "p",
       { class: "unit" },
       h("i", { class: "key-dot" }),
       " measured ",
-      h("i", { class: "key-dot hollow" }),
-      " measured, but not followed ",
+      aside,
       h("i", { class: "key-line" }),
       " fitted",
     ),
@@ -122,8 +151,10 @@ export function mount(element, { store, api }) {
     last = file;
     if (file.size > MOST_BYTES)
       return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are taken`);
-    if (store.state.session?.fit && !store.state.session.fit.available)
-      return refuse(file.name, store.state.session.fit.reason);
+    const can = contact() ? store.state.session?.fit_contact : store.state.session?.fit;
+    if (can && !can.available) return refuse(file.name, can.reason);
+    if (contact() && !amplitude.checkValidity())
+      return refuse(file.name, "the string is drawn aside by 0.01 to 49 mm, or leave it to the preset");
     zone.hidden = true;
     working.hidden = false;
     working.firstChild.textContent = file.name;
@@ -132,7 +163,11 @@ export function mount(element, { store, api }) {
     run = mine;
     const { doc } = store.state.doc;
     try {
-      const query = new URLSearchParams({ doc, ...(strings.value === "" ? {} : { string: strings.value }) });
+      const query = new URLSearchParams({
+        doc,
+        ...(strings.value === "" ? {} : { string: strings.value }),
+        ...(contact() ? { contact: 1, ...(amplitude.value === "" ? {} : { amplitude: amplitude.value }) } : {}),
+      });
       const { job } = await api.post(`/api/fit?${query}`, file, { signal: mine.abort.signal });
       mine.job = follow(api, job, (progress) => mine === run && (bar.value = progress));
       if (mine !== run) mine.job.cancel().catch(() => {});
@@ -164,7 +199,16 @@ export function mount(element, { store, api }) {
       ...report.facts.map(([name, value, tip]) => h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value))),
     );
     warnings.replaceChildren(...report.warnings.map((words) => h("li", {}, words)));
-    const { curves } = report;
+    for (const figure of [stretch, decay, levels]) figure.element.hidden = "bands" in report.curves;
+    bands.element.hidden = !("bands" in report.curves);
+    aside.hidden = "bands" in report.curves;
+    if ("bands" in report.curves) showBands(report.curves.bands);
+    else showPartials(report.curves);
+    showSettings();
+    apply.focus({ preventScroll: true });
+  }
+
+  function showPartials(curves) {
     stretch.show(
       fitted({ ...curves.frequency, xName: "partial", yName: "cents", say: (n, c) => `${n}: ${signed(c)} cents` }),
     );
@@ -172,12 +216,20 @@ export function mount(element, { store, api }) {
       fitted({ ...curves.decay, log: true, xName: "Hz", yName: "T60, s", say: (f, t) => `${hertz(f)}: ${seconds(t)}` }),
     );
     levels.show(fitted({ ...curves.level, xName: "partial", yName: "dB", say: (n, db) => `${n}: ${number(db, 3)} dB` }));
-    showSettings();
-    apply.focus({ preventScroll: true });
   }
 
-  /** Which string this is taken for, and which lies nearer. */
-  function propose({ string, nearest, note }) {
+  function showBands(curve) {
+    const say = (f, db) => `${hertz(f)}: ${number(db, 3)} dB`;
+    bands.show(fitted({ ...curve, logX: true, xName: "Hz", yName: "dB", say }));
+  }
+
+  /** Which string this is taken for, which lies nearer, and what amplitude a height is for. */
+  function propose(report) {
+    which(report);
+    if (report.contact) proposal.append(" ", report.contact);
+  }
+
+  function which({ string, nearest, note }) {
     const named = (index) => `string ${strings.options[index + 1].text}`;
     const what = note === null ? "this note" : `${note.replace("#", "♯")}`;
     if (string === nearest) return proposal.replaceChildren(`Nearest to ${what} is ${named(nearest)}.`);

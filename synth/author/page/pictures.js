@@ -374,10 +374,11 @@ function forceScale(pen, box, ramp, hardest) {
 }
 
 /**
- * Points and a fitted line: {points: [[x, y]], line: [[x, y]], xName, yName, log (both axes), say(x, y) for the reading}.
+ * Points and a fitted line: {points: [[x, y]], line: [[x, y]], xName, yName, log (both axes), logX (that one), say(x, y) for
+ * the reading}.
  * Points that the fit left aside, `aside`, are drawn hollow.
  */
-export function fitted({ points, line, aside = [], xName, yName, log = false, say }) {
+export function fitted({ points, line, aside = [], xName, yName, log = false, logX = log, say }) {
   return (pen, box) => {
     const colours = theme();
     const all = [...points, ...line, ...aside].filter(([, y]) => Number.isFinite(y) && (!log || y > 0));
@@ -385,12 +386,12 @@ export function fitted({ points, line, aside = [], xName, yName, log = false, sa
     const [xs, ys] = [all.map(([x]) => x), all.map(([, y]) => y)];
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const margin = 0.08 * (high - low) || 1;
-    const across = log ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
+    const across = logX ? logarithmic(0.85 * left, 1.15 * right, box.left, box.right) : linear(0, right + 1, box.left, box.right);
     const x = { ...across, ticks: () => across.ticks(Math.max(4, (box.right - box.left) / 50)) }; // the pictures are narrow
     const y = log
       ? logarithmic(0.75 * low, 1.35 * high, box.bottom, box.top)
       : linear(low - margin, high + margin, box.bottom, box.top);
-    const xFormat = log ? (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) : short;
+    const xFormat = logX ? (v) => (v >= 1000 ? `${short(v / 1000)}k` : short(v)) : short;
     axes(pen, box, { x, y, xName, yName, xFormat });
     pen.strokeStyle = colours.second;
     pen.lineWidth = 1.75;

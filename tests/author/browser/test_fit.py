@@ -245,3 +245,44 @@ def test_a_fit_says_which_t60_is_which_and_shows_the_next_step_at_once(page, tmp
     page.script("document.getElementById('fit-dialog').close()")
     page.find("#open-fit").click()
     assert not page.find("#fit-dialog").find_element("css selector", ".fit-refusal").is_displayed()
+
+
+def test_bridge_and_hand_are_proposed_cancelled_and_refused(driver, tmp_path):
+    copy_preset("tanpura", tmp_path / "mine.toml")
+    with Author(tmp_path, "mine.toml", program=("-m", "tests.author.quick_contact")) as author:
+        page = Page(driver)
+        page.open(author.address)
+        hz = page.result(
+            "return (await (await fetch('/api/docs/' + location.hash.slice(1))).json()).data.string[0].notes[0]"
+        )
+        soundfile.write(tmp_path / "note.wav", plucked(3.0, note_hz=440.0 * 2.0 ** ((hz - 69) / 12.0)), RATE_HZ)
+        choose = (
+            "const s = document.getElementById(arguments[0]); s.value = arguments[1]; s.dispatchEvent(new Event('change'))"
+        )
+        page.find("#open-fit").click()
+        assert not page.all("#fit-amplitude")[0].is_displayed()
+        page.script(choose, "fit-string", "0")
+        page.script(choose, "fit-kind", "contact")
+        assert page.all("#fit-amplitude")[0].is_displayed()
+        offer(page, tmp_path / "note.wav")
+        assert "±" in page.text(".fit-found .tiles") and "the preset's hardest pluck" in page.text(
+            ".fit-found .fit-proposal"
+        )
+        page.until(lambda: ink(page, 3) > 1000)
+        assert page.script("return [...document.querySelectorAll('.fit-found .plots > *')].map((each) => each.hidden)") == [
+            True, True, True, False,
+        ]  # fmt: skip
+        page.script(choose, "fit-amplitude", "9")  # which goes on until it is cancelled
+        page.until(lambda: page.script(STAGE) == WORKING)
+        page.find("#cancel-fit").click()
+        assert page.script(STAGE) == WAITING
+        page.script(choose, "fit-amplitude", "0.1")  # which touches nothing
+        offer(page, tmp_path / "note.wav")
+        assert "hardly touches the bridge" in page.text(".fit-refusal")
+        page.script(choose, "fit-amplitude", "")
+        offer(page, tmp_path / "note.wav")
+        page.find("#apply-fit").click()
+        page.until(lambda: "edited" in page.script("return document.getElementById('doc-status').className"))
+        at = "return (await (await fetch('/api/docs/' + location.hash.slice(1))).json()).data.pluck.position"
+        assert page.result(at) == 0.21
+        page.open_nothing()
