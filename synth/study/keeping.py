@@ -20,6 +20,8 @@ import os
 import shutil
 import socket
 import time
+import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -32,16 +34,20 @@ import pyarrow.parquet as pq
 from synth.files.locks import taken
 from synth.files.targets import check_folder, naming, write_text, write_whole
 from synth.study import columns
+from synth.study.work.names import TIME
 
 #: rows that a part has at most, and seconds after which what has arrived becomes one
 PART_ROWS, PART_S = 2_000, 20.0
 #: parts with fewer rows than PART_ROWS / 2 that are made one
 _MANY = 32
-#: before a column's name in a part: what is not the same again
-TIME = "time."
 FORMAT = 1
 #: in a folder that was begun and killed before it said of which study it is
-_BEGUN = {"lock", "parts"}
+_BEGUN = {"lock", "parts", "references", "arrays.zarr"}
+
+
+def _begun(path: Path) -> bool:
+    """Whether a file is one of those that a study writes before study.json; also half a study.json."""
+    return path.name in _BEGUN or path.match("journal-*.jsonl") or path.name.startswith(".study.json")
 
 
 class Keys:
@@ -102,7 +108,7 @@ class Folder:
             check_folder(self.path, self.path.parent)
         elif not self.path.is_dir():
             raise NotADirectoryError(f"{self.path}: is a file; give a folder")
-        elif not (self.path / "study.json").exists() and {each.name for each in self.path.iterdir()} - _BEGUN:
+        elif not (self.path / "study.json").exists() and not all(map(_begun, self.path.iterdir())):
             raise FileExistsError(f"{self.path}: is no study's folder, and not empty; give another")
         with naming(self.path):
             (self.path / "parts").mkdir(parents=True, exist_ok=True)
@@ -258,17 +264,18 @@ class Folder:
         """What was kept of a reference, None where it has to be computed."""
         path = self.path / "references" / f"{key}.npz"
         try:
-            with np.load(path) as data:
+            with open(path, "rb") as file, np.load(file) as data:
                 about = json.loads(str(data["about"]))
                 arrays = {name.removeprefix("a."): data[name] for name in data.files if name != "about"}
         except FileNotFoundError:
             return None
-        except (ValueError, OSError, KeyError):  # of a file system that lost its end
+        except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error):  # it lost its end
             return None
         return about | {"arrays": arrays}
 
     def has_reference(self, key: str) -> bool:
-        return (self.path / "references" / f"{key}.npz").is_file()
+        """Whether it is there and can be read."""
+        return (self.path / "references" / f"{key}.npz").is_file() and self.reference(key) is not None
 
     def keep_reference(self, key: str, found: Mapping[str, Any]) -> None:
         about = json.dumps({name: value for name, value in found.items() if name != "arrays"})
@@ -307,6 +314,8 @@ def said(path: Path) -> dict[str, Any]:
         raise FileNotFoundError(f"{path}: is no study's folder, it has no study.json; check the name") from None
     except ValueError:
         raise ValueError(f"{path}: its study.json is no JSON; start the study again") from None
+    if not isinstance(found, dict) or not isinstance(found.get("format", 0), int):
+        raise ValueError(f"{path}: its study.json is not one of this program's; start the study again")
     if found.get("format", 0) > FORMAT:
         raise ValueError(f"{path}: was written by a newer version of this program; install that")
     return found
