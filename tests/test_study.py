@@ -481,6 +481,44 @@ def test_a_folder_that_was_killed_before_it_said_of_which_study_it_is(place: Pat
     assert main(["sweep", "--status", str(tmp_path / "s")]) == 2
 
 
+def test_parts_that_are_made_one_while_somebody_reads(tmp_path: Path) -> None:
+    with Folder(tmp_path / "s") as folder:
+        for number in range(4):
+            folder._put(columns.table([{"key": f"{number:064x}", "y": number}]))
+        reader = Folder(tmp_path / "s").tables()
+        found = columns.rows_of(next(reader))
+        folder._merge(folder.parts)
+        found += [row for part in reader for row in columns.rows_of(part)]
+    assert {row["y"] for row in found} == {0, 1, 2, 3}
+
+
+def test_somebody_who_looks_is_nobody_at_work(tmp_path: Path) -> None:
+    import threading
+
+    from synth.files.locks import taken
+
+    (tmp_path / "s" / "parts").mkdir(parents=True)
+    handle = os.open(tmp_path / "s" / "lock", os.O_RDWR | os.O_CREAT)
+    assert taken(handle)
+    timer = threading.Timer(0.05, os.close, [handle])
+    timer.start()
+    with Folder(tmp_path / "s"):
+        pass
+    timer.join()
+
+
+def test_times_of_another_table_are_joined_by_key(place: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    study = called("nap", [1, 2, 3], base={"set": {"seconds": 0}})
+    calm = sweeping.sweep(study, tmp_path / "s", workers=0)
+    path = tmp_path / "s" / "times.parquet"
+    pq.write_table(pq.read_table(path).take([2, 0]), path)
+    found = sweeping.read_table(tmp_path / "s")
+    assert found["began"][0] == calm["began"][0] and math.isnan(found["began"][1]) and found["began"][2] == calm["began"][2]
+    assert [row.get("began") for row in sweeping.read_results(tmp_path / "s")][::2] == list(calm["began"][::2])
+
+
 # --- measures, pictures, the command ------------------------------------------------------------------------
 
 

@@ -119,7 +119,13 @@ class Folder:
 
     def _take_lock(self) -> None:
         handle = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o666)
-        if not taken(handle):
+        ours = taken(handle)
+        for _ in range(10):  # somebody who asks whether it is taken has it for an instant
+            if ours:
+                break
+            time.sleep(0.02)
+            ours = taken(handle)
+        if not ours:
             with os.fdopen(handle, encoding="utf-8", errors="replace") as file:
                 who = file.read(200).strip() or "another process"
             raise BlockingIOError(f"{self.path}: {who} is at work there; wait for it, or give another folder")
@@ -168,16 +174,32 @@ class Folder:
         return done, failed, codes
 
     def tables(self, names: list[str] | None = None) -> Iterator[pa.Table]:
-        """The parts, of these columns as far as they have them."""
-        for path in self.parts:
-            try:
-                with naming(path), pq.ParquetFile(path) as file:
-                    there = file.schema_arrow.names
-                    yield file.read(None if names is None else [name for name in names if name in there])
-            except pa.ArrowInvalid as error:
-                raise OSError(
-                    f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew"
-                ) from None
+        """The parts, of these columns as far as they have them; whole also while the process at work makes several one.
+
+        A part that went meanwhile has its rows in a later one, perhaps already read in its older form: the later ones are
+        then read again, so that a row may come twice, and none is missed.
+        """
+        read: dict[str, tuple[int, int]] = {}
+        again = True
+        while again:
+            again = False
+            for path in self.parts:
+                try:
+                    with naming(path), open(path, "rb") as opened, pq.ParquetFile(opened) as file:
+                        about = os.fstat(opened.fileno())
+                        if read.get(path.name) == (about.st_ino, about.st_mtime_ns):
+                            continue
+                        names_there = file.schema_arrow.names
+                        found = file.read(None if names is None else [name for name in names if name in names_there])
+                        read[path.name] = (about.st_ino, about.st_mtime_ns)
+                except FileNotFoundError:
+                    again = True
+                    continue
+                except pa.ArrowInvalid as error:
+                    raise OSError(
+                        f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew"
+                    ) from None
+                yield found
 
     def add(
         self, key: str, code: str, settings: Mapping[str, Any], values: Mapping[str, Any], arrays: Any, spent: Any
