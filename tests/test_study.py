@@ -378,6 +378,150 @@ def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
         clusters.Dask({}, 1, "tcp://127.0.0.1:9", wait_s=2)
 
 
+def test_an_edit_reaches_what_a_process_has_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module, what it imports, and a file that it reads; a worker that cannot follow refuses."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for name, text in (
+        ("edited_rows.py", "import edited_help as h\ndef f(s):\n    return {'y': h.K * s['x'], 'd': h.D}\n"),
+        ("edited_help.py", "from pathlib import Path\nK = 2\nD = Path(__file__).with_name('d.txt').read_text()\n"),
+        ("d.txt", "a"),
+    ):
+        (tmp_path / name).write_text(text)
+    sources = [str(tmp_path / name) for name in ("edited_help.py", "d.txt")]
+    study = {"base": {"call": "edited_rows:f", "path": [str(tmp_path)], "sources": sources}, "grid": {"x": [1, 2]}}
+
+    def found() -> list[Any]:
+        table = sweeping.sweep(study, tmp_path / "s", workers=0)
+        return [*table["y"], *table["d"]]
+
+    assert found() == [2, 4, "a", "a"]
+    begun = sweeping.open_study(study).addresses.head
+    (tmp_path / "edited_help.py").write_text((tmp_path / "edited_help.py").read_text().replace("K = 2", "K = 3"))
+    assert running.prepare(begun) is None, "what is loaded is what was asked for"
+    assert found() == [3, 6, "a", "a"]
+    (tmp_path / "edited_rows.py").write_text((tmp_path / "edited_rows.py").read_text().replace("h.K *", "h.K +"))
+    (tmp_path / "d.txt").write_text("b")
+    assert found() == [4, 5, "b", "b"]
+    told = running.prepare(begun)
+    assert isinstance(told, running.Stale) and "edited_rows.py than the study was begun with" in told
+    opened = sweeping.open_study(study)
+    opened.addresses.head.update(begun)
+    with pytest.raises(OSError, match=r"a worker .* has another .*edited_.*\.py than the study was begun with"):
+        sweeping.conduct(opened, tmp_path / "t", 0, None)
+    opened = sweeping.open_study(study)
+    (tmp_path / "edited_help.py").unlink()
+    monkeypatch.delitem(sys.modules, "edited_help")
+    told = running.prepare(opened.addresses.head)
+    assert told is not None and "has no module edited_help; put it where workers find it" in told
+
+
+def test_modules_of_one_name_in_two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for name in "abab":
+        (tmp_path / name).mkdir(exist_ok=True)
+        (tmp_path / name / "twin_rows.py").write_text(f"def f(s):\n    return {{'y': {name!r}}}\n")
+        study = {"base": {"call": "twin_rows:f", "path": [str(tmp_path / name)]}, "grid": {"x": [1]}}
+        assert sweeping.sweep(study, tmp_path / f"s{name}", workers=0)["y"].tolist() == [name]
+
+
+def test_workers_have_memory_as_other_processes_do() -> None:
+    """Dask's setting of malloc made NumPy's loops 3.6 times as slow."""
+    from synth.study import clusters
+
+    found = clusters._environ({"MALLOC_TRIM_THRESHOLD_": 65536, "OTHER": 1, "OMP_NUM_THREADS": 8})
+    assert found["OTHER"] == 1 and found["OMP_NUM_THREADS"] == "1" and "MALLOC_TRIM_THRESHOLD_" not in found
+
+
+@pytest.mark.parametrize("damage", [lambda data: b"garbage", lambda data: data[: len(data) // 2], lambda data: b""])
+def test_a_damaged_reference_is_made_again(place: Path, tmp_path: Path, damage: Any) -> None:
+    study = called("against", [1, 2], reference={"set": {"x": "reference"}})
+    sweeping.sweep(study, tmp_path / "s", workers=0)
+    (kept,) = (tmp_path / "s" / "references").iterdir()
+    kept.write_bytes(damage(kept.read_bytes()))
+    table = sweeping.sweep(called("against", [1, 7], reference={"set": {"x": "reference"}}), tmp_path / "s", workers=0)
+    assert table["distance"].tolist() == [3.0, -3.0]
+    with np.load(kept) as data:
+        assert data["a.signal"].tolist() == [1.0] * 4
+
+
+POISON = """
+def f(settings):
+    return [{"key": "a" * 64}, {"time.x": 1.0}, {"failure": "none"}, {"x": 9}, {"y": 10**400},
+            {"y": "a\\ud800b"}, {"y": 1.0}][settings["x"]]
+"""
+
+
+def test_what_a_function_returns_ruins_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names that rows have already, numbers that no column holds, text that UTF-8 cannot say."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "poison_rows.py").write_text(POISON)
+    study = {"base": {"call": "poison_rows:f", "path": [str(tmp_path)]}, "grid": {"x": list(range(7))}}
+    table = sweeping.sweep(study, tmp_path / "s", workers=0)
+    assert table["x"].tolist() == list(range(7)) and table["key"].nunique() == 7
+    assert table["failure"].notna().tolist() == [True] * 5 + [False] * 2
+    assert "'key', which is a column of every row" in table["failure"][0] and "is a parameter" in table["failure"][3]
+    assert "more than 308 digits" in table["failure"][4] and list(table["y"][5:]) == ['"a\ufffdb"', "1"]
+    counts: list[Counts] = []
+    sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    assert counts[-1].computed == 0
+    for name in ("key", "time.x"):
+        with pytest.raises(StudyError, match=f"parameter '{name}': rows have a column of this name already"):
+            read_study({"base": {"call": "a:b"}, "grid": {name: [1]}})
+    assert columns.rows_of(columns.table([{"a": 10**400}, {"a": 1}])) == [{"a": 10**400}, {"a": 1}]
+
+
+def test_a_folder_that_was_killed_before_it_said_of_which_study_it_is(place: Path, tmp_path: Path) -> None:
+    study = called("nap", [1, 2], base={"set": {"seconds": 0}})
+    sweeping.sweep(study, tmp_path / "s", workers=0)
+    (tmp_path / "s" / "study.json").unlink()
+    for name in ("table.parquet", "times.parquet"):
+        (tmp_path / "s" / name).unlink()
+    (tmp_path / "s" / "journal-00000009.jsonl").write_text("")
+    counts: list[Counts] = []
+    sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    assert counts[-1].computed == 0 and counts[-1].kept == 2
+    (tmp_path / "s" / "study.json").write_text("[1]")
+    assert main(["sweep", "--status", str(tmp_path / "s")]) == 2
+
+
+def test_parts_that_are_made_one_while_somebody_reads(tmp_path: Path) -> None:
+    with Folder(tmp_path / "s") as folder:
+        for number in range(4):
+            folder._put(columns.table([{"key": f"{number:064x}", "y": number}]))
+        reader = Folder(tmp_path / "s").tables()
+        found = columns.rows_of(next(reader))
+        folder._merge(folder.parts)
+        found += [row for part in reader for row in columns.rows_of(part)]
+    assert {row["y"] for row in found} == {0, 1, 2, 3}
+
+
+def test_somebody_who_looks_is_nobody_at_work(tmp_path: Path) -> None:
+    import threading
+
+    from synth.files.locks import taken
+
+    (tmp_path / "s" / "parts").mkdir(parents=True)
+    handle = os.open(tmp_path / "s" / "lock", os.O_RDWR | os.O_CREAT)
+    assert taken(handle)
+    timer = threading.Timer(0.05, os.close, [handle])
+    timer.start()
+    with Folder(tmp_path / "s"):
+        pass
+    timer.join()
+
+
+def test_times_of_another_table_are_joined_by_key(place: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    study = called("nap", [1, 2, 3], base={"set": {"seconds": 0}})
+    calm = sweeping.sweep(study, tmp_path / "s", workers=0)
+    path = tmp_path / "s" / "times.parquet"
+    pq.write_table(pq.read_table(path).take([2, 0]), path)
+    found = sweeping.read_table(tmp_path / "s")
+    assert found["began"][0] == calm["began"][0] and math.isnan(found["began"][1]) and found["began"][2] == calm["began"][2]
+    assert [row.get("began") for row in sweeping.read_results(tmp_path / "s")][::2] == list(calm["began"][::2])
+
+
 # --- measures, pictures, the command ------------------------------------------------------------------------
 
 

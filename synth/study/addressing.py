@@ -19,7 +19,7 @@ from typing import Any
 
 from synth.study.design import Design
 from synth.study.studyfile import Study, StudyError, canonical
-from synth.study.work import bases
+from synth.study.work import bases, modules
 from synth.study.work.measuring import MEASURES
 from synth.study.work.running import versions
 
@@ -59,9 +59,7 @@ class Addresses:
             "measures": study.measured(), "arrays": list(study.arrays), "path": path, "versions": found, "rooms": rooms,
             "check": dict(study.reference.check) if study.reference else {}, "times": self.times,
         }  # fmt: skip
-        for each in reversed(path):
-            if each not in sys.path:
-                sys.path.insert(0, each)
+        modules.put_first(path)
         self.code = hashlib.sha256(plain_json([found, self._sources()]).encode()).hexdigest()
         said = [self.code, self.head["measures"], self.head["arrays"], study.times]
         self._prefix = hashlib.sha256(plain_json(said).encode())
@@ -69,7 +67,7 @@ class Addresses:
         self._reference_prefix = hashlib.sha256(plain_json(said).encode())
 
     def _sources(self) -> list[str]:
-        """Of the study's own modules and of what it names beside."""
+        """Of the study's own modules and of what it names beside, as this process has loaded them."""
         files: set[Path] = set()
         for pattern in self.study.base.sources:
             found = sorted(self._folder.glob(pattern)) if not Path(pattern).is_absolute() else [Path(pattern)]
@@ -77,14 +75,23 @@ class Addresses:
             if not found:
                 raise StudyError(f"base.sources: {pattern!r} is no file below {self._folder.resolve()}")
         names = [each["name"] for each in self.study.measured() if ":" in each["name"]]
-        for name in [*names, *([self.study.base.call] if self.study.base.call else [])]:
+        names += [self.study.base.call] if self.study.base.call else []
+        named = modules.module_names(self.head["path"], files)
+        others = [named.get(each, str(each)) for each in sorted(files)]
+        needed = list(dict.fromkeys(name.partition(":")[0] for name in names))
+        for name in names:
             try:
-                module = sys.modules[bases.function_of(name).__module__]
-            except ValueError as error:
-                raise StudyError(f"{'base.call' if name == self.study.base.call else 'measures'}: {error}") from None
-            if getattr(module, "__file__", None):
-                files.add(Path(str(module.__file__)).resolve())
-        return sorted(hashlib.sha256(each.read_bytes().replace(b"\r\n", b"\n")).hexdigest() for each in files)
+                modules.loaded(needed, others)
+                origin = bases.function_of(name).__module__  # perhaps not where it was named
+            except (ValueError, ImportError) as error:
+                told = error if isinstance(error, ValueError) else f"{name}: {error}; is its folder in the study's path?"
+                raise StudyError(f"{'base.call' if name == self.study.base.call else 'measures'}: {told}") from None
+            if origin not in needed and getattr(sys.modules.get(origin), "__file__", None):
+                needed.append(origin)
+        self.head["modules"] = needed
+        self.head["own"] = own = modules.loaded(needed, [each for each in others if each not in needed])
+        missing = [modules.text_hash(path) for path in files if named.get(path, str(path)) not in own]
+        return sorted([*set(own.values()), *missing])
 
     def source(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         """What a row is run from. Raises ValueError or OSError."""

@@ -7,6 +7,7 @@ text, which the field says (`JSON`).
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -25,7 +26,7 @@ def _kind(value: Any) -> str:
     if isinstance(value, bool):
         return "bool"
     if isinstance(value, int):
-        return "int" if -_MOST <= value <= _MOST else "float"
+        return "int" if -_MOST <= value <= _MOST else "float" if abs(value) <= sys.float_info.max else "json"
     return "float" if isinstance(value, float) else "text" if isinstance(value, str) else "json"
 
 

@@ -14,6 +14,7 @@ from synth.study.addressing import Addresses
 from synth.study.clusters import KILLED, LOST, Crew
 from synth.study.design import Design
 from synth.study.keeping import Folder, Keys
+from synth.study.work.running import Stale
 
 #: what a batch takes: long beside what it costs to hand it out, short beside what is lost with a worker [s]
 BATCH_S = 0.5
@@ -25,6 +26,7 @@ _MOST_ROWS, _MOST_BYTES = 512, 32e6
 _AHEAD = 3
 #: a batch that was lost with its scheduler's memory is given again so often
 _MOST_LOST = 20
+_LOST_AGAIN = "batches are lost again and again; look after the scheduler and its workers, and start again"
 
 
 class Job(NamedTuple):
@@ -80,6 +82,7 @@ class Conductor:
         self._suspects: deque[Job] = deque()
         self._flying: dict[Any, _Batch] = {}
         self._references: dict[str, Any] = {}  # ticket of what is being computed, or the reason why there is none
+        self._readable = Keys()
         self._computing: dict[Any, tuple[str, dict[str, Any], int]] = {}
         self._row_s, self._row_bytes = 0.0, 0.0
         self._exhausted = False
@@ -101,7 +104,10 @@ class Conductor:
             yield Job(key, settings, self._addresses.source(settings), reference)
 
     def _need(self, key: str, settings: dict[str, Any]) -> None:
-        if key in self._references or self._folder.has_reference(key):
+        if key in self._references or key in self._readable:
+            return
+        if self._folder.has_reference(key):
+            self._readable.add(key)
             return
         job = {"settings": settings, "source": self._addresses.source(settings)}
         ticket = self._crew.submit(None, job, True)
@@ -175,12 +181,17 @@ class Conductor:
     def _reference(self, key: str) -> Any:
         """What rows are compared with, for whoever computes them."""
         found = self._references.get(key)
-        return found if isinstance(found, dict) else self._folder.reference(key)
+        found = found if isinstance(found, dict) else self._folder.reference(key)
+        if found is None:
+            raise OSError(f"{self._folder.path}: reference {key} cannot be read any more; start again, it is computed anew")
+        return found
 
     def _take_reference(self, ticket: Any, outcome: Any) -> None:
         key, job, times = self._computing.pop(ticket)
         if isinstance(outcome, str):
-            raise ValueError(_unlike(outcome))
+            raise _unlike(outcome)
+        if outcome is LOST and times >= _MOST_LOST:
+            raise OSError(_LOST_AGAIN)
         if outcome is LOST or (outcome is KILLED and times < 2):
             ticket = self._crew.submit(None, job, True)
             self._computing[ticket] = (key, job, times + 1)
@@ -192,15 +203,16 @@ class Conductor:
             self._references[key] = outcome
             return
         self._folder.keep_reference(key, outcome)
+        self._readable.add(key)
         del self._references[key]
 
     def _take(self, batch: _Batch, outcome: Any) -> None:
         if isinstance(outcome, str):
-            raise ValueError(_unlike(outcome))
+            raise _unlike(outcome)
         if outcome is LOST:
             batch.lost += 1
             if batch.lost > _MOST_LOST:
-                raise OSError("batches are lost again and again; look after the scheduler and its workers, and start again")
+                raise OSError(_LOST_AGAIN)
             self.counts.retried += 1
             self._again.append(batch)
         elif outcome is KILLED:
@@ -233,5 +245,7 @@ def address(addresses: Addresses, design: Design, settings: dict[str, Any]) -> t
     return addresses.row(settings, addresses.source(settings), reference), reference
 
 
-def _unlike(told: str) -> str:
-    return f"a worker computes with another program: {told}; install the same there, and start again"
+def _unlike(told: str) -> Exception:
+    if isinstance(told, Stale):
+        return OSError(f"a worker {told}, and start again")
+    return ValueError(f"a worker computes with another program: {told}; install the same there, and start again")

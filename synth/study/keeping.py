@@ -20,6 +20,8 @@ import os
 import shutil
 import socket
 import time
+import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -32,16 +34,20 @@ import pyarrow.parquet as pq
 from synth.files.locks import taken
 from synth.files.targets import check_folder, naming, write_text, write_whole
 from synth.study import columns
+from synth.study.work.names import TIME
 
 #: rows that a part has at most, and seconds after which what has arrived becomes one
 PART_ROWS, PART_S = 2_000, 20.0
 #: parts with fewer rows than PART_ROWS / 2 that are made one
 _MANY = 32
-#: before a column's name in a part: what is not the same again
-TIME = "time."
 FORMAT = 1
 #: in a folder that was begun and killed before it said of which study it is
-_BEGUN = {"lock", "parts"}
+_BEGUN = {"lock", "parts", "references", "arrays.zarr"}
+
+
+def _begun(path: Path) -> bool:
+    """Whether a file is one of those that a study writes before study.json; also half a study.json."""
+    return path.name in _BEGUN or path.match("journal-*.jsonl") or path.name.startswith(".study.json")
 
 
 class Keys:
@@ -102,7 +108,7 @@ class Folder:
             check_folder(self.path, self.path.parent)
         elif not self.path.is_dir():
             raise NotADirectoryError(f"{self.path}: is a file; give a folder")
-        elif not (self.path / "study.json").exists() and {each.name for each in self.path.iterdir()} - _BEGUN:
+        elif not (self.path / "study.json").exists() and not all(map(_begun, self.path.iterdir())):
             raise FileExistsError(f"{self.path}: is no study's folder, and not empty; give another")
         with naming(self.path):
             (self.path / "parts").mkdir(parents=True, exist_ok=True)
@@ -113,7 +119,13 @@ class Folder:
 
     def _take_lock(self) -> None:
         handle = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o666)
-        if not taken(handle):
+        ours = taken(handle)
+        for _ in range(10):  # somebody who asks whether it is taken has it for an instant
+            if ours:
+                break
+            time.sleep(0.02)
+            ours = taken(handle)
+        if not ours:
             with os.fdopen(handle, encoding="utf-8", errors="replace") as file:
                 who = file.read(200).strip() or "another process"
             raise BlockingIOError(f"{self.path}: {who} is at work there; wait for it, or give another folder")
@@ -162,16 +174,32 @@ class Folder:
         return done, failed, codes
 
     def tables(self, names: list[str] | None = None) -> Iterator[pa.Table]:
-        """The parts, of these columns as far as they have them."""
-        for path in self.parts:
-            try:
-                with naming(path), pq.ParquetFile(path) as file:
-                    there = file.schema_arrow.names
-                    yield file.read(None if names is None else [name for name in names if name in there])
-            except pa.ArrowInvalid as error:
-                raise OSError(
-                    f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew"
-                ) from None
+        """The parts, of these columns as far as they have them; whole also while the process at work makes several one.
+
+        A part that went meanwhile has its rows in a later one, perhaps already read in its older form: the later ones are
+        then read again, so that a row may come twice, and none is missed.
+        """
+        read: dict[str, tuple[int, int]] = {}
+        again = True
+        while again:
+            again = False
+            for path in self.parts:
+                try:
+                    with naming(path), open(path, "rb") as opened, pq.ParquetFile(opened) as file:
+                        about = os.fstat(opened.fileno())
+                        if read.get(path.name) == (about.st_ino, about.st_mtime_ns):
+                            continue
+                        names_there = file.schema_arrow.names
+                        found = file.read(None if names is None else [name for name in names if name in names_there])
+                        read[path.name] = (about.st_ino, about.st_mtime_ns)
+                except FileNotFoundError:
+                    again = True
+                    continue
+                except pa.ArrowInvalid as error:
+                    raise OSError(
+                        f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew"
+                    ) from None
+                yield found
 
     def add(
         self, key: str, code: str, settings: Mapping[str, Any], values: Mapping[str, Any], arrays: Any, spent: Any
@@ -258,17 +286,18 @@ class Folder:
         """What was kept of a reference, None where it has to be computed."""
         path = self.path / "references" / f"{key}.npz"
         try:
-            with np.load(path) as data:
+            with open(path, "rb") as file, np.load(file) as data:
                 about = json.loads(str(data["about"]))
                 arrays = {name.removeprefix("a."): data[name] for name in data.files if name != "about"}
         except FileNotFoundError:
             return None
-        except (ValueError, OSError, KeyError):  # of a file system that lost its end
+        except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error):  # it lost its end
             return None
         return about | {"arrays": arrays}
 
     def has_reference(self, key: str) -> bool:
-        return (self.path / "references" / f"{key}.npz").is_file()
+        """Whether it is there and can be read."""
+        return (self.path / "references" / f"{key}.npz").is_file() and self.reference(key) is not None
 
     def keep_reference(self, key: str, found: Mapping[str, Any]) -> None:
         about = json.dumps({name: value for name, value in found.items() if name != "arrays"})
@@ -307,6 +336,8 @@ def said(path: Path) -> dict[str, Any]:
         raise FileNotFoundError(f"{path}: is no study's folder, it has no study.json; check the name") from None
     except ValueError:
         raise ValueError(f"{path}: its study.json is no JSON; start the study again") from None
+    if not isinstance(found, dict) or not isinstance(found.get("format", 0), int):
+        raise ValueError(f"{path}: its study.json is not one of this program's; start the study again")
     if found.get("format", 0) > FORMAT:
         raise ValueError(f"{path}: was written by a newer version of this program; install that")
     return found

@@ -16,6 +16,7 @@ from synth.instrument.table import Table
 from synth.research.case import OVERRIDES
 from synth.spelling import perhaps
 from synth.study.values import Draw, Range, Scalar
+from synth.study.work.names import is_own
 
 #: largest study file that is read [bytes]
 MOST_BYTES = 1 << 26
@@ -227,6 +228,10 @@ def _faults(study: Study) -> list[str]:
                 there = ", ".join(MEASURES[name].options) or "none"
                 found.append(f"measures.{number}: {name} has no option {option!r}; it has {there}")
     columns = [each["as"] for each in study.measured()]
+    for what, names in (("parameter", study.parameters), ("measures", columns)):
+        found += [
+            f"{what} {name!r}: rows have a column of this name already; give another" for name in names if is_own(name)
+        ]
     for column in dict.fromkeys(columns):
         if columns.count(column) > 1:
             found.append(f'measures: two are called {column!r}; name one with as = "…"')

@@ -175,7 +175,10 @@ def read_table(folder: str | os.PathLike[str], times: bool = True) -> pandas.Dat
         raise FileNotFoundError(f"{path}: has no table.parquet yet; `synth sweep --status` says how far it is")
     table = pq.read_table(path / "table.parquet").to_pandas()
     if times and (path / "times.parquet").is_file():
-        spent = pq.read_table(path / "times.parquet").to_pandas().drop(columns="key")
+        spent = pq.read_table(path / "times.parquet").to_pandas()
+        if not spent["key"].equals(table["key"]):  # killed between the two
+            spent = spent.drop_duplicates("key").set_index("key").reindex(table["key"]).reset_index()
+        spent = spent.drop(columns="key")
         table = pandas.concat([table, spent[[name for name in spent if name not in table]]], axis=1)
     return table
 
@@ -199,7 +202,8 @@ def read_results(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
     path = Path(folder)
     rows = columns.rows_of(pq.read_table(path / "table.parquet"))
     spent = columns.rows_of(pq.read_table(path / "times.parquet"))
-    return [times | row for row, times in zip(rows, spent, strict=True)]
+    times = {each["key"]: each for each in spent}
+    return [times.get(row["key"], {}) | row for row in rows]
 
 
 def read_arrays(folder: str | os.PathLike[str], key: str) -> dict[str, Any]:

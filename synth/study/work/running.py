@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from synth.files.code_version import code_version
-from synth.study.work import bases
+from synth.study.work import bases, modules
 from synth.study.work.measuring import MEASURES
+from synth.study.work.names import is_own
 from synth.study.work.taken import Taken
 
 #: rooms whose sources decide on a row's numbers
@@ -47,23 +48,26 @@ def versions(rooms: tuple[str, ...] = ROOMS) -> dict[str, str]:
     return found
 
 
+class Stale(str):
+    """Why a worker cannot compute a study's rows: its files are not those that the study was begun with."""
+
+
 def prepare(head: Mapping[str, Any]) -> str | None:
     """Makes this process ready for a study's rows; None, or why it cannot compute them as others do."""
-    for folder in head["path"]:
-        if folder not in sys.path and Path(folder).is_dir():
-            sys.path.insert(0, folder)
+    modules.put_first(head["path"])
     here = versions(*head.get("rooms", ()))
     other = {name: (here.get(name), wanted) for name, wanted in head["versions"].items() if here.get(name) != wanted}
     if other:
         told = ", ".join(f"{name} {mine!s:.12} instead of {wanted!s:.12}" for name, (mine, wanted) in other.items())
         return f"{platform.node()} has {told}"
-    return None
+    told_of = modules.unlike(head["own"], head["modules"])
+    return None if told_of is None else Stale(f"{platform.node()} {told_of}")
 
 
 def run_batch(head: Mapping[str, Any], reference: Any, jobs: Sequence[tuple[str, dict[str, Any], dict[str, Any]]]) -> Any:
     """Rows one after the other.
 
-    head       of the study: base, measures, arrays, path, versions
+    head       of the study: measures, arrays, path, versions, its own modules and the hashes of its own files
     reference  what `run_reference` gave, or None
     jobs       (address, settings, source) each
     Returns a list of (address, values, arrays, spent) in order; values with "failure" where it failed; or text, where this
@@ -86,6 +90,7 @@ def run_row(
     try:
         if source["kind"] == "call":
             values, arrays = _called(head, reference, settings, source)
+            _check_names([*values, *arrays], {name: each for name, each in settings.items() if values.get(name) != each})
             timed = {name: values.pop(name) for name in head["times"] if name in values}
         else:
             values, arrays, timed = _measured(head, reference, settings, source)
@@ -177,9 +182,10 @@ def _measured(
             continue
         if isinstance(found, Mapping):
             for part, value in found.items():
-                (timed if part in head["times"] else values)[str(part)] = plain(value)
+                (timed if part in head["times"] else values)[_text(str(part))] = plain(value)
         else:
             into[column] = plain(found)
+    _check_names([*values, *timed], settings)
     if silent:
         values["not_measured"] = "; ".join(silent)
     return values, {name: _array(taken, name) for name in head["arrays"]}, timed
@@ -206,26 +212,44 @@ def _called(
     if not isinstance(found, Mapping):
         raise TypeError(f"{source['call']} must return a dict of values by name, got {type(found).__name__}")
     arrays = {str(name): value for name, value in found.items() if isinstance(value, np.ndarray) and value.ndim > 0}
-    return {str(name): plain(value) for name, value in found.items() if name not in arrays}, arrays
+    return {_text(str(name)): plain(value) for name, value in found.items() if name not in arrays}, arrays
+
+
+def _check_names(names: Sequence[str], settings: Mapping[str, Any]) -> None:
+    """Raises ValueError for a result that is called as what a row has already."""
+    for name in names:
+        if is_own(name) or name in settings:
+            what = "a parameter" if name in settings else "a column of every row"
+            raise ValueError(f"a result is called {name!r}, which is {what}; give it another name")
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: NumPy's numbers as Python's, tuples as lists; infinity and NaN stay."""
+    """A value as JSON and Parquet have it: NumPy's numbers as Python's, tuples as lists, half a surrogate pair as U+FFFD;
+    infinity and NaN stay. Raises ValueError for whole numbers of more than a float's range."""
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): plain(each) for key, each in value.items()}
+        return {_text(str(key)): plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]
-    if value is None or isinstance(value, bool | int | float | str):
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > sys.float_info.max:
+        raise ValueError("a whole number of more than 308 digits; return it as text")
+    if value is None or isinstance(value, bool | int | float):
         return value
     raise TypeError(f"a value must be a number, text, or lists and dicts of them, got {type(value).__name__}")
 
 
+def _text(value: str) -> str:
+    """Text that UTF-8 can say."""
+    return str(value).encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
 def _reason(error: BaseException) -> str:
-    text = " ".join(str(error).split())
+    text = _text(" ".join(str(error).split()))
     if isinstance(error, ValueError) and text:
         return text[:_MOST_WORDS]
     return f"{type(error).__name__}: {text}"[:_MOST_WORDS] if text else type(error).__name__
