@@ -425,7 +425,7 @@ def test_modules_of_one_name_in_two_folders(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_workers_have_memory_as_other_processes_do() -> None:
-    """Dask's setting of malloc made NumPy's loops 3.6 times as slow."""
+    """With Dask's setting of malloc NumPy's loops take several times as long."""
     from synth.study import clusters
 
     found = clusters._environ({"MALLOC_TRIM_THRESHOLD_": 65536, "OTHER": 1, "OMP_NUM_THREADS": 8})

@@ -50,7 +50,7 @@ class Crew(Protocol):
 
 def _environ(given: dict[str, Any]) -> dict[str, Any]:
     """Of workers that are begun here: one thread for libraries, and memory as in any other process. Dask's own setting of
-    malloc gives every array of more than 64 kB back to the system at once, and NumPy's loops took 3.6 times as long."""
+    malloc gives every array of more than 64 kB back to the system at once, and NumPy's loops take several times as long."""
     return {name: value for name, value in given.items() if name != "MALLOC_TRIM_THRESHOLD_"} | _ONE_THREAD
 
 
