@@ -17,16 +17,18 @@ _ENDINGS = {
     "IN.mid": ("mid", "midi"),
     "SONG.mid": ("mid", "midi"),
     "REC.wav": ("wav", "flac"),
+    "OTHER.wav": ("wav", "flac"),
     "FILE.scl": ("scl",),
     "FILE.kbm": ("kbm",),
     "RUN.npz": ("npz",),
     "MOBILITY.csv": ("csv",),
+    "STUDY": ("toml",),
 }
 #: …and what is written, or of any kind
-_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml")
-_FOLDERS = ("DIR",)
+_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FILE.png")
+_FOLDERS = ("DIR", "FOLDER")
 
-#: a function of each shell that offers {names} of presets or of cases (the {kind}), and files of one's own
+#: a function of each shell that offers {names} of presets, of cases or of recipes (the {kind}), and files of one's own
 _FUNCTIONS = {
     "bash": """
 _synth_{kind}() {
@@ -80,6 +82,7 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
     words = {
         "presets": sorted(path.stem for path in own.glob("*.toml")),
         "cases": sorted(path.relative_to(cases).with_suffix("").as_posix() for path in cases.rglob("*.toml")),
+        "recipes": sorted(path.stem for path in (own / "recipes").glob("*.toml")),
     }
     for action in _actions(root):
         kind = action.metavar if isinstance(action.metavar, str) else ""
@@ -90,6 +93,8 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
             what = {"bash": "_synth_cases", "zsh": "_synth_cases", "fish": "(_synth_cases)"}
         elif kind == "PRESET" or (kind == "NAME" and not action.option_strings):
             what = {"bash": "_synth_presets", "zsh": "_synth_presets", "fish": "(_synth_presets)"}
+        elif kind == "RECIPE":
+            what = {"bash": "_synth_recipes", "zsh": "_synth_recipes", "fish": "(_synth_recipes)"}
         elif kind in _FOLDERS:
             what = shtab.DIRECTORY
         elif kind in _FILES:

@@ -119,7 +119,7 @@ def test_a_contact_fit_is_cancelled(server: Server) -> None:
     [
         ("tanpura", 1.0, {"amplitude": 0.1}, "hardly touches the bridge"),
         ("tanpura", 1.3, {}, "the note must be string 1's"),
-        ("nylon-guitar", 1.0, {}, "must be a bridge, or frets"),
+        ("nylon-guitar", 1.0, {}, "must be a bridge without a layer"),
     ],
 )
 def test_refusals_are_one_line_without_options(server: Server, preset: str, ratio: float, query: Any, words: str) -> None:
