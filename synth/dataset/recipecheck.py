@@ -63,7 +63,7 @@ def _faults_of(table: Played, recipe: Recipe, presets: Presets) -> Iterator[str]
         if isinstance(table, Phrases):
             yield from _faults_of_phrase(table, name, preset)
         if recipe.labels.wanted:
-            from synth.dataset.labelled import refusal
+            from synth.dataset.labelled_notes import refusal
 
             if why := refusal(preset):
                 yield f"preset: labels: {why}"

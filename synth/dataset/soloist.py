@@ -76,7 +76,7 @@ class Soloist:
         if item.kind == "midi":
             return self._song(item)
         if self._recipe.labels.wanted:
-            from synth.dataset.labelled import labelled
+            from synth.dataset.labelled_notes import labelled
 
             return labelled(item, self._recipe, played_preset(item, self._recipe, self._presets))
         engine = self._engine(item, keys_of(item) | set(with_it))
