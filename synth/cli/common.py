@@ -9,8 +9,9 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from synth.cli import colours
@@ -37,6 +38,13 @@ class Parser(argparse.ArgumentParser):
         """argparse passes over what cannot be written; whoever asks for help is to hear of it."""
         if message:
             (file or sys.stderr).write(message)
+
+
+def needed(what: str, packages: Iterable[str], extra: str) -> None:
+    """ValueError, which says how to get them, where packages are missing. what: "studies need", …"""
+    missing = [name for name in packages if find_spec(name) is None]
+    if missing:
+        raise ValueError(f"{what} {', '.join(missing)}: pip install 'jawari[{extra}]'")
 
 
 def number(kind: Callable[[str], float], low: float, high: float, unit: str = "") -> Callable[[str], float]:

@@ -6,11 +6,10 @@ import argparse
 import json
 import sys
 import time
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from synth.cli.common import ProgressLine, number, threads
+from synth.cli.common import ProgressLine, needed, number, threads
 
 #: packages of the extra `dataset`
 PACKAGES = ("pyarrow", "scipy", "zarr")
@@ -54,9 +53,7 @@ def add(commands: Any) -> None:
 
 
 def _dataset(options: argparse.Namespace) -> int:
-    missing = [name for name in PACKAGES if find_spec(name) is None]
-    if missing:
-        raise ValueError(f"synth dataset needs {', '.join(missing)}: pip install 'jawari[dataset]'")
+    needed("synth dataset needs", PACKAGES, "dataset")
     is_folder = Path(options.recipe).is_dir()
     if options.regenerate or options.verify:
         if not is_folder:

@@ -75,12 +75,8 @@ def _sweep(options: argparse.Namespace) -> int:
 
 def _needed(plot: bool) -> None:
     """ValueError where the extra is not installed."""
-    from importlib.util import find_spec
-
-    missing = [name for name in ("distributed", "pyarrow", "pandas", "zarr", "scipy") if find_spec(name) is None]
-    missing += ["matplotlib"] if plot and find_spec("matplotlib") is None else []
-    if missing:
-        raise ValueError(f"studies need {', '.join(missing)}: pip install 'jawari[study]'")
+    packages = ("distributed", "pyarrow", "pandas", "zarr", "scipy", *(("matplotlib",) if plot else ()))
+    common.needed("studies need", packages, "study")
 
 
 def _status(folder: Path, as_json: bool) -> int:

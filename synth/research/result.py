@@ -10,7 +10,7 @@ import csv
 import io
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -19,6 +19,7 @@ import numpy as np
 
 from synth.files.npz import read_npz
 from synth.files.targets import is_special, write_whole
+from synth.research.result_pictures import Drawn
 
 if TYPE_CHECKING:
     import xarray
@@ -59,7 +60,7 @@ class Made:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Result:
+class Result(Drawn):
     """What a run gave; fields as in `synth.research.simulation`'s description, `summary` and `metadata` as dicts."""
 
     t: np.ndarray
@@ -133,26 +134,6 @@ class Result:
                 columns[f"{name} [{'m' if name == 'obstacle_displacement' else 'J'}]"] = column
         return columns
 
-    def plot(
-        self,
-        panels: Sequence[str] | None = None,
-        *,
-        start_s: float | None = None,
-        end_s: float | None = None,
-        axes: Any = None,
-    ) -> Any:
-        """Draws displacement at the outputs, contact forces and, with the ledger, energies over time; returns an array of
-        matplotlib Axes, one a panel.
-
-        panels      of "u", "contact_force" and "energy"; None: those that there is something for
-        start_s, end_s   which rows; None: from the first, to the last
-        axes        Axes to draw into, as many as panels; None: a new figure of pyplot's
-        Raises ValueError for panels or times that there are not, ImportError without matplotlib.
-        """
-        from synth.research.result_pictures import draw
-
-        return draw(self, panels, start_s, end_s, axes)
-
     def to_xarray(self) -> xarray.Dataset:
         """A Dataset of all arrays, which it shares, over time, output, contact and mode, with units and what the run was as
         attributes (`metadata` as JSON); `.sel(output=0.992, method="nearest")`. Of scheme "wall" this has made what
@@ -161,11 +142,6 @@ class Result:
         from synth.research.labelled import dataset_of
 
         return dataset_of(self)
-
-    def _repr_html_(self) -> str:
-        from synth.research.result_pictures import html_of
-
-        return html_of(self)
 
     def _write_table(self, file: BinaryIO) -> None:
         write_columns(self.table(), file)

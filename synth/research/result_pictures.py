@@ -21,6 +21,31 @@ _ENERGIES = {"stored": "stored", "residual": "held by the rest", "viscous": "los
              "injected": "put in"}  # fmt: skip
 
 
+class Drawn:
+    """What results of every kind have in common for the eye."""
+
+    def plot(
+        self,
+        panels: Sequence[str] | None = None,
+        *,
+        start_s: float | None = None,
+        end_s: float | None = None,
+        axes: Any = None,
+    ) -> Any:
+        """Draws displacement at the outputs, contact forces and, with the ledger, energies over time; returns an array of
+        matplotlib Axes, one a panel.
+
+        panels      of "u", "contact_force" and "energy"; None: those that there is something for
+        start_s, end_s   which rows; None: from the first, to the last
+        axes        Axes to draw into, as many as panels; None: a new figure of pyplot's
+        Raises ValueError for panels or times that there are not, ImportError without matplotlib.
+        """
+        return draw(self, panels, start_s, end_s, axes)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
+
 def draw(
     result: Any,
     panels: Sequence[str] | None = None,

@@ -181,8 +181,12 @@ def _arguments(text: str) -> list[str]:
 
 
 def members(kind: type) -> Iterator[tuple[str, Any]]:
-    """(name, function) of a class's own public methods and properties, in order."""
-    for name, thing in vars(kind).items():
+    """(name, function) of a class's public methods and properties, in order: its own, then its bases'."""
+    found: dict[str, Any] = {}
+    for base in kind.__mro__:
+        if base.__module__.partition(".")[0] == "synth":
+            found |= {name: thing for name, thing in vars(base).items() if name not in found}
+    for name, thing in found.items():
         if name.startswith("_") or name in getattr(kind, "__dataclass_fields__", ()):
             continue
         function = thing.fget if isinstance(thing, property) else getattr(thing, "__func__", thing)

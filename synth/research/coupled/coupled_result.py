@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -34,6 +33,7 @@ import numpy as np
 from synth.files.npz import read_npz
 from synth.files.targets import write_whole
 from synth.research.result import ResultError, check_name, counted, is_table, write_columns
+from synth.research.result_pictures import Drawn
 from synth.solver.coupled_study import ENERGIES
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ _UNITS = ("m", "m", "rad")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CoupledResult:
+class CoupledResult(Drawn):
     """What a run gave; fields as in the module's description, `summary` and `metadata` as dicts."""
 
     t: np.ndarray
@@ -120,26 +120,6 @@ class CoupledResult:
             columns |= {f"energy({name}) [J]": self.energy[:, k] for k, name in enumerate(ENERGIES)}
         return columns
 
-    def plot(
-        self,
-        panels: Sequence[str] | None = None,
-        *,
-        start_s: float | None = None,
-        end_s: float | None = None,
-        axes: Any = None,
-    ) -> Any:
-        """Draws displacement at the outputs, contact forces and, with the ledger, energies over time; returns an array of
-        matplotlib Axes, one a panel.
-
-        panels      of "u", "contact_force" and "energy"; None: those that there is something for
-        start_s, end_s   which rows; None: from the first, to the last
-        axes        Axes to draw into, as many as panels; None: a new figure of pyplot's
-        Raises ValueError for panels or times that there are not, ImportError without matplotlib.
-        """
-        from synth.research.result_pictures import draw
-
-        return draw(self, panels, start_s, end_s, axes)
-
     def to_xarray(self) -> xarray.Dataset:
         """A Dataset of all arrays, which it shares, over time, output, contact, axis of the bridge and side, with units, the
         string and place of each, and what the run was as attributes (`metadata` as JSON). Raises ImportError without xarray.
@@ -147,11 +127,6 @@ class CoupledResult:
         from synth.research.labelled import coupled_dataset_of
 
         return coupled_dataset_of(self)
-
-    def _repr_html_(self) -> str:
-        from synth.research.result_pictures import html_of
-
-        return html_of(self)
 
     def _write_table(self, file: BinaryIO) -> None:
         write_columns(self.table(), file)
