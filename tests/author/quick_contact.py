@@ -26,9 +26,10 @@ HEIGHT, DISTANCE, POSITION = 0.012, 0.006, 0.21
 
 def quick(recordings: Any, preset: Any, index: int, *, amplitude_m: float | None = None, progress: Any) -> ContactFit:
     model, warnings = tuned_model(preset, index, recordings)
-    if amplitude_m == 1e-4:
+    if amplitude_m is not None and amplitude_m < 2e-4:
         raise NoContact("the string hardly touches the bridge, or not at all; strike harder for a number", 1.0)
-    for share in np.linspace(0.1, 0.9, 3 if amplitude_m != 9e-3 else 10**6):
+    endless = amplitude_m is not None and amplitude_m > 8e-3
+    for share in np.linspace(0.1, 0.9, 10**6 if endless else 3):
         if not progress(float(share)):
             raise FitCancelled
         time.sleep(0.02)
