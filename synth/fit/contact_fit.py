@@ -9,10 +9,8 @@ what a finer grid changes, times a factor that was found on other notes (`tools/
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,12 +22,11 @@ from synth.fit.contact_features import (
     Bands,
     Compared,
     Observed,
-    bands_of,
     compare,
     huber,
-    observe,
 )
 from synth.fit.contact_model import Bridge, ContactModel, Grid, Stroke
+from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import NOTES, evolve, sobol, starts_of
 from synth.fit.contact_space import Estimate, Space, asked, estimates, space_of
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
@@ -37,8 +34,6 @@ from synth.instrument.calibration import STEPS
 from synth.instrument.plan import BRIDGE
 
 Real = NDArray[np.float64]
-#: notes must last that long [s]
-LEAST_S = 2.0
 #: a loss beyond that is another model's [pseudo-Huber units: 1 is 3 dB]
 MOST_LOSS = 0.35
 #: of curved bridges less: a right answer had 0.11, a wrong one 0.16
@@ -54,11 +49,22 @@ FACTOR = 6.5
 LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4}
 #: the dictionary and the first evolution look at so many seconds, and at modes up to there [Hz]
 SHORT_S, COARSE_HZ = 1.2, 14000.0
+#: over curved bridges only so many seconds are compared: later no two grids sound the same. At the true values the loss of
+#: eleven notes is .01 to .05 over 0.8 s, .03 to .23 over 2.3 s
+CURVED_S = 0.8
 _FIRST, _FIRST_STARTS = 160, 14
 #: a curved bridge has more unknowns: so many times the notes; a first look at so many seconds, from so many starts
 _CURVED, _GLANCE_S, _GLANCES, _GLANCE, _GLANCED = 4, 0.4, 28, 200, 8
 _DRAWS = 16
 _SECOND, _FINALISTS, _CONTENDERS = 240, 5, 3
+#: after so many notes it is asked whether to go on
+_PULSE = 8
+#: what a curved bridge of so many points explains with less than so much of a point's loss is taken for curved; radii [m]
+_RIVAL_POINTS, _RIVAL, _RADII_M = 5, 0.6, (10.0, 5.0, 2.5, 1.2)
+
+
+def _nothing() -> None:
+    pass
 
 
 @dataclass(frozen=True)
@@ -109,16 +115,23 @@ class Search:
         self.curved = model.shape.points > 1
         self.model, self.space, self.starts = model, space, starts
         self.notes = _CURVED * notes if self.curved else notes
+        self.seconds = CURVED_S if self.curved else SECONDS
+        self.short_s = min(SHORT_S, self.seconds)
         self.first_s = _GLANCE_S if self.curved else SHORT_S
         self.second = 2 * _SECOND if self.curved else _SECOND
         self.coarse = model.grid(STEPS[BRIDGE]["draft"], 0.0, COARSE_HZ)
         self.fine = model.grid(STEPS[BRIDGE]["standard"], 44100.0)
         self._dictionaries: dict[tuple[bytes, float], tuple[Real, list[Real]]] = {}
         self.evaluations = 0
+        #: called now and then while notes are computed: it may raise FitCancelled
+        self.pulse: Callable[[], None] = _nothing
 
-    def powers(self, point: Real, bands: Bands, grid: Grid, seconds: float = SECONDS) -> Real:
-        """(windows, B) of the note at a point of the cube."""
+    def powers(self, point: Real, bands: Bands, grid: Grid, seconds: float | None = None) -> Real:
+        """(windows, B) of the note at a point of the cube, over the seconds that are compared or so many."""
+        seconds = self.seconds if seconds is None else seconds
         self.evaluations += 1
+        if self.evaluations % _PULSE == 0:
+            self.pulse()
         sound = self.model.sound(self.space.stroke(point), grid, seconds + 0.05).frames
         return bands.powers(sound, grid.rate_hz, seconds)
 
@@ -128,7 +141,7 @@ class Search:
         if key not in self._dictionaries:
             points, powers = sobol(self.space.size, self.notes), []
             for i, point in enumerate(points):
-                if i % 8 == 0:
+                if i % _PULSE == 0:
                     done(i / len(points))
                 powers.append(self.powers(point, bands, self.coarse, self.first_s))
             self._dictionaries[key] = points, powers
@@ -156,61 +169,36 @@ def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Pr
     reason: what `cut_note` refuses, less than 2 s, a note that the model does not explain, starts that disagree; NoContact.
     """
 
+    reached = 0.0
+
     def done(share: float) -> None:
+        nonlocal reached
+        reached = share
         if not progress(share):
             raise FitCancelled
 
     with threadpool_limits(limits=1, user_api="blas"):
         note = cut_note(samples, rate_hz)
-        seen = seen_of(search, note, samples)
-        return _Fitting(search, note, seen, done).result()
-
-
-def seen_of(search: Search, note: Note, samples: ArrayLike) -> Observed:
-    """Features of a note with some of what stands before it. Raises FitRefused where it is too short."""
-    seconds = note.samples.size / note.rate_hz
-    if seconds < LEAST_S:
-        raise FitRefused(
-            f"the note must last at least {LEAST_S:g} s for its contact, got {seconds:.2g} s; let it ring longer"
-        )
-    bands = bands_of(search.model.string, note.rate_hz)
-    before = note.before if note.before.size > 0.15 * note.rate_hz else None
-    noise = quiet_power(note.samples, note.rate_hz, bands) if before is None else bands.powers(
-        before, note.rate_hz, before.size / note.rate_hz
-    ).mean(axis=0)  # fmt: skip
-    # silence of numbers is no noise
-    floor = 1e-9 * float(bands.powers(note.samples, note.rate_hz, 0.2).max())
-    whole = np.concatenate([note.before, note.samples])
-    return observe(whole, note.rate_hz, note.before.size, bands, np.maximum(noise, floor))
-
-
-def quiet_power(x: Real, rate_hz: float, bands: Bands) -> Real:
-    """(B,) power of the noise from what lies between the partials, towards the end of a note."""
-    size = round(bands.window_s * rate_hz)
-    padded = 2 ** math.ceil(math.log2(size))
-    count = min(40, (x.size // 2) // size)
-    tail = x[x.size - count * size :].reshape(count, size) * np.hanning(size)
-    power = 2.0 * np.abs(np.fft.rfft(tail, padded)) ** 2 / np.sum(np.hanning(size) ** 2)
-    first = np.ceil(bands.edges_hz * padded / rate_hz).astype(np.int64)
-    found = []
-    for low, high in pairwise(first):
-        # the fifth part of what is distributed exponentially lies below 0.22 of its mean
-        quiet = np.quantile(power[:, low:high], 0.2, axis=1) / 0.223
-        found.append(float(np.median(quiet)) * (high - low) / padded)
-    return np.array(found)
+        seen = seen_of(search.model.string, note)
+        search.pulse = lambda: done(reached)
+        try:
+            return _Fitting(search, note, seen, done).result()
+        finally:
+            search.pulse = _nothing
 
 
 class _Fitting:
     def __init__(self, search: Search, note: Note, seen: Observed, done: Callable[[float], None]) -> None:
-        self.search, self.note, self.seen, self.done = search, note, seen, done
+        self.search, self.note, self.done = search, note, done
+        self.seen = seen.first(seen.bands.windows(search.seconds))
         self.before = search.evaluations
 
-    def _loss(self, seen: Observed, grid: Grid, seconds: float = SECONDS) -> Callable[[Real], float]:
+    def _loss(self, seen: Observed, grid: Grid, seconds: float | None = None) -> Callable[[Real], float]:
         return lambda point: compare(seen, self.search.powers(point, seen.bands, grid, seconds)).loss
 
-    def _near(self, point: Real, grid: Grid, reach: int, seconds: float = SECONDS) -> tuple[Observed, Compared]:
+    def _near(self, point: Real, grid: Grid, reach: int, seconds: float | None = None) -> tuple[Observed, Compared]:
         """The recording at shifts near the best one of a point."""
-        seen = self.seen.first(self.seen.bands.windows(seconds))
+        seen = self.seen if seconds is None else self.seen.first(self.seen.bands.windows(seconds))
         found = compare(seen, self.search.powers(point, seen.bands, grid, seconds))
         last = len(seen.shifts_s)
         return seen.at(np.arange(max(0, found.shift - reach), min(last, found.shift + reach + 1))), found
@@ -228,8 +216,8 @@ class _Fitting:
         starts = self._glances(points, losses) if search.curved else starts_of(points, losses, search.starts)
         found = []
         for i, start in enumerate(starts):
-            near, _ = self._near(start, search.coarse, 3, SHORT_S)
-            trail = evolve(self._loss(near, search.coarse, SHORT_S), start, most=_FIRST, seed=i + 1)
+            near, _ = self._near(start, search.coarse, 3, search.short_s)
+            trail = evolve(self._loss(near, search.coarse, search.short_s), start, most=_FIRST, seed=i + 1)
             point, _ = self._other_draws(*trail.best)
             found.append(self._squares(point, search.coarse, rounds=6))
             self.done(0.5 + 0.15 * (i + 1) / len(starts))
@@ -254,6 +242,9 @@ class _Fitting:
             if further[1] < polished[1]:
                 coarse, polished = (point, loss), further
         self._refuse(polished, finalists, free)
+        self.done(0.95)
+        if not search.curved:
+            self._refuse_curved(*coarse)
         self.done(0.97)
         return self._told(polished[0], coarse[0], free)
 
@@ -363,6 +354,25 @@ class _Fitting:
                     "record a stronger stroke, or several notes over the same obstacle"
                 )
 
+    def _refuse_curved(self, point: Real, loss: float) -> None:
+        """A point is a curved bridge that never curves: that is tried from the answer, with some radii."""
+        model, space = self.search.model, self.search.space
+        stroke = space.stroke(point)
+        for radius in _RADII_M:
+            shape = Bridge(_RIVAL_POINTS, _RIVAL_POINTS, radius)
+            rival = Search(model.over(shape), space)
+            # the edge stays where it was
+            fallen = 0.5 * stroke.distance_m**2 / radius
+            scale = space.amplitude_m * stroke.distance_m / ((1.0 - stroke.position) * model.string.length_m)
+            values = space.values(point)
+            lifted = space.point({**values, "height": values["height"] - fallen / scale})
+            _, theirs = _Fitting(rival, self.note, self.seen, self.done)._squares(lifted, self.search.coarse, rounds=6)
+            if theirs < _RIVAL * loss:
+                raise FitRefused(
+                    f"a curved bridge explains the sound better than one of a point (loss {theirs:.3f} with a radius of "
+                    f"{radius:g} m, {loss:.3f} with a point); give the preset's bridge more points, or another preset"
+                )
+
     def _told(self, point: Real, coarse: Real, free: float) -> NoteFit:
         search, space, grid = self.search, self.search.space, self.search.fine
         near, found = self._near(point, grid, 0)
@@ -379,7 +389,7 @@ class _Fitting:
         bias = np.outer(point - coarse, point - coarse)
         covariance = FACTOR**2 * (covariance + bias)
         values = estimates(space, point, covariance, LEAST_HALF)
-        played = search.model.sound(space.stroke(point), grid, SECONDS)
+        played = search.model.sound(space.stroke(point), grid, search.seconds)
         recorded = self.seen.level_db[found.shift]
         return NoteFit(
             space.stroke(point), values, found.loss, free, played.touching, near.bands, found.offsets_db, recorded,

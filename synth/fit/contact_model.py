@@ -144,6 +144,10 @@ class ContactModel:
             return cls(string, found, hand)
         return cls(string, found, hand, lambda of, n: output_weights(preset, of, string.length_m, n))
 
+    def over(self, shape: Bridge) -> ContactModel:
+        """The same string and hand over another bridge."""
+        return ContactModel(self.string, shape, self.hand, self._output)
+
     def grid(self, steps_a_period: float, least_hz: float, highest_hz: float = HIGHEST_MODE_HZ) -> Grid:
         """So many steps a period of the open string, or least_hz; modes up to highest_hz."""
         rate = max(steps_a_period * self.string.fundamental_hz, least_hz)
