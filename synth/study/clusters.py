@@ -21,6 +21,14 @@ from synth.study.work import running
 KILLED, LOST = object(), object()
 #: workers that die under a task before it is given back: Dask's own 3 is for clusters whose machines come and go
 _ALLOWED_FAILURES = 1
+#: Dask watches itself many times a second in every process; a study's rows tell by themselves how far they are
+_CALM = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.worker.memory.monitor-interval": "500ms",
+}
 #: references that stay on the cluster though no batch needs them just now
 _REFERENCES = 8
 _ONE_THREAD = {
@@ -116,7 +124,7 @@ class Dask:
                 "distributed.scheduler.worker-ttl": None,
                 "distributed.nanny.pre-spawn-environ": _environ(dask.config.get("distributed.nanny.pre-spawn-environ", {})),
                 "distributed.admin.large-graph-warning-threshold": "1GB",
-                "distributed.admin.system-monitor.gil.enabled": False,
+                **_CALM,
             }
         )
         self._levels = {name: logging.getLogger(name).level for name in ("distributed", "asyncio", "tornado")}

@@ -9,15 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sweep_check import kills
-from sweep_check.rows import nap, work
-
-
-def _calibrated() -> int:
-    """How many times `work` repeats itself in 0.2 s."""
-    work({"x": 0, "times": 200})
-    began = time.perf_counter()
-    work({"x": 0, "times": 2000})
-    return max(1, round(2000 * 0.2 / (time.perf_counter() - began)))
+from sweep_check.rows import nap
 
 
 def _sweep(folder: Path, grid: dict[str, Any], function: str, fixed: dict[str, Any], workers: int, told: Any = None) -> list:
@@ -35,26 +27,6 @@ def _sweep(folder: Path, grid: dict[str, Any], function: str, fixed: dict[str, A
     base = {"call": f"sweep_check.rows:{function}", "set": fixed}
     sweep({"base": base, "grid": grid}, folder, workers=workers, told=hear)
     return seen
-
-
-def overhead(folder: Path, rows: int, workers: int) -> dict[str, Any]:
-    """Seconds a row takes in a plain loop and in a study, from its first rows to its last; and those before and after."""
-    times = _calibrated()
-    began = time.perf_counter()
-    for x in range(rows // 2):
-        work({"x": x, "times": times})
-    loop = (time.perf_counter() - began) / (rows // 2)
-    began = time.perf_counter()
-    seen = _sweep(folder, {"x": {"from": 0, "to": rows - 1, "step": 1}}, "work", {"times": times}, workers)
-    whole = time.perf_counter() - began
-    first = next(k for k, (_, done) in enumerate(seen) if done >= 2 * workers)
-    row = workers * (seen[-1][0] - seen[first][0]) / (seen[-1][1] - seen[first][1])
-    began = time.perf_counter()
-    for x in range(rows // 2):
-        work({"x": x, "times": times})
-    loop = (loop + (time.perf_counter() - began) / (rows // 2)) / 2.0
-    return {"workers": workers, "rows": rows, "plain loop": loop, "study": row, "more": row / loop - 1.0,
-            "start and end": whole - (seen[-1][0] - seen[first][0])}  # fmt: skip
 
 
 def asleep(folder: Path, rows: int) -> dict[str, Any]:
