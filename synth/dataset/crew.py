@@ -40,7 +40,7 @@ class Made:
 class Chunk:
     """Items of one engine, and the notes that it will be asked for."""
 
-    keys: tuple[str, ...]
+    items: tuple[Item, ...]
     notes: frozenset[int]
 
 
@@ -56,13 +56,14 @@ class Maker:
         self._soloist = Soloist(written, self._items.presets)
         self._code = code()
 
-    def make(self, key: str, notes: Iterable[int] = ()) -> Made:
-        """One item; what is wrong with it stands in its row."""
+    def make(self, wanted: Item | str, notes: Iterable[int] = ()) -> Made:
+        """One item, or that of a key; what is wrong with it stands in its row."""
         from synth._version import __version__
         from synth.dataset.itemrows import row_of
         from synth.dataset.packing import pack
 
-        item, recipe = self._items.by_key(key), self._written.recipe
+        item = self._items.by_key(wanted) if isinstance(wanted, str) else wanted
+        key, recipe = item.key, self._written.recipe
         try:
             sung = self._soloist.play(item, notes)
             packed = pack(sung.samples, recipe.sound, recipe.level, item.seed)
@@ -86,7 +87,7 @@ def chunks(items: Sequence[Item], notes: dict[Any, set[int]]) -> list[Chunk]:
     for item in [*order, None]:
         if mine and (item is None or item.engine != mine[0].engine or len(mine) == CHUNK):
             asked = notes.get(mine[0].engine) or {beat.note for each in mine for beat in each.beats if 0 <= beat.note <= 127}
-            found.append(Chunk(tuple(each.key for each in mine), frozenset(asked)))
+            found.append(Chunk(tuple(mine), frozenset(asked)))
             mine = []
         if item is not None:
             mine.append(item)
@@ -108,8 +109,8 @@ def _work(connection: Connection, written: Written) -> None:
                 chunk = connection.recv()
                 if chunk is None:
                     break
-                for key in chunk.keys:
-                    connection.send(maker.make(key, chunk.notes))
+                for item in chunk.items:
+                    connection.send(maker.make(item, chunk.notes))
             except (EOFError, BrokenPipeError, ConnectionResetError):
                 break
         maker.close()
@@ -126,7 +127,7 @@ class _Worker:
         self.chunks: deque[tuple[Chunk, set[str]]] = deque()  # given, with the keys that have not come back
 
     def give(self, chunk: Chunk) -> None:
-        self.chunks.append((chunk, set(chunk.keys)))
+        self.chunks.append((chunk, {item.key for item in chunk.items}))
         with suppress(BrokenPipeError, ConnectionResetError):  # it is found dead when it is listened to
             self.connection.send(chunk)
 
@@ -167,8 +168,8 @@ class Crew:
         """All items of the chunks, in the order in which they are done; `wanted` is asked no earlier than needed."""
         if self._maker is not None:
             for chunk in wanted:
-                for key in chunk.keys:
-                    yield self._maker.make(key, chunk.notes)
+                for item in chunk.items:
+                    yield self._maker.make(item, chunk.notes)
             return
         again: deque[Chunk] = deque()
         while True:
@@ -214,13 +215,13 @@ class Crew:
                 )
         self._workers[number] = _Worker(self._written)
         for place, (lost, left) in enumerate(dead.chunks):
-            keys = [key for key in lost.keys if key in left]
-            if place == 0 and keys and dead.ready:
-                first = keys[0]
+            items = [item for item in lost.items if item.key in left]
+            if place == 0 and items and dead.ready:
+                first = items[0].key
                 if first in self._killed:
-                    keys.remove(first)
+                    lethal = items.pop(0)
                     said = f"its worker died twice (exit code {dead.process.exitcode}); out of memory, or killed"
-                    row = row_of(self._items.by_key(first), self._written.recipe, None, None, said, __version__, code())
+                    row = row_of(lethal, self._written.recipe, None, None, said, __version__, code())
                     yield Made(first, row, b"", {})
                 self._killed.add(first)
-            again.extend(Chunk((key,), lost.notes) for key in keys)
+            again.extend(Chunk((item,), lost.notes) for item in items)
