@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import resource
 import time
@@ -10,6 +11,7 @@ from typing import Any
 
 from sweep_check import kills
 from sweep_check.rows import nap
+from sweep_check.wires import moved
 
 
 def _sweep(folder: Path, grid: dict[str, Any], function: str, fixed: dict[str, Any], workers: int, told: Any = None) -> list:
@@ -60,7 +62,7 @@ def memory(folder: Path, rows: int) -> dict[str, Any]:
 
 def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, Any]:
     """One scheduler and sleeping workers, `threads` at once in four processes: rows a second against what they could do, and
-    what the conducting process, the scheduler and the wires have to do with it."""
+    what the conducting process, the scheduler and the wires have to do with it, from 10 or 15 to 85 or 90 % of the rows."""
     from synth.study.sweeping import open_study, sweep
     from synth.study.work.running import run_batch
 
@@ -75,6 +77,7 @@ def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, An
         len(pickle.dumps(run_batch(opened.addresses.head, None, [(k, s | {"seconds": 0}, o) for k, s, o in jobs]))) / 100.0
     )
     seen: list[tuple[float, int, float, float]] = []
+    wires: list[tuple[int, dict[str, int]]] = []
     with kills.cluster(port, 4, folder, threads // 4) as begun:
         scheduler = begun[0].pid
 
@@ -82,22 +85,24 @@ def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, An
             if counts.workers >= threads and (not seen or counts.computed > seen[-1][1]):
                 used = resource.getrusage(resource.RUSAGE_SELF)
                 seen.append((time.perf_counter(), counts.computed, used.ru_utime + used.ru_stime, _cpu_s(scheduler)))
+                if counts.computed > (0.1, 0.9, 2.0)[len(wires)] * rows:
+                    wires.append((counts.computed, moved(scheduler, os.getpid())))
 
         time.sleep(8.0)
         sweep(study, folder / f"scale-{threads}-{seconds}", scheduler=f"tcp://127.0.0.1:{port}", told=hear)
     steady = [each for each in seen if 0.15 * rows <= each[1] <= 0.85 * rows]
     (t0, n0, c0, s0), (t1, n1, c1, s1) = steady[0], steady[-1]
     rate = (n1 - n0) / (t1 - t0)
+    (w0, before), (w1, after) = wires
     return {
         "at once": threads, "row_s": seconds, "rows/s": rate, "of what they could do": rate * seconds / threads,
         "client CPU, ms a row": 1e3 * (c1 - c0) / (n1 - n0), "scheduler CPU, ms a row": 1e3 * (s1 - s0) / (n1 - n0),
         "client busy": (c1 - c0) / (t1 - t0), "scheduler busy": (s1 - s0) / (t1 - t0),
-        "bytes a row there": row_out, "bytes a row back": row_back,
+        "pickled, bytes a row there": row_out, "pickled, bytes a row back": row_back,
+        **{f"on the wire, bytes a row {way}": (after[way] - before[way]) / (w1 - w0) for way in before},
     }  # fmt: skip
 
 
 def _cpu_s(pid: int) -> float:
-    import os
-
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
