@@ -17,15 +17,17 @@ import pytest
 
 import synth.study.work.running as running
 from synth.cli import main
+from synth.cli.counting import RowsLine
 from synth.study import columns, sweeping
 from synth.study.addressing import Addresses
 from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
 from synth.study.keeping import Folder, Keys
-from synth.study.showing import Progress, duration, standing
+from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
 from synth.study.values import Draw, Range
+from synth.units import duration
 from tests.patience import until
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
@@ -605,14 +607,14 @@ def test_a_pareto_front() -> None:
     assert pareto(x, y, ["x"]) == [3] and pareto(-x, y, ["x"]) == [3, 1, 0]
 
 
-def test_progress_says_rate_and_time_left(capsys: pytest.CaptureFixture[str]) -> None:
-    progress = Progress(sys.stderr, heartbeat_s=0.0)
+def test_progress_says_rate_and_time_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    line = RowsLine(True, heartbeat_s=0.0)
     counts = Counts(100, kept=10, workers=2)
-    progress(counts)
-    progress._seen[0] = (progress._seen[0][0] - 10.0, 0)
+    line.rows(counts)
+    clock = time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: clock() + 10.0)
     counts.computed = 45
-    progress._seen.append((time.monotonic(), 45))
-    progress(counts)
+    line.rows(counts)
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith("synth: 55 of 100 rows, 4.") and last.endswith("10 s left, 2 workers")
     assert [duration(s) for s in (5, 600, 8000, 300_000)] == ["5 s", "10 min", "2 h 13 min", "3 d 11 h"]
