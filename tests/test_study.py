@@ -331,6 +331,23 @@ def test_a_worker_that_dies_of_a_row_is_a_failure_of_that_row(place: Path, tmp_p
     assert table["y"].dropna().tolist() == [1.0] * 5
 
 
+def test_rows_that_were_killed_along_are_no_failures(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crew of which all in flight dies with a deadly row, as what waits on a worker does."""
+    from synth.study import clusters
+
+    class Mortal(clusters.Here):
+        def wait(self, timeout_s: float) -> list[tuple[Any, Any]]:
+            if any(settings["x"] in (2, 4) for _, _, jobs in self._waiting for _, settings, _ in jobs):
+                died, self._waiting = self._waiting, []
+                return [(ticket, clusters.KILLED) for ticket, _, _ in died]
+            return super().wait(timeout_s)
+
+    monkeypatch.setattr(clusters, "crew_of", lambda head, workers, scheduler: Mortal(head))
+    study = called("nap", list(range(5)), base={"set": {"seconds": 0.0}})
+    table = sweeping.sweep(study, tmp_path / "s", workers=1)
+    assert table["x"][table["failure"].notna()].tolist() == [2, 4]
+
+
 def test_what_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None:
     """60 rows: both workers killed, then the process that has the scheduler; `tools/sweep-check` does it with 2,000."""
     sys.path.insert(0, str(TOOLS))

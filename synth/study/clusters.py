@@ -12,6 +12,7 @@ import logging
 import pickle
 import queue
 import time
+import warnings
 from collections import OrderedDict
 from typing import Any, Protocol
 
@@ -132,10 +133,12 @@ class Dask:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             if scheduler is None:
-                self._cluster = LocalCluster(
-                    n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                    silence_logs=logging.CRITICAL,
-                )  # fmt: skip
+                with warnings.catch_warnings():  # a port for pages that nobody asked for may be another cluster's
+                    warnings.filterwarnings("ignore", r"Port \d+ is already in use", UserWarning)
+                    self._cluster = LocalCluster(
+                        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                        silence_logs=logging.CRITICAL,
+                    )  # fmt: skip
             self._client = Client(self._cluster or scheduler, timeout=wait_s, set_as_default=False)
         except (OSError, ValueError) as error:
             self.close()
