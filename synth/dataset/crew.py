@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -22,8 +23,9 @@ from synth.dataset.recipefile import Written
 CHUNK = 8
 #: workers that may end before they have begun
 MOST_STILLBORN = 3
-#: chunks that a worker has at a time, so that it does not wait for the next
-_AHEAD = 6
+#: chunks that a worker has at most, and how long they take it, so that it neither waits for the next nor has much left
+#: when the others have ended [s]
+_AHEAD, _AHEAD_S = 8, 0.3
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Made:
 class Chunk:
     """Items of one engine, and the notes that it will be asked for."""
 
-    items: tuple[Item, ...]
+    keys: tuple[str, ...]
     notes: frozenset[int]
 
 
@@ -56,14 +58,13 @@ class Maker:
         self._soloist = Soloist(written, self._items.presets)
         self._code = code()
 
-    def make(self, wanted: Item | str, notes: Iterable[int] = ()) -> Made:
-        """One item, or that of a key; what is wrong with it stands in its row."""
+    def make(self, key: str, notes: Iterable[int] = ()) -> Made:
+        """One item; what is wrong with it stands in its row."""
         from synth._version import __version__
         from synth.dataset.itemrows import row_of
         from synth.dataset.packing import pack
 
-        item = self._items.by_key(wanted) if isinstance(wanted, str) else wanted
-        key, recipe = item.key, self._written.recipe
+        item, recipe = self._items.by_key(key), self._written.recipe
         try:
             sung = self._soloist.play(item, notes)
             packed = pack(sung.samples, recipe.sound, recipe.level, item.seed)
@@ -87,7 +88,7 @@ def chunks(items: Sequence[Item], notes: dict[Any, set[int]]) -> list[Chunk]:
     for item in [*order, None]:
         if mine and (item is None or item.engine != mine[0].engine or len(mine) == CHUNK):
             asked = notes.get(mine[0].engine) or {beat.note for each in mine for beat in each.beats if 0 <= beat.note <= 127}
-            found.append(Chunk(tuple(mine), frozenset(asked)))
+            found.append(Chunk(tuple(each.key for each in mine), frozenset(asked)))
             mine = []
         if item is not None:
             mine.append(item)
@@ -109,8 +110,8 @@ def _work(connection: Connection, written: Written) -> None:
                 chunk = connection.recv()
                 if chunk is None:
                     break
-                for item in chunk.items:
-                    connection.send(maker.make(item, chunk.notes))
+                for key in chunk.keys:
+                    connection.send(maker.make(key, chunk.notes))
             except (EOFError, BrokenPipeError, ConnectionResetError):
                 break
         maker.close()
@@ -125,13 +126,23 @@ class _Worker:
         theirs.close()
         self.ready = False
         self.chunks: deque[tuple[Chunk, set[str]]] = deque()  # given, with the keys that have not come back
+        self._item_s, self._since = _AHEAD_S, time.monotonic()  # what one takes, smoothed
 
     def give(self, chunk: Chunk) -> None:
-        self.chunks.append((chunk, {item.key for item in chunk.items}))
+        self.chunks.append((chunk, set(chunk.keys)))
         with suppress(BrokenPipeError, ConnectionResetError):  # it is found dead when it is listened to
             self.connection.send(chunk)
 
+    @property
+    def hungry(self) -> bool:
+        """Whether it should have another chunk."""
+        left = sum(len(keys) for _, keys in self.chunks)
+        return len(self.chunks) < _AHEAD and (left <= 1 or left * self._item_s < _AHEAD_S)
+
     def take(self, key: str) -> None:
+        now = time.monotonic()
+        self._item_s += 0.2 * (now - self._since - self._item_s)
+        self._since = now
         self.chunks[0][1].discard(key)
         if not self.chunks[0][1]:
             self.chunks.popleft()
@@ -168,13 +179,13 @@ class Crew:
         """All items of the chunks, in the order in which they are done; `wanted` is asked no earlier than needed."""
         if self._maker is not None:
             for chunk in wanted:
-                for item in chunk.items:
-                    yield self._maker.make(item, chunk.notes)
+                for key in chunk.keys:
+                    yield self._maker.make(key, chunk.notes)
             return
         again: deque[Chunk] = deque()
         while True:
             for number in range(self._count):
-                while number >= len(self._workers) or len(self._workers[number].chunks) < _AHEAD:
+                while number >= len(self._workers) or self._workers[number].hungry:
                     given = again.popleft() if again else next(wanted, None)
                     if given is None:
                         break
@@ -215,13 +226,13 @@ class Crew:
                 )
         self._workers[number] = _Worker(self._written)
         for place, (lost, left) in enumerate(dead.chunks):
-            items = [item for item in lost.items if item.key in left]
-            if place == 0 and items and dead.ready:
-                first = items[0].key
+            keys = [key for key in lost.keys if key in left]
+            if place == 0 and keys and dead.ready:
+                first = keys[0]
                 if first in self._killed:
-                    lethal = items.pop(0)
+                    keys.remove(first)
                     said = f"its worker died twice (exit code {dead.process.exitcode}); out of memory, or killed"
-                    row = row_of(lethal, self._written.recipe, None, None, said, __version__, code())
+                    row = row_of(self._items.by_key(first), self._written.recipe, None, None, said, __version__, code())
                     yield Made(first, row, b"", {})
                 self._killed.add(first)
-            again.extend(Chunk((item,), lost.notes) for item in items)
+            again.extend(Chunk((key,), lost.notes) for key in keys)
