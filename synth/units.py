@@ -74,6 +74,20 @@ def gain_to_db(gain: float) -> float:
     return 20.0 * math.log10(gain) if gain > 0.0 else -math.inf
 
 
+def duration(seconds: float) -> str:
+    """ "45 s", "12 min", "3 h 20 min", "2 d 4 h"; "?" of what is not finite."""
+    if not math.isfinite(seconds):
+        return "?"
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    if minutes < 90:
+        return f"{minutes} min"
+    if minutes < 48 * 60:
+        return f"{minutes // 60} h {minutes % 60} min"
+    return f"{minutes // 1440} d {minutes % 1440 // 60} h"
+
+
 def _positive(name: str, value: float) -> float:
     if not (value > 0.0 and math.isfinite(value)):
         raise ValueError(f"{name} must be > 0 Hz and finite, got {value}")

@@ -17,15 +17,17 @@ import pytest
 
 import synth.study.work.running as running
 from synth.cli import main
+from synth.cli.counting import RowsLine
 from synth.study import columns, sweeping
 from synth.study.addressing import Addresses
 from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
 from synth.study.keeping import Folder, Keys
-from synth.study.showing import Progress, duration, standing
+from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
 from synth.study.values import Draw, Range
+from synth.units import duration
 from tests.patience import until
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
@@ -329,6 +331,23 @@ def test_a_worker_that_dies_of_a_row_is_a_failure_of_that_row(place: Path, tmp_p
     assert table["y"].dropna().tolist() == [1.0] * 5
 
 
+def test_rows_that_were_killed_along_are_no_failures(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crew of which all in flight dies with a deadly row, as what waits on a worker does."""
+    from synth.study import clusters
+
+    class Mortal(clusters.Here):
+        def wait(self, timeout_s: float) -> list[tuple[Any, Any]]:
+            if any(settings["x"] in (2, 4) for _, _, jobs in self._waiting for _, settings, _ in jobs):
+                died, self._waiting = self._waiting, []
+                return [(ticket, clusters.KILLED) for ticket, _, _ in died]
+            return super().wait(timeout_s)
+
+    monkeypatch.setattr(clusters, "crew_of", lambda head, workers, scheduler: Mortal(head))
+    study = called("nap", list(range(5)), base={"set": {"seconds": 0.0}})
+    table = sweeping.sweep(study, tmp_path / "s", workers=1)
+    assert table["x"][table["failure"].notna()].tolist() == [2, 4]
+
+
 def test_what_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None:
     """60 rows: both workers killed, then the process that has the scheduler; `tools/sweep-check` does it with 2,000."""
     sys.path.insert(0, str(TOOLS))
@@ -605,14 +624,14 @@ def test_a_pareto_front() -> None:
     assert pareto(x, y, ["x"]) == [3] and pareto(-x, y, ["x"]) == [3, 1, 0]
 
 
-def test_progress_says_rate_and_time_left(capsys: pytest.CaptureFixture[str]) -> None:
-    progress = Progress(sys.stderr, heartbeat_s=0.0)
+def test_progress_says_rate_and_time_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    line = RowsLine(True, heartbeat_s=0.0)
     counts = Counts(100, kept=10, workers=2)
-    progress(counts)
-    progress._seen[0] = (progress._seen[0][0] - 10.0, 0)
+    line.rows(counts)
+    clock = time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: clock() + 10.0)
     counts.computed = 45
-    progress._seen.append((time.monotonic(), 45))
-    progress(counts)
+    line.rows(counts)
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith("synth: 55 of 100 rows, 4.") and last.endswith("10 s left, 2 workers")
     assert [duration(s) for s in (5, 600, 8000, 300_000)] == ["5 s", "10 min", "2 h 13 min", "3 d 11 h"]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
-from synth.cli.common import ProgressLine, needed, number, threads
+from synth.cli.common import needed, number, threads
+from synth.cli.counting import ItemsLine
+from synth.units import duration
 
 #: packages of the extra `dataset`
 PACKAGES = ("pyarrow", "scipy", "zarr")
@@ -97,7 +98,7 @@ def _say(options: argparse.Namespace, told: dict[str, Any], lines: list[str]) ->
 def _fill(options: argparse.Namespace, written: Any, items: Any, output: str) -> int:
     from synth.dataset.filling import fill
 
-    with _Count(not options.quiet and not options.json and sys.stderr.isatty()) as line:
+    with ItemsLine(not options.quiet and not options.json and sys.stderr.isatty()) as line:
         told = fill(written, Path(output), workers=_workers(options, items.size), progress=line.items, items=items)
     speed = f", {told.made / told.wall_s:.1f} a second" if told.made else ", nothing was missing"
     lines = [f"{output}: {told.items} items, {told.seconds / 3600.0:.2f} h, {told.made} made in {told.wall_s:.1f} s{speed}"]
@@ -124,7 +125,7 @@ def _forecast(options: argparse.Namespace, written: Any, items: Any) -> int:
         lines = [
             f"{options.recipe}: {found.items} items in {found.shards} shards: {_split_line(found.splits)}",
             f"  estimated from {found.made} items: {found.seconds / 3600.0:.2f} h of sound, {_size(found.bytes)}{labels}, "
-            f"{_time(found.wall_s)} with {workers} worker{'s' * (workers > 1)}",
+            f"{duration(found.wall_s)} with {workers} worker{'s' * (workers > 1)}",
             *[f"  failed: {error}" for error in found.errors],
         ]
         empty = found.empty
@@ -175,7 +176,7 @@ def _verify(options: argparse.Namespace) -> int:
     from synth.dataset.setfolder import SetFolder
     from synth.dataset.verifying import verify
 
-    with _Count(not options.quiet and not options.json and sys.stderr.isatty()) as line:
+    with ItemsLine(not options.quiet and not options.json and sys.stderr.isatty()) as line:
         found = verify(SetFolder(options.recipe), options.verify, progress=line.items)
     lines = [
         f"{options.recipe}: {found.items} items checked, {len(found.faults)} faults",
@@ -199,33 +200,3 @@ def _size(count: float) -> str:
             return f"{count:.3g} {unit}"
         count /= 1000.0
     return f"{count:.3g} TB"
-
-
-def _time(seconds: float) -> str:
-    if seconds < 120.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
-
-
-class _Count(ProgressLine):
-    """How many items are done, how fast, and how long it will take."""
-
-    _first: tuple[float, int] | None = None
-
-    def __enter__(self) -> _Count:
-        return self
-
-    def items(self, done: int, total: int) -> None:
-        """Shows that so many of all are done."""
-        now = time.monotonic()
-        if self._first is None:
-            self._first = now, done
-        if not self._due(now) and done != total:
-            return
-        since, before = self._first
-        text = f"{100.0 * done / max(1, total):3.0f} %  {done} of {total} items"
-        if now - since >= 0.5 and done > before:
-            rate = (done - before) / (now - since)
-            text += f"  {rate:.1f} a second, {_time((total - done) / rate)} left"
-        if self._on:
-            self._write(text)

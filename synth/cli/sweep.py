@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from synth.cli import common
+from synth.cli.counting import HEARTBEAT_S, RowsLine
+from synth.units import duration
 
 if TYPE_CHECKING:
     from synth.study.conducting import Counts
@@ -47,7 +48,7 @@ def add(commands: Any) -> None:
         help="take out of the folder what the study no longer asks for, or an older program made",
     )
     parser.add_argument("--plot", action="store_true", help="draw the study's [[plot]]s into its folder at the end")
-    parser.add_argument("--heartbeat", type=common.number(float, 1, 86400, " s"), default=30.0, metavar="SEC",
+    parser.add_argument("--heartbeat", type=common.number(float, 1, 86400, " s"), default=HEARTBEAT_S, metavar="SEC",
                         help="a line so often where there is no terminal (default 30)")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
@@ -90,26 +91,23 @@ def _status(folder: Path, as_json: bool) -> int:
 
 def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     from synth.native.processors import cores
-    from synth.study.showing import Progress
     from synth.study.sweeping import conduct
 
-    progress = Progress(None if options.quiet or options.json else sys.stderr, options.heartbeat)
     warn, last = common.warner(options.quiet), None
 
     def told(counts: Counts) -> None:
         nonlocal last
         last = counts
-        progress(counts)
+        line.rows(counts)
 
     workers = cores() if options.workers is None else int(options.workers)
     try:
-        counts = conduct(opened, folder, workers, options.scheduler, options.retry_failed, options.prune, told, warn)
+        with RowsLine(not options.quiet and not options.json, options.heartbeat) as line:
+            counts = conduct(opened, folder, workers, options.scheduler, options.retry_failed, options.prune, told, warn)
     except BaseException:
-        progress.close()
         if last is not None:
             warn(f"{folder}: {last.done} of {last.total} rows are kept; the same command goes on")
         raise
-    progress.close()
     pictures = []
     if options.plot:
         from synth.study.drawing import draw_all
@@ -129,7 +127,6 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
 def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     from synth.native.processors import cores
     from synth.study.design import spread
-    from synth.study.showing import duration
     from synth.study.sweeping import read_rows
 
     total = len(opened.design)

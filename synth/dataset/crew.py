@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -22,8 +23,9 @@ from synth.dataset.recipefile import Written
 CHUNK = 8
 #: workers that may end before they have begun
 MOST_STILLBORN = 3
-#: chunks that a worker has at a time, so that it does not wait for the next
-_AHEAD = 6
+#: chunks that a worker has at most, and how long they take it, so that it neither waits for the next nor has much left
+#: when the others have ended [s]
+_AHEAD, _AHEAD_S = 8, 0.3
 
 
 @dataclass(frozen=True)
@@ -124,13 +126,23 @@ class _Worker:
         theirs.close()
         self.ready = False
         self.chunks: deque[tuple[Chunk, set[str]]] = deque()  # given, with the keys that have not come back
+        self._item_s, self._since = _AHEAD_S, time.monotonic()  # what one takes, smoothed
 
     def give(self, chunk: Chunk) -> None:
         self.chunks.append((chunk, set(chunk.keys)))
         with suppress(BrokenPipeError, ConnectionResetError):  # it is found dead when it is listened to
             self.connection.send(chunk)
 
+    @property
+    def hungry(self) -> bool:
+        """Whether it should have another chunk."""
+        left = sum(len(keys) for _, keys in self.chunks)
+        return len(self.chunks) < _AHEAD and (left <= 1 or left * self._item_s < _AHEAD_S)
+
     def take(self, key: str) -> None:
+        now = time.monotonic()
+        self._item_s += 0.2 * (now - self._since - self._item_s)
+        self._since = now
         self.chunks[0][1].discard(key)
         if not self.chunks[0][1]:
             self.chunks.popleft()
@@ -173,7 +185,7 @@ class Crew:
         again: deque[Chunk] = deque()
         while True:
             for number in range(self._count):
-                while number >= len(self._workers) or len(self._workers[number].chunks) < _AHEAD:
+                while number >= len(self._workers) or self._workers[number].hungry:
                     given = again.popleft() if again else next(wanted, None)
                     if given is None:
                         break

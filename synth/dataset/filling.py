@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -40,12 +41,14 @@ class Shard:
 
 @dataclass
 class Layout:
-    """Where every item goes. groups: key → its group; empty: splits without an item that were to have some."""
+    """Where every item goes. groups: key → its group; empty: splits without an item that were to have some; notes: by
+    engine those that it will be asked for, where all engines are kept, else nothing."""
 
     shards: list[Shard]
     groups: dict[str, str]
     splits: dict[str, int] = field(default_factory=dict)
     empty: tuple[str, ...] = ()
+    notes: dict[Any, set[int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -60,10 +63,17 @@ class Filled:
 
 
 def layout(written: Written, items: Items) -> Layout:
-    """Groups, splits and shards of all items: from the recipe alone."""
+    """Groups, splits and shards of all items: from the recipe alone. Each item is drawn once."""
     recipe = written.recipe
     strings = _Strings(items)
-    groups = {item.key: group_of(item, recipe.split.group_by, strings) for item in items}
+    groups: dict[str, str] = {}
+    notes: dict[Any, set[int]] = {}
+    for item in items:
+        groups[item.key] = group_of(item, recipe.split.group_by, strings)
+        if item.kind != "midi" and len(notes) <= _WHOLE_ENGINES:
+            mine = notes.setdefault(item.engine, set())
+            with suppress(ValueError):  # its row will say so
+                mine |= keys_of(item)
     sizes: dict[str, int] = {}
     for group in groups.values():
         sizes[group] = sizes.get(group, 0) + 1
@@ -79,7 +89,8 @@ def layout(written: Written, items: Items) -> Layout:
         for number, begin in enumerate(range(0, len(keys), size)):
             shards.append(Shard(name, number, tuple(keys[begin : begin + size])))
     empty = tuple(name for name, keys, part in zip(SPLITS, members, recipe.split.shares, strict=True) if part and not keys)
-    return Layout(shards, groups, {name: len(keys) for name, keys in zip(SPLITS, members, strict=True)}, empty)
+    sizes = {name: len(keys) for name, keys in zip(SPLITS, members, strict=True)}
+    return Layout(shards, groups, sizes, empty, notes if len(notes) <= _WHOLE_ENGINES else {})
 
 
 class _Strings:
@@ -160,14 +171,13 @@ def _fill(
     left = sum(len(shard.keys) for shard in missing)
     done = items.size - left
     progress(done, items.size)
-    notes = _notes(items)
     opened: dict[str, _Open] = {}
 
     def wanted() -> Iterator[Chunk]:
         while missing:
             shard = _Open(missing.popleft())
             opened.update(dict.fromkeys(shard.shard.keys, shard))
-            yield from chunks([items.by_key(key) for key in shard.shard.keys], notes)
+            yield from chunks([items.by_key(key) for key in shard.shard.keys], plan.notes)
 
     writing: Future[None] | None = None  # shards are written while others are made, one after the other
     with Crew(written, items, workers) as crew, ThreadPoolExecutor(1) as writer:
@@ -183,21 +193,6 @@ def _fill(
         if writing is not None:
             writing.result()
     return left
-
-
-def _notes(items: Items) -> dict[Any, set[int]]:
-    """By engine the notes that it will be asked for, where all engines are kept; else nothing."""
-    found: dict[Any, set[int]] = {}
-    for item in items:
-        if item.kind != "midi":
-            mine = found.setdefault(item.engine, set())
-            if len(found) > _WHOLE_ENGINES:
-                return {}
-            try:
-                mine |= keys_of(item)
-            except ValueError:  # its row will say so
-                continue
-    return found
 
 
 def _close(folder: SetFolder, written: Written, plan: Layout, opened: _Open, about: dict[str, str]) -> None:

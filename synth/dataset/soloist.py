@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections import OrderedDict
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,8 +84,8 @@ class Soloist:
         samples = sound_alone(
             engine, events_of_item(item, rate_hz), item.seconds, rate_hz, np.dtype(np.float64), block=PIECE
         )
-        sung = Sung(samples, *_struck(engine))
-        return replace(sung, f0_hz=_pitch(engine)) if item.kind == "note" else sung
+        struck = engine.struck
+        return Sung(samples, *_names(engine, struck), _pitch(engine, struck) if item.kind == "note" else None)
 
     def _engine(self, item: Item, keys: set[int]) -> Engine:
         """One that is prepared for at least the item's keys."""
@@ -157,17 +156,16 @@ class _Prepared(Engine):
     keys: frozenset[int] = frozenset()
 
 
-def _struck(engine: Engine) -> tuple[str, str]:
-    """Strings and frets."""
+def _names(engine: Engine, struck: list[tuple[int, int]]) -> tuple[str, str]:
+    """Strings that were struck, and their frets."""
     part: CompiledPart = engine.compiled[0]
-    struck = engine.struck
     names = "+".join(part.strings[number].name for number, _ in struck)
     return names, "+".join(str(fret) for _, fret in struck)
 
 
-def _pitch(engine: Engine) -> float | None:
+def _pitch(engine: Engine, struck: list[tuple[int, int]]) -> float | None:
     """Pitch of the first string that was struck, at its fret [Hz]."""
-    for number, fret in engine.struck:
+    for number, fret in struck:
         opened = engine.compiled[0].strings[number].open_note
         preset = engine.parts[0]
         for table in preset.string:

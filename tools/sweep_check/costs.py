@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import resource
 import time
@@ -9,15 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from sweep_check import kills
-from sweep_check.rows import nap, work
-
-
-def _calibrated() -> int:
-    """How many times `work` repeats itself in 0.2 s."""
-    work({"x": 0, "times": 200})
-    began = time.perf_counter()
-    work({"x": 0, "times": 2000})
-    return max(1, round(2000 * 0.2 / (time.perf_counter() - began)))
+from sweep_check.rows import nap
+from sweep_check.wires import moved
 
 
 def _sweep(folder: Path, grid: dict[str, Any], function: str, fixed: dict[str, Any], workers: int, told: Any = None) -> list:
@@ -35,26 +29,6 @@ def _sweep(folder: Path, grid: dict[str, Any], function: str, fixed: dict[str, A
     base = {"call": f"sweep_check.rows:{function}", "set": fixed}
     sweep({"base": base, "grid": grid}, folder, workers=workers, told=hear)
     return seen
-
-
-def overhead(folder: Path, rows: int, workers: int) -> dict[str, Any]:
-    """Seconds a row takes in a plain loop and in a study, from its first rows to its last; and those before and after."""
-    times = _calibrated()
-    began = time.perf_counter()
-    for x in range(rows // 2):
-        work({"x": x, "times": times})
-    loop = (time.perf_counter() - began) / (rows // 2)
-    began = time.perf_counter()
-    seen = _sweep(folder, {"x": {"from": 0, "to": rows - 1, "step": 1}}, "work", {"times": times}, workers)
-    whole = time.perf_counter() - began
-    first = next(k for k, (_, done) in enumerate(seen) if done >= 2 * workers)
-    row = workers * (seen[-1][0] - seen[first][0]) / (seen[-1][1] - seen[first][1])
-    began = time.perf_counter()
-    for x in range(rows // 2):
-        work({"x": x, "times": times})
-    loop = (loop + (time.perf_counter() - began) / (rows // 2)) / 2.0
-    return {"workers": workers, "rows": rows, "plain loop": loop, "study": row, "more": row / loop - 1.0,
-            "start and end": whole - (seen[-1][0] - seen[first][0])}  # fmt: skip
 
 
 def asleep(folder: Path, rows: int) -> dict[str, Any]:
@@ -88,7 +62,7 @@ def memory(folder: Path, rows: int) -> dict[str, Any]:
 
 def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, Any]:
     """One scheduler and sleeping workers, `threads` at once in four processes: rows a second against what they could do, and
-    what the conducting process, the scheduler and the wires have to do with it."""
+    what the conducting process, the scheduler and the wires have to do with it, from 10 or 15 to 85 or 90 % of the rows."""
     from synth.study.sweeping import open_study, sweep
     from synth.study.work.running import run_batch
 
@@ -103,6 +77,7 @@ def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, An
         len(pickle.dumps(run_batch(opened.addresses.head, None, [(k, s | {"seconds": 0}, o) for k, s, o in jobs]))) / 100.0
     )
     seen: list[tuple[float, int, float, float]] = []
+    wires: list[tuple[int, dict[str, int]]] = []
     with kills.cluster(port, 4, folder, threads // 4) as begun:
         scheduler = begun[0].pid
 
@@ -110,22 +85,24 @@ def scale(folder: Path, threads: int, seconds: float, rows: int) -> dict[str, An
             if counts.workers >= threads and (not seen or counts.computed > seen[-1][1]):
                 used = resource.getrusage(resource.RUSAGE_SELF)
                 seen.append((time.perf_counter(), counts.computed, used.ru_utime + used.ru_stime, _cpu_s(scheduler)))
+                if counts.computed > (0.1, 0.9, 2.0)[len(wires)] * rows:
+                    wires.append((counts.computed, moved(scheduler, os.getpid())))
 
         time.sleep(8.0)
         sweep(study, folder / f"scale-{threads}-{seconds}", scheduler=f"tcp://127.0.0.1:{port}", told=hear)
     steady = [each for each in seen if 0.15 * rows <= each[1] <= 0.85 * rows]
     (t0, n0, c0, s0), (t1, n1, c1, s1) = steady[0], steady[-1]
     rate = (n1 - n0) / (t1 - t0)
+    (w0, before), (w1, after) = wires
     return {
         "at once": threads, "row_s": seconds, "rows/s": rate, "of what they could do": rate * seconds / threads,
         "client CPU, ms a row": 1e3 * (c1 - c0) / (n1 - n0), "scheduler CPU, ms a row": 1e3 * (s1 - s0) / (n1 - n0),
         "client busy": (c1 - c0) / (t1 - t0), "scheduler busy": (s1 - s0) / (t1 - t0),
-        "bytes a row there": row_out, "bytes a row back": row_back,
+        "pickled, bytes a row there": row_out, "pickled, bytes a row back": row_back,
+        **{f"on the wire, bytes a row {way}": (after[way] - before[way]) / (w1 - w0) for way in before},
     }  # fmt: skip
 
 
 def _cpu_s(pid: int) -> float:
-    import os
-
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
