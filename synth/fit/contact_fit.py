@@ -16,22 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from synth.fit.contact_features import (
-    HUBER_DB,
-    SECONDS,
-    Bands,
-    Compared,
-    Observed,
-    compare,
-    huber,
-)
-from synth.fit.contact_model import Bridge, ContactModel, Grid, Stroke
+from synth.fit.contact_dictionary import GLANCE_S, Search
+from synth.fit.contact_features import HUBER_DB, Bands, Compared, Observed, compare, huber
+from synth.fit.contact_model import Bridge, Grid, Stroke
 from synth.fit.contact_observed import seen_of
-from synth.fit.contact_search import NOTES, evolve, sobol, starts_of
-from synth.fit.contact_space import Estimate, Space, asked, estimates, space_of
+from synth.fit.contact_search import evolve, starts_of
+from synth.fit.contact_space import Estimate, asked, estimates
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
-from synth.instrument.calibration import STEPS
-from synth.instrument.plan import BRIDGE
 
 Real = NDArray[np.float64]
 #: a loss beyond that is another model's [pseudo-Huber units: 1 is 3 dB]
@@ -47,24 +38,14 @@ NO_CONTACT = 1.25
 #: factor and least halves of intervals, from notes that are not those of the table (tools/contact-table --set calibration)
 FACTOR = 6.5
 LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4}
-#: the dictionary and the first evolution look at so many seconds, and at modes up to there [Hz]
-SHORT_S, COARSE_HZ = 1.2, 14000.0
-#: over curved bridges only so many seconds are compared: later no two grids sound the same. At the true values the loss of
-#: eleven notes is .01 to .05 over 0.8 s, .03 to .23 over 2.3 s
-CURVED_S = 0.8
-_FIRST, _FIRST_STARTS = 160, 14
-#: a curved bridge has more unknowns: so many times the notes; a first look at so many seconds, from so many starts
-_CURVED, _GLANCE_S, _GLANCES, _GLANCE, _GLANCED = 4, 0.4, 28, 200, 8
-_DRAWS = 16
-_SECOND, _FINALISTS, _CONTENDERS = 240, 5, 3
-#: after so many notes it is asked whether to go on
-_PULSE = 8
+#: evaluations of the first evolution and of the second, of so many finalists; draw times tried; contenders followed
+_FIRST, _SECOND, _FINALISTS, _DRAWS, _CONTENDERS = 160, 240, 5, 16, 3
+#: over a curved bridge the first moments are looked at from so many starts that far apart, with so many evaluations; the
+#: best of them again, and so many are left; fewer finalists
+_GLANCES, _APART, _GLANCE, _AGAIN, _SECOND_GLANCE, _GLANCED = 40, 0.08, 72, 14, 120, 6
+_CURVED_FINALISTS = 3
 #: what a curved bridge of so many points explains with less than so much of a point's loss is taken for curved; radii [m]
 _RIVAL_POINTS, _RIVAL, _RADII_M = 5, 0.6, (10.0, 5.0, 2.5, 1.2)
-
-
-def _nothing() -> None:
-    pass
 
 
 @dataclass(frozen=True)
@@ -108,60 +89,6 @@ class NoContact(FitRefused):
         self.bound = bound
 
 
-class Search:
-    """The notes of one string over one kind of obstacle, and a dictionary of them that all its recordings share."""
-
-    def __init__(self, model: ContactModel, space: Space, *, notes: int = NOTES, starts: int = _FIRST_STARTS) -> None:
-        self.curved = model.shape.points > 1
-        self.model, self.space, self.starts = model, space, starts
-        self.notes = _CURVED * notes if self.curved else notes
-        self.seconds = CURVED_S if self.curved else SECONDS
-        self.short_s = min(SHORT_S, self.seconds)
-        self.first_s = _GLANCE_S if self.curved else SHORT_S
-        self.second = 2 * _SECOND if self.curved else _SECOND
-        self.coarse = model.grid(STEPS[BRIDGE]["draft"], 0.0, COARSE_HZ)
-        self.fine = model.grid(STEPS[BRIDGE]["standard"], 44100.0)
-        self._dictionaries: dict[tuple[bytes, float], tuple[Real, list[Real]]] = {}
-        self.evaluations = 0
-        #: called now and then while notes are computed: it may raise FitCancelled
-        self.pulse: Callable[[], None] = _nothing
-
-    def powers(self, point: Real, bands: Bands, grid: Grid, seconds: float | None = None) -> Real:
-        """(windows, B) of the note at a point of the cube, over the seconds that are compared or so many."""
-        seconds = self.seconds if seconds is None else seconds
-        self.evaluations += 1
-        if self.evaluations % _PULSE == 0:
-            self.pulse()
-        sound = self.model.sound(self.space.stroke(point), grid, seconds + 0.05).frames
-        return bands.powers(sound, grid.rate_hz, seconds)
-
-    def dictionary(self, bands: Bands, done: Callable[[float], None]) -> tuple[Real, list[Real]]:
-        """Points (n, d) and their powers."""
-        key = bands.edges_hz.tobytes(), bands.window_s
-        if key not in self._dictionaries:
-            points, powers = sobol(self.space.size, self.notes), []
-            for i, point in enumerate(points):
-                if i % _PULSE == 0:
-                    done(i / len(points))
-                powers.append(self.powers(point, bands, self.coarse, self.first_s))
-            self._dictionaries[key] = points, powers
-        return self._dictionaries[key]
-
-
-def contact_search(
-    model: ContactModel,
-    amplitude_m: float,
-    *,
-    position: float | None = None,
-    notes: int = NOTES,
-    starts: int = _FIRST_STARTS,
-) -> Search:
-    """A search for notes of a model. amplitude_m: how far the string was drawn aside, or what is taken for it. position: of
-    the pluck, where it is known. notes and starts: fewer are quicker, and miss more."""
-    space = space_of(model.string, amplitude_m, slides=model.hand.slides, position=position)
-    return Search(model, space, notes=notes, starts=starts)
-
-
 def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Progress = lambda _: True) -> NoteFit:
     """The contact and the pluck of one recorded note, (n,) or (n, channels), full scale 1.
 
@@ -184,7 +111,7 @@ def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Pr
         try:
             return _Fitting(search, note, seen, done).result()
         finally:
-            search.pulse = _nothing
+            search.pulse = lambda: None
 
 
 class _Fitting:
@@ -216,27 +143,25 @@ class _Fitting:
         starts = self._glances(points, losses) if search.curved else starts_of(points, losses, search.starts)
         found = []
         for i, start in enumerate(starts):
-            near, _ = self._near(start, search.coarse, 3, search.short_s)
-            trail = evolve(self._loss(near, search.coarse, search.short_s), start, most=_FIRST, seed=i + 1)
-            point, _ = self._other_draws(*trail.best)
-            found.append(self._squares(point, search.coarse, rounds=6))
+            step = 0.02 if search.curved else 0.06
+            point, loss = self._nearer(start, search.short_s, 3, step=step, most=_FIRST, seed=i + 1)
+            found.append(self._squares(self._other_draws(point, loss)[0], search.coarse, rounds=6))
             self.done(0.5 + 0.15 * (i + 1) / len(starts))
         found.sort(key=lambda each: each[1])
         finalists = []
-        for i, (point, _) in enumerate(found[:_FINALISTS]):
-            near, _ = self._near(point, search.coarse, 2)
-            trail = evolve(self._loss(near, search.coarse), point, step=0.02, most=search.second, seed=i + 101)
-            finalists.append(self._squares(self._other_draws(*trail.best)[0], search.coarse, rounds=6))
-            self.done(0.65 + 0.2 * (i + 1) / _FINALISTS)
+        last = _CURVED_FINALISTS if search.curved else _FINALISTS
+        for i, (point, _) in enumerate(found[:last]):
+            point, loss = self._nearer(point, None, 2, step=0.02, most=_SECOND, seed=i + 101)
+            finalists.append(self._squares(self._other_draws(point, loss)[0], search.coarse, rounds=6))
+            self.done(0.65 + 0.2 * (i + 1) / last)
         finalists = sorted([*finalists, *found], key=lambda each: each[1])
         free = self._free(points, losses)
         self.done(0.9)
         coarse, polished = finalists[0], self._squares(finalists[0][0], search.fine, rounds=8)
         for other in self._contenders(polished[0], finalists):
             # a valley that has not been followed to its end looks like another answer
-            near, _ = self._near(other[0], search.coarse, 1)
-            trail = evolve(self._loss(near, search.coarse), other[0], step=0.01, most=search.second, seed=201)
-            point, loss = self._squares(trail.best[0], search.coarse, rounds=8)
+            followed, _ = self._nearer(other[0], None, 1, step=0.01, most=_SECOND, seed=201)
+            point, loss = self._squares(followed, search.coarse, rounds=8)
             finalists = [each for each in finalists if each is not other] + [(point, loss)]
             further = self._squares(point, search.fine, rounds=8)
             if further[1] < polished[1]:
@@ -248,18 +173,37 @@ class _Fitting:
         self.done(0.97)
         return self._told(polished[0], coarse[0], free)
 
+    def _nearer(
+        self, start: Real, seconds: float | None, reach: int, *, step: float, most: int, seed: int, held: str = ""
+    ) -> tuple[Real, float]:
+        """Point and loss of the best that evolution finds from a start, which is among them. held: an unknown that stays."""
+        search = self.search
+        near, found = self._near(start, search.coarse, reach, seconds)
+        inner = self._loss(near, search.coarse, seconds)
+        moved = [i for i, unknown in enumerate(search.space.unknowns) if unknown.name != held]
+
+        def whole(part: Real) -> Real:
+            point = np.array(start)
+            point[moved] = part
+            return point
+
+        part, loss = evolve(lambda part: inner(whole(part)), start[moved], step=step, most=most, seed=seed).best
+        return (whole(part), loss) if loss < found.loss else (start, found.loss)
+
     def _glances(self, points: Real, losses: Real) -> Real:
         """Starts (n, d) that evolution at the first moments of the note has made better: they sound the same for longer."""
-        search, found = self.search, []
-        starts = starts_of(points, losses, _GLANCES)
+        starts = starts_of(points, losses, _GLANCES, apart=_APART)
+        found = []
         for i, start in enumerate(starts):
-            near, _ = self._near(start, search.coarse, 2, _GLANCE_S)
-            found.append(
-                evolve(self._loss(near, search.coarse, _GLANCE_S), start, step=0.08, most=_GLANCE, seed=i + 301).best
-            )
-            self.done(0.35 + 0.15 * (i + 1) / len(starts))
-        ends = np.array([point for point, _ in found])
-        return starts_of(ends, np.array([loss for _, loss in found]), _GLANCED, apart=0.03)
+            found.append(self._nearer(start, GLANCE_S, 2, step=0.07, most=_GLANCE, seed=i + 301, held="losses"))
+            self.done(0.35 + 0.1 * (i + 1) / len(starts))
+        found = sorted(found, key=lambda each: each[1])[:_AGAIN]
+        again = []
+        for i, (start, _) in enumerate(found):
+            again.append(self._nearer(start, GLANCE_S, 2, step=0.03, most=_SECOND_GLANCE, seed=i + 401))
+            self.done(0.45 + 0.05 * (i + 1) / len(found))
+        ends, left = zip(*again, strict=True)
+        return starts_of(np.array(ends), np.array(left), _GLANCED, apart=0.02)
 
     def _contenders(
         self, point: Real, finalists: list[tuple[Real, float]], most: int = _CONTENDERS
@@ -355,18 +299,18 @@ class _Fitting:
                 )
 
     def _refuse_curved(self, point: Real, loss: float) -> None:
-        """A point is a curved bridge that never curves: that is tried from the answer, with some radii."""
-        model, space = self.search.model, self.search.space
+        """A point is a curved bridge that never curves: some radii are tried from the answer, over the same time."""
+        model, space, search = self.search.model, self.search.space, self.search
         stroke = space.stroke(point)
         for radius in _RADII_M:
             shape = Bridge(_RIVAL_POINTS, _RIVAL_POINTS, radius)
-            rival = Search(model.over(shape), space)
+            rival = Search(model.over(shape), space, seconds=search.seconds)
             # the edge stays where it was
             fallen = 0.5 * stroke.distance_m**2 / radius
             scale = space.amplitude_m * stroke.distance_m / ((1.0 - stroke.position) * model.string.length_m)
             values = space.values(point)
             lifted = space.point({**values, "height": values["height"] - fallen / scale})
-            _, theirs = _Fitting(rival, self.note, self.seen, self.done)._squares(lifted, self.search.coarse, rounds=6)
+            _, theirs = _Fitting(rival, self.note, self.seen, self.done)._squares(lifted, search.coarse, rounds=6)
             if theirs < _RIVAL * loss:
                 raise FitRefused(
                     f"a curved bridge explains the sound better than one of a point (loss {theirs:.3f} with a radius of "

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synth.fit.contact_fit import LEAST_HALF, NoContact, NoteFit, Search, contact_search, fit_note
+from synth.fit.contact_dictionary import Search, contact_search
+from synth.fit.contact_fit import LEAST_HALF, NoContact, NoteFit, fit_note
 from synth.fit.contact_model import ContactModel
 from synth.fit.contact_search import NOTES
 from synth.fit.contact_space import Estimate, estimates

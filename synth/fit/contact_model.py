@@ -46,10 +46,10 @@ _SOFT = 1e-3
 @dataclass(frozen=True)
 class Hand:
     """What is held of a pluck: its width [m], the finger's spring [N/m] and its dashpot in units of the string's impedance;
-    and whether the string slides off in a time that is looked for, or is let go at once."""
+    and about how long the string takes to slide off it, which is looked for, or 0, let go at once."""
 
     width_m: float = 0.01
-    slides: bool = False
+    slip_s: float = 0.0
     stiffness_n_m: float = 5e4
     loss: float = 0.5
 
@@ -138,8 +138,8 @@ class ContactModel:
                 "that has one, such as tanpura"
             )
         pluck = preset.pluck
-        slides = max(at_note(pluck.slip_ms, note), at_note(pluck.hardest_slip_ms, note)) > 0.0
-        hand = Hand(1e-3 * pluck.width_mm, slides, 1e3 * pluck.finger_stiffness_n_mm, pluck.finger_loss)
+        slip_s = 1e-3 * (at_note(pluck.hardest_slip_ms, note) or at_note(pluck.slip_ms, note))
+        hand = Hand(1e-3 * pluck.width_mm, slip_s, 1e3 * pluck.finger_stiffness_n_mm, pluck.finger_loss)
         if preset.output.kind == "body":
             return cls(string, found, hand)
         return cls(string, found, hand, lambda of, n: output_weights(preset, of, string.length_m, n))

@@ -46,8 +46,8 @@ DISTANCE = Unknown("distance", 0.0012, 0.03, True)
 POSITION = Unknown("position", 0.02, 0.5)
 DRAW = Unknown("draw", 0.003, 0.04, True)
 LOSSES = Unknown("losses", 0.6, 1.6, True)
-#: in which the string slides off the finger [s]
-SLIP = Unknown("slip", 1e-4, 3e-3, True)
+#: the string slides off the finger in the hand's own time, times or over so much
+SLIPS = 3.0
 #: what the answer is about; the rest is in its way
 ASKED = ("height", "distance", "position")
 
@@ -90,13 +90,13 @@ def space_of(
     string: String,
     amplitude_m: float,
     *,
-    slides: bool = False,
+    slip_s: float = 0.0,
     position: float | None = None,
 ) -> Space:
-    """Of a bridge. slides: the string slides off the finger; position: of the pluck, where it is known."""
+    """Of a bridge. slip_s: about how long the string slides off the finger, or 0; position: of the pluck, if known."""
     found = [HEIGHT, DISTANCE, POSITION, DRAW, LOSSES]
-    if slides:
-        found.append(SLIP)
+    if slip_s > 0.0:
+        found.append(Unknown("slip", slip_s / SLIPS, slip_s * SLIPS, True))
     held = () if position is None else (("position", position),)
     return Space(string, tuple(u for u in found if u.name not in dict(held)), amplitude_m, held)
 

@@ -7,15 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+import soxr
 
 from synth import cli
-from synth.fit import contact_fit, contact_group
+from synth.fit import contact_dictionary, contact_fit, contact_group
+from synth.fit.contact_dictionary import contact_search
 from synth.fit.contact_features import SECONDS, bands_of, compare, huber, observe
-from synth.fit.contact_fit import contact_search, fit_note
-from synth.fit.contact_model import Bridge, ContactModel, Stroke
+from synth.fit.contact_fit import fit_note
+from synth.fit.contact_model import Bridge, ContactModel, Hand, Stroke
+from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import sobol, starts_of
 from synth.fit.contact_space import asked, space_of
-from synth.fit.recording import FitCancelled, FitRefused
+from synth.fit.recording import FitCancelled, FitRefused, cut_note
 from synth.instrument.preset import load_preset
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
@@ -23,6 +26,8 @@ from contact_truths.notes import Truth, length_m, sound
 
 RATE_HZ = 44100
 TRUTH = Truth("tanpura", 0, 8e-6, 7e-3, 0.33, 3e-3, 0.011, seed=5, quality="standard")
+#: its values as the fit's unknowns
+_VALUES = {"height": 0.237, "distance": 7e-3 / 0.95, "position": 0.33, "draw": 0.011}
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +92,7 @@ def test_power_of_a_tone_is_in_its_band(model: ContactModel) -> None:
 
 
 def test_unknowns_and_back(model: ContactModel) -> None:
-    space = space_of(model.string, 3e-3, slides=True)
+    space = space_of(model.string, 3e-3, slip_s=3e-4)
     points = sobol(space.size, 16)
     for point in points:
         assert space.point(space.values(point)) == pytest.approx(point)
@@ -107,10 +112,12 @@ def test_a_note_gives_its_bridge(model: ContactModel, recording: np.ndarray, mon
     """A dictionary narrowed to a neighbourhood stands for the search; the rest is as it is."""
     search = contact_search(model, 3e-3, starts=1)
     centre = search.space.point({"height": 0.24, "distance": 0.0076, "position": 0.34, "draw": 0.0115, "losses": 1.03})
-    monkeypatch.setattr(contact_fit, "sobol", lambda size, notes: np.clip(centre + 0.03 * (sobol(size, 16) - 0.5), 0.0, 1.0))
+    monkeypatch.setattr(
+        contact_dictionary, "sobol", lambda size, notes: np.clip(centre + 0.03 * (sobol(size, 16) - 0.5), 0.0, 1.0)
+    )
     monkeypatch.setattr(contact_fit, "starts_of", lambda points, losses, count: starts_of(points, losses, count))
     monkeypatch.setattr(contact_fit, "_FIRST", 48)
-    monkeypatch.setattr(search, "second", 48)
+    monkeypatch.setattr(contact_fit, "_SECOND", 48)
     told: list[float] = []
     # no note of the neighbourhood is out of reach: what touches nothing is not asked for
     monkeypatch.setattr(contact_fit._Fitting, "_free", lambda self, points, losses: 1.0)
@@ -127,6 +134,45 @@ def test_a_note_gives_its_bridge(model: ContactModel, recording: np.ndarray, mon
 def test_cancelled(model: ContactModel, recording: np.ndarray) -> None:
     with pytest.raises(FitCancelled):
         fit_note(contact_search(model, 3e-3, notes=16), recording, RATE_HZ, progress=lambda share: False)
+
+
+def test_it_is_asked_now_and_then_whether_to_go_on(model: ContactModel) -> None:
+    """Not only between the parts of a search: one of them can take half a minute."""
+    search, asked_at = contact_search(model, 3e-3), []
+    search.pulse = lambda: asked_at.append(search.evaluations)
+    for _ in range(20):
+        search.powers(np.full(search.space.size, 0.5), bands_of(model.string, RATE_HZ), search.coarse, 0.2)
+    assert asked_at == [8, 16]
+
+
+def test_over_a_curved_bridge_starts_cover_what_the_first_moments_tell(model: ContactModel) -> None:
+    curved = ContactModel(model.string, Bridge(4, 4, 2.0), Hand(slip_s=4e-4))
+    search = contact_search(curved, 2e-3, notes=16)
+    points, _ = search.dictionary(bands_of(model.string, RATE_HZ), lambda share: None)
+    values = [search.space.values(point) for point in points]
+    assert len(points) == 64 and {round(each["losses"], 6) for each in values} == {round((0.6 * 1.6) ** 0.5, 6)}
+    slips = [each["slip"] / 4e-4 for each in values]
+    assert 0.57 < min(slips) < 0.65 and 1.55 < max(slips) < 1.74
+    assert max(each["position"] for each in values) > 0.45 and min(each["position"] for each in values) < 0.07
+
+
+@pytest.mark.parametrize("radius_m", [None, 2.5])
+def test_a_curved_bridge_is_not_taken_for_one_of_a_point(model: ContactModel, radius_m: float | None) -> None:
+    played = model if radius_m is None else model.over(Bridge(5, 5, radius_m))
+    # the edge of both is as high
+    fallen = 0.0 if radius_m is None else 0.5 * 7e-3**2 / radius_m
+    stroke = Stroke(8e-6 - fallen, 7e-3, 0.33, 3e-3, 0.011)
+    x = played.sound(stroke, model.grid(1000.0, RATE_HZ), 3.2)
+    rate_hz = model.grid(1000.0, RATE_HZ).rate_hz
+    note = cut_note(soxr.resample(x.frames / np.abs(x.frames).max(), rate_hz, RATE_HZ), RATE_HZ)
+    search = contact_search(model, 3e-3)
+    fitting = contact_fit._Fitting(search, note, seen_of(model.string, note), lambda share: None)
+    point, loss = fitting._squares(search.space.point({**_VALUES, "losses": 1.0}), search.coarse, rounds=6)
+    if radius_m is None:
+        fitting._refuse_curved(point, loss)
+    else:
+        with pytest.raises(FitRefused, match="a curved bridge explains the sound better than one of a point"):
+            fitting._refuse_curved(point, loss)
 
 
 def test_notes_that_are_none_are_refused(model: ContactModel, recording: np.ndarray) -> None:
@@ -178,8 +224,7 @@ def test_what_is_found_is_told_and_written(capsys, tmp_path, recording: np.ndarr
     soundfile.write(path, recording, RATE_HZ, subtype="PCM_24")
 
     def near(self: contact_fit._Fitting) -> contact_fit.NoteFit:
-        value = {"height": 0.237, "distance": 7e-3 / 0.95, "position": 0.33, "draw": 0.011, "losses": 1.0}
-        point = self.search.space.point(value)
+        point = self.search.space.point({**_VALUES, "losses": 1.0})
         return self._told(point, point, 1.0)
 
     monkeypatch.setattr(contact_fit._Fitting, "result", near)

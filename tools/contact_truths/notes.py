@@ -1,7 +1,7 @@
 """Notes over bridges drawn at random and rendered by the engine a quality finer than the fit computes, with noise.
 
 What is drawn is of the preset: height of the thread between 0 and 0.7 of that at which hardly anything touches, distance,
-place and amplitude of the pluck, its draw time. `Truth` says what is done to the sound besides.
+place and amplitude of the pluck, its draw time and slip. `Truth` says what is done to the sound besides.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ SECONDS, LEAD_S = 3.0, 0.15
 @dataclass(frozen=True)
 class Truth:
     """preset, string, height_m, distance_m, position, amplitude_m, draw_s; what is between string and recording: the
-    preset's body, place [share of L] and kind of the output, factor of the material losses, snr_db."""
+    preset's body, place [share of L] and kind of the output, factors of the material losses and of the time in which the
+    string slides off the finger, snr_db."""
 
     preset: str
     string: int
@@ -37,6 +38,7 @@ class Truth:
     heard: float | None = None
     kind: str = "force"
     losses: float = 1.0
+    slip: float = 1.0
     snr_db: float = 40.0
     quality: str = "fine"
 
@@ -67,7 +69,9 @@ def drawn(seed: int, family: str, **fixed: Any) -> Truth:
     amplitude = rng.uniform(1.5e-3, 4e-3) if tanpura else 2e-3
     height = rng.uniform(0.0, 0.7) * distance * amplitude / ((1.0 - position) * length_m(family, string))
     draw_s = rng.uniform(6e-3, 20e-3) if tanpura else rng.uniform(3e-3, 8e-3)
-    return replace(Truth(family, string, height, distance, position, amplitude, draw_s, seed), **fixed)
+    # no hand is the preset's: the string slides off up to 1.4 times as fast or as slowly
+    slip = 1.0 if tanpura else math.exp(rng.uniform(-0.34, 0.34))
+    return replace(Truth(family, string, height, distance, position, amplitude, draw_s, seed, slip=slip), **fixed)
 
 
 def preset_of(truth: Truth, obstacle: dict[str, Any] | None = None) -> Preset:
@@ -83,6 +87,9 @@ def preset_of(truth: Truth, obstacle: dict[str, Any] | None = None) -> Preset:
         body, table = body.model_copy(update={"mode": ()}), table.model_copy(update={"place_mm": 0.0})
     elif not truth.body:
         body = body.model_copy(update={"direct_db": 0.0, "resonance": ()})
+    if truth.slip != 1.0 and isinstance(preset.pluck.hardest_slip_ms, float):
+        pluck = preset.pluck.model_copy(update={"slip_hard_ms": preset.pluck.hardest_slip_ms * truth.slip})
+        preset = preset.model_copy(update={"pluck": pluck})
     near = 1e-4 if preset.output.kind == "body" else preset.output.position
     place = {"kind": truth.kind, "position": near if truth.heard is None else truth.heard}
     return preset.model_copy(

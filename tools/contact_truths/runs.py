@@ -11,7 +11,8 @@ import numpy as np
 
 from contact_truths.misleading import CASES
 from contact_truths.notes import RATE_HZ, Truth, drawn, length_m, sound
-from synth.fit.contact_fit import NoContact, Search, contact_search, fit_note
+from synth.fit.contact_dictionary import Search, contact_search
+from synth.fit.contact_fit import NoContact, fit_note
 from synth.fit.contact_group import amplitude_of, tuned_model
 from synth.fit.contact_model import ContactModel
 from synth.fit.recording import FitRefused
@@ -37,8 +38,8 @@ class Job(NamedTuple):
 def _main() -> list[Job]:
     return [
         Job(f"main {family} {seed}", "main", drawn(seed, family))
-        for family in ("tanpura", "sitar")
-        for seed in range(8000, 8020)
+        for family, first in (("tanpura", 8000), ("sitar", 8100))
+        for seed in range(first, first + 20)
     ]
 
 
