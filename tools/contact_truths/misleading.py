@@ -79,8 +79,10 @@ def _soft(seed: int) -> Misleading:
 
 
 def _curved(seed: int) -> Misleading:
-    truth = _plain(seed)
-    return _of(preset_of(truth, {"points": 5, "radius_mm": 3000.0}), truth), "tanpura", 0, None
+    """The string rests on its edge alone, which has fallen by d²/2R: that is the point which is heard."""
+    truth, radius_m = _plain(seed), 3.0
+    edge = replace(truth, height_m=truth.height_m + 0.5 * truth.distance_m**2 / radius_m)
+    return _of(preset_of(truth, {"points": 5, "radius_mm": 1e3 * radius_m}), truth), "tanpura", 0, edge
 
 
 def _frets(seed: int) -> Misleading:
@@ -140,7 +142,7 @@ def _compressed(seed: int) -> Misleading:
     x = sound(truth)
     level = np.sqrt(fftconvolve(x**2, np.ones(2205) / 2205.0)[: x.size]) + 1e-3
     y = x * level**-0.7
-    return y / np.abs(y).max() * 0.5, "tanpura", 0, None
+    return y / np.abs(y).max() * 0.5, "tanpura", 0, truth
 
 
 def _clipped(seed: int) -> Misleading:
