@@ -42,9 +42,9 @@ class Heard:
     noise: Real
     counts: NDArray[np.bool_]
 
-    def at(self, first: int, last: int) -> Heard:
-        """With some of the shifts only."""
-        chosen = slice(first, last)
+    def thinned(self) -> Heard:
+        """With every other shift only."""
+        chosen = slice(None, None, 2)
         return Heard(self.bands, self.level_db[chosen], self.clean_db[chosen], self.noise, self.counts[chosen])
 
 
@@ -108,7 +108,7 @@ def first_seen(heard: Heard, power: Real) -> tuple[Compared, Between]:
     used = heard.counts.sum(axis=1) >= LEAST_WINDOWS  # (S, B)
     offset = _mean(weight, heard.clean_db - model)
     left = _left(heard, model + offset[:, None])
-    trend = np.stack([_trend(o, u) for o, u in zip(offset, used, strict=True)])
+    trend = np.stack([smooth(o, u) for o, u in zip(offset, used, strict=True)])
     beside = np.where(used, offset - trend, 0.0)
     rows = huber(left / HUBER_DB) * used[:, None]
     windows = model.shape[0]
@@ -163,7 +163,7 @@ def _left(heard: Heard, model: Real) -> Real:
     return heard.level_db - db(10.0 ** (model / 10.0) + heard.noise)
 
 
-def _trend(offset: Real, used: NDArray[np.bool_]) -> Real:
+def smooth(offset: Real, used: NDArray[np.bool_]) -> Real:
     """(B,): robust smooth part of the offsets that are used."""
     x = np.linspace(-0.5, 0.5, offset.size)
     terms = np.stack([np.ones_like(x), x, x**2], axis=1)

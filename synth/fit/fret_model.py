@@ -21,7 +21,7 @@ from synth.engine.engine import Engine
 from synth.engine.parameters import INDEX_OF
 from synth.instrument.compile import obstacle_of, open_string, speaking_string
 from synth.instrument.planfile import MeasuredPlan
-from synth.instrument.preset import FretsObstacle, Preset, at_note, fret_count
+from synth.instrument.preset import FretsObstacle, Preset, PresetError, at_note, fret_count
 from synth.midi.events import NOTE_ON, PARAMETER, make_events
 from synth.physics.obstacle import fret_positions
 from synth.physics.string import String
@@ -120,7 +120,7 @@ class FretModel:
         if shape.sawari_um is not None and fret == 0:
             raise ValueError(f"an open string of {preset.name} buzzes on its sawari, not on frets; give a note at a fret")
         opened, below = open_string(self.preset, self.preset.string[0], open_note)
-        self._open_m = opened.length_m
+        self.open_m = opened.length_m
         self.string: String
         self.string, _, _ = speaking_string(self.preset, self.preset.string[0], open_note, fret, opened, below)
         self.action_mm = action_mm(preset)
@@ -158,7 +158,7 @@ class FretModel:
     def _free(self) -> Preset:
         """The preset whose string touches nothing beyond the fret that it is stopped at."""
         shape = _frets(self.preset)
-        below = obstacle_of(self.preset, self.preset.string[0], self.preset.string[0].notes[0], self._open_m)
+        below = obstacle_of(self.preset, self.preset.string[0], self.preset.string[0].notes[0], self.open_m)
         kept = [1e3 * each for each in below.heights_m[: self.fret]]
         # two frets make what the engine takes for a neck, and are the quickest
         heights = (*kept, -_OUT_OF_REACH_MM, -_OUT_OF_REACH_MM)
@@ -184,8 +184,11 @@ class FretModel:
         return np.asarray(out[first:, 0])
 
     def touches(self, action: float, amplitude_mm: float, hand: Hand) -> bool:
-        """Whether the stroke reaches a fret."""
-        first = [self.sound(each, amplitude_mm, hand, _FIRST_S, "standard") for each in (action, FREE_MM)]
+        """Whether the stroke reaches a fret, or the string lies on one."""
+        try:
+            first = [self.sound(each, amplitude_mm, hand, _FIRST_S, "standard") for each in (action, FREE_MM)]
+        except PresetError:
+            return True
         return float(np.abs(first[0] - first[1]).max()) > _TOUCHED * float(np.abs(first[1]).max())
 
     def reached_mm(self, amplitude_mm: float, hand: Hand, low: float, high: float, within: float = 0.004) -> float:
