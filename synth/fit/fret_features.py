@@ -78,8 +78,8 @@ def db(power: Real) -> Real:
 
 @dataclass(frozen=True)
 class Between:
-    """What lies between string and recording, of bands: offset_db and slope_db_s (B,), NaN where no stroke that touches nothing
-    tells; trend_db (B,) smooth, and everywhere."""
+    """What lies between string and recording, of bands: offset_db and slope_db_s (B,), NaN where no stroke that touches
+    nothing tells; trend_db (B,) smooth, and everywhere."""
 
     offset_db: Real
     slope_db_s: Real

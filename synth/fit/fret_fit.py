@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
@@ -38,7 +38,9 @@ AGREED_MM, WIDEST_MM = 0.06, 0.1
 SEARCHED = 2
 #: least half of the interval [mm], and what an amplitude is held to be known by
 LEAST_MM, AMPLITUDE_KNOWN = 0.015, 0.01
-#: what a bracket gets of room [mm]
+#: slip of a string that is let go at once [s], and what the hand leaves a bracket uncertain by
+AT_ONCE_S, BRACKET_KNOWN = 2e-4, 0.03
+#: what the search gets of room beside the bracket [mm]
 _ROOM_MM = 0.05
 
 
@@ -52,8 +54,8 @@ class OutOfReach(FitRefused):
 
 @dataclass(frozen=True)
 class StrokeFit:
-    """What one recording says: amplitude_mm as given, whether it touches, its loss as a stroke that touches nothing, and if it
-    was searched for its minimum."""
+    """What one recording says: amplitude_mm as given, whether it touches, its loss as a stroke that touches nothing, and
+    if it was searched for its minimum."""
 
     amplitude_mm: float
     touches: bool | None
@@ -131,7 +133,8 @@ def _fret_of(preset: Preset, index: int, notes: Sequence[Note]) -> tuple[int, fl
     for number, hz in enumerate(found[1:], start=2):
         if abs(cents(hz, found[0])) > TOGETHER:
             raise FitRefused(
-                f"the recordings must be of one note, got {found[0]:.4g} Hz in recording 1 and {hz:.4g} Hz in recording {number}"
+                f"the recordings must be of one note, got {found[0]:.4g} Hz in recording 1 and {hz:.4g} Hz "
+                f"in recording {number}"
             )
     hz = sorted(found)[len(found) // 2]
     opened = note_frequency(preset, table, table.notes[0], None)
@@ -169,9 +172,7 @@ class _Fitting:
 
     def result(self, preset: Preset, index: int) -> FretFit:
         softest = self.order[0]
-        first = first_linear(
-            self.model, self.heard[softest], self.amplitudes[softest], self.position, self._pulse(0.0, 0.3)
-        )
+        first = first_linear(self.model, self.heard[softest], self.amplitudes[softest], self.position, self._pulse(0.0, 0.3))
         if first.compared.loss > SOFTEST:
             raise FitRefused(
                 f"recording {softest + 1}, the softest, must touch no fret, and no such stroke explains it (loss "
@@ -197,9 +198,9 @@ class _Fitting:
         chosen = touching[:SEARCHED]
         if len(touching) > SEARCHED:
             self.warnings.append("of the strokes that touch the two softest are searched for")
-        found = {i: self._searched(i, first, low, high, n) for n, i in enumerate(chosen)}
-        self._refuse(found, said)
-        return self._told(preset, index, first, found, touches, losses, low, high)
+        least = {i: self._searched(i, first, low, high, n) for n, i in enumerate(chosen)}
+        self._refuse(least, said)
+        return self._told(preset, index, first, least, touches, losses, low, high)
 
     def _bracket(self, touches: dict[int, bool | None], hands: dict[int, Hand], first: Linear) -> tuple[float, float]:
         """Actions between which the strokes leave it [mm]."""
@@ -208,27 +209,27 @@ class _Fitting:
         for i in self.order:
             if touches[i] is None:
                 continue
-            # a stroke that touches nothing has shown its hand
-            hand = first.hand if touches[i] else hands[i]
+            # a stroke that touches nothing has shown its hand; of others it is only known that a string let go at once
+            # swings furthest
+            hand = replace(first.hand, slip_s=AT_ONCE_S) if touches[i] else hands[i]
             reached = self.model.reached_mm(self.amplitudes[i], hand, 0.02, top)
             if touches[i]:
-                high = min(high, reached)
+                high = min(high, reached * (1.0 + BRACKET_KNOWN))
             else:
-                low = max(low, reached)
+                low = max(low, reached * (1.0 - BRACKET_KNOWN))
         if high == math.inf:
             raise OutOfReach(
                 f"no stroke touches a fret: the action must exceed about {low:.2f} mm; strike harder for a number", low
             )
-        if low > high * (1.0 + 0.03) + _ROOM_MM:
+        if low > high:
             raise FitRefused(
-                f"the recordings contradict each other: one touches nothing, so that the action exceeds {low:.2f} mm, and one "
-                f"touches, so that it is below {high:.2f} mm; check the amplitudes"
+                f"the recordings contradict each other: one touches nothing, so that the action exceeds {low:.2f} mm, and "
+                f"one touches, so that it is below {high:.2f} mm; check the amplitudes"
             )
         return low, high
 
     def _searched(self, i: int, first: Linear, low: float, high: float, number: int) -> Minimum:
-        room = _ROOM_MM + 0.03 * high
-        stroke = Touching(self.heard[i], self.amplitudes[i], False, max(0.02, low - _ROOM_MM), max(low, high) + room)
+        stroke = Touching(self.heard[i], self.amplitudes[i], False, max(0.02, low - _ROOM_MM), high + _ROOM_MM)
         begin = 0.35 + 0.3 * number
         try:
             found = minima(self.model, stroke, first.hand, first.between, self._pulse(begin, begin + 0.3))[0]
@@ -236,8 +237,8 @@ class _Fitting:
             raise FitRefused(f"recording {i + 1}: {error}") from None
         if found.loss > MOST_LOSS:
             raise FitRefused(
-                f"recording {i + 1}: no stroke over such frets explains it (loss {found.loss:.2f}, at most {MOST_LOSS:g}); the "
-                f"action lies between about {low:.2f} and {high:.2f} mm by which strokes touch. Hard strikes are chaotic: "
+                f"recording {i + 1}: no stroke over such frets explains it (loss {found.loss:.2f}, at most {MOST_LOSS:g}); "
+                f"the action lies between about {low:.2f} and {high:.2f} mm by which strokes touch. Hard strikes are chaotic: "
                 "record softer ones, and check amplitudes and the place of plucking"
             )
         return found

@@ -41,8 +41,8 @@ _OUT_OF_REACH_MM = 150.0
 
 @dataclass(frozen=True)
 class Hand:
-    """What of strokes is their own or in the way: place of plucking from the saddle as a share of the open length; seconds in
-    which the string slides off the finger and in which it is drawn aside; factor of the losses."""
+    """What of strokes is their own or in the way: place of plucking from the saddle as a share of the open length; seconds
+    in which the string slides off the finger and in which it is drawn aside; factor of the losses."""
 
     position: float
     slip_s: float
@@ -84,7 +84,9 @@ def with_action(preset: Preset, action: float) -> Preset:
 def _raised(shape: FretsObstacle, action: float) -> tuple[float, ...]:
     at = measured_fret(shape) - 1
     x = fret_positions(1.0, shape.count)
-    return tuple(float(h - (action + shape.heights_mm[at]) * each / x[at]) for h, each in zip(shape.heights_mm, x, strict=True))
+    return tuple(
+        float(h - (action + shape.heights_mm[at]) * each / x[at]) for h, each in zip(shape.heights_mm, x, strict=True)
+    )
 
 
 def _frets(preset: Preset) -> FretsObstacle:
@@ -143,7 +145,8 @@ class FretModel:
             pluck = preset.pluck
             pluck = pluck.model_copy(update={
                 "displacement_mm": _FULL_MM, "velocity_exponent": 1.0, "position_hard": None, "draw_ms": 1e3 * hand.draw_s,
-                "slip_ms": 1e3 * hand.slip_s, "slip_hard_ms": None, "width_mm": pluck.hardest_width_mm, "width_hard_mm": None,
+                "slip_ms": 1e3 * hand.slip_s, "slip_hard_ms": None,
+                "width_mm": pluck.hardest_width_mm, "width_hard_mm": None,
             })  # fmt: skip
             preset = preset.model_copy(update={"pluck": pluck, **_with_losses(preset, hand.losses)})
             found = Engine(

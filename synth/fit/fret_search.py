@@ -102,7 +102,7 @@ def minima(
     for trail in trails:
         point, least = trail.best
         action, ratio, mine = parts(point)
-        near = (values <= PROFILE_RATIO * least + PROFILE_LOSS)
+        near = values <= PROFILE_RATIO * least + PROFILE_LOSS
         found.append(Minimum(
             action, ratio, mine, least, float(actions[near].min()), float(actions[near].max()), compared(point)
         ))  # fmt: skip

@@ -1,4 +1,4 @@
-"""The set `frets` of tools/contact-table: strokes over frets of a known action, rendered by the engine at `fine`, with noise."""
+"""The set `frets` of tools/contact-table: strokes over frets of a known action, by the engine at `fine`, with noise."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def line(row: dict[str, Any]) -> str:
     if "refused" in row:
         return f"{row['key']}: refused, truth {row['truth_mm']:.3f} mm: {row['refused'][:150]} ({row['cpu_s']:.0f} s)"
     return (
-        f"{row['key']}: {row['value']:.3f} mm, error {row['error']:+.3f}, ± {row['half']:.3f} (fit {row['fit_half']:.3f}) mm, "
-        f"losses {row['losses'][0]:.3f} {row['losses'][1]:.3f} ({row['cpu_s']:.0f} s)"
+        f"{row['key']}: {row['value']:.3f} mm, error {row['error']:+.3f}, ± {row['half']:.3f} (fit {row['fit_half']:.3f}) "
+        f"mm, losses {row['losses'][0]:.3f} {row['losses'][1]:.3f} ({row['cpu_s']:.0f} s)"
     )
 
 

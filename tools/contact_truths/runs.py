@@ -70,8 +70,8 @@ def _misleading() -> list[Job]:
 def _frets() -> list[Job]:
     """Those that mislead first: they are the fewest."""
     cases = ["no contact", "hard", "amplitude + 10 %", "losses × 1.3", "losses × 0.7"]
-    jobs = [Job(f"frets {case} {9100 + i}", "frets", None, case, 9100 + i) for i, case in enumerate(cases)]
-    moderate = [Job(f"frets moderate {seed}", "frets", None, "moderate", seed) for seed in range(9000, 9012)]
+    jobs = [Job(f"frets {case} {9300 + i}", "frets", None, case, 9300 + i) for i, case in enumerate(cases)]
+    moderate = [Job(f"frets moderate {seed}", "frets", None, "moderate", seed) for seed in range(9200, 9212)]
     return [*moderate[:4], *jobs, *moderate[4:]]
 
 
