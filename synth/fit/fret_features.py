@@ -1,8 +1,8 @@
 """What of notes over frets is compared: levels of bands over time, as the contact fit has them, but of several strokes.
 
 A stroke that touches nothing tells what lies between string and recording in every band in which it sounds; the others are
-held to that. Where no such stroke sounds (buzz is brighter than all of them) a band has an offset of its own, softly tied
-to a smooth trend. One gain is common to all recordings, or each has its own.
+held to that, but for a gain of each recording. Where no such stroke sounds (buzz is brighter than all of them) a band has
+an offset of its own, softly tied to a smooth trend.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ class Between:
 
 @dataclass(frozen=True)
 class Compared:
-    """loss (1: about 3 dB), shift, gain_db beside the common one, and left_db (W, B), NaN where not compared."""
+    """loss (1: about 3 dB), shift, gain_db beside the softest stroke's, left_db (W, B) and offset_db (B,), NaN where not
+    compared."""
 
     loss: float
     shift: int
@@ -122,17 +123,15 @@ def first_seen(heard: Heard, power: Real) -> tuple[Compared, Between]:
     return Compared(float(loss[best]), best, 0.0, whole, found), between
 
 
-def compare(heard: Heard, power: Real, between: Between, *, own_gain: bool) -> Compared:
+def compare(heard: Heard, power: Real, between: Between) -> Compared:
     """A recording with a model's powers (W, B), given what lies between."""
     known = between.known
     windows = np.arange(power.shape[0]) * heard.bands.hop_s
     model = db(power) + np.where(known, np.nan_to_num(between.slope_db_s), 0.0) * windows[:, None]
     weight = heard.counts.astype(np.float64)
     apart = heard.clean_db - model
-    gain = np.zeros(apart.shape[0])
-    if own_gain:
-        gain = _mean((weight * known).reshape(len(apart), -1, 1), (apart - np.nan_to_num(between.offset_db)).reshape(
-            len(apart), -1, 1))[:, 0]  # fmt: skip
+    known_apart = (apart - np.nan_to_num(between.offset_db)).reshape(len(apart), -1, 1)
+    gain = _mean((weight * known).reshape(len(apart), -1, 1), known_apart)[:, 0]
     mine = heard.counts.sum(axis=1) >= LEAST_WINDOWS  # (S, B)
     own = np.where(mine, _mean(weight, apart), between.trend_db + gain[:, None])
     offset = np.where(known, np.nan_to_num(between.offset_db) + gain[:, None], own)

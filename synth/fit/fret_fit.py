@@ -182,9 +182,8 @@ class _Fitting:
         touches: dict[int, bool | None] = {softest: False}
         losses, hands = {softest: first.compared.loss}, {softest: first.hand}
         for i in self.order[1:]:
-            hands[i], found, _ = next_linear(self.model, self.heard[i], self.amplitudes[i], first, own_gain=True)
-            losses[i] = found.loss
-            touches[i] = True if found.loss > TOUCHES else False if found.loss < TOUCHES_NOT else None
+            hands[i], losses[i] = next_linear(self.model, self.heard[i], self.amplitudes[i], first)
+            touches[i] = True if losses[i] > TOUCHES else False if losses[i] < TOUCHES_NOT else None
             if touches[i] is None:
                 self.warnings.append(f"recording {i + 1} may touch or not; it is left out")
         low, high = self._bracket(touches, hands, first)
@@ -229,7 +228,7 @@ class _Fitting:
         return low, high
 
     def _searched(self, i: int, first: Linear, low: float, high: float, number: int) -> Minimum:
-        stroke = Touching(self.heard[i], self.amplitudes[i], False, max(0.02, low - _ROOM_MM), high + _ROOM_MM)
+        stroke = Touching(self.heard[i], self.amplitudes[i], max(0.02, low - _ROOM_MM), high + _ROOM_MM)
         begin = 0.35 + 0.3 * number
         try:
             found = minima(self.model, stroke, first.hand, first.between, self._pulse(begin, begin + 0.3))[0]
@@ -238,8 +237,8 @@ class _Fitting:
         if found.loss > MOST_LOSS:
             raise FitRefused(
                 f"recording {i + 1}: no stroke over such frets explains it (loss {found.loss:.2f}, at most {MOST_LOSS:g}); "
-                f"the action lies between about {low:.2f} and {high:.2f} mm by which strokes touch. Hard strikes are chaotic: "
-                "record softer ones, and check amplitudes and the place of plucking"
+                f"the action lies between about {low:.2f} and {high:.2f} mm by which strokes touch. Hard strikes are "
+                "chaotic: record softer ones, and check amplitudes and the place of plucking"
             )
         return found
 

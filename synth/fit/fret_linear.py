@@ -1,7 +1,7 @@
 """Strokes that touch no fret: hand, losses, and what lies between string and recording.
 
 The softest recording must be one. Place of plucking, slip, draw and losses that explain its bands are searched as a whole;
-of others the slip and the draw that are their own, and how strong they are.
+of others the slip and the draw that are their own.
 """
 
 from __future__ import annotations
@@ -33,10 +33,6 @@ _COMB_DB, _DEEPEST_DB = 4.0, 15.0
 _SLIPS = 0.25
 #: the best of them that go on, and notes of each
 _FINALISTS, _FINAL = 5, 110
-#: a stroke at rest in a band has this much room to each side of what is known, by ratios
-_NEAR = 0.12
-#: the least amplitude that is played to hear what touches nothing [mm]
-QUIET_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -156,24 +152,17 @@ def _others(loss: Callable[[Real], float], unknowns: tuple[Unknown, ...], point:
     return point, best
 
 
-def next_linear(
-    model: FretModel, heard: Heard, amplitude_mm: float, first: Linear, *, own_gain: bool
-) -> tuple[Hand, Compared, float]:
-    """Another stroke as if it touched nothing: hand, what is compared, and how much stronger it is than amplitude_mm
-    (1 where it has a gain of its own)."""
+def next_linear(model: FretModel, heard: Heard, amplitude_mm: float, first: Linear) -> tuple[Hand, float]:
+    """Another stroke as if it touched nothing: hand, and the loss that it has then."""
     slip, draw = first.hand.slip_s, first.hand.draw_s
     unknowns = (Unknown("slip", 0.3 * slip, 1.8 * slip, True), Unknown("draw", 0.6 * draw, 1.6 * draw, True))
 
-    def compared(hand: Hand) -> Compared:
-        return compare(heard, powers(model, heard, FREE_MM, amplitude_mm, hand, "draft"), first.between, own_gain=True)
-
     def loss(point: Real) -> float:
-        return compared(_hand(unknowns, np.clip(point, 0.0, 1.0), first.hand)).loss
+        hand = _hand(unknowns, np.clip(point, 0.0, 1.0), first.hand)
+        return compare(heard, powers(model, heard, FREE_MM, amplitude_mm, hand, "draft"), first.between).loss
 
     points = sobol(2, 32)
     losses = np.array([loss(point) for point in points])
     trails = [evolve(loss, start, most=60, seed=i + 1) for i, start in enumerate(starts_of(points, losses, 2))]
-    point, _ = min((trail.best for trail in trails), key=lambda each: each[1])
-    hand = _hand(unknowns, point, first.hand)
-    found = compared(hand)
-    return hand, found, 1.0 if own_gain else float(10.0 ** (found.gain_db / 20.0))
+    point, least = min((trail.best for trail in trails), key=lambda each: each[1])
+    return _hand(unknowns, point, first.hand), least

@@ -17,21 +17,22 @@ from synth.fit.contact_space import Unknown
 from synth.fit.fret_features import Between, Compared, Heard, compare
 from synth.fit.fret_linear import powers
 from synth.fit.fret_model import FretModel, Hand
+from synth.instrument.preset import PresetError
 
 Real = NDArray[np.float64]
 #: notes of the dictionary, starts of the evolution and notes of each, and of the last one
 _DICTIONARY, _STARTS, _NOTES, _LAST = 384, 5, 90, 120
 #: what counts as near the best: the losses of a profile
 PROFILE_RATIO, PROFILE_LOSS = 1.25, 0.004
+#: loss of a string that cannot sound
+_LIES_ON_IT = 100.0
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a stroke's loss is least: action [mm], how much stronger than taken, hand, loss; low and high of what lies near
-    the best [mm]; compared."""
+    """Where a stroke's loss is least: action [mm], hand, loss; low and high of what lies near the best [mm]; compared."""
 
     action_mm: float
-    ratio: float
     hand: Hand
     loss: float
     low_mm: float
@@ -41,26 +42,21 @@ class Minimum:
 
 @dataclass(frozen=True)
 class Touching:
-    """A stroke that touches: what is heard of it, its amplitude [mm], whether that is only about right and the gain the
-    common one (`tied`), and between which actions it is looked for."""
+    """A stroke that touches: what is heard of it, its amplitude [mm], and between which actions it is looked for."""
 
     heard: Heard
     amplitude_mm: float
-    tied: bool
     low_mm: float
     high_mm: float
 
 
 def unknowns_of(stroke: Touching, hand: Hand) -> tuple[Unknown, ...]:
     """What is looked for of a stroke, when a soft one has this hand."""
-    found = [
+    return (
         Unknown("action", stroke.low_mm, stroke.high_mm),
         Unknown("slip", min(2e-4, 0.5 * hand.slip_s), max(4e-3, 1.4 * hand.slip_s), True),
         Unknown("draw", 0.75 * hand.draw_s, 1.33 * hand.draw_s, True),
-    ]
-    if stroke.tied:
-        found.append(Unknown("ratio", 0.8, 1.5, True))
-    return tuple(found)
+    )
 
 
 def minima(
@@ -69,19 +65,22 @@ def minima(
     """The least losses of a stroke, best first. pulse: told how much is done; it may raise."""
     unknowns = unknowns_of(stroke, hand)
 
-    def parts(point: Real) -> tuple[float, float, Hand]:
+    def parts(point: Real) -> tuple[float, Hand]:
         value = {u.name: u.at(float(x)) for u, x in zip(unknowns, np.clip(point, 0.0, 1.0), strict=True)}
-        return value["action"], value.get("ratio", 1.0), replace(hand, slip_s=value["slip"], draw_s=value["draw"])
+        return value["action"], replace(hand, slip_s=value["slip"], draw_s=value["draw"])
 
     def compared(point: Real) -> Compared:
-        action, ratio, mine = parts(point)
-        heard = powers(model, stroke.heard, action, ratio * stroke.amplitude_mm, mine, "standard")
-        return compare(stroke.heard, heard, between, own_gain=not stroke.tied)
+        action, mine = parts(point)
+        heard = powers(model, stroke.heard, action, stroke.amplitude_mm, mine, "standard")
+        return compare(stroke.heard, heard, between)
 
     def loss(point: Real) -> float:
-        return compared(point).loss
+        try:
+            return compared(point).loss
+        except PresetError:  # the string lies on a fret
+            return _LIES_ON_IT
 
-    points = sobol(len(unknowns), _DICTIONARY * (2 if stroke.tied else 1))
+    points = sobol(len(unknowns), 2 ** (_DICTIONARY - 1).bit_length())[:_DICTIONARY]  # of a power of two they lie evenly
     losses = []
     for i, point in enumerate(points):
         if i % 8 == 0:
@@ -101,9 +100,9 @@ def minima(
     found: list[Minimum] = []
     for trail in trails:
         point, least = trail.best
-        action, ratio, mine = parts(point)
+        action, mine = parts(point)
         near = values <= PROFILE_RATIO * least + PROFILE_LOSS
         found.append(Minimum(
-            action, ratio, mine, least, float(actions[near].min()), float(actions[near].max()), compared(point)
+            action, mine, least, float(actions[near].min()), float(actions[near].max()), compared(point)
         ))  # fmt: skip
     return found
