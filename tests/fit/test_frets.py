@@ -47,6 +47,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fret_linear, "_FINAL", 60)
     monkeypatch.setattr(fret_search, "_DICTIONARY", 64)
     monkeypatch.setattr(fret_search, "_STARTS", 1)
+    monkeypatch.setattr(fret_search, "_NOTES", 40)
     monkeypatch.setattr(fret_search, "_LAST", 40)
 
     def near(stroke: fret_search.Touching, hand: Hand) -> tuple[Unknown, ...]:
