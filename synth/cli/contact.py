@@ -11,7 +11,7 @@ from synth.cli import fitted_file
 from synth.cli.common import number
 
 #: options that belong to --contact
-_OWN = ("amplitude", "pluck_at", "open", "picture")
+_OWN = ("amplitude", "pluck_at", "open", "picture", "experimental")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--amplitude",
         type=number(float, 0.01, 50, " mm"),
         metavar="MM",
-        help="how far the string was drawn aside in the first recording (default: as -p's hardest pluck)",
+        action="append",
+        help="how far the string was drawn aside in the first recording (default: as -p's hardest pluck); over frets given "
+        "once for each recording, in their order",
     )
     own.add_argument(
         "--pluck-at",
@@ -39,6 +41,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--open",
         metavar="OTHER.wav",
         help="a note of the same string that touches nothing: pitch, stiffness, losses from it",
+    )
+    own.add_argument(
+        "--experimental",
+        action="store_true",
+        default=None,
+        help="over frets: find the action from soft strokes and some that buzz a little",
     )
     own.add_argument("--picture", metavar="FILE.png", help="draw the bands of recordings and model")
 
@@ -60,6 +68,24 @@ def check(options: argparse.Namespace) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """The command; its exit code."""
+    from synth.instrument.preset import FretsObstacle, parse_preset, read_preset
+
+    preset = parse_preset(read_preset(options.preset), options.preset)
+    if isinstance(preset.obstacle, FretsObstacle):
+        if not options.experimental:
+            raise ValueError(f"obstacle of {preset.name} is frets, whose fit is experimental: add --experimental, or name a "
+                             "preset that has a bridge, such as tanpura")  # fmt: skip
+        from synth.cli import frets
+
+        return frets.run(options)
+    if options.experimental:
+        raise ValueError(f"--experimental is for frets, and {preset.name} has none: leave it out")
+    if options.amplitude is not None and len(options.amplitude) > 1:
+        raise ValueError(f"over a bridge --amplitude is that of the first recording, got {len(options.amplitude)} of them")
+    return _bridge(options)
+
+
+def _bridge(options: argparse.Namespace) -> int:
     from synth.fit import missing_for_contact
 
     reason = missing_for_contact(picture=options.picture is not None)
@@ -92,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
         return True
 
     found = _about(options.recording[0] if len(recordings) == 1 else f"{len(recordings)} recordings", lambda: fit_contact(
-        recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude,
+        recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude[0],
         position=options.pluck_at, progress=progress,
     ))  # fmt: skip
     progress(1.0)

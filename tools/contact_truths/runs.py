@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contact_truths import fretted
 from contact_truths.misleading import CASES
 from contact_truths.notes import RATE_HZ, Truth, drawn, length_m, sound
 from synth.fit.contact_dictionary import Search, contact_search
@@ -67,11 +68,20 @@ def _misleading() -> list[Job]:
     return [Job(f"misleading {name}", "misleading", None, name, 7000 + i) for i, name in enumerate(CASES)]
 
 
+def _frets() -> list[Job]:
+    """Those that mislead first: they are the fewest."""
+    cases = ["no contact", "hard", "amplitude + 10 %", "losses × 1.3", "losses × 0.7"]
+    jobs = [Job(f"frets {case} {9300 + i}", "frets", None, case, 9300 + i) for i, case in enumerate(cases)]
+    moderate = [Job(f"frets moderate {seed}", "frets", None, "moderate", seed) for seed in range(9200, 9212)]
+    return [*moderate[:4], *jobs, *moderate[4:]]
+
+
 SETS: dict[str, Callable[[], list[Job]]] = {
     "calibration": _calibration,
     "main": _main,
     "nuisance": _nuisance,
     "misleading": _misleading,
+    "frets": _frets,
 }
 
 
@@ -83,6 +93,8 @@ def _search(preset: str, string: int) -> Search:
 
 def run(job: Job) -> dict[str, Any]:
     """The row of a job. A search's dictionary is shared by the notes of a string and counts where it is made."""
+    if job.of == "frets":
+        return fretted.run(job.seed, job.case)
     row: dict[str, Any] = {"key": job.key, "set": job.of, "case": job.case}
     if job.truth is not None:
         recording, preset, string, truth = sound(job.truth), job.truth.preset, job.truth.string, job.truth
@@ -110,6 +122,8 @@ def run(job: Job) -> dict[str, Any]:
 
 def line(row: dict[str, Any]) -> str:
     """A row in words."""
+    if row["set"] == "frets":
+        return fretted.line(row)
     said = row["key"]
     if "refused" in row:
         return f"{said}: refused: {row['refused'][:110]} ({row['cpu_s']:.0f} s)"
@@ -129,7 +143,9 @@ def show(rows: list[dict[str, Any]]) -> None:
         if not mine:
             continue
         print(f"\n{name}: {len(mine)} notes")
-        if name in ("main", "calibration"):
+        if name == "frets":
+            fretted.show(mine)
+        elif name in ("main", "calibration"):
             for family in ("tanpura", "sitar"):
                 some = [row for row in mine if (family == "sitar") == ("sitar" in row["key"])]
                 if some:

@@ -1,0 +1,68 @@
+"""`synth fit --contact --experimental` over frets: one action out of several strokes, shown and written into a preset."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from synth.cli import fitted_file
+
+
+def run(options: argparse.Namespace) -> int:
+    """The command; its exit code."""
+    from synth.fit import missing_for_contact
+
+    for name, remedy in (("picture", "--json has all numbers"), ("open", "the softest of the recordings is that note")):
+        if getattr(options, name) is not None:
+            raise ValueError(f"--{name} is for bridges, not for frets; leave it out: {remedy}")
+    if options.amplitude is None:
+        raise ValueError(
+            "over frets the action is told by amplitudes: give --amplitude once for each recording, in their order"
+        )
+    reason = missing_for_contact()
+    if reason is not None:
+        raise ValueError(reason)
+    from synth.fit.fret_fit import fit_frets
+    from synth.fit.fret_report import fret_report, fret_settings
+    from synth.fit.recording import read_recording
+    from synth.instrument.preset import parse_preset, read_preset
+
+    text = read_preset(options.preset)
+    preset = parse_preset(text, options.preset)
+    index = 0 if options.string is None else fitted_file.string_index(preset, options.string)
+    if options.output is not None:
+        fitted_file.check_output(options.output, options.preset, options.recording)
+    recordings = [read_recording(each) for each in options.recording]
+    shown = sys.stderr.isatty()
+
+    def progress(share: float) -> bool:
+        if shown:
+            print(f"\r  {100.0 * share:3.0f} %", end="" if share < 1.0 else "\r       \r", file=sys.stderr, flush=True)
+        return True
+
+    try:
+        found = fit_frets(recordings, preset, index, options.amplitude, position=options.pluck_at, progress=progress)
+    except ValueError as error:
+        name = options.recording[0] if len(recordings) == 1 else f"{len(recordings)} recordings"
+        raise ValueError(f"{name}: {error}") from None
+    values = fret_settings(found)
+    told = {**fret_report(found), "settings": [{"path": path, "value": value} for path, value in values]}
+    if options.output is not None:
+        fitted_file.write(text, options.preset, options.output, values)
+        told["output"] = options.output
+    print(json.dumps(told, indent=2, allow_nan=False) if options.json else _text(options, told))
+    return 0
+
+
+def _text(options: argparse.Namespace, told: dict[str, Any]) -> str:
+    lines = [f"{', '.join(options.recording)}: a string over frets (experimental)"]
+    width = max(len(name) for name, _, _ in told["facts"])
+    lines += [f"  {name:{width}}  {value}, {what}" for name, value, what in told["facts"]]
+    lines += [f"  note: {words}" for words in told["warnings"]]
+    lines.append("settings:")
+    lines += [f"  {item['path']} = {fitted_file.value_text(item['value'])}" for item in told["settings"]]
+    if "output" in told:
+        lines.append(f"written: {told['output']}")
+    return "\n".join(lines)

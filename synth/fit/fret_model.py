@@ -1,0 +1,227 @@
+"""What a string over frets sounds like for an action and a stroke: the forward model of the frets' fit.
+
+It is the engine itself on a preset of that one string: both directions of its motion, its tension, pickup and body count as
+the preset has them. What is taken out are effects, other articulations, and what varies from stroke to stroke.
+
+The action is the height of the open string over the twelfth fret (the last one of a shorter neck). A preset with
+`action_12th_mm` has it as a number of its own, and nut and relief stay; one with `heights_mm` is raised at the saddle, so
+that each fret gets further from the string in proportion to its distance from the nut.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synth.engine.engine import Engine
+from synth.engine.parameters import INDEX_OF
+from synth.instrument.compile import obstacle_of, open_string, speaking_string
+from synth.instrument.planfile import MeasuredPlan
+from synth.instrument.preset import FretsObstacle, Preset, PresetError, at_note, fret_count
+from synth.midi.events import NOTE_ON, PARAMETER, make_events
+from synth.physics.obstacle import fret_positions
+from synth.physics.string import String
+
+Real = NDArray[np.float64]
+#: of what the model plays [Hz]
+RATE_HZ = 44100
+#: fret at which the action is told
+TWELFTH = 12
+#: the pluck of the preset that is played [mm]: amounts of it, up to twice, make all strokes
+_FULL_MM = 20.0
+_BLOCK = 16384
+#: the action of what touches nothing, and how far its frets lie below the string [mm]
+FREE_MM = math.inf
+_OUT_OF_REACH_MM = 150.0
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What of strokes is their own or in the way: place of plucking from the saddle as a share of the open length; seconds
+    in which the string slides off the finger and in which it is drawn aside; factor of the losses."""
+
+    position: float
+    slip_s: float
+    draw_s: float
+    losses: float = 1.0
+
+
+def measured_fret(obstacle: FretsObstacle) -> int:
+    """The fret at which the action counts."""
+    return min(TWELFTH, obstacle.count)
+
+
+def action_mm(preset: Preset) -> float:
+    """The preset's action [mm]. Raises ValueError where it has no frets."""
+    shape = _frets(preset)
+    if shape.action_12th_mm is not None:
+        return shape.action_12th_mm
+    return -shape.heights_mm[measured_fret(shape) - 1]
+
+
+def action_settings(preset: Preset, action: float) -> list[tuple[str, Any]]:
+    """[(path, value)] of the preset that give its frets an action [mm]."""
+    shape = _frets(preset)
+    if shape.action_12th_mm is not None:
+        return [("obstacle.action_12th_mm", round(action, 4))]
+    return [("obstacle.heights_mm", [round(each, 4) for each in _raised(shape, action)])]
+
+
+def with_action(preset: Preset, action: float) -> Preset:
+    """The preset with an action [mm]."""
+    shape = _frets(preset)
+    if shape.action_12th_mm is not None:
+        changed: dict[str, Any] = {"action_12th_mm": action}
+    else:
+        changed = {"heights_mm": _raised(shape, action)}
+    return preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
+
+
+def _raised(shape: FretsObstacle, action: float) -> tuple[float, ...]:
+    at = measured_fret(shape) - 1
+    x = fret_positions(1.0, shape.count)
+    return tuple(
+        float(h - (action + shape.heights_mm[at]) * each / x[at]) for h, each in zip(shape.heights_mm, x, strict=True)
+    )
+
+
+def _frets(preset: Preset) -> FretsObstacle:
+    shape = preset.obstacle
+    if not isinstance(shape, FretsObstacle):
+        raise ValueError(f"obstacle of {preset.name} must be frets, got {shape.kind}; name a preset that has them")
+    return shape
+
+
+class FretModel:
+    """The notes of one string of a preset, open or stopped at a fret.
+
+    preset   of that string alone, without what varies
+    fret     at which it is stopped, 0: open
+    note     its key
+    """
+
+    def __init__(self, preset: Preset, index: int, fret: int = 0, tuned_cents: float = 0.0) -> None:
+        shape = _frets(preset)
+        if shape.layer is not None:
+            raise ValueError(f"frets of {preset.name} must be bare, got a layer on them; take obstacle.layer out")
+        table = preset.string[index]
+        open_note = table.notes[0]
+        if not 0 <= fret <= fret_count(preset, table):
+            raise ValueError(f"fret must lie between 0 and {fret_count(preset, table)}, got {fret}")
+        self.fret, self.note = fret, open_note + fret
+        tuning = preset.tuning.model_copy(update={"offset_cents": preset.tuning.offset_cents + tuned_cents})
+        hand = preset.hand.varied(0.0).model_copy(update={"release": None})
+        self.preset = preset.model_copy(update={
+            "string": (table.model_copy(update={"notes": (open_note, open_note)}),), "tuning": tuning, "hand": hand,
+            "articulations": {}, "effect": (),
+        }).with_measured(MeasuredPlan())  # fmt: skip
+        if shape.sawari_um is not None and fret == 0:
+            raise ValueError(f"an open string of {preset.name} buzzes on its sawari, not on frets; give a note at a fret")
+        opened, below = open_string(self.preset, self.preset.string[0], open_note)
+        self.open_m = opened.length_m
+        self.string: String
+        self.string, _, _ = speaking_string(self.preset, self.preset.string[0], open_note, fret, opened, below)
+        self.action_mm = action_mm(preset)
+        self.evaluations = 0
+        self._engines: dict[Any, Engine] = {}
+
+    @property
+    def stroke(self) -> Hand:
+        """As the preset's hardest."""
+        pluck, note = self.preset.pluck, self.note
+        slip, draw = at_note(pluck.hardest_slip_ms, note), at_note(pluck.draw_ms, note)
+        return Hand(pluck.hardest_position, 1e-3 * slip, 1e-3 * draw)
+
+    def _engine(self, action: float, hand: Hand, quality: str) -> Engine:
+        # place and amplitude are live parameters; of the rest the engine is made anew
+        key = action, replace(hand, position=0.0), quality
+        found = self._engines.get(key)
+        if found is None:
+            preset = self._free() if action == FREE_MM else with_action(self.preset, action)
+            pluck = preset.pluck
+            pluck = pluck.model_copy(update={
+                "displacement_mm": _FULL_MM, "velocity_exponent": 1.0, "position_hard": None, "draw_ms": 1e3 * hand.draw_s,
+                "slip_ms": 1e3 * hand.slip_s, "slip_hard_ms": None,
+                "width_mm": pluck.hardest_width_mm, "width_hard_mm": None,
+            })  # fmt: skip
+            preset = preset.model_copy(update={"pluck": pluck, **_with_losses(preset, hand.losses)})
+            found = Engine(
+                [preset], quality=quality, limiter=False, only_notes=[{self.note}], every_fret=False, warn=lambda text: None
+            )
+            found.prepare(RATE_HZ, _BLOCK)
+            if len(self._engines) >= 4:
+                self._engines.pop(next(iter(self._engines)))
+            self._engines[key] = found
+        return found
+
+    def _free(self) -> Preset:
+        """The preset whose string touches nothing beyond the fret that it is stopped at."""
+        shape = _frets(self.preset)
+        below = obstacle_of(self.preset, self.preset.string[0], self.preset.string[0].notes[0], self.open_m)
+        kept = [1e3 * each for each in below.heights_m[: self.fret]]
+        # two frets make what the engine takes for a neck, and are the quickest
+        heights = (*kept, -_OUT_OF_REACH_MM, -_OUT_OF_REACH_MM)
+        changed = {"heights_mm": heights, "count": len(heights), "action_12th_mm": None}
+        return self.preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
+
+    def sound(self, action: float, amplitude_mm: float, hand: Hand, seconds: float, quality: str = "standard") -> Real:
+        """(n,) of a stroke that draws the open string aside by amplitude_mm, as `pluck.displacement_mm` counts it, from the
+        moment that the finger lets go. Raises ValueError for an action at which a fret presses."""
+        self.evaluations += 1
+        engine = self._engine(action, hand, quality)
+        engine.reset()
+        due = make_events([
+            (0, PARAMETER, 0, INDEX_OF["pluck.amount"], 0, amplitude_mm / _FULL_MM),
+            (0, PARAMETER, 0, INDEX_OF["pluck.position"], 0, hand.position),
+            (0, NOTE_ON, 0, self.note, 127),
+        ])  # fmt: skip
+        first = engine.latency_samples + round(hand.draw_s * RATE_HZ)
+        out = np.empty((first + math.ceil(seconds * RATE_HZ), 2))
+        for at in range(0, len(out), _BLOCK):
+            engine.process(due, out[at : at + _BLOCK])
+            due = due[:0]
+        return np.asarray(out[first:, 0])
+
+    def touches(self, action: float, amplitude_mm: float, hand: Hand) -> bool:
+        """Whether the stroke reaches a fret, or the string lies on one."""
+        try:
+            first = [self.sound(each, amplitude_mm, hand, _FIRST_S, "standard") for each in (action, FREE_MM)]
+        except PresetError:
+            return True
+        return float(np.abs(first[0] - first[1]).max()) > _TOUCHED * float(np.abs(first[1]).max())
+
+    def reached_mm(self, amplitude_mm: float, hand: Hand, low: float, high: float, within: float = 0.004) -> float:
+        """The highest action between two at which a stroke touches, to within some mm."""
+        if not self.touches(low, amplitude_mm, hand):
+            return low
+        while high - low > within:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.touches(middle, amplitude_mm, hand) else (low, middle)
+        return 0.5 * (low + high)
+
+
+#: seconds in which a string that reaches a fret has done so, and what of the sound differs then
+_FIRST_S, _TOUCHED = 0.15, 1e-3
+
+
+def _with_losses(preset: Preset, losses: float) -> dict[str, Any]:
+    """string and nut of the preset with so many times the losses in material and neck."""
+    if losses == 1.0:
+        return {}
+    (table,) = preset.string
+
+    def times(value: Any, most: float) -> Any:
+        if isinstance(value, dict):
+            return {note: min(most, each * losses) for note, each in value.items()}
+        return min(most, value * losses)
+
+    changed: dict[str, Any] = {"viscoelastic_loss": times(table.viscoelastic_loss, 0.99)}
+    changed["thermoelastic_q_inverse"] = times(table.thermoelastic_q_inverse, 0.99)
+    if table.measured_decay_rates:
+        changed["measured_decay_rates"] = tuple(each * losses for each in table.measured_decay_rates)
+    nut = tuple(mode.model_copy(update={"mass_kg": mode.mass_kg / losses}) for mode in preset.nut)
+    return {"string": (table.model_copy(update=changed),), "nut": nut}
