@@ -148,7 +148,7 @@ class FretModel:
                 "slip_ms": 1e3 * hand.slip_s, "slip_hard_ms": None,
                 "width_mm": pluck.hardest_width_mm, "width_hard_mm": None,
             })  # fmt: skip
-            preset = preset.model_copy(update={"pluck": pluck, **_with_losses(preset, hand.losses)})
+            preset = preset.model_copy(update={"pluck": pluck, **with_losses(preset, hand.losses)})
             found = Engine(
                 [preset], quality=quality, limiter=False, only_notes=[{self.note}], every_fret=False, warn=lambda text: None
             )
@@ -208,8 +208,8 @@ class FretModel:
 _FIRST_S, _TOUCHED = 0.15, 1e-3
 
 
-def _with_losses(preset: Preset, losses: float) -> dict[str, Any]:
-    """string and nut of the preset with so many times the losses in material and neck."""
+def with_losses(preset: Preset, losses: float) -> dict[str, Any]:
+    """string and nut of a preset of one string, with so many times the losses in material and neck."""
     if losses == 1.0:
         return {}
     (table,) = preset.string
