@@ -75,10 +75,11 @@ def _left(heard: Heard, shift: int, level_db: Real) -> Real:
 @dataclass(frozen=True)
 class Off:
     """How far a prediction is off [dB], rms: spectrum over bands (its mean over time in each), windows over every window
-    of every band. shift: the onset's."""
+    of every band. gain_db: what the recording is louder by than predicted."""
 
     spectrum_db: float
     windows_db: float
+    gain_db: float
 
 
 def off(heard: Heard, level_db: Real) -> Off:
@@ -100,7 +101,7 @@ def off(heard: Heard, level_db: Real) -> Off:
         if best is None or loss < best[0]:
             some = counts.sum(axis=0) >= LEAST_WINDOWS
             mean = (left * counts).sum(axis=0)[some] / counts.sum(axis=0)[some]
-            best = loss, Off(_rms(mean), _rms(left[counts]))
+            best = loss, Off(_rms(mean), _rms(left[counts]), gain)
     if best is None:
         raise ValueError("a recording must stand out of its noise somewhere, got none that does")
     return best[1]

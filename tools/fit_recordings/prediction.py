@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,18 @@ SPLITS = {"between": (("pp", "mf", "ff"), ("p", "f")), "beyond": (("pp", "p", "m
 _TOPS = 13
 #: a loss that stands for what cannot be played
 _UNPLAYABLE = 1e3
+#: most that a strength is corrected by at once [dB]
+_STEP_DB = 8.0
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Effort:
     """Notes of the dictionary, starts of the evolution, notes of each."""
 
-    notes: int = 64
+    notes: int = 32
     starts: int = 2
-    most: int = 160
+    most: int = 120
 
 
 def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort: Effort) -> dict[str, Any]:
@@ -47,12 +50,11 @@ def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort
     heard = {(take.dynamic, take.take): take.heard(bands) for take in takes}
     train = [min((k for k in heard if k[0] == dynamic), key=lambda k: k[1]) for dynamic in fitted]
     levels = {key: _level_db(one) for key, one in heard.items()}
-    loudest = max(levels[key] for key in train)
-    levels = {key: level - loudest for key, level in levels.items()}
+    loud = int(np.argmax([levels[key] for key in train]))
+    levels = {key: level - levels[train[loud]] for key, level in levels.items()}
 
     def learned(values: dict[str, float] | None, top_db: float) -> Learned:
-        player = Player(sounded, values)
-        return learn([heard[k] for k in train], [_powers(player, bands, levels[k] - top_db) for k in train])
+        return _learned(Player(sounded, values), [heard[k] for k in train], np.array([levels[k] - top_db for k in train]))
 
     def as_it_is(top: float) -> float:
         return learned(None, TOP.at(top)).loss
@@ -92,8 +94,7 @@ def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort
             continue
         row: dict[str, Any] = {"dynamic": key[0], "take": key[1], "level_db": levels[key]}
         for name, player, what, at in (("preset", preset, by_preset, TOP.at(top)), ("fit", fit, by_fit, top_db)):
-            power = _powers(player, bands, levels[key] - at)
-            row[name] = _said(off(one, what.applied(power, bands.hop_s)))
+            row[name] = _said(_predicted(player, one, what, float(what.gains_db[loud]), levels[key] - at))
         nearest = min(train, key=lambda k: abs(levels[k] - levels[key]))
         row["nearest recording"] = _said(off(one, _recorded(heard[nearest])))
         if others := [k for k in heard if k[0] == key[0] and k[1] != key[1]]:
@@ -119,6 +120,37 @@ def of_split(files: list[File], split: str) -> list[File]:
 
 def _powers(player: Player, bands: Bands, level_db: float) -> Real:
     return bands.powers(player.stroke(level_db), RATE_HZ, SECONDS)
+
+
+def _learned(player: Player, heard: list[Heard], levels_db: Real) -> Learned:
+    """With the strengths at which the strokes are as loud beside the loudest as the recordings are: strings that hit frets
+    get louder by less than they are struck harder. Its strength stays. levels_db: first guess, beside the hardest stroke."""
+    loudest = int(np.argmax(levels_db))
+
+    def at(levels: Real) -> tuple[Learned, Real]:
+        found = learn(heard, [_powers(player, heard[0].bands, float(level)) for level in levels])
+        return found, found.gains_db - found.gains_db[loudest]
+
+    return _sought(at, levels_db)
+
+
+def _predicted(player: Player, heard: Heard, learned: Learned, gain_db: float, level_db: float) -> Off:
+    """A stroke that is as loud as the recording, beside what was learned at the loudest one's gain."""
+
+    def at(level: Real) -> tuple[Off, Real]:
+        found = off(heard, learned.applied(_powers(player, heard.bands, float(level[0])), heard.bands.hop_s))
+        return found, np.array([found.gain_db - gain_db])
+
+    return _sought(at, np.array([level_db]))
+
+
+def _sought(at: Callable[[Real], tuple[T, Real]], levels_db: Real) -> T:
+    """What `at` gives at the levels where what it lacks [dB] is nothing, by two steps of the secant."""
+    _, lacking = at(levels_db)
+    second = levels_db + np.clip(lacking, -_STEP_DB, _STEP_DB)
+    _, left = at(second)
+    slope = np.where(second == levels_db, -1.0, (left - lacking) / np.where(second == levels_db, 1.0, second - levels_db))
+    return at(second - np.clip(left / np.clip(slope, -2.0, -0.3), -_STEP_DB, _STEP_DB))[0]
 
 
 def _level_db(heard: Heard) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +45,10 @@ def splits(folder: Path, notes: list[str] | None) -> list[tuple[str, str]]:
     return out
 
 
-def row(folder: str, note: str, split: str, preset: str, opened: str, **effort: int) -> dict[str, Any]:
-    """`said`: what `predict` found, as JSON."""
+def row(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """`said`: what `predict` found, as JSON. Parameters: folder, note, split, preset, opened, and those of `Effort`."""
+    effort = dict(parameters)
+    folder, note, split, preset, opened = (effort.pop(name) for name in ("folder", "note", "split", "preset", "opened"))
     key = note_to_midi(note)
     takes = read(key, of_split(named(Path(folder))[key], split))
     middle = takes[len(takes) // 2]

@@ -39,15 +39,15 @@ class Sounded:
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
-        """Place, slips and widths of soft and hard strokes, draw, losses and action."""
+        """Place, slip and width of soft strokes and how much less of them hard ones have, draw, losses and action."""
         draw = at_note(self.preset.pluck.draw_ms, self.note)
         action = self.model.action_mm
         return (
             Unknown("position", 0.04, 0.5),
             Unknown("slip_ms", 0.1, 12.0, True),
-            Unknown("slip_hard_ms", 0.1, 12.0, True),
+            Unknown("slip_hard_ratio", 0.05, 1.0, True),
             Unknown("width_mm", 3.0, 40.0, True),
-            Unknown("width_hard_mm", 3.0, 40.0, True),
+            Unknown("width_hard_ratio", 0.2, 1.0, True),
             Unknown("draw_ms", draw / 2.5, draw * 2.5, True),
             Unknown("losses", 0.5, 2.0, True),
             Unknown("action_mm", 0.3 * action, 3.0 * action, True),
@@ -56,12 +56,13 @@ class Sounded:
     def values(self) -> dict[str, float]:
         """What the preset has."""
         pluck, note = self.preset.pluck, self.note
+        slip = at_note(pluck.slip_ms, note)
         return {
             "position": pluck.position,
-            "slip_ms": at_note(pluck.slip_ms, note),
-            "slip_hard_ms": at_note(pluck.hardest_slip_ms, note),
+            "slip_ms": slip,
+            "slip_hard_ratio": at_note(pluck.hardest_slip_ms, note) / slip if slip > 0.0 else 1.0,
             "width_mm": pluck.width_mm,
-            "width_hard_mm": pluck.hardest_width_mm,
+            "width_hard_ratio": pluck.hardest_width_mm / pluck.width_mm,
             "draw_ms": at_note(pluck.draw_ms, note),
             "losses": 1.0,
             "action_mm": self.model.action_mm,
@@ -71,6 +72,8 @@ class Sounded:
         """The preset with other values. Raises PresetError, ValueError for what cannot be played."""
         own = dict(values)
         losses, action = own.pop("losses"), own.pop("action_mm")
+        own["slip_hard_ms"] = own["slip_ms"] * own.pop("slip_hard_ratio")
+        own["width_hard_mm"] = own["width_mm"] * own.pop("width_hard_ratio")
         pluck = self.preset.pluck.model_copy(update={**own, "position_hard": None})
         preset = with_action(self.preset, action) if action != self.model.action_mm else self.preset
         changed: dict[str, Any] = {"pluck": pluck, **with_losses(preset, losses)}
@@ -107,7 +110,7 @@ class Player:
         )
         self._engine.prepare(RATE_HZ, _BLOCK)
 
-    def stroke(self, level_db: float) -> Real:
+    def stroke(self, level_db: float, seconds: float = SECONDS + 0.05) -> Real:
         """(n,) of a stroke so far beside the hardest, from the moment that the finger lets go."""
         amplitude = 10.0 ** (level_db / 20.0)
         strength = amplitude ** (1.0 / self._exponent) if self._exponent > 0.0 else 1.0
@@ -119,7 +122,7 @@ class Player:
             (0, PARAMETER, 0, INDEX_OF["pluck.amount"], 0, amount), (0, NOTE_ON, 0, self._note, int(velocity))
         ])  # fmt: skip
         first = engine.latency_samples + round(self._draw_s * RATE_HZ)
-        out = np.empty((first + math.ceil((SECONDS + 0.05) * RATE_HZ), 2))
+        out = np.empty((first + math.ceil(seconds * RATE_HZ), 2))
         for at in range(0, len(out), _BLOCK):
             engine.process(due, out[at : at + _BLOCK])
             due = due[:0]
