@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from synth.cli import fitted_file
 from synth.cli.common import number
+
+if TYPE_CHECKING:
+    from synth.instrument.preset import Preset
 
 #: options that belong to --contact
 _OWN = ("amplitude", "pluck_at", "open", "picture", "experimental")
@@ -70,22 +72,23 @@ def run(options: argparse.Namespace) -> int:
     """The command; its exit code."""
     from synth.instrument.preset import FretsObstacle, parse_preset, read_preset
 
-    preset = parse_preset(read_preset(options.preset), options.preset)
+    text = read_preset(options.preset)
+    preset = parse_preset(text, options.preset)
     if isinstance(preset.obstacle, FretsObstacle):
         if not options.experimental:
             raise ValueError(f"obstacle of {preset.name} is frets, whose fit is experimental: add --experimental, or name a "
                              "preset that has a bridge, such as tanpura")  # fmt: skip
         from synth.cli import frets
 
-        return frets.run(options)
+        return frets.run(options, text, preset)
     if options.experimental:
         raise ValueError(f"--experimental is for frets, and {preset.name} has none: leave it out")
     if options.amplitude is not None and len(options.amplitude) > 1:
         raise ValueError(f"over a bridge --amplitude is that of the first recording, got {len(options.amplitude)} of them")
-    return _bridge(options)
+    return _bridge(options, text, preset)
 
 
-def _bridge(options: argparse.Namespace) -> int:
+def _bridge(options: argparse.Namespace, text: str, preset: Preset) -> int:
     from synth.fit import missing_for_contact
 
     reason = missing_for_contact(picture=options.picture is not None)
@@ -95,10 +98,7 @@ def _bridge(options: argparse.Namespace) -> int:
     from synth.fit.contact_group import fit_contact, linear_string
     from synth.fit.contact_report import contact_report, contact_settings, draw
     from synth.fit.recording import read_recording
-    from synth.instrument.preset import parse_preset, read_preset
 
-    text = read_preset(options.preset)
-    preset = parse_preset(text, options.preset)
     index = 0 if options.string is None else fitted_file.string_index(preset, options.string)
     read = [*options.recording, *([] if options.open is None else [options.open])]
     if options.output is not None:
@@ -108,16 +108,10 @@ def _bridge(options: argparse.Namespace) -> int:
         check_apart([Named("recording", each) for each in read], [Named("--picture", options.picture), *outputs])
         check_target(options.picture)
     if options.open is not None:
-        preset = _about(options.open, lambda: linear_string(preset, index, *read_recording(options.open)))
+        preset = fitted_file.about([options.open], lambda: linear_string(preset, index, *read_recording(options.open)))
     recordings = [read_recording(each) for each in options.recording]
-    shown = sys.stderr.isatty()
-
-    def progress(share: float) -> bool:
-        if shown:
-            print(f"\r  {100.0 * share:3.0f} %", end="" if share < 1.0 else "\r       \r", file=sys.stderr, flush=True)
-        return True
-
-    found = _about(options.recording[0] if len(recordings) == 1 else f"{len(recordings)} recordings", lambda: fit_contact(
+    progress = fitted_file.percent()
+    found = fitted_file.about(options.recording, lambda: fit_contact(
         recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude[0],
         position=options.pluck_at, progress=progress,
     ))  # fmt: skip
@@ -132,13 +126,6 @@ def _bridge(options: argparse.Namespace) -> int:
         told["output"] = options.output
     print(json.dumps(told, indent=2, allow_nan=False) if options.json else _text(options, told))
     return 0
-
-
-def _about(name: str, work: Any) -> Any:
-    try:
-        return work()
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
 
 
 def _text(options: argparse.Namespace, told: dict[str, Any]) -> str:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
-from typing import Any
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 def string_index(preset: Any, text: str) -> int:
@@ -34,6 +37,27 @@ def check_output(output: str, preset: str, recordings: Sequence[str]) -> None:
     check_target(output)
     if not is_special(output) and Path(output).suffix != ".toml":
         raise ValueError(f"-o must be a preset's file, ending in .toml, got {output!r}")
+
+
+def about(recordings: Sequence[str], work: Callable[[], T]) -> T:
+    """What `work` gives; what it refuses begins with the recording's name, or with how many there are."""
+    try:
+        return work()
+    except ValueError as error:
+        name = recordings[0] if len(recordings) == 1 else f"{len(recordings)} recordings"
+        raise ValueError(f"{name}: {error}") from None
+
+
+def percent() -> Callable[[float], bool]:
+    """Is told how much of a fit is done (0 … 1), says it where there is a terminal, and never ends it."""
+    shown = sys.stderr.isatty()
+
+    def progress(share: float) -> bool:
+        if shown:
+            print(f"\r  {100.0 * share:3.0f} %", end="" if share < 1.0 else "\r       \r", file=sys.stderr, flush=True)
+        return True
+
+    return progress
 
 
 def write(text: str, source: str, target: str, values: list[tuple[str, Any]]) -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from synth.cli import fitted_file
 
+if TYPE_CHECKING:
+    from synth.instrument.preset import Preset
 
-def run(options: argparse.Namespace) -> int:
-    """The command; its exit code."""
+
+def run(options: argparse.Namespace, text: str, preset: Preset) -> int:
+    """The command on a preset and its text; its exit code."""
     from synth.fit import missing_for_contact
 
     for name, remedy in (("picture", "--json has all numbers"), ("open", "the softest of the recordings is that note")):
@@ -27,26 +29,14 @@ def run(options: argparse.Namespace) -> int:
     from synth.fit.fret_fit import fit_frets
     from synth.fit.fret_report import fret_report, fret_settings
     from synth.fit.recording import read_recording
-    from synth.instrument.preset import parse_preset, read_preset
 
-    text = read_preset(options.preset)
-    preset = parse_preset(text, options.preset)
     index = 0 if options.string is None else fitted_file.string_index(preset, options.string)
     if options.output is not None:
         fitted_file.check_output(options.output, options.preset, options.recording)
     recordings = [read_recording(each) for each in options.recording]
-    shown = sys.stderr.isatty()
-
-    def progress(share: float) -> bool:
-        if shown:
-            print(f"\r  {100.0 * share:3.0f} %", end="" if share < 1.0 else "\r       \r", file=sys.stderr, flush=True)
-        return True
-
-    try:
-        found = fit_frets(recordings, preset, index, options.amplitude, position=options.pluck_at, progress=progress)
-    except ValueError as error:
-        name = options.recording[0] if len(recordings) == 1 else f"{len(recordings)} recordings"
-        raise ValueError(f"{name}: {error}") from None
+    found = fitted_file.about(options.recording, lambda: fit_frets(
+        recordings, preset, index, options.amplitude, position=options.pluck_at, progress=fitted_file.percent()
+    ))  # fmt: skip
     values = fret_settings(found)
     told = {**fret_report(found), "settings": [{"path": path, "value": value} for path, value in values]}
     if options.output is not None:

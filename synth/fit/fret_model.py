@@ -11,6 +11,7 @@ that each fret gets further from the string in proportion to its distance from t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -96,6 +97,26 @@ def _frets(preset: Preset) -> FretsObstacle:
     return shape
 
 
+def engine_for(preset: Preset, note: int, quality: str) -> Engine:
+    """An engine that plays a note of a preset at RATE_HZ, as open or at the fret at which the preset's string has it."""
+    engine = Engine([preset], quality=quality, limiter=False, only_notes=[{note}], every_fret=False, warn=lambda text: None)
+    engine.prepare(RATE_HZ, _BLOCK)
+    return engine
+
+
+def stroke_sound(engine: Engine, events: Sequence[tuple[Any, ...]], draw_s: float, seconds: float) -> Real:
+    """(n,) left channel of a stroke that begins from silence with its events, from the moment that the finger, having drawn
+    for draw_s, lets go."""
+    engine.reset()
+    due = make_events(list(events))
+    first = engine.latency_samples + round(draw_s * RATE_HZ)
+    out = np.empty((first + math.ceil(seconds * RATE_HZ), 2))
+    for at in range(0, len(out), _BLOCK):
+        engine.process(due, out[at : at + _BLOCK])
+        due = due[:0]
+    return np.asarray(out[first:, 0])
+
+
 class FretModel:
     """The notes of one string of a preset, open or stopped at a fret.
 
@@ -149,10 +170,7 @@ class FretModel:
                 "width_mm": pluck.hardest_width_mm, "width_hard_mm": None,
             })  # fmt: skip
             preset = preset.model_copy(update={"pluck": pluck, **with_losses(preset, hand.losses)})
-            found = Engine(
-                [preset], quality=quality, limiter=False, only_notes=[{self.note}], every_fret=False, warn=lambda text: None
-            )
-            found.prepare(RATE_HZ, _BLOCK)
+            found = engine_for(preset, self.note, quality)
             if len(self._engines) >= 4:
                 self._engines.pop(next(iter(self._engines)))
             self._engines[key] = found
@@ -172,19 +190,11 @@ class FretModel:
         """(n,) of a stroke that draws the open string aside by amplitude_mm, as `pluck.displacement_mm` counts it, from the
         moment that the finger lets go. Raises ValueError for an action at which a fret presses."""
         self.evaluations += 1
-        engine = self._engine(action, hand, quality)
-        engine.reset()
-        due = make_events([
+        return stroke_sound(self._engine(action, hand, quality), [
             (0, PARAMETER, 0, INDEX_OF["pluck.amount"], 0, amplitude_mm / _FULL_MM),
             (0, PARAMETER, 0, INDEX_OF["pluck.position"], 0, hand.position),
             (0, NOTE_ON, 0, self.note, 127),
-        ])  # fmt: skip
-        first = engine.latency_samples + round(hand.draw_s * RATE_HZ)
-        out = np.empty((first + math.ceil(seconds * RATE_HZ), 2))
-        for at in range(0, len(out), _BLOCK):
-            engine.process(due, out[at : at + _BLOCK])
-            due = due[:0]
-        return np.asarray(out[first:, 0])
+        ], hand.draw_s, seconds)  # fmt: skip
 
     def touches(self, action: float, amplitude_mm: float, hand: Hand) -> bool:
         """Whether the stroke reaches a fret, or the string lies on one."""

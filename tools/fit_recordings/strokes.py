@@ -13,16 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.engine.engine import Engine
 from synth.engine.parameters import INDEX_OF
 from synth.fit.contact_space import Unknown
 from synth.fit.fret_features import SECONDS
-from synth.fit.fret_model import RATE_HZ, FretModel, with_action, with_losses
+from synth.fit.fret_model import FretModel, engine_for, stroke_sound, with_action, with_losses
 from synth.instrument.preset import Preset, at_note
-from synth.midi.events import NOTE_ON, PARAMETER, make_events
+from synth.midi.events import NOTE_ON, PARAMETER
 
 Real = NDArray[np.float64]
-_BLOCK = 16384
 #: at least that soft, and `pluck.amount` goes no further than twice the hardest stroke
 _SOFTEST, _MOST_AMOUNT = 1.0, 2.0
 #: how much louder the preset's hardest stroke is than the loudest that is fitted [dB]
@@ -100,15 +98,7 @@ class Player:
         preset = sounded.preset if values is None else sounded.changed(values)
         self._note, self._exponent = sounded.note, preset.pluck.velocity_exponent
         self._draw_s = 1e-3 * at_note(preset.pluck.draw_ms, sounded.note)
-        self._engine = Engine(
-            [preset],
-            quality="standard",
-            limiter=False,
-            only_notes=[{sounded.note}],
-            every_fret=False,
-            warn=lambda text: None,
-        )
-        self._engine.prepare(RATE_HZ, _BLOCK)
+        self._engine = engine_for(preset, sounded.note, "standard")
 
     def stroke(self, level_db: float, seconds: float = SECONDS + 0.05) -> Real:
         """(n,) of a stroke so far beside the hardest, from the moment that the finger lets go."""
@@ -116,14 +106,6 @@ class Player:
         strength = amplitude ** (1.0 / self._exponent) if self._exponent > 0.0 else 1.0
         velocity = min(127.0, max(_SOFTEST, round(127.0 * strength)))
         amount = min(_MOST_AMOUNT, amplitude / (velocity / 127.0) ** self._exponent)
-        engine = self._engine
-        engine.reset()
-        due = make_events([
+        return stroke_sound(self._engine, [
             (0, PARAMETER, 0, INDEX_OF["pluck.amount"], 0, amount), (0, NOTE_ON, 0, self._note, int(velocity))
-        ])  # fmt: skip
-        first = engine.latency_samples + round(self._draw_s * RATE_HZ)
-        out = np.empty((first + math.ceil(seconds * RATE_HZ), 2))
-        for at in range(0, len(out), _BLOCK):
-            engine.process(due, out[at : at + _BLOCK])
-            due = due[:0]
-        return np.asarray(out[first:, 0])
+        ], self._draw_s, seconds)  # fmt: skip
