@@ -12,11 +12,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def why_not() -> str:
 
 
 class JackServer:
-    """A running jackd of its own name, to be used with `with`.
+    """A running jackd of its own name, to be used with `with`. Where another process has one, its end is waited for.
 
     name     for `servername`
     env      environment of a process whose clients are to find this server and to start none, nor another sound card
@@ -53,8 +54,12 @@ class JackServer:
         self.env = os.environ | {"JACK_DEFAULT_SERVER": self.name, "JACK_NO_START_SERVER": "1"} | hide_sound_card()
         self._ended = False
         waits = ["-S", "-t", str(int(1000 * patience_s()))] if sync else []
-        with _alone():
+        _turn.begin()
+        try:
             self._start(waits)
+        except BaseException:
+            _turn.end()
+            raise
 
     def _start(self, waits: list[str]) -> None:
         begun = time.monotonic()
@@ -91,8 +96,10 @@ class JackServer:
         if self._ended:
             return
         self._ended = True
-        with _alone():
+        try:
             self._kill(how)
+        finally:
+            _turn.end()
 
     def _kill(self, how: signal.Signals) -> None:
         segments = self._segments()
@@ -114,13 +121,31 @@ class JackServer:
         return {path for path in paths if path.name.startswith(f"jack-{os.getuid()}-")}
 
 
-@contextmanager
-def _alone(how: int = fcntl.LOCK_EX) -> Iterator[None]:
-    """No other test starts or ends a server meanwhile: those that start at once spoil the registry that they share, and the
-    clients of one find no server. LOCK_SH: so do clients begin."""
-    with open(Path(tempfile.gettempdir()) / f"jawari-jackd-{os.getuid()}.lock", "w") as lock:
-        fcntl.flock(lock, how)
-        yield
+class _Turn:
+    """This process's turn to have servers, as many as it likes: no other process has any meanwhile. JACK keeps the shared
+    memory of all servers of a user in one registry, and where another server starts or ends, a client that is beginning may
+    be told of memory that is not there, whoever's client it is: it finds "JACK server not running"."""
+
+    def __init__(self) -> None:
+        self._servers = 0
+        self._file: IO[str] | None = None
+
+    def begin(self) -> None:
+        """Wait for it; once for each server."""
+        if self._file is None:
+            self._file = open(Path(tempfile.gettempdir()) / f"jawari-jackd-{os.getuid()}.lock", "w")
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+        self._servers += 1
+
+    def end(self) -> None:
+        self._servers -= 1
+        if self._servers == 0 and self._file is not None:
+            fcntl.flock(self._file, fcntl.LOCK_UN)  # whoever was forked off meanwhile still has the file open
+            self._file.close()
+            self._file = None
+
+
+_turn = _Turn()
 
 
 def _jackd(name: str, *more: str, frames: int = 256, rate_hz: int = 44100) -> subprocess.Popen:
@@ -173,9 +198,8 @@ class _Helper:
     def __init__(self, script: str, server: JackServer, arguments: dict) -> None:
         command = [sys.executable, str(HERE / script), json.dumps({"server": server.name, **arguments})]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        with _alone(fcntl.LOCK_SH):
-            self._process = subprocess.Popen(command, **pipes, env=server.env, text=True)
-            self._expect("ready")
+        self._process = subprocess.Popen(command, **pipes, env=server.env, text=True)
+        self._expect("ready")
 
     def _expect(self, word: str) -> None:
         assert self._process.stdout is not None

@@ -280,14 +280,17 @@ class Keys:
             env=server.env,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
             text=True,
         )
-        assert self._read() == "ready"
+        self._expect("ready")
 
-    def _read(self) -> str:
-        assert self._process.stdout is not None
-        return self._process.stdout.readline().strip()
+    def _expect(self, word: str) -> None:
+        assert self._process.stdout is not None and self._process.stderr is not None
+        said = self._process.stdout.readline().strip()
+        if said != word:
+            self._process.kill()
+            raise AssertionError(f"said {said!r} instead of {word!r}: {self._process.stderr.read()[-2000:]}")
 
     def tell(self, *words) -> None:
         assert self._process.stdin is not None
@@ -299,7 +302,7 @@ class Keys:
         self.done()
 
     def done(self) -> None:
-        assert self._read() == "done"
+        self._expect("done")
 
     def send(self, name: str, *messages: list[int]) -> None:
         self("send", name, json.dumps(messages))
