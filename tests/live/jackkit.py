@@ -26,6 +26,8 @@ from tests.patience import patience_s
 
 HERE = Path(__file__).parent
 SHM = Path("/dev/shm")
+#: whoever has it locked may have servers
+TURN = Path(tempfile.gettempdir()) / f"jawari-jackd-{os.getuid()}.lock"
 _numbers = count()
 
 
@@ -133,7 +135,7 @@ class _Turn:
     def begin(self) -> None:
         """Wait for it; once for each server."""
         if self._file is None:
-            self._file = open(Path(tempfile.gettempdir()) / f"jawari-jackd-{os.getuid()}.lock", "w")
+            self._file = TURN.open("w")
             fcntl.flock(self._file, fcntl.LOCK_EX)
         self._servers += 1
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.patience import patience_s
 
 from .conftest import StartServer
-from .jackkit import HERE, SHM, Capture, Sender
+from .jackkit import HERE, SHM, TURN, Capture, Sender
 
 
 def test_what_is_sent_is_recorded_at_its_frames(jack_server: StartServer, tmp_path: Path) -> None:
@@ -41,3 +43,18 @@ def test_nothing_is_left_behind(jack_server: StartServer) -> None:
         server.kill()
         assert not server.alive
         assert not list(SHM.glob(f"*{server.name}*"))
+
+
+def test_no_other_process_has_servers_until_the_last_of_this_one_has_ended(jack_server: StartServer) -> None:
+    def is_ours() -> None:
+        with TURN.open("w") as lock, pytest.raises(BlockingIOError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    first, second = jack_server(), jack_server()
+    is_ours()
+    first.kill()
+    first.kill()  # which ends nothing a second time
+    is_ours()
+    second.kill()
+    with TURN.open("w") as lock:  # as soon as nobody else has it
+        fcntl.flock(lock, fcntl.LOCK_EX)
