@@ -437,3 +437,7 @@ def test_a_speed_is_said_when_it_has_been_measured(monkeypatch, capsys) -> None:
     assert shown(0.3, line.show, 2.0, 60.0) == "3 %  2.0 of at most 60.0 s"
     assert shown(0.7, line.show, 5.0, 60.0) == "8 %  5.0 of at most 60.0 s  4.0× real time"
     assert shown(1.0, common.ProgressLine(False).show, 5.0, 60.0) == ""
+    assert shown(0.2, line.fitting, 0.42) == "42 %" and line.fitting(0.43)
+    with pytest.raises(ValueError), line:
+        raise ValueError  # a refusal stands on a line of its own
+    assert capsys.readouterr().err.split("\r")[-2:] == [" " * len("   42 %"), ""]

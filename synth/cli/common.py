@@ -272,6 +272,12 @@ class ProgressLine:
         if self._due(time.monotonic()):
             self._write(f"measuring: {100.0 * done:.0f} %")
 
+    def fitting(self, done: float) -> bool:
+        """Which share of a fit is done. True: it goes on."""
+        if self._due(time.monotonic()):
+            self._write(f"  {100.0 * done:3.0f} %")
+        return True
+
     def _due(self, now: float) -> bool:
         """Whether it is time for another line."""
         due = self._on and now - self._shown >= 0.1

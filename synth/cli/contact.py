@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import TYPE_CHECKING, Any
 
 from synth.cli import fitted_file
-from synth.cli.common import number
+from synth.cli.common import ProgressLine, number
 
 if TYPE_CHECKING:
     from synth.instrument.preset import Preset
@@ -110,12 +111,11 @@ def _bridge(options: argparse.Namespace, text: str, preset: Preset) -> int:
     if options.open is not None:
         preset = fitted_file.about([options.open], lambda: linear_string(preset, index, *read_recording(options.open)))
     recordings = [read_recording(each) for each in options.recording]
-    progress = fitted_file.percent()
-    found = fitted_file.about(options.recording, lambda: fit_contact(
-        recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude[0],
-        position=options.pluck_at, progress=progress,
-    ))  # fmt: skip
-    progress(1.0)
+    with ProgressLine(sys.stderr.isatty()) as line:
+        found = fitted_file.about(options.recording, lambda: fit_contact(
+            recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude[0],
+            position=options.pluck_at, progress=line.fitting,
+        ))  # fmt: skip
     values = contact_settings(found)
     told = {**contact_report(found), "settings": [{"path": path, "value": value} for path, value in values]}
     if options.picture is not None:

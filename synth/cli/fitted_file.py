@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -46,18 +45,6 @@ def about(recordings: Sequence[str], work: Callable[[], T]) -> T:
     except ValueError as error:
         name = recordings[0] if len(recordings) == 1 else f"{len(recordings)} recordings"
         raise ValueError(f"{name}: {error}") from None
-
-
-def percent() -> Callable[[float], bool]:
-    """Is told how much of a fit is done (0 … 1), says it where there is a terminal, and never ends it."""
-    shown = sys.stderr.isatty()
-
-    def progress(share: float) -> bool:
-        if shown:
-            print(f"\r  {100.0 * share:3.0f} %", end="" if share < 1.0 else "\r       \r", file=sys.stderr, flush=True)
-        return True
-
-    return progress
 
 
 def write(text: str, source: str, target: str, values: list[tuple[str, Any]]) -> None:

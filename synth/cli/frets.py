@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import TYPE_CHECKING, Any
 
 from synth.cli import fitted_file
+from synth.cli.common import ProgressLine
 
 if TYPE_CHECKING:
     from synth.instrument.preset import Preset
@@ -34,9 +36,10 @@ def run(options: argparse.Namespace, text: str, preset: Preset) -> int:
     if options.output is not None:
         fitted_file.check_output(options.output, options.preset, options.recording)
     recordings = [read_recording(each) for each in options.recording]
-    found = fitted_file.about(options.recording, lambda: fit_frets(
-        recordings, preset, index, options.amplitude, position=options.pluck_at, progress=fitted_file.percent()
-    ))  # fmt: skip
+    with ProgressLine(sys.stderr.isatty()) as line:
+        found = fitted_file.about(options.recording, lambda: fit_frets(
+            recordings, preset, index, options.amplitude, position=options.pluck_at, progress=line.fitting
+        ))  # fmt: skip
     values = fret_settings(found)
     told = {**fret_report(found), "settings": [{"path": path, "value": value} for path, value in values]}
     if options.output is not None:
