@@ -135,8 +135,9 @@ class _Turn:
     def begin(self) -> None:
         """Wait for it; once for each server."""
         if self._file is None:
-            self._file = TURN.open("w")
-            fcntl.flock(self._file, fcntl.LOCK_EX)
+            file = TURN.open("w")
+            fcntl.flock(file, fcntl.LOCK_EX)
+            self._file = file
         self._servers += 1
 
     def end(self) -> None:
@@ -194,6 +195,15 @@ def _free_places() -> None:
             _free_place(f"jawari-{int(owner)}-{int(number)}")  # where that one lives on, jackd refuses
 
 
+def expect(process: subprocess.Popen[str], word: str) -> None:
+    """Read a line, which must be that word. Raises RuntimeError, with what the process complained of, which is killed."""
+    assert process.stdout is not None
+    line = process.stdout.readline().strip()
+    if line != word:
+        process.kill()
+        raise RuntimeError(f"said {line!r} instead of {word!r}: {process.communicate()[1][-2000:]}")
+
+
 class _Helper:
     """A script of this folder in a process of its own, that says "ready" and does what it does until it reads a line."""
 
@@ -201,14 +211,7 @@ class _Helper:
         command = [sys.executable, str(HERE / script), json.dumps({"server": server.name, **arguments})]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         self._process = subprocess.Popen(command, **pipes, env=server.env, text=True)
-        self._expect("ready")
-
-    def _expect(self, word: str) -> None:
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline().strip()
-        if line != word:
-            self._process.kill()
-            raise RuntimeError(f"said {line!r} instead of {word!r}: {self._process.communicate()[1][-2000:]}")
+        expect(self._process, "ready")
 
     def _end(self) -> None:
         """Tell it to end and wait until it has."""
@@ -256,7 +259,7 @@ class Capture(_Helper):
 
     def connected(self) -> None:
         """Wait until every port is connected."""
-        self._expect("connected")
+        expect(self._process, "connected")
 
     def stop(self) -> Recorded:
         self._end()
@@ -277,6 +280,6 @@ class Sender(_Helper):
 
     def done(self) -> list[int]:
         """Wait until all is sent; JACK's frame time of every message."""
-        self._expect("sent")
+        expect(self._process, "sent")
         self._end()
         return json.loads(self._file.read_text())

@@ -22,6 +22,8 @@ from synth.midi.stream import MOST_SYSEX_BYTES, ArrivalClock, MidiStream
 from synth.midi.sysex import of_parameter, of_tuning
 from tests.patience import patience_s, until
 
+from .jackkit import expect
+
 HERE = Path(__file__).parent
 
 
@@ -283,14 +285,7 @@ class Keys:
             stderr=subprocess.PIPE,
             text=True,
         )
-        self._expect("ready")
-
-    def _expect(self, word: str) -> None:
-        assert self._process.stdout is not None and self._process.stderr is not None
-        said = self._process.stdout.readline().strip()
-        if said != word:
-            self._process.kill()
-            raise AssertionError(f"said {said!r} instead of {word!r}: {self._process.stderr.read()[-2000:]}")
+        expect(self._process, "ready")
 
     def tell(self, *words) -> None:
         assert self._process.stdin is not None
@@ -302,7 +297,7 @@ class Keys:
         self.done()
 
     def done(self) -> None:
-        self._expect("done")
+        expect(self._process, "done")
 
     def send(self, name: str, *messages: list[int]) -> None:
         self("send", name, json.dumps(messages))
