@@ -53,15 +53,12 @@ def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort
     loud = int(np.argmax([levels[key] for key in train]))
     levels = {key: level - levels[train[loud]] for key, level in levels.items()}
 
-    def learned(values: dict[str, float] | None, top_db: float) -> Learned:
-        return _learned(Player(sounded, values), [heard[k] for k in train], np.array([levels[k] - top_db for k in train]))
+    def learned(player: Player, top_db: float) -> Learned:
+        return _learned(player, [heard[k] for k in train], np.array([levels[k] - top_db for k in train]))
 
-    def as_it_is(top: float) -> float:
-        return learned(None, TOP.at(top)).loss
-
-    shares = np.linspace(0.0, 1.0, _TOPS)
-    tops = [as_it_is(top) for top in shares]
-    top = float(shares[int(np.argmin(tops))])
+    preset = Player(sounded, None)
+    tried = [(float(top), learned(preset, TOP.at(float(top)))) for top in np.linspace(0.0, 1.0, _TOPS)]
+    top, by_preset = min(tried, key=lambda each: each[1].loss)
     unknowns = (TOP, *sounded.unknowns)
 
     def values_at(point: Real) -> tuple[float, dict[str, float]]:
@@ -71,7 +68,7 @@ def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort
     def loss(point: Real) -> float:
         top_db, own = values_at(point)
         try:
-            return learned(own, top_db).loss
+            return learned(Player(sounded, own), top_db).loss
         except (PresetError, ValueError):
             return _UNPLAYABLE
 
@@ -86,8 +83,8 @@ def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort
         best, least = start, float(losses[0])
     top_db, found = values_at(best)
 
-    by_preset, by_fit = learned(None, TOP.at(top)), learned(found, top_db)
-    preset, fit = Player(sounded, None), Player(sounded, found)
+    fit = Player(sounded, found)
+    by_fit = learned(fit, top_db)
     rows = []
     for key, one in heard.items():
         if key[0] in fitted:
@@ -102,7 +99,7 @@ def predict(takes: list[Take], sounded: Sounded, fitted: tuple[str, ...], effort
         rows.append(row)
     return {
         "fitted": list(fitted), "predicted": rows, "values": found | {TOP.name: top_db},
-        "loss": {"preset": min(tops), "fit": least}, "cpu_s": time.process_time() - began,
+        "loss": {"preset": by_preset.loss, "fit": least}, "cpu_s": time.process_time() - began,
     }  # fmt: skip
 
 
