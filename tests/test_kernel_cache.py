@@ -76,3 +76,22 @@ def test_a_folder_that_another_process_makes_at_the_same_moment_will_do(
 
     _make(folder)
     assert looks == [folder] and is_dir(folder)
+
+
+def test_two_checkouts_of_the_same_sources_share_what_was_compiled(tmp_path: Path) -> None:
+    text = "from synth.solver.lcp import single; print(single(2.0, -1.0), *single.stats.cache_hits.values())"
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    hits = []
+    for name in ("first", "second"):
+        shutil.copytree(PACKAGE, tmp_path / name / "synth", ignore=shutil.ignore_patterns("__pycache__"))
+        told = subprocess.run(
+            [sys.executable, "-c", text],
+            cwd=tmp_path / name,
+            env={**environment, "PYTHONPATH": str(tmp_path / name)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        hits.append(told.stdout.split())
+    assert hits == [["0.5"], ["0.5", "1"]]

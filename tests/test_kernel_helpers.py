@@ -34,7 +34,7 @@ here = Path(__file__).parent
 spec = importlib.util.spec_from_file_location("synth.kernels_to_try", here / "kernels.py")
 module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(module)
-helper = sys.argv[:1] == ["-c"] and len(sys.argv) == 4
+helper = sys.argv[:1] == ["-c"] and len(sys.argv) == 3
 if helper:
     (here / f"helper-{os.getpid()}").touch()
 
@@ -236,22 +236,30 @@ compiled()
     assert tried.says(text)[0] == [VALUES, None, 0, [5, 5], False] and tried.helpers == []
 
 
-def test_claims_are_those_of_processes(tmp_path: Path) -> None:
-    text = "import sys; from synth.jit import kernel_claims as c; c.share(int(sys.argv[1])); print(c.take('a'), c.take('b'))"
-    with open(tmp_path / "claims", "w+b") as file:
-        kernel_claims.share(file.fileno())
-        try:
-            assert kernel_claims.take("a") and kernel_claims.take("a")
-            command = [sys.executable, "-c", text, str(file.fileno())]
-            for answer in ("False True", "True True"):
-                told = subprocess.run(
-                    command, pass_fds=(file.fileno(),), capture_output=True, text=True, check=True, cwd=ROOT
-                )  # fmt: skip
-                assert told.stdout.strip() == answer
-                kernel_claims.leave("a")
-        finally:
-            kernel_claims.share(None)
-    assert kernel_claims.take("a")  # nobody else is there
+def test_claims_are_those_of_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """…that keep their kernels in one folder."""
+    text = "from synth.jit import kernel_claims as c; print(c.take('a'), c.take('b'))"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert kernel_claims.take("a") and kernel_claims.take("a")
+    for answer in ("False True", "True True"):
+        told = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
+        assert told.stdout.strip() == answer
+        kernel_claims.leave("a")
+    assert kernel_claims.take("a")
+
+
+def test_two_programs_that_start_cold_compile_each_kernel_once(tried: Tried) -> None:
+    text = """
+kernel_helpers._may_run = lambda: 0
+(here / f"ready-{os.getpid()}").touch()
+until(lambda: len(list(here.glob("ready-*"))) == 2)
+compiled()
+"""
+    programs = [tried.start(text) for _ in range(2)]
+    results = [program.done(compiling_s()) for program in programs]
+    assert [result.returncode for result in results] == [0, 0], [result.stderr for result in results]
+    made = [json.loads(result.stdout.splitlines()[-1])[3] for result in results]
+    assert sum(count[0] for count in made if count) == 5
 
 
 ASKED = """

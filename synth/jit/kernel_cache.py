@@ -35,6 +35,7 @@ from synth.native.processors import level
 from synth.signals import hearing_signals
 
 KEEP = 8
+_PACKAGE = Path(__file__).resolve().parents[1]
 #: how long a writer waits for another; then the kernel is compiled again some day [s]
 PATIENCE_S = 5.0
 #: what a write that was cut short leaves goes after this time [s]
@@ -245,8 +246,18 @@ def _importing() -> bool:
 
 
 def _cache_class(caching: Any) -> type:
+    class Locator(caching.UserProvidedCacheLocator):  # type: ignore[misc]
+        """Places by the module in the package, not by its path: checkouts of the same sources share their kernels."""
+
+        @classmethod
+        def get_suitable_cache_subpath(cls, py_file: str) -> str:
+            file = Path(py_file).resolve()
+            if not file.is_relative_to(_PACKAGE):
+                return str(super().get_suitable_cache_subpath(py_file))
+            return "_".join(file.relative_to(_PACKAGE.parent).parent.parts)
+
     class Impl(caching.CompileResultCacheImpl):  # type: ignore[misc]
-        _locator_classes = (caching.UserProvidedCacheLocator,)
+        _locator_classes = (Locator,)
 
         def reduce(self, cres: Any) -> Any:
             return tuple(kernel_linking.part_of(cres.library)), super().reduce(cres)

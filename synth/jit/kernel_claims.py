@@ -1,7 +1,7 @@
-"""Which process compiles what, where several do: a claim is a locked byte of a file that they share.
+"""Which process compiles what, where several do: a claim is a locked byte of a file in the folder of the kernels.
 
-It goes with the process that holds it, however that ends, and a process that claims twice has it. Without a file everything
-is everybody's.
+All processes that keep their kernels there share it. A claim goes with the process that holds it, however that ends, and a
+process that claims twice has it. Without a file everything is everybody's.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import os
 import time
 import zlib
 from contextlib import suppress
+from functools import cache
 
 try:
     import fcntl
@@ -20,21 +21,29 @@ except ImportError:  # Windows, where no helpers are started
 PATIENCE_S = 600.0
 _LOOK_S = 0.02
 
-_file: int | None = None
+
+def _file() -> int | None:
+    return _opened(os.environ.get("NUMBA_CACHE_DIR", ""))
 
 
-def share(file: int | None) -> None:
-    """Claim in the open file from now on; None: no more."""
-    global _file
-    _file = file
+@cache
+def _opened(folder: str) -> int | None:
+    """The file of claims, open to the end of the process: closing it would end all locks that the process has on it."""
+    if not folder or fcntl is None:
+        return None
+    try:
+        return os.open(os.path.join(folder, "claims"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError:
+        return None
 
 
 def take(name: str) -> bool:
     """Claim it; False: another process has."""
-    if _file is None or fcntl is None:
+    file = _file()
+    if file is None:
         return True
     try:
-        fcntl.lockf(_file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(name), os.SEEK_SET)
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place(name), os.SEEK_SET)
     except (BlockingIOError, PermissionError):
         return False
     except OSError:  # a file system that knows no locks
@@ -54,9 +63,10 @@ def wait_for(name: str) -> bool:
 
 def leave(name: str) -> None:
     """Let others claim it."""
-    if _file is not None and fcntl is not None:
+    file = _file()
+    if file is not None:
         with suppress(OSError):
-            fcntl.lockf(_file, fcntl.LOCK_UN, 1, _place(name), os.SEEK_SET)
+            fcntl.lockf(file, fcntl.LOCK_UN, 1, _place(name), os.SEEK_SET)
 
 
 def _place(name: str) -> int:

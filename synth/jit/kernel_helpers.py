@@ -14,10 +14,9 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 from synth.jit import compiling, kernel_cache, kernel_claims
@@ -71,9 +70,8 @@ def _compile_all(listed: str) -> None:
 
 def help(arguments: Sequence[str]) -> None:
     """The life of a helper: arguments as in _BEGIN."""
-    *_, listed, file = arguments
     threading.Thread(target=_end_with_the_caller, daemon=True).start()
-    kernel_claims.share(int(file))
+    listed = arguments[-1]
     _work_off(_tasks(listed))
 
 
@@ -105,27 +103,24 @@ def _end_with_the_caller() -> None:
 def _helpers(count: int, listed: str) -> Iterator[None]:
     """So many helpers, or fewer; none is left afterwards."""
     running: list[subprocess.Popen[bytes]] = []
-    with ExitStack() as closing:
-        closing.callback(_end, running)
-        with suppress(OSError):  # no place for a file, no more processes to be had: then with those there are
-            file = closing.enter_context(tempfile.TemporaryFile()).fileno()
+    try:
+        with suppress(OSError):  # no more processes to be had: then with those that run
             for _ in range(count):
                 running.append(
                     subprocess.Popen(
-                        [sys.executable, "-c", _BEGIN, json.dumps([str(each) for each in sys.path]), listed, str(file)],
+                        [sys.executable, "-c", _BEGIN, json.dumps([str(each) for each in sys.path]), listed],
                         stdin=subprocess.PIPE,
                         stdout=subprocess.DEVNULL,
                         stderr=subprocess.DEVNULL,
-                        pass_fds=(file,),
                         start_new_session=True,  # what the terminal sends is the caller's to hear
                     )
                 )
-                kernel_claims.share(file)
         yield
+    finally:
+        _end(running)
 
 
 def _end(running: Sequence[subprocess.Popen[bytes]]) -> None:
-    kernel_claims.share(None)
     for process in running:
         process.kill()
         process.communicate()
@@ -133,7 +128,7 @@ def _end(running: Sequence[subprocess.Popen[bytes]]) -> None:
 
 def _may_run() -> int:
     """How many helpers there is room for."""
-    if sys.platform == "win32":  # which hands no open file on to them by its number
+    if sys.platform == "win32":  # whose files know no claims
         return 0
     if getattr(sys, "frozen", False) or not os.path.basename(sys.executable or "").startswith(("python", "pypy")):
         return 0  # what is started by that name is another program
