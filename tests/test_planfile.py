@@ -81,6 +81,11 @@ def test_what_is_written_is_read() -> None:
         ("format = 1", "format = 2", "format: must be 1, got 2"),
         ("format = 1", "", "format: must be a whole number, got nothing"),
         ("measured = 1", "measured = true", "measured: must be a whole number, got True"),
+        (
+            "measured = 1",
+            "measured = 1\nvelocities = [0, 40]",
+            "velocities: must be a list of whole numbers from 1 to 127, got [0, 40]",
+        ),
         ('["plain"]', "[3]", "strokes: must be a list of text, got [3]"),
         ("pitch_hz = 98", "pitch_hz = 0", "string.0.pitch_hz: must be a number from 1 to 1e9, got 0"),
         ("rate_hz = 88200", 'rate_hz = "fast"', "string.0.standard.rate_hz: must be a number from 1 to 1e9, got 'fast'"),
@@ -145,7 +150,7 @@ def test_strokes_count_and_the_ways_to_them_do_not() -> None:
 
 def test_a_plan_of_another_version_does_not_count() -> None:
     preset = make()
-    assert not known(preset, MeasuredPlan((row(preset),), frozenset(strokes(preset)), VERSION + 1))
+    assert not known(preset, MeasuredPlan((row(preset),), frozenset(strokes(preset)), version=VERSION + 1))
 
 
 def test_a_plan_is_taken_and_the_law_where_there_is_none() -> None:

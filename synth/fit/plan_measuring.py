@@ -3,11 +3,12 @@
     plan = measure_plan(load_preset("tanpura"))      # a MeasuredPlan, as `planfile` keeps it beside the preset
     list(misses(preset, strokes))                    # how near strokes come to what is promised, of a preset with a plan
 
-Every note of every string is played softly and hard at many rates, with modes up to many frequencies, and held against a run
-at several times the rate of the quality `reference`, which is itself held against one of half that rate with fewer modes: as
-tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes measured, and the
-limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the preset's other strokes.
-What is heard of the highs counts beside the promise.
+Every note of every string is played at the velocities of `VELOCITIES`, at many rates, with modes up to many frequencies, and
+held against a run at several times the rate of the quality `reference`, which is itself held against one of half that rate
+with fewer modes: as tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes
+measured, and the limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the other
+strokes of the preset. What is heard of the highs counts beside the promise. A plan costs less than the law's, unless the law
+itself misses the promise on that string: then it may have up to `DEARER` times the law's rate.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ RATE_HZ = 44100
 #: part of every limit that `KEPT` of a string's notes must keep in the strokes measured, and the others: among blows there
 #: are notes at which no rate comes nearer
 MARGIN, FARTHEST = 0.5, 0.75
-#: velocities that are measured
-VELOCITIES = (40, 120)
+#: velocities that are measured; the file of a plan names them
+VELOCITIES = (25, 40, 120)
 #: seconds of a note: what is promised of a bridge is promised over 3 s
 ROLLING_S, IMPACTS_S = 3.0, 0.5
 #: internal steps per period of the reference, where the string rolls, is plucked from afar, takes blows; its most modes
@@ -50,12 +51,14 @@ FACTORS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48)
 HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0)
 #: of the law's rate times modes, what is worth a plan
 CHEAPER = 0.97
+#: times the law's rate that a plan may have on a string where the law misses the promise
+DEARER = 3.0
 #: modes go so far at least, whatever the figures say [Hz]
 LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
 #: strokes that a plan is held to beside those measured: (velocity, times the place)
 OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
 #: velocities that a string which rolls on its bridge is held to besides: its last, grazing contacts come and go with them
-ROLLING_VELOCITIES = (25, 55, 64, 90, 105)
+ROLLING_VELOCITIES = (15, 20, 30, 35, 50, 64, 90, 105)
 #: output's place from the saddle, as a share of the open length: that of the calibration's scenes
 SEEN_AT = 0.01
 
@@ -169,6 +172,12 @@ class OneString:
                 self._known[note, stroke] = Judged(u, limits)
         return {note: self._known[note, stroke] for note in notes}
 
+    def can_judge(self, quality: str, strokes_played: list[Stroke]) -> bool:
+        """Whether references of all notes in strokes are near enough to the truth to judge a quality."""
+        return all(
+            judged.limits[quality] for stroke in strokes_played for judged in self.references(self.notes, stroke).values()
+        )
+
     def figures(self, quality: str, notes: list[int], stroke: Stroke, found: Measured) -> Iterator[tuple[float, Figures]]:
         """For each note (the worst of error over limit, measure → error); infinite where nothing can be judged."""
         known = self.references(notes, stroke)
@@ -182,7 +191,8 @@ class OneString:
 
 
 def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> MeasuredString:
-    """What each quality takes on one string; a quality that no less than the law's keeps is left out. Raises Ended."""
+    """What each quality takes on one string; a quality is left out where nothing tried keeps it, or only what costs as much
+    as the law's, which keeps it too. Raises Ended."""
     done = 0.0
 
     def step(part: float) -> None:
@@ -196,8 +206,16 @@ def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> 
         one.references(one.notes, stroke)
         step(0.5 / len(measured))
     qualities: dict[str, Measured] = {}
+    if one.kind in ROLLING:
+        others = [*others, *(Stroke(velocity) for velocity in ROLLING_VELOCITIES)]
     for quality in PROMISED:
-        for factor in (each for each in FACTORS if each <= one.law(quality)):
+        law = one.law(quality)
+        stands: bool | None = None
+        for factor in (each for each in FACTORS if each <= DEARER * law):
+            if factor > law and stands is None:
+                stands = _law_stands(one, quality, measured, others)
+            if stands:
+                break
             found = _fewest(one, quality, factor, measured, others)
             step(0.0)
             if found is not None:
@@ -210,7 +228,7 @@ def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> 
 def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], others: list[Stroke]) -> Measured | None:
     """The fewest modes at an internal rate that keep `MARGIN` of a promise, as any more do, and all of it in other strokes.
 
-    None where none do, or they cost what the law's cost."""
+    None where none do, or they cost what the law's cost at a rate that is not above the law's."""
     law = one.law(quality)
     most = law * one.modes(0.5 * law * RATE_HZ)
     half = 0.5 * factor * RATE_HZ
@@ -221,14 +239,25 @@ def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], o
         if figures is None:
             break
         kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
-    if one.kind in ROLLING:
-        others = [*others, *(Stroke(velocity) for velocity in ROLLING_VELOCITIES)]
-    few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
     for found in reversed(kept):
-        cheaper = factor * found.modes < CHEAPER * most
-        if cheaper and all(ratio <= 1.0 for stroke in others for ratio, _ in one.figures(quality, few, stroke, found)):
+        cheaper = factor > law or factor * found.modes < CHEAPER * most
+        if cheaper and _holds(one, quality, others, found):
             return found
     return None
+
+
+def _law_stands(one: OneString, quality: str, measured: list[Stroke], others: list[Stroke]) -> bool:
+    """Whether the law's rate and modes keep a promise in all strokes; also where nothing can be judged."""
+    law = one.law(quality)
+    highest = 0.5 * law * RATE_HZ
+    found = Measured(float(law * RATE_HZ), highest, one.modes(highest), {})
+    return not one.can_judge(quality, measured) or _holds(one, quality, [*measured, *others], found)
+
+
+def _holds(one: OneString, quality: str, strokes_played: list[Stroke], found: Measured) -> bool:
+    """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note."""
+    few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
+    return all(ratio <= 1.0 for stroke in strokes_played for ratio, _ in one.figures(quality, few, stroke, found))
 
 
 def _kept(one: OneString, quality: str, measured: list[Stroke], found: Measured) -> Figures | None:
@@ -287,7 +316,7 @@ def measure_plan(
 
         earlier = (known or {}).get(one.fingerprint)
         done.append(measure_string(one, others, part) if earlier is None else replace(earlier, name=one.label))
-    return MeasuredPlan(tuple(done), frozenset(strokes(preset)))
+    return MeasuredPlan(tuple(done), frozenset(strokes(preset)), VELOCITIES)
 
 
 @dataclass(frozen=True)

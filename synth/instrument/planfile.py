@@ -5,6 +5,7 @@ names the least internal rate and the modes that keep the promise there with a m
 
     format = 1
     measured = 1                       # VERSION of what was measured, and by what
+    velocities = [25, 40, 120]         # of every note; for readers
     strokes = ["3f1c…"]                # ways to begin a note that were measured
 
     [[string]]
@@ -49,9 +50,10 @@ WITHIN_SEMITONES = 0.5
 #: measures: those of `plan`, and third octaves of the velocities [dB]
 FIGURES = ("e", "e_onset", "lsd_db", "bands_db", "heard_db")
 _HEAD = """\
-# What keeps the promise of each quality on the strings of this very preset: within half of its limits at 95 % of the notes,
-# three quarters at the others. Measured and written by `synth plan --measure-plan`; a string that has changed since is
-# planned by the law for all strings.
+# What keeps the promise of each quality on the strings of this very preset: at the velocities named, within half of its
+# limits at 95 % of the notes, three quarters at the others. Between those velocities, and nearer to the saddle and farther
+# from it, the lowest, middle and highest note of each string keep the limits themselves. Written by `synth plan
+# --measure-plan`; a string that has changed since is planned by the law for all strings.
 """
 
 
@@ -92,11 +94,12 @@ class MeasuredString:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPlan:
-    """The strings of a preset that were measured, and the strokes (`fingerprints.strokes`). It goes along with a preset
-    and is no part of what makes two presets equal: all are equal to each other."""
+    """The strings of a preset that were measured, the strokes (`fingerprints.strokes`) and the velocities of every note. It
+    goes along with a preset and is no part of what makes two presets equal: all are equal to each other."""
 
     strings: tuple[MeasuredString, ...] = ()
     strokes: frozenset[str] = frozenset()
+    velocities: tuple[int, ...] = ()
     version: int = VERSION
     _by_fingerprint: dict[str, MeasuredString] = field(init=False, repr=False)
 
@@ -148,6 +151,11 @@ def parse(text: str, origin: str) -> MeasuredPlan:
     strokes = top.get("strokes", list)
     if not all(isinstance(each, str) for each in strokes):
         raise PlanError(f"{origin}: strokes: must be a list of text, got {strokes!r}; {_REMEDY}")
+    velocities = top.get("velocities", list) if "velocities" in data else []
+    if not all(type(each) is int and 1 <= each <= 127 for each in velocities):
+        raise PlanError(
+            f"{origin}: velocities: must be a list of whole numbers from 1 to 127, got {velocities!r}; {_REMEDY}"
+        )
     strings = []
     for number, each in enumerate(data.get("string", []) if isinstance(data.get("string", []), list) else [None]):
         table = _Table(each, origin, f"string.{number}.")
@@ -160,7 +168,7 @@ def parse(text: str, origin: str) -> MeasuredPlan:
                 qualities[quality] = Measured(*numbers, inner.whole("modes"), figures)
         words = [str(table.get(name, str)) for name in ("name", "note", "fingerprint")]
         strings.append(MeasuredString(words[0], words[1], table.number("pitch_hz"), words[2], qualities))
-    return MeasuredPlan(tuple(strings), frozenset(strokes), top.whole("measured"))
+    return MeasuredPlan(tuple(strings), frozenset(strokes), tuple(velocities), top.whole("measured"))
 
 
 class _Table:
@@ -204,7 +212,10 @@ def text_of(plan: MeasuredPlan) -> str:
         return f"{value:.0f}" if value == round(value) and abs(value) < 1e15 else f"{value!r}"
 
     strokes = ", ".join(f'"{each}"' for each in sorted(plan.strokes))
-    lines = [_HEAD, f"format = {FORMAT}", f"measured = {plan.version}", f"strokes = [{strokes}]"]
+    lines = [_HEAD, f"format = {FORMAT}", f"measured = {plan.version}"]
+    if plan.velocities:
+        lines.append(f"velocities = {list(plan.velocities)}")
+    lines.append(f"strokes = [{strokes}]")
     for each in plan.strings:
         name = json.dumps(each.name, ensure_ascii=False).replace(
             "\x7f", "\\u007f"

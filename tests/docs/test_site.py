@@ -27,6 +27,24 @@ def test_readme_is_short_and_its_links_lead_somewhere() -> None:
         assert (REPOSITORY / link.split("#")[0]).is_file(), link
 
 
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda path: path.relative_to(DOCS).as_posix())
+def test_links_of_a_page_lead_somewhere_in_a_checkout(page: Path) -> None:
+    """…where nothing is generated; pages that the site generates have stand-ins."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    missing = [
+        link
+        for link in _MARKDOWN_LINK.findall(text)
+        if ":" not in link and link.split("#")[0] and not (page.parent / link.split("#")[0]).exists()
+    ]
+    assert missing == []
+
+
+def test_stand_ins_are_replaced_by_the_reference(site: Path) -> None:
+    for page in (DOCS / "reference").glob("*.md"):
+        text = (site / "reference" / page.with_suffix(".html").name).read_text(encoding="utf-8")
+        assert "Without the site" in page.read_text(encoding="utf-8") and "Without the site" not in text
+
+
 def stub_sounds(folder: Path) -> None:
     """What `tools/listen` leaves, without sound: a player for each section that a page asks for."""
     folder.mkdir(parents=True)

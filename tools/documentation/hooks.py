@@ -46,9 +46,11 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add what is generated."""
+    """Add generated pages, each in the place of the page in docs/ that stands for it in a checkout."""
     for name, path in generated().items():
-        if files.get_file_from_path(name) is None:
+        if (stand_in := files.get_file_from_path(name)) is None or name.startswith("reference/"):
+            if stand_in is not None:
+                files.remove(stand_in)
             files.append(File.generated(config, name, abs_src_path=str(path)))
     return files
 
