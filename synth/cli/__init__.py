@@ -37,7 +37,7 @@ from synth.cli import (
     streams,
     sweep,
 )
-from synth.cli.common import Parser, fault
+from synth.cli.common import Parser, fault, shortened
 from synth.cli.greeting import greet
 from synth.cli.kernel_line import compiling_shown, leave_compiling
 from synth.files import unfinished
@@ -77,7 +77,12 @@ def _run(arguments: Sequence[str] | None) -> int:
             return 1
         except (ValueError, OSError) as error:
             for line in wording(_message(error)).splitlines():
-                print(fault(line), file=sys.stderr)
+                print(fault(shortened(line)), file=sys.stderr)
+            return 2
+        except MemoryError:
+            unfinished.discard_unfinished()
+            remedy = "close other programs, raise the limit (ulimit -v), or use a shorter song or fewer presets"
+            print(fault(f"not enough memory; {remedy}"), file=sys.stderr)
             return 2
         except KeyboardInterrupt:
             unfinished.discard_unfinished()

@@ -18,6 +18,11 @@ from typing import Any, NamedTuple
 OK, MISSING, NOT_TRIED = "ok", "missing", "not tried"
 #: less than this on the disk of the cache is too little for kernels and the native library [bytes]
 LEAST_DISK = 200e6
+#: browsers by the names of their programs
+BROWSERS = (
+    "firefox", "firefox-esr", "chromium", "chromium-browser", "google-chrome", "brave-browser", "epiphany", "falkon",
+    "opera", "vivaldi", "microsoft-edge",
+)  # fmt: skip
 LIVE = "pip install 'jawari[live]'"
 
 
@@ -210,6 +215,12 @@ def page() -> Finding:
     try:
         browser = webbrowser.get()
     except webbrowser.Error:
+        if installed := next(filter(shutil.which, BROWSERS), None):
+            return Finding(
+                OK,
+                f"can be served; {installed} is installed, but this session has no display: open the address that "
+                "synth author prints in a browser that reaches this machine",
+            )
         return Finding(
             MISSING,
             "the page can be served; there is no browser to open it",

@@ -6,6 +6,7 @@ import argparse
 import errno
 import math
 import os
+import re
 import signal
 import sys
 import time
@@ -16,11 +17,23 @@ from typing import Any, NoReturn
 
 from synth.cli import colours
 from synth.solver.schemes import LAWS
+from synth.spelling import perhaps
 
 RATES_HZ = (44100, 48000, 88200, 96000)
 QUALITIES = ("draft", "standard", "fine", "reference")
 PRECISIONS = ("float64", "float32")
 MOST_BLOCK = 4096
+
+
+#: a word or quoted value of a message that is longer is shown by its beginning [characters]
+LONGEST_SHOWN = 160
+_MORE = f"{{{LONGEST_SHOWN},}}"
+_LONG = re.compile(rf"""'[^'\n]{_MORE}'|"[^"\n]{_MORE}"|[^\s/\\'"]{_MORE}""")
+
+
+def shortened(message: str) -> str:
+    """A message whose long values are shown by their beginning, with their length; paths stay whole."""
+    return _LONG.sub(lambda found: f"{found[0][:60]}… ({len(found[0])} characters)", message)
 
 
 def fault(message: str) -> str:
@@ -32,7 +45,22 @@ class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line; the usage is a --help away."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, fault(f"{message} (see {self.prog} --help)\n"))
+        self.exit(2, fault(f"{shortened(message)} (see {self.prog} --help)\n"))
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse unknown arguments in the parser of the command, which knows what they may have meant."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            known = [name for name in self._option_string_actions if name.startswith("--")]
+            shown = [f"{word}{perhaps(word.partition('=')[0], known) if word[:1] == '-' else ''}" for word in unknown]
+            self.error(f"unrecognized arguments: {' '.join(shown)}")
+        return options, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            names = [str(each) for each in action.choices]
+            likely = perhaps(value, names) if isinstance(value, str) else ""
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{likely}; choose from {', '.join(names)}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """argparse passes over what cannot be written; whoever asks for help is to hear of it."""
@@ -173,8 +201,22 @@ def add_instruments(group: Any) -> None:
     group.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
 
 
+def _a4(text: str) -> tuple[str | None, str, str]:
+    """--a4 as a setting."""
+    return None, "tuning.a4_hz", repr(number(float, 300, 600, " Hz")(text))
+
+
 def add_settings(group: Any) -> None:
-    """--set, as a list of (preset or None, key, value) in `settings`."""
+    """--set and --a4, as a list of (preset or None, key, value) in `settings`."""
+    group.add_argument(
+        "--a4",
+        action="append",
+        default=[],
+        type=_a4,
+        dest="settings",
+        metavar="HZ",
+        help="frequency of A4, 300 to 600 Hz (default: the preset's, 440)",
+    )
     group.add_argument(
         "--set",
         action="append",

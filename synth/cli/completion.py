@@ -28,6 +28,25 @@ _ENDINGS = {
 _FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FILE.png")
 _FOLDERS = ("DIR", "FOLDER")
 
+#: a function of each shell that offers {names}, the values of an option (the {kind})
+_VALUES = {
+    "bash": """
+_synth_{kind}() {
+  compgen -W "{names}" -- "$1"
+}
+""",
+    "zsh": """
+_synth_{kind}() {
+  _values '{kind}' {names}
+}
+""",
+    "fish": """
+function _synth_{kind}
+  string split ' ' -- "{names}"
+end
+""",
+}
+
 #: a function of each shell that offers {names} of presets, of cases or of recipes (the {kind}), and files of one's own
 _FUNCTIONS = {
     "bash": """
@@ -75,7 +94,8 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
     """What the shell is to read."""
     import shtab
 
-    from synth.instrument.preset import preset_folder
+    from synth.drone.swara import RATIOS, name_of
+    from synth.instrument.preset import list_presets, preset_folder
 
     own = preset_folder()
     cases = own / "cases"
@@ -84,6 +104,13 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
         "cases": sorted(path.relative_to(cases).with_suffix("").as_posix() for path in cases.rglob("*.toml")),
         "recipes": sorted(path.stem for path in (own / "recipes").glob("*.toml")),
     }
+    shipped = list_presets()
+    values = {
+        "families": sorted({preset.family for preset in shipped if preset.family}),
+        "tags": sorted({tag for preset in shipped for tag in preset.tags}),
+        "swaras": [*(name_of(float(ratio)).replace(" ", "-") for ratio in RATIOS.values()), "none"],
+    }
+    of_metavar = {"FAMILY": "families", "TAG": "tags", "SWARA": "swaras"}
     for action in _actions(root):
         kind = action.metavar if isinstance(action.metavar, str) else ""
         what: Any = None
@@ -95,6 +122,9 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
             what = {"bash": "_synth_presets", "zsh": "_synth_presets", "fish": "(_synth_presets)"}
         elif kind == "RECIPE":
             what = {"bash": "_synth_recipes", "zsh": "_synth_recipes", "fish": "(_synth_recipes)"}
+        elif kind in of_metavar:
+            function = f"_synth_{of_metavar[kind]}"
+            what = {"bash": function, "zsh": function, "fish": f"({function})"}
         elif kind in _FOLDERS:
             what = shtab.DIRECTORY
         elif kind in _FILES:
@@ -103,6 +133,9 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
             action.complete = what  # type: ignore[attr-defined]
     functions = [
         _FUNCTIONS[shell].replace("{kind}", kind).replace("{names}", " ".join(names)) for kind, names in words.items()
+    ]
+    functions += [
+        _VALUES[shell].replace("{kind}", kind).replace("{names}", " ".join(names)) for kind, names in values.items()
     ]
     preamble: Any = {shell: "".join(functions)}
     return shtab.complete(root, shell, preamble=preamble)

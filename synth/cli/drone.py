@@ -13,6 +13,7 @@ from synth.cli.common import (
     MOST_BLOCK,
     QUALITIES,
     ProgressLine,
+    add_settings,
     add_threads,
     add_verbose,
     asked_by_signals,
@@ -45,6 +46,7 @@ def add(commands: Any) -> None:
     tuning.add_argument(
         "--tuning", choices=("just", "equal"), default="just", help="just intonation (default) or equal steps"
     )
+    add_settings(tuning)
 
     cycle = parser.add_argument_group("playing")
     tempo = cycle.add_mutually_exclusive_group()
@@ -161,10 +163,10 @@ def _fade(options: argparse.Namespace) -> float:
 def _strings(options: argparse.Namespace) -> Strings:
     """The preset, tuned. Raises ValueError naming the option."""
     from synth.drone.pegs import Pegs, tuned
-    from synth.instrument.preset import load_preset
+    from synth.host.parts import load_presets
 
-    pegs = Pegs(read("preset", options.preset, load_preset), **pitches(options), equal=options.tuning == "equal")
-    return tuned(pegs, options.jiva)
+    preset = read("preset", options.preset, lambda name: load_presets([name], options.settings)[name])
+    return tuned(Pegs(preset, **pitches(options, preset), equal=options.tuning == "equal"), options.jiva)
 
 
 def _cycle(options: argparse.Namespace) -> Cycle:

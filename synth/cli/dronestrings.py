@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from synth.cli.common import number
+
+if TYPE_CHECKING:
+    from synth.instrument.preset import Preset
 
 
 def add_strings(parser: Any) -> None:
     """Options of how the strings are tuned."""
     parser.add_argument(
-        "--sa", default="C3", metavar="NOTE|HZ", help="the middle strings' Sa, G2 to F3 or hertz (default C3)"
+        "--sa", metavar="NOTE|HZ", help="the middle strings' Sa: a note (C#, C#3) or hertz (default: the preset's, C3)"
     )
     parser.add_argument(
         "--first",
         default="Pa",
         metavar="SWARA",
-        help="first string: Pa (default), Ma, Ni, komal-Ni, …, a ratio (3/2), or none",
+        help="first string: Pa (default), Ma, Ni, komal-Ni, Nishad, …, a ratio (3/2), or none",
     )
     parser.add_argument(
         "--strings", type=number(int, 4, 5), default=4, metavar="4|5", help="5: one more after the first, see --second"
@@ -46,12 +49,16 @@ def check_strings(options: argparse.Namespace) -> None:
         raise ValueError("--second is the fifth string's swara; add --strings 5")
 
 
-def pitches(options: argparse.Namespace) -> dict[str, Any]:
-    """`sa_hz`, `first`, `second` and `cents` of `Pegs`. Raises ValueError naming the option."""
+def pitches(options: argparse.Namespace, preset: Preset) -> dict[str, Any]:
+    """`sa_hz`, `first`, `second` and `cents` of `Pegs` of a preset. Raises ValueError naming the option."""
     from synth.drone.swara import frequency_of, ratio_of
+    from synth.units import midi_to_note
 
+    tables = preset.string
+    home = tables[1 if len(tables) > 1 else 0].notes[0]  # what is no tanpura is refused by the pegs
+    sa = midi_to_note(home) if options.sa is None else options.sa
     return {
-        "sa_hz": read("sa", options.sa, frequency_of),
+        "sa_hz": read("sa", sa, lambda text: frequency_of(text, preset.tuning.a4_hz, home)),
         "first": None if options.first.strip().lower() == "none" else read("first", options.first, ratio_of),
         "second": read("second", options.second or "Ni", ratio_of) if options.strings == 5 else None,
         "cents": options.cents,

@@ -126,11 +126,15 @@ def _drone(options: argparse.Namespace) -> DroneSettings | None:
                 raise ValueError(f"--{name} belongs to a drone; add --drone, or leave it out")
         return None
     from synth.drone.cycle import Cycle
+    from synth.host.parts import load_presets
     from synth.plugin.droning import DroneSettings
 
     check_strings(options)
+    if len(options.presets) != 1:
+        raise ValueError(f"--drone needs one preset, a tanpura; got {len(options.presets)}")
+    preset = load_presets(options.presets, options.settings)[options.presets[0]]
     cycle = Cycle(options.cycle, options.spacing, options.human, seed=options.seed)
-    return DroneSettings(**pitches(options), equal=options.equal, cycle=cycle, beats=options.beats)
+    return DroneSettings(**pitches(options, preset), equal=options.equal, cycle=cycle, beats=options.beats)
 
 
 def _formats(options: argparse.Namespace) -> tuple[str, ...]:

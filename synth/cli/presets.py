@@ -36,9 +36,13 @@ def _add_listing(parser: argparse.ArgumentParser) -> None:
     # Not set where they are not given: those of `presets` hold for `presets list`, too.
     absent = argparse.SUPPRESS
     parser.add_argument(
-        "--tag", action="append", default=absent, metavar="T", help="those with this tag; may be repeated, and all must fit"
+        "--tag",
+        action="append",
+        default=absent,
+        metavar="TAG",
+        help="those with this tag; may be repeated, and all must fit",
     )
-    parser.add_argument("--family", default=absent, metavar="F", help="those of this family, such as bass or guitar")
+    parser.add_argument("--family", default=absent, metavar="FAMILY", help="those of this family, such as bass or guitar")
     parser.add_argument("--json", action="store_true", default=absent, help="as JSON, with tags, range and articulations")
     parser.set_defaults(run=_list_presets)
 

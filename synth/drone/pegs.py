@@ -11,8 +11,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from synth.drone.swara import name_of, tempered
-from synth.instrument.preset import BridgeObstacle, Preset, at_note, contact_cents
+from synth.instrument.preset import BridgeObstacle, Preset, at_note, contact_cents, list_presets
 from synth.units import cents, hz_to_midi, midi_to_hz, midi_to_note
 
 #: the preset's strings: first, two middle Sa, kharaj
@@ -23,6 +25,14 @@ TENSION_FACTOR = 3.0
 SA_SEMITONES = 5
 #: how far a string may be tuned away from its swara [cents]
 MOST_CENTS = 50.0
+
+#: loudness of the drone of the preset `tanpura` by the first string's ratio, and without a first string: six cycles at Sa C3
+#: without variation; the level makes all as loud as with Pa [LUFS]
+LOUDNESS_LUFS = {
+    1.0: -21.32, 16 / 15: -21.22, 9 / 8: -21.19, 6 / 5: -20.86, 5 / 4: -20.92, 4 / 3: -20.72, 45 / 32: -20.16, 3 / 2: -20.23,
+    8 / 5: -19.55, 5 / 3: -19.18, 9 / 5: -18.62, 15 / 8: -18.22, 2.0: -18.22,
+}  # fmt: skip
+LOUDNESS_WITHOUT_LUFS = -21.48
 
 
 @dataclass(frozen=True)
@@ -78,16 +88,16 @@ class Pegs:
     def _check_pitches(self) -> None:
         home = self.preset.string[1].notes[0]
         low, high = self.sa_limits_hz
-        if not low * 0.9999 <= self.sa_hz <= high * 1.0001:
+        if not _within(self.sa_hz, low, high):
             raise ValueError(
                 f"--sa must lie between {midi_to_note(home - SA_SEMITONES)} ({low:.1f} Hz) and "
                 f"{midi_to_note(home + SA_SEMITONES)} ({high:.1f} Hz), where {self.preset.name} stays in tune, "
-                f"got {self.sa_hz:.1f} Hz"
+                f"got {self.sa_hz:.1f} Hz{_others_for(self.sa_hz)}"
             )
         for option, ratio, template in (("--first", self.first, 0), ("--second", self.second, 1)):
             if ratio is None:
                 continue
-            tension = (self._pitch(ratio) / midi_to_hz(self.preset.string[template].notes[0])) ** 2
+            tension = (self._pitch(ratio) / midi_to_hz(self.preset.string[template].notes[0], self._a4_hz)) ** 2
             if not 1.0 / TENSION_FACTOR <= tension <= TENSION_FACTOR:
                 raise ValueError(
                     f"{option} {name_of(ratio)} at Sa {self.sa_hz:.1f} Hz would pull the string at {tension:.2f} times the "
@@ -101,8 +111,11 @@ class Pegs:
     @property
     def sa_limits_hz(self) -> tuple[float, float]:
         """Lowest and highest middle Sa [Hz]."""
-        home = self.preset.string[1].notes[0]
-        return midi_to_hz(home - SA_SEMITONES), midi_to_hz(home + SA_SEMITONES)
+        return sa_limits_hz(self.preset)
+
+    @property
+    def _a4_hz(self) -> float:
+        return self.preset.tuning.a4_hz
 
     @property
     def pitches_hz(self) -> tuple[float, ...]:
@@ -118,7 +131,24 @@ class Pegs:
 
     def contact_cents(self, pitch_hz: float) -> float:
         """How far the bridge raises a string of that pitch, which its own tuning lies below [cents]."""
-        return contact_cents(self.preset, hz_to_midi(pitch_hz))
+        return contact_cents(self.preset, hz_to_midi(pitch_hz, self._a4_hz))
+
+
+def sa_limits_hz(preset: Preset) -> tuple[float, float]:
+    """Lowest and highest middle Sa of a tanpura [Hz]."""
+    home = preset.string[1].notes[0]
+    a4_hz = preset.tuning.a4_hz
+    return midi_to_hz(home - SA_SEMITONES, a4_hz), midi_to_hz(home + SA_SEMITONES, a4_hz)
+
+
+def _within(hz: float, low: float, high: float) -> bool:
+    return low * 0.9999 <= hz <= high * 1.0001
+
+
+def _others_for(sa_hz: float) -> str:
+    """ "; -p NAME reaches it" of tanpuras that come with the program and can be tuned to a Sa [Hz]; "" where none can."""
+    names = [each.name for each in list_presets() if each.family == "tanpura" and _within(sa_hz, *sa_limits_hz(each))]
+    return f"; try -p {' or -p '.join(names)}" if names else ""
 
 
 @dataclass(frozen=True)
@@ -149,6 +179,16 @@ def free_keys(pitches: Sequence[float]) -> tuple[int, ...]:
     return tuple(taken)
 
 
+def level_db(first: float | None) -> float:
+    """Gain that makes a drone with a first string of this ratio (None: without one) as loud as with Pa [dB]."""
+    loudness = LOUDNESS_WITHOUT_LUFS
+    if first is not None:
+        loudness = float(
+            np.interp(math.log2(first), [math.log2(each) for each in LOUDNESS_LUFS], list(LOUDNESS_LUFS.values()))
+        )
+    return LOUDNESS_LUFS[1.5] - loudness
+
+
 def tuned(pegs: Pegs, jiva_um: float | None = None) -> Strings:
     """The preset with its strings at the pitches of the pegs, and its thread at a height [µm].
 
@@ -166,7 +206,8 @@ def tuned(pegs: Pegs, jiva_um: float | None = None) -> Strings:
         tables.append(table.model_copy(update={**fixed, "name": name, "notes": (key, key), "cents": off}))
         contact[key] = pegs.contact_cents(hz)
     tuning = preset.tuning.model_copy(update={"offset_cents": 0.0, "contact_cents": dict(sorted(contact.items()))})
-    changes = {"string": tuple(tables), "tuning": tuning}
+    output = preset.output.model_copy(update={"gain_db": preset.output.gain_db + level_db(pegs.first)})
+    changes = {"string": tuple(tables), "tuning": tuning, "output": output}
     if jiva_um is not None:
         changes["obstacle"] = preset.obstacle.model_copy(update={"jiva_um": jiva_um})
     changes["mapping"] = preset.mapping.model_copy(update={"polyphony": max(preset.mapping.polyphony, len(keys))})

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 _KINDS = (
     (stat.S_ISDIR, "a directory"),
@@ -17,6 +18,8 @@ _KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
+#: read at once [bytes]
+_PIECE = 1 << 20
 #: without waiting, not for processes that are started, bytes as they are: as far as the system has a word for it
 _OPENING = 0
 for _name in ("O_NONBLOCK", "O_CLOEXEC", "O_NOCTTY", "O_BINARY", "O_NOINHERIT"):
@@ -34,8 +37,7 @@ def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:
     """What a file holds, or what comes through a pipe to its end. Raises OSError, and ValueError where it is more than
     `most` bytes, which no `what` is."""
     with open(path, "rb") as file:
-        data = file.read(most + 1)
-    return _checked(data, str(path), most, what)
+        return _checked(_at_most(file, most + 1), str(path), most, what)
 
 
 def read_file(path: str | os.PathLike[str], most: int, what: str, *, follow: bool = True) -> bytes:
@@ -46,7 +48,15 @@ def read_file(path: str | os.PathLike[str], most: int, what: str, *, follow: boo
     flags = os.O_RDONLY | _OPENING | (0 if follow else getattr(os, "O_NOFOLLOW", 0))
     with open(os.open(path, flags), "rb") as file:
         _refuse(os.fstat(file.fileno()).st_mode, path)
-        return _checked(file.read(most + 1), Path(path).name, most, what)
+        return _checked(_at_most(file, most + 1), Path(path).name, most, what)
+
+
+def _at_most(file: BinaryIO, count: int) -> bytes:
+    """The first bytes of a file; memory is asked for as they come, not for all that there might be."""
+    data = bytearray()
+    while len(data) < count and (piece := file.read(min(_PIECE, count - len(data)))):
+        data += piece
+    return bytes(data)
 
 
 def _refuse(mode: int, path: str | os.PathLike[str]) -> None:

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import stat
+import sys
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator
+from io import FileIO
 from itertools import count
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -42,6 +45,21 @@ def is_special(path: str | os.PathLike[str]) -> bool:
     except OSError:
         return False
     return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def open_special(path: str | os.PathLike[str]) -> FileIO:
+    """A device or a pipe, open for writing. A pipe that nobody reads yet is waited for, which standard error says.
+
+    Raises OSError.
+    """
+    if hasattr(os, "O_NONBLOCK") and stat.S_ISFIFO(os.stat(path).st_mode):
+        try:
+            os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise
+            print(f"synth: {os.fspath(path)}: waiting for a program that reads this pipe; Ctrl-C ends", file=sys.stderr)
+    return FileIO(path, "wb")
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -256,7 +274,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[BinaryIO], object
     """`write` a file beside its place, then rename it: it is whole whatever happens, and what was there before stays until
     then. mode: see `Whole`. A device or a pipe is written to as it is. Raises OSError that names `path`."""
     if is_special(path):
-        with naming(path), open(path, "wb") as file:
+        with naming(path), io.BufferedWriter(open_special(path)) as file:
             write(file)
         return
     whole = Whole(path, mode=mode)

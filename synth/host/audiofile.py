@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Protocol, Self
 
 import numpy as np
 
-from synth.files.targets import Whole, check_folder, check_target, is_special, naming, told
+from synth.files.targets import Whole, check_folder, check_target, is_special, naming, open_special, told
 
 CONTAINERS = ("wav", "flac", "raw")
 BIT_DEPTHS = ("16", "24", "float")
@@ -161,7 +161,7 @@ class AudioWriter:
             # A stream goes forward only, so its header cannot be mended at the end: it says "until the end".
             self._bytes_left = np.inf
             with naming(self.path):
-                self._stream = standard_output() if self.path == "-" else open(self.path, "wb", buffering=0)
+                self._stream = standard_output() if self.path == "-" else open_special(self.path)
                 if self._container == "wav":
                     _write_all(self._stream, _streaming_wav_header(self._rate_hz, self._channels, self._bit_depth))
             return

@@ -150,8 +150,13 @@ def test_a_machine_without_a_browser(monkeypatch) -> None:
         raise webbrowser.Error("could not locate runnable browser")
 
     monkeypatch.setattr(webbrowser, "get", none)
+    monkeypatch.setattr(checkups.shutil, "which", lambda name: None)
     found = checkups.page()
     assert found.verdict == MISSING and "address" in found.remedy
+    monkeypatch.setattr(checkups.shutil, "which", lambda name: f"/usr/bin/{name}" if name == "chromium" else None)
+    found = checkups.page()
+    assert found.verdict == OK and "chromium is installed, but this session has no display" in found.what
+    assert "address" in found.what
 
 
 def test_plugins_that_are_installed_are_counted(monkeypatch, tmp_path) -> None:

@@ -8,10 +8,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyloudnorm
 import pytest
 import soundfile
 
-from synth.cli import main
+from synth import cli
+from synth.cli import drone, main
 from synth.drone.cycle import WANDERS, Cycle, Drone
 from synth.drone.dronefile import FileSettings, write
 from synth.drone.pegs import Pegs, Strings, tuned
@@ -194,6 +196,66 @@ def test_sa_as_note_or_hertz() -> None:
     assert frequency_of("A3") == pytest.approx(220.0) and frequency_of("138.6") == 138.6
     with pytest.raises(ValueError, match="hertz from 20 to 2000"):
         frequency_of("5")
+
+
+@pytest.mark.parametrize(
+    ("text", "ratio"),
+    [
+        ("Nishadh", 15 / 8), ("nishad", 15 / 8), ("Madhyam", 4 / 3), ("Pancham", 3 / 2), ("tivra Madhyam", 45 / 32),
+        ("teevra-Ma", 45 / 32), ("komal Nishad", 9 / 5), ("Kakali Nishadam", 15 / 8), ("Kaisiki nishadam", 9 / 5),
+        ("Suddha Madhyamam", 4 / 3), ("Shadja", 1), ("Rishabh", 9 / 8), ("Gandhara", 5 / 4), ("Dhaivat", 5 / 3),
+        ("N", 15 / 8), ("n", 9 / 5), ("m", 4 / 3), ("M", 45 / 32), ("नि", 15 / 8),
+    ],
+)  # fmt: skip
+def test_swaras_as_musicians_write_them(text: str, ratio: float) -> None:
+    assert ratio_of(text) == pytest.approx(ratio)
+
+
+def test_a_swara_that_is_nearly_one_is_suggested() -> None:
+    with pytest.raises(ValueError, match=r"perhaps komal ni\?"):
+        ratio_of("komal nii")
+
+
+def test_sa_without_an_octave_is_the_nearest() -> None:
+    assert frequency_of("C#") == pytest.approx(midi_to_hz(49)) and frequency_of("Bb") == pytest.approx(midi_to_hz(46))
+    assert frequency_of("G", near=56) == pytest.approx(midi_to_hz(55))
+
+
+def test_a_sa_that_another_tanpura_reaches_names_it() -> None:
+    with pytest.raises(ValueError, match="try -p tanpura-female"):
+        Pegs(load_preset("tanpura"), midi_to_hz(56))
+
+
+def test_sa_follows_a4(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """…of the preset's file, of --a4 and of --set alike."""
+    options = ["drone", "--sa", "C3", "-o", "x.wav"]
+    mine = tmp_path / "mine.toml"
+    mine.write_text(preset_text(load_preset("tanpura").with_setting("tuning.a4_hz", "432")))
+    for words in (["-p", str(mine)], ["--a4", "432"], ["--set", "tuning.a4_hz=432"]):
+        parsed = cli._parser().parse_args([*options, *words])
+        strings = drone._strings(parsed)
+        compiled = [
+            midi_to_hz(key, 432.0) * 2 ** (t.cents / 1200)
+            for key, t in zip(strings.keys, strings.preset.string, strict=True)
+        ]
+        np.testing.assert_allclose(compiled[1], midi_to_hz(48, 432.0), rtol=1e-12)
+
+
+def test_loudness_does_not_depend_on_the_first_string(tmp_path: Path) -> None:
+    """…within half a decibel, over six cycles that do not vary."""
+    meter = pyloudnorm.Meter(RATE)
+    levels = {}
+    for first in (None, "Pa", "Ma", "Ni", "komal Ni", "Re"):
+        strings = tuned(Pegs(load_preset("tanpura"), C3, None if first is None else ratio_of(first)))
+        write(strings, Cycle(human=0.0), FileSettings(str(tmp_path / "drone.wav"), 33.0, 0.0))
+        levels[first] = meter.integrated_loudness(soundfile.read(tmp_path / "drone.wav")[0])
+    assert max(levels.values()) - min(levels.values()) < 0.5, levels
+
+
+@pytest.mark.parametrize("command", [["render", "a.mid"], ["play"], ["drone"], ["export", "tanpura"]])
+def test_commands_share_the_options_of_tuning(command: list[str]) -> None:
+    parsed = cli._parser().parse_args([*command, "--a4", "442", "--set", "pluck.position=0.2"])
+    assert parsed.settings == [(None, "tuning.a4_hz", "442.0"), (None, "pluck.position", "0.2")]
 
 
 def test_every_string_has_a_key_of_its_own_and_its_pitch() -> None:
