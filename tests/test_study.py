@@ -24,6 +24,7 @@ from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
 from synth.study.keeping import Folder, Keys
+from synth.study.remote import Remote
 from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
 from synth.study.values import Draw, Range
@@ -394,7 +395,7 @@ def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
     from synth.study import clusters
 
     with pytest.raises(OSError, match=r"--scheduler: none answers at tcp://127.0.0.1:9"):
-        clusters.Dask({}, 1, "tcp://127.0.0.1:9", wait_s=2)
+        clusters.Dask({}, 1, Remote("tcp://127.0.0.1:9"), wait_s=2)
 
 
 def test_an_edit_reaches_what_a_process_has_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
