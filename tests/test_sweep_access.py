@@ -138,11 +138,21 @@ def test_workers_of_a_study_hear_nobody_but_it(tmp_path: Path, another: bool) ->
 
     files, folder = tmp_path / "temporary", tmp_path / "s"
     files.mkdir()
-    command = [sys.executable, "-m", "synth", "sweep", str(study(tmp_path, 100_000, 0.05)), "-o", str(folder), "--workers", "1"]
+    command = [
+        sys.executable,
+        "-m",
+        "synth",
+        "sweep",
+        str(study(tmp_path, 100_000, 0.05)),
+        "-o",
+        str(folder),
+        "--workers",
+        "1",
+    ]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(files)}
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         try:
-            until(lambda: folder.is_dir() and journalled(folder) > 2 or process.poll() is not None, "no row came")
+            until(lambda: (folder.is_dir() and journalled(folder) > 2) or process.poll() is not None, "no row came")
             assert process.poll() is None
             ports = listening(psutil.Process(process.pid))
             assert len(ports) >= 3  # the scheduler, the nanny and the worker
@@ -175,11 +185,10 @@ def test_the_attack_succeeds_where_nothing_is_enclosed(another: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    "address", ["tcp://192.0.2.7:8786", "192.0.2.7:8786", "ws://192.0.2.7:8786", "ucx://[2001:db8::7]:8786", "tcp://0.0.0.0:1"]
+    "address",
+    ["tcp://192.0.2.7:8786", "192.0.2.7:8786", "ws://192.0.2.7:8786", "ucx://[2001:db8::7]:8786", "tcp://0.0.0.0:1"],
 )
-def test_traffic_that_is_not_encrypted_stays_here(
-    address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_traffic_that_is_not_encrypted_stays_here(address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ValueError, match="is not encrypted and not on this machine"):
         remote(address)
     assert remote(address, insecure=True) == Remote(address)

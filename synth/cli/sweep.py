@@ -37,7 +37,9 @@ def add(commands: Any) -> None:
         help="processes of this machine, one thread each (default: one for each processor); 0: a loop in this one",
     )  # fmt: skip
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers compute, tls://…")
-    parser.add_argument("--tls-ca", metavar="FILE", help="of a scheduler tls://…: certificate of the cluster's authority (PEM)")
+    parser.add_argument(
+        "--tls-ca", metavar="FILE", help="of a scheduler tls://…: certificate of the cluster's authority (PEM)"
+    )
     parser.add_argument("--tls-cert", metavar="FILE", help="the certificate of this side (PEM)")
     parser.add_argument("--tls-key", metavar="FILE", help="its key (PEM; default: in the file of --tls-cert)")
     parser.add_argument(
@@ -153,25 +155,28 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace, scheduler: R
 def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     from synth.native.processors import cores
     from synth.study.design import spread
-    from synth.study.sweeping import read_rows
+    from synth.study.studyfile import StudyError
+    from synth.study.sweeping import foreseen, read_rows
 
     total = len(opened.design)
     first = [opened.design.row(number) for number in range(min(total, _SHOWN))]
+    faults = foreseen(opened)
     there, seconds = 0, []
     if (folder / "parts").is_dir():
         for row in read_rows(folder):
             there += 1
             if isinstance(row.get("time.row_wall_s"), float) and row.get("code") == opened.addresses.code:
                 seconds.append(row["time.row_wall_s"])
-    if options.dry_run:
+    if options.dry_run and not faults:
         seconds = _tried(opened, spread(total, _TRIED))
     workers = cores() if options.workers is None else max(1, int(options.workers))
     mean = sum(seconds) / len(seconds) if seconds else None
     whole = None if mean is None else mean * total / workers
     if options.json:
-        about = {"rows": total, "stored": there, "first": first, "row_s": mean, "workers": workers, "seconds": whole}
+        about = {"rows": total, "stored": there, "first": first, "row_s": mean, "workers": workers, "seconds": whole,
+                 "faults": faults}  # fmt: skip
         print(json.dumps(about, indent=2))
-        return 0
+        return 2 if faults else 0
     print(f"{opened.study.name}: {total} rows; {folder} has {there}")
     for settings in first:
         print("  " + ", ".join(f"{name} {value}" for name, value in settings.items()))
@@ -185,6 +190,8 @@ def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
         print("time: not known before rows have been computed; --dry-run tries some")
     else:
         print(f"time: about {duration(whole)} on {workers} workers, {mean:.3g} s a row")
+    if faults:
+        raise StudyError("\n".join(f"{opened.origin}: {fault}" for fault in faults))
     return 0
 
 

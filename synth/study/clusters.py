@@ -144,9 +144,7 @@ class Dask:
                 self._cluster = enclosed(workers, self._folder)
                 self._client = Client(self._cluster, timeout=wait_s, set_as_default=False)
             else:
-                self._client = Client(
-                    scheduler.address, timeout=wait_s, set_as_default=False, security=scheduler.security
-                )
+                self._client = Client(scheduler.address, timeout=wait_s, set_as_default=False, security=scheduler.security)
         except (OSError, ValueError, RuntimeError) as error:
             self.close()
             if scheduler is None:

@@ -44,9 +44,9 @@ def remote(address: str, security: Any = None, insecure: bool = False) -> Remote
         raise ValueError(f"--scheduler: certificates are for addresses that begin with tls://, got {address}")
     elif scheme != _INSIDE and not insecure and not _is_here(host):
         raise ValueError(
-            f"--scheduler: {address} is not encrypted and not on this machine: everybody on the network between can run code "
-            "as you; start scheduler and workers with certificates and give tls://…, or take --insecure on a network that "
-            "you trust"
+            f"--scheduler: {address} is not encrypted and not on this machine: everybody on the network between can run "
+            "code as you; start scheduler and workers with certificates and give tls://…, or take --insecure on a network "
+            "that you trust"
         )
     return Remote(address, security)
 
@@ -105,7 +105,6 @@ def _is_here(host: str) -> bool:
 
 def _context(security: Any) -> Any:
     """The TLS context of a client; None where no certificates are given. Raises ValueError where they cannot be read."""
-    import distributed  # its defaults are part of the configuration from here on
     from distributed.security import Security
 
     try:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from synth.study.addressing import Addresses, check_rows
 from synth.study.conducting import Counts, address
 from synth.study.design import Design, spread
+from synth.study.foreseen import row_faults
+from synth.study.plotcheck import plot_faults
 from synth.study.remote import Remote, remote
 from synth.study.studyfile import Study, StudyError, read_study
 
@@ -44,7 +46,14 @@ def open_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study, checke
     design = Design(found)
     addresses = Addresses(found, folder)
     check_rows(addresses, design, origin, spread(len(design), checked))
+    if faults := plot_faults(found, design):
+        raise StudyError("\n".join(f"{origin}: {fault}" for fault in faults))
     return Opened(found, design, addresses, origin)
+
+
+def foreseen(opened: Opened, checked: int = CHECKED) -> list[str]:
+    """What will fail of `checked` rows and their references, a line each, as far as it is known before they are computed."""
+    return row_faults(opened.addresses, opened.design, spread(len(opened.design), checked))
 
 
 def sweep(
@@ -227,6 +236,7 @@ __all__ = [
     "Opened",
     "StudyError",
     "conduct",
+    "foreseen",
     "open_study",
     "read_arrays",
     "read_results",
