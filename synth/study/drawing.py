@@ -179,25 +179,26 @@ def _draw_on_a_scale(figure: Any, axes: Any, plot: PlotTable, table: pandas.Data
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm, Normalize
 
-    table = table[table[plot.colour].abs().lt(float("inf"))]
-    values = table[plot.colour]
+    colour_of = str(plot.colour)
+    table = table[table[colour_of].abs().lt(float("inf"))]
+    values = table[colour_of]
     norm = (LogNorm if _is_wide(values) else Normalize)(float(values.min()), float(values.max()))
-    look = {"cmap": _SCALE, "norm": norm}
+    look: dict[str, Any] = {"cmap": _SCALE, "norm": norm}
     marked = plot.marker if plot.marker != plot.colour else None
     groups = [(None, table)] if marked is None else list(table.groupby(marked, dropna=False, sort=False))
     if len(groups) > MOST_CURVES:
         raise StudyError(f"{place}.{too_many(len(groups), 'marker')}")
     for (value, rows), marker, style in zip(groups, cycle(_MARKERS), cycle(_STYLES), strict=False):
         if plot.kind == "curves":
-            curves = [(colour, _line(plot, each)) for colour, each in rows.groupby(plot.colour, sort=True)]
+            curves = [(colour, _line(plot, each)) for colour, each in rows.groupby(colour_of, sort=True)]
             lines = [each[[plot.x, plot.y]].to_numpy() for _, each in curves]
             axes.add_collection(
                 LineCollection(lines, array=[colour for colour, _ in curves], linewidths=1.0, linestyles=style, **look)
             )
-            rows = pandas.concat([each.assign(**{plot.colour: colour}) for colour, each in curves])
+            rows = pandas.concat([each.assign(**{colour_of: colour}) for colour, each in curves])
         label = None if marked is None else "none" if _none(value) else _value(value)
-        axes.scatter(rows[plot.x], rows[plot.y], c=rows[plot.colour], s=20, marker=marker, label=label, **look)
-    figure.colorbar(ScalarMappable(norm, _SCALE), ax=axes, label=_label(str(plot.colour)))
+        axes.scatter(rows[plot.x], rows[plot.y], c=rows[colour_of], s=20, marker=marker, label=label, **look)
+    figure.colorbar(ScalarMappable(norm, _SCALE), ax=axes, label=_label(colour_of))
     return 0 if marked is None else len(groups)
 
 
