@@ -24,6 +24,7 @@ from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
 from synth.study.keeping import Folder, Keys
+from synth.study.remote import Remote
 from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
 from synth.study.values import Draw, Range
@@ -52,6 +53,11 @@ def nap(settings):
 
 def named(settings):
     return {"length": len(settings["case"] + settings["preset"])}
+
+def picky(settings, reference=None):
+    if reference is None and settings["x"] == 2:
+        raise ValueError("two has no reference")
+    return {"y": settings["x"]}
 
 def against(settings, reference=None):
     if settings["x"] == "reference":
@@ -324,6 +330,65 @@ def test_a_reference_is_computed_once_and_kept(place: Path, tmp_path: Path) -> N
     assert kept.stat().st_mtime_ns == before
 
 
+def test_rows_whose_reference_fails_are_failures_with_its_reason(place: Path, tmp_path: Path) -> None:
+    study = called("picky", [1, 2, 3], reference={"set": {"z": 1}, "follows": ["x"]}) | {"zip": {"w": list(range(40))}}
+    counts: list[Counts] = []
+    table = sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    failed = table["x"] == 2
+    assert (table["failure"].notna() == failed).all() and (table["y"][~failed] == table["x"][~failed]).all()
+    assert set(table["failure"][failed]) == {"its reference failed: two has no reference"}
+    assert table["failed_at"][failed].str.endswith(", in picky").all()
+    assert (counts[-1].computed, counts[-1].failed) == (120, 40)
+    again = sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
+    assert counts[-1].computed == 0 and again["key"].equals(table["key"])
+    sweeping.sweep(study, tmp_path / "s", workers=0, retry_failed=True, told=counts.append)
+    assert (counts[-1].computed, counts[-1].failed) == (40, 40)
+
+
+OFF_STRING = """
+measures = ["e"]
+base = { case = "tanpura", set = { duration_s = 0.01, internal_rate_hz = 44100, modes = 20 } }
+grid."initial.position_m" = [0.5, 1.05, 0.6]
+[reference]
+set = { internal_rate_hz = 88200 }
+"""
+
+
+def test_a_place_off_the_string_is_foreseen_and_is_one_failed_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, folder = tmp_path / "off.toml", tmp_path / "s"
+    study.write_text(OFF_STRING)
+    said = "row 1: initial.position_m: must lie between 0 and the string's 1.002 m, got 1.05"
+    for option in ("--check", "--dry-run"):
+        assert main(["sweep", str(study), "-o", str(folder), option]) == 2
+        told = capsys.readouterr()
+        assert told.err.count("must lie between") == 1 and said in told.err
+        assert "off: 3 rows" in told.out and not folder.exists()
+    assert main(["sweep", str(study), "-o", str(folder), "--check", "--json"]) == 2
+    assert [fault.startswith(said) for fault in json.loads(capsys.readouterr().out)["faults"]] == [True]
+    assert main(["sweep", str(study), "-o", str(folder), "--workers", "0", "--quiet"]) == 0
+    table = sweeping.read_table(folder)
+    assert table["failure"].notna().tolist() == [False, True, False] and table["e"].notna().tolist() == [True, False, True]
+    assert "its reference failed: initial.position_m: must lie between" in table["failure"][1]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"articulation": "slap-happy"}, "slap-happy"),
+        ({"note": "C8"}, "note: fretted-bass does not play C8"),
+        ({"seconds": -1.0}, "seconds must lie between"),
+        ({"quality": "superb"}, "superb"),
+    ],
+)
+def test_a_note_that_cannot_be_is_foreseen(change: dict[str, Any], told: str) -> None:
+    base = {"preset": "fretted-bass", "set": {"quality": "draft", "seconds": 0.3, "note": "A1"} | change}
+    opened = sweeping.open_study({"base": base, "grid": {"velocity": [60]}, "measures": ["rms"]})
+    (fault,) = sweeping.foreseen(opened)
+    assert fault.startswith("row 0: ") and told in fault
+
+
 def test_a_worker_that_dies_of_a_row_is_a_failure_of_that_row(place: Path, tmp_path: Path) -> None:
     table = sweeping.sweep(called("deadly", [0, 1, 2, 3, 4, 5]), tmp_path / "s", workers=1)
     assert table["failure"].notna().tolist() == [False, False, True, False, False, False]
@@ -394,7 +459,7 @@ def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
     from synth.study import clusters
 
     with pytest.raises(OSError, match=r"--scheduler: none answers at tcp://127.0.0.1:9"):
-        clusters.Dask({}, 1, "tcp://127.0.0.1:9", wait_s=2)
+        clusters.Dask({}, 1, Remote("tcp://127.0.0.1:9"), wait_s=2)
 
 
 def test_an_edit_reaches_what_a_process_has_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -616,6 +681,55 @@ def test_a_study_of_notes(tmp_path: Path) -> None:
 def test_studies_that_come_with_the_program_can_be_run(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", str(path), "--check"]) == 0
     assert " rows; " in capsys.readouterr().out
+
+
+PLOTTED = """
+measures = ["peak", "finite"]
+base = { case = "tanpura", set = { duration_s = 0.001, internal_rate_hz = 44100, modes = 5 } }
+grid."initial.displacement_m" = { from = 1e-4, to = 2e-3, count = 60 }
+grid.scheme = ["exact-hold", "moreau-jean"]
+"""
+
+
+@pytest.mark.parametrize("kind", ["curves", "points", "pareto"])
+@pytest.mark.parametrize("more", ["", 'marker = "scheme"\nlog = ["x", "y"]'])
+def test_a_colour_of_many_numbers_is_a_scale(kind: str, more: str, tmp_path: Path) -> None:
+    from synth.study.drawing import draw, draw_all
+
+    plot = f'[[plot]]\nx = "initial.displacement_m"\ny = "peak"\ncolour = "peak"\nkind = "{kind}"\nfile = "a.svg"\n{more}'
+    (tmp_path / "plotted.toml").write_text(PLOTTED + plot)
+    opened = sweeping.open_study(tmp_path / "plotted.toml")
+    table = sweeping.sweep(opened.study, tmp_path / "s", workers=0)
+    (made,) = draw_all(opened.study, tmp_path / "s")
+    assert made.stat().st_size > 5000
+    figure = draw(opened.study.plot[0], table, "plot.0")
+    axes, scale = figure.axes
+    assert scale.get_ylabel().startswith("peak") and axes.get_ylabel().startswith("peak")
+    drawn = np.concatenate([np.asarray(each.get_array()) for each in axes.collections if hasattr(each, "get_offsets")])
+    assert set(table["peak"]) <= set(drawn)
+
+
+@pytest.mark.parametrize(
+    ("plot", "told"),
+    [
+        ('x = "scheme"', "plot.0.x: 'scheme' is not of numbers"),
+        ('x = "peek"', "plot.0.x: the table will have no 'peek' (perhaps peak?)"),
+        ('x = "peak"\ncolour = "sceme"', "plot.0.colour: the table will have no 'sceme'"),
+        ('x = "peak"\nwhere = { skeme = "exact-hold" }', "plot.0.where.skeme: the table will have no such column"),
+        ('x = "peak"\nfile = "a.jpg"', "plot.0.file: must end in .png, .svg or .pdf, got 'a.jpg'"),
+        ('x = "peak"\nmarker = "initial.displacement_m"', "plot.0.marker: 60 curves are not told apart, at most 40"),
+        ('x = "peak"\ncolour = "scheme"\nmarker = "initial.displacement_m"', "plot.0.colour: 120 curves are not told"),
+    ],
+)
+def test_pictures_that_cannot_be_drawn_are_refused_before_a_row(
+    plot: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, folder = tmp_path / "plotted.toml", tmp_path / "s"
+    study.write_text(f'{PLOTTED}[[plot]]\ny = "peak"\n{plot}\n')
+    for options in (["--check"], ["--workers", "0", "--plot"]):
+        assert main(["sweep", str(study), "-o", str(folder), *options]) == 2
+        said = capsys.readouterr()
+        assert told in said.err and not said.out and not folder.exists()
 
 
 def test_a_pareto_front() -> None:

@@ -13,6 +13,7 @@ from synth.units import duration
 
 if TYPE_CHECKING:
     from synth.study.conducting import Counts
+    from synth.study.remote import Remote
     from synth.study.sweeping import Opened
 
 #: rows that --check shows
@@ -35,7 +36,15 @@ def add(commands: Any) -> None:
         "--workers", type=common.number(int, 0, 4096), metavar="N",
         help="processes of this machine, one thread each (default: one for each processor); 0: a loop in this one",
     )  # fmt: skip
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers compute, tcp://…")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers compute, tls://…")
+    parser.add_argument(
+        "--tls-ca", metavar="FILE", help="of a scheduler tls://…: certificate of the cluster's authority (PEM)"
+    )
+    parser.add_argument("--tls-cert", metavar="FILE", help="the certificate of this side (PEM)")
+    parser.add_argument("--tls-key", metavar="FILE", help="its key (PEM; default: in the file of --tls-cert)")
+    parser.add_argument(
+        "--insecure", action="store_true", help="take a scheduler on another machine whose traffic is not encrypted"
+    )
     parser.add_argument(
         "--check", action="store_true", help="only say what would be computed: rows, the first of them, time"
     )
@@ -65,18 +74,37 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.scheduler is not None and options.workers is not None:
         raise ValueError("--workers are of this machine, --scheduler has its own; give one of them")
     _needed(options.plot)
+    scheduler = _scheduler(options)
     from synth.study.sweeping import open_study
 
     opened = open_study(options.study)
     folder = Path(options.output) if options.output is not None else Path(f"{Path(options.study).stem}.sweep")
     if options.check or options.dry_run:
         return _check(opened, folder, options)
-    return _run(opened, folder, options)
+    return _run(opened, folder, options, scheduler)
+
+
+def _scheduler(options: argparse.Namespace) -> Remote | None:
+    """Where the rows go; None: to workers of this machine. ValueError or OSError where they must not."""
+    tls = {name: getattr(options, f"tls_{name}") for name in ("ca", "cert", "key")}
+    given = [f"--tls-{name}" for name, path in tls.items() if path is not None] + ["--insecure"] * options.insecure
+    if options.scheduler is None:
+        if given:
+            raise ValueError(f"{given[0]} is for a scheduler; give --scheduler ADDRESS too")
+        return None
+    from synth.study.remote import certificates, remote
+
+    security = None
+    if any(path is not None for path in tls.values()):
+        if tls["ca"] is None or tls["cert"] is None:
+            raise ValueError(f"{given[0]} needs --tls-ca and --tls-cert beside it")
+        security = certificates(**tls)
+    return remote(options.scheduler, security, options.insecure)
 
 
 def _needed(plot: bool) -> None:
     """ValueError where the extra is not installed."""
-    packages = ("distributed", "pyarrow", "pandas", "zarr", "scipy", *(("matplotlib",) if plot else ()))
+    packages = ("distributed", "cryptography", "pyarrow", "pandas", "zarr", "scipy", *(("matplotlib",) if plot else ()))
     common.needed("studies need", packages, "study")
 
 
@@ -89,7 +117,7 @@ def _status(folder: Path, as_json: bool) -> int:
     return 0
 
 
-def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
+def _run(opened: Opened, folder: Path, options: argparse.Namespace, scheduler: Remote | None) -> int:
     from synth.native.processors import cores
     from synth.study.sweeping import conduct
 
@@ -103,7 +131,7 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     workers = cores() if options.workers is None else int(options.workers)
     try:
         with RowsLine(not options.quiet and not options.json, options.heartbeat) as line:
-            counts = conduct(opened, folder, workers, options.scheduler, options.retry_failed, options.prune, told, warn)
+            counts = conduct(opened, folder, workers, scheduler, options.retry_failed, options.prune, told, warn)
     except BaseException:
         if last is not None:
             warn(f"{folder}: {last.done} of {last.total} rows are kept; the same command goes on")
@@ -127,25 +155,28 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
 def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     from synth.native.processors import cores
     from synth.study.design import spread
-    from synth.study.sweeping import read_rows
+    from synth.study.studyfile import StudyError
+    from synth.study.sweeping import foreseen, read_rows
 
     total = len(opened.design)
     first = [opened.design.row(number) for number in range(min(total, _SHOWN))]
+    faults = foreseen(opened)
     there, seconds = 0, []
     if (folder / "parts").is_dir():
         for row in read_rows(folder):
             there += 1
             if isinstance(row.get("time.row_wall_s"), float) and row.get("code") == opened.addresses.code:
                 seconds.append(row["time.row_wall_s"])
-    if options.dry_run:
+    if options.dry_run and not faults:
         seconds = _tried(opened, spread(total, _TRIED))
     workers = cores() if options.workers is None else max(1, int(options.workers))
     mean = sum(seconds) / len(seconds) if seconds else None
     whole = None if mean is None else mean * total / workers
     if options.json:
-        about = {"rows": total, "stored": there, "first": first, "row_s": mean, "workers": workers, "seconds": whole}
+        about = {"rows": total, "stored": there, "first": first, "row_s": mean, "workers": workers, "seconds": whole,
+                 "faults": faults}  # fmt: skip
         print(json.dumps(about, indent=2))
-        return 0
+        return 2 if faults else 0
     print(f"{opened.study.name}: {total} rows; {folder} has {there}")
     for settings in first:
         print("  " + ", ".join(f"{name} {value}" for name, value in settings.items()))
@@ -159,6 +190,8 @@ def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
         print("time: not known before rows have been computed; --dry-run tries some")
     else:
         print(f"time: about {duration(whole)} on {workers} workers, {mean:.3g} s a row")
+    if faults:
+        raise StudyError("\n".join(f"{opened.origin}: {fault}" for fault in faults))
     return 0
 
 

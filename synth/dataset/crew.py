@@ -1,13 +1,16 @@
 """Workers, each a process with engines of its own, and who gives them items: a process knows no other's interpreter lock.
 
 An item goes out with others of its engine; a worker that has died is replaced, and what it was at is tried again item by
-item: the one that kills a second worker is a row with an error like others.
+item: the one that kills a second worker is a row with an error like others. Workers speak by pipes and listen to nobody
+else; where the process that asks them has ended, however it did, they end at once.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -101,6 +104,7 @@ def _work(connection: Connection, written: Written) -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asks is interrupted, and ends us
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with threadpool_limits(1):
         maker = Maker(written)
         with suppress(BrokenPipeError):
@@ -115,6 +119,15 @@ def _work(connection: Connection, written: Written) -> None:
             except (EOFError, BrokenPipeError, ConnectionResetError):
                 break
         maker.close()
+
+
+def _end_with_parent() -> None:
+    """Waits until the process that began this one has ended, then ends this one, whatever it is at: a pipe would tell it
+    only once its item is made."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 class _Worker:

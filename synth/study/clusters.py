@@ -11,11 +11,14 @@ import hashlib
 import logging
 import pickle
 import queue
+import shutil
+import tempfile
 import time
-import warnings
 from collections import OrderedDict
+from pathlib import Path
 from typing import Any, Protocol
 
+from synth.study.remote import Remote
 from synth.study.work import running
 
 #: what has become of a batch, in the place of a result
@@ -108,17 +111,19 @@ class Here:
 
 
 class Dask:
-    """Workers of Dask's `distributed`: so many processes of this machine, or those of the scheduler at an address.
+    """Workers of Dask's `distributed`: so many processes of this machine (`enclosed`), or those of the scheduler at an
+    address.
 
     Raises OSError where no scheduler answers at the address, and while waiting where it has gone.
     """
 
-    def __init__(self, head: dict[str, Any], workers: int, scheduler: str | None, wait_s: float = 20.0) -> None:
+    def __init__(self, head: dict[str, Any], workers: int, scheduler: Remote | None, wait_s: float = 20.0) -> None:
         import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client
 
         self._cluster: Any = None
-        self._scheduler = scheduler
+        self._folder: Path | None = None
+        self._scheduler = None if scheduler is None else scheduler.address
         self._config = dask.config.set(
             {
                 "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
@@ -133,19 +138,20 @@ class Dask:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             if scheduler is None:
-                with warnings.catch_warnings():  # a port for pages that nobody asked for may be another cluster's
-                    warnings.filterwarnings("ignore", r"Port \d+ is already in use", UserWarning)
-                    self._cluster = LocalCluster(
-                        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                        silence_logs=logging.CRITICAL,
-                    )  # fmt: skip
-            self._client = Client(self._cluster or scheduler, timeout=wait_s, set_as_default=False)
-        except (OSError, ValueError) as error:
+                from synth.study.enclosed import enclosed
+
+                self._folder = Path(tempfile.mkdtemp(prefix="jawari-workers-"))  # of this user alone
+                self._cluster = enclosed(workers, self._folder)
+                self._client = Client(self._cluster, timeout=wait_s, set_as_default=False)
+            else:
+                self._client = Client(scheduler.address, timeout=wait_s, set_as_default=False, security=scheduler.security)
+        except (OSError, ValueError, RuntimeError) as error:
             self.close()
             if scheduler is None:
                 raise OSError(f"workers could not be started: {error}") from None
+            what = "the address, the certificates" if scheduler.address.startswith("tls") else "the address"
             raise OSError(
-                f"--scheduler: none answers at {scheduler} ({error}); check the address, and `dask scheduler`"
+                f"--scheduler: none answers at {scheduler.address} ({error}); check {what}, and `dask scheduler`"
             ) from None
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._batches: dict[Any, Any] = {}  # key → future
@@ -253,11 +259,13 @@ class Dask:
             if each is not None:
                 with contextlib.suppress(Exception):
                     each.close(timeout=10)
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
         for name, level in self._levels.items():
             logging.getLogger(name).setLevel(level)
         self._config.__exit__(None, None, None)
 
 
-def crew_of(head: dict[str, Any], workers: int, scheduler: str | None) -> Crew:
+def crew_of(head: dict[str, Any], workers: int, scheduler: Remote | None) -> Crew:
     """Who computes: `workers` processes here (0: this one), or those of a scheduler."""
     return Here(head) if scheduler is None and workers == 0 else Dask(head, workers, scheduler)

@@ -81,7 +81,8 @@ class Conductor:
         self._again: deque[_Batch] = deque()
         self._suspects: deque[Job] = deque()
         self._flying: dict[Any, _Batch] = {}
-        self._references: dict[str, Any] = {}  # ticket of what is being computed, or the reason why there is none
+        self._references: dict[str, Any] = {}  # ticket of what is being computed
+        self._broken: dict[str, dict[str, Any]] = {}  # failure of those that cannot be computed
         self._readable = Keys()
         self._computing: dict[Any, tuple[str, dict[str, Any], int]] = {}
         self._row_s, self._row_bytes = 0.0, 0.0
@@ -104,7 +105,7 @@ class Conductor:
             yield Job(key, settings, self._addresses.source(settings), reference)
 
     def _need(self, key: str, settings: dict[str, Any]) -> None:
-        if key in self._references or key in self._readable:
+        if key in self._references or key in self._readable or key in self._broken:
             return
         if self._folder.has_reference(key):
             self._readable.add(key)
@@ -150,6 +151,8 @@ class Conductor:
             job = next(self._coming, None)
             if job is None:
                 self._exhausted = True
+            elif job.reference in self._broken:
+                self._fail(job)
             else:
                 self._waiting.setdefault(job.reference, deque()).append(job)
                 self._held += 1
@@ -169,6 +172,13 @@ class Conductor:
             return _Batch([self._suspects.popleft()], alone=True)
         return None
 
+    def _fail(self, job: Job) -> None:
+        """A row whose reference has failed is not computed: it fails with the same reason."""
+        failure = self._broken[job.reference or ""]
+        said = {"failure": f"its reference failed: {failure['failure']}", "failed_at": failure.get("failed_at", "")}
+        self._keep(job, said, {}, {})
+        self._folder.tick()
+
     def _size(self, workers: int) -> int:
         """Rows of a batch."""
         if not self._row_s:
@@ -180,8 +190,7 @@ class Conductor:
 
     def _reference(self, key: str) -> Any:
         """What rows are compared with, for whoever computes them."""
-        found = self._references.get(key)
-        found = found if isinstance(found, dict) else self._folder.reference(key)
+        found = self._folder.reference(key)
         if found is None:
             raise OSError(f"{self._folder.path}: reference {key} cannot be read any more; start again, it is computed anew")
         return found
@@ -198,13 +207,16 @@ class Conductor:
             self._references[key] = ticket
             return
         if outcome is KILLED:
-            outcome = {"failure": "workers died of it again and again", "settings": job["settings"]}
+            outcome = {"failure": "workers died of it again and again"}
+        del self._references[key]
         if "failure" in outcome:
-            self._references[key] = outcome
+            self._broken[key] = outcome
+            for waiting in self._waiting.pop(key, ()):
+                self._held -= 1
+                self._fail(waiting)
             return
         self._folder.keep_reference(key, outcome)
         self._readable.add(key)
-        del self._references[key]
 
     def _take(self, batch: _Batch, outcome: Any) -> None:
         if isinstance(outcome, str):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from synth.files.targets import check_target, write_whole
 from synth.spelling import perhaps
+from synth.study.plotcheck import MOST_CURVES, ending_fault, too_many
 from synth.study.studyfile import PlotTable, Study, StudyError
 from synth.study.sweeping import read_table
 from synth.study.work.measuring import MEASURES
@@ -25,8 +26,8 @@ _STYLES = ("-", "--", ":", "-.")
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
 _COST = ("cpu_per_s", "cpu_s", "mode_steps", "row_cpu_s")
 _ERROR = ("e", "lsd_db", "bands_db")
-#: more values than that are not told apart
-_MOST_CURVES = 40
+#: the scale of a colour that has more values than are told apart
+_SCALE = "viridis"
 
 
 def draw_all(study: Study, folder: Path) -> list[Path]:
@@ -42,8 +43,8 @@ def draw_all(study: Study, folder: Path) -> list[Path]:
     for number, plot in enumerate(plots):
         name = plot.file or f"{study.name}-{number + 1}.png"
         path = Path(name) if os.path.isabs(name) else folder / name
-        if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-            raise StudyError(f"plot.{number}.file: must end in .png, .svg or .pdf, got {name!r}")
+        if (fault := ending_fault(name)) is not None:
+            raise StudyError(f"plot.{number}.{fault}")
         check_target(path)
         figure = draw(plot, table, f"plot.{number}")
         file = BytesIO()
@@ -127,11 +128,14 @@ def draw(plot: PlotTable, table: pandas.DataFrame, place: str) -> Any:
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     handles = 0
-    for label, rows, look in _families(plot, table, place):
-        rows = rows.sort_values(plot.x, kind="stable")
+    if _has_scale(plot, table):
+        handles = _draw_on_a_scale(figure, axes, plot, table, place)
+        families: Any = ()
+    else:
+        families = _families(plot, table, place)
+    for label, rows, look in families:
+        rows = _line(plot, rows)
         line = look.pop("linestyle") if plot.kind == "curves" else look.pop("linestyle") and "none"
-        if plot.kind == "curves":
-            rows = rows.groupby(plot.x, as_index=False)[plot.y].median() if rows[plot.x].duplicated().any() else rows
         axes.plot(rows[plot.x], rows[plot.y], linestyle=line, markersize=5, linewidth=1.4, label=label, **look)
         handles += label is not None
     if plot.kind == "pareto" and len(table):
@@ -152,6 +156,52 @@ def draw(plot: PlotTable, table: pandas.DataFrame, place: str) -> Any:
     return figure
 
 
+def _line(plot: PlotTable, rows: pandas.DataFrame) -> pandas.DataFrame:
+    """Rows from left to right; of a curve one at each x, the median."""
+    rows = rows.sort_values(plot.x, kind="stable")
+    if plot.kind == "curves" and rows[plot.x].duplicated().any():
+        return rows.groupby(plot.x, as_index=False)[plot.y].median()
+    return rows
+
+
+def _has_scale(plot: PlotTable, table: pandas.DataFrame) -> bool:
+    """Whether its colour is of numbers, more than are told apart one by one."""
+    if plot.colour is None or not _is_number(table[plot.colour]):
+        return False
+    keys = [name for name in dict.fromkeys((plot.colour, plot.marker)) if name is not None]
+    return len(table.drop_duplicates(keys)) > MOST_CURVES
+
+
+def _draw_on_a_scale(figure: Any, axes: Any, plot: PlotTable, table: pandas.DataFrame, place: str) -> int:
+    """Points, and curves, whose colour is a number, with the scale beside; how many labels there are."""
+    import pandas
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import LogNorm, Normalize
+
+    colour_of = str(plot.colour)
+    table = table[table[colour_of].abs().lt(float("inf"))]
+    values = table[colour_of]
+    norm = (LogNorm if _is_wide(values) else Normalize)(float(values.min()), float(values.max()))
+    look: dict[str, Any] = {"cmap": _SCALE, "norm": norm}
+    marked = plot.marker if plot.marker != plot.colour else None
+    groups = [(None, table)] if marked is None else list(table.groupby(marked, dropna=False, sort=False))
+    if len(groups) > MOST_CURVES:
+        raise StudyError(f"{place}.{too_many(len(groups), 'marker')}")
+    for (value, rows), marker, style in zip(groups, cycle(_MARKERS), cycle(_STYLES), strict=False):
+        if plot.kind == "curves":
+            curves = [(colour, _line(plot, each)) for colour, each in rows.groupby(colour_of, sort=True)]
+            lines = [each[[plot.x, plot.y]].to_numpy() for _, each in curves]
+            axes.add_collection(
+                LineCollection(lines, array=[colour for colour, _ in curves], linewidths=1.0, linestyles=style, **look)
+            )
+            rows = pandas.concat([each.assign(**{colour_of: colour}) for colour, each in curves])
+        label = None if marked is None else "none" if _none(value) else _value(value)
+        axes.scatter(rows[plot.x], rows[plot.y], c=rows[colour_of], s=20, marker=marker, label=label, **look)
+    figure.colorbar(ScalarMappable(norm, _SCALE), ax=axes, label=_label(colour_of))
+    return 0 if marked is None else len(groups)
+
+
 def _label(name: str) -> str:
     """A measure with what it means, else the column's name."""
     return f"{name}: {MEASURES[name].meaning}" if name in MEASURES else name
@@ -164,10 +214,8 @@ def _families(plot: PlotTable, table: pandas.DataFrame, place: str) -> Iterator[
         return
     keys = [name for name in dict.fromkeys((plot.colour, plot.marker)) if name is not None]
     groups = list(table.groupby(keys, dropna=False, sort=False))
-    if len(groups) > _MOST_CURVES:
-        raise StudyError(
-            f"{place}: {len(groups)} curves are not told apart, at most {_MOST_CURVES} are; choose rows with where"
-        )
+    if len(groups) > MOST_CURVES:
+        raise StudyError(f"{place}.{too_many(len(groups), 'colour' if plot.colour is not None else 'marker')}")
     colours = dict(zip(_values(table, plot.colour), cycle(_COLOURS), strict=False))
     markers = dict(zip(_values(table, plot.marker), cycle(_MARKERS), strict=False))
     styles = dict(zip(_values(table, plot.marker), cycle(_STYLES), strict=False))

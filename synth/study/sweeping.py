@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any
 from synth.study.addressing import Addresses, check_rows
 from synth.study.conducting import Counts, address
 from synth.study.design import Design, spread
+from synth.study.foreseen import row_faults
+from synth.study.plotcheck import plot_faults
+from synth.study.remote import Remote, remote
 from synth.study.studyfile import Study, StudyError, read_study
 
 if TYPE_CHECKING:
@@ -43,7 +46,14 @@ def open_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study, checke
     design = Design(found)
     addresses = Addresses(found, folder)
     check_rows(addresses, design, origin, spread(len(design), checked))
+    if faults := plot_faults(found, design):
+        raise StudyError("\n".join(f"{origin}: {fault}" for fault in faults))
     return Opened(found, design, addresses, origin)
+
+
+def foreseen(opened: Opened, checked: int = CHECKED) -> list[str]:
+    """What will fail of `checked` rows and their references, a line each, as far as it is known before they are computed."""
+    return row_faults(opened.addresses, opened.design, spread(len(opened.design), checked))
 
 
 def sweep(
@@ -52,6 +62,8 @@ def sweep(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
+    security: Any = None,
+    insecure: bool = False,
     retry_failed: bool = False,
     prune: bool = False,
     told: Callable[[Counts], None] | None = None,
@@ -63,6 +75,8 @@ def sweep(
     folder    where it is kept; made where there is none. Stopped, killed, or changed: the same call goes on
     workers   processes of this machine, one thread each (default: one for each processor); 0: none, a loop in this process
     scheduler address of a Dask scheduler whose workers take the place of these
+    security  Dask's `Security` for it, with certificates; left out: that of Dask's configuration
+    insecure  take a scheduler whose traffic is not encrypted and that is on another machine
     retry_failed  rows that failed are computed again
     prune     rows that the study no longer asks for, and those of another version of the program, leave the folder
     told      called often with how far it is; say: with a line, where something is to be known
@@ -77,12 +91,13 @@ def sweep(
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or not 0 <= workers <= 4096):
         raise ValueError(f"workers must be a whole number from 0 to 4096, got {workers!r}")
     opened = open_study(study)
-    conduct(opened, Path(folder), cores() if workers is None else workers, scheduler, retry_failed, prune, told, say)
+    there = None if scheduler is None else remote(scheduler, security, insecure)
+    conduct(opened, Path(folder), cores() if workers is None else workers, there, retry_failed, prune, told, say)
     return read_table(folder)
 
 
 def conduct(
-    opened: Opened, folder: Path, workers: int, scheduler: str | None, retry_failed: bool = False, prune: bool = False,
+    opened: Opened, folder: Path, workers: int, scheduler: Remote | None, retry_failed: bool = False, prune: bool = False,
     told: Callable[[Counts], None] | None = None, say: Callable[[str], None] | None = None,
 ) -> Counts:  # fmt: skip
     """Runs a study in its folder and writes its table. See `sweep`."""
@@ -221,6 +236,7 @@ __all__ = [
     "Opened",
     "StudyError",
     "conduct",
+    "foreseen",
     "open_study",
     "read_arrays",
     "read_results",

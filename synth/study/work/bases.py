@@ -91,6 +91,14 @@ def check_settings(source: Mapping[str, Any], settings: Mapping[str, Any]) -> No
         _preset(source, settings)
 
 
+def check_run(source: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    """Raises ValueError where a row describes what no string, obstacle or note can be; no step is computed."""
+    if source["kind"] == "case":
+        _check_scene(source, settings)
+    elif source["kind"] == "preset":
+        _check_note(*_preset(source, settings))
+
+
 def run(source: Mapping[str, Any], settings: Mapping[str, Any], ledger: bool) -> Taken:
     """Runs a case, or renders a note. Raises ValueError, and whatever the run does."""
     return (_run_case if source["kind"] == "case" else _run_note)(source, settings, ledger)
@@ -169,6 +177,23 @@ def _modes_below_half(source: Mapping[str, Any], tables: dict[str, Any]) -> int:
     return max(1, min(int(most), int(found)))
 
 
+def _check_scene(source: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    from synth.research.scene import Scene
+
+    tables, overrides = _case(source, settings)
+    with np.errstate(all="ignore"):
+        if is_coupled(tables):
+            from synth.research.coupled.coupled_case import CoupledCase
+            from synth.research.coupled.coupled_scene import CoupledScene
+
+            CoupledScene(validated(CoupledCase, tables, source["name"]), Path())
+            return
+        if overrides.get("quality") is not None:  # which chooses rate and modes: what does not hang on them
+            run = tables.setdefault("run", {})
+            run["internal_rate_hz"] = run.get("output_rate_hz") or NOTE_KEYS["rate_hz"]
+        Scene(validated(Case, tables, source["name"]), Path())
+
+
 def _run_case(source: Mapping[str, Any], settings: Mapping[str, Any], ledger: bool) -> Taken:
     from synth.research.case import StringTable
     from synth.research.scene import string_of
@@ -215,6 +240,25 @@ def _preset(source: Mapping[str, Any], settings: Mapping[str, Any]) -> tuple[Any
 
         note["note"] = note_to_midi(note["note"])
     return preset, note
+
+
+def _check_note(preset: Any, given: Mapping[str, Any]) -> None:
+    from synth.engine import arguments
+    from synth.host.batch import Note, played_as, what_is_wrong
+    from synth.instrument.preset import playable_notes
+    from synth.units import midi_to_note
+
+    note = Note(given["note"], given["velocity"], given["seconds"], given["off_s"], None, given["articulation"])
+    arguments.quality(given["quality"])
+    playing = played_as(preset, note.articulation, 0) if not (wrong := what_is_wrong(note)) else wrong
+    if isinstance(playing, str):
+        raise ValueError(playing)
+    there = playable_notes(playing[1])
+    if note.note not in there:
+        raise ValueError(
+            f"note: {preset.name} does not play {midi_to_note(note.note)}; it plays {midi_to_note(there[0])} to "
+            f"{midi_to_note(there[-1])}"
+        )
 
 
 @lru_cache(maxsize=64)
