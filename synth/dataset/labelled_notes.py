@@ -2,14 +2,14 @@
 
 The note's string is played by itself, with its modes in float64 and no economy (at every step, in every mode), so that the
 sound *is* that motion heard: forces of every step, and the modes as they were. What strings that share a bridge, or several
-to a key, do is not on a tape of one string: such presets are refused.
+to a key, do is not on a tape of one string, nor what a fingerboard does: such presets are refused.
 
 Arrays, along the first axis; times count from the sound's first sample, steps are of the internal rate:
 
     contact_point     (K,) which point, counted from the nut            contact_start_s, contact_end_s, contact_peak_n,
                       contact_impulse_ns (K,): each touch of each point, in order of time
-    change_step, change_bend, change_hand   (B,) from which step on the string is bent by so many semitones, by its own motion
-                      or by hand, and how much faster it decays under the damping hand [1/s], until the next change
+    change_step, change_bend, change_hand   (B,) from which step on the string is bent by so many semitones, by its own
+                      motion or by a player, and how much faster it decays under the damping hand [1/s]
     force_step, force_point, force_n   (F,) every step at which a point was pressed, exactly as the solver had it [N]
     state_step, state_s   (S,) steps made when the state was taken, and the time [s]
     finger_m          (S,) height to which a finger holds the string [m], nan without one
@@ -35,7 +35,7 @@ from synth.dataset.items import Item
 from synth.dataset.recipefile import Labels, Recipe
 from synth.dataset.sung import Sung, events_of_item
 from synth.host.alone import check_played
-from synth.instrument.preset import Preset, PresetError
+from synth.instrument.preset import BoardObstacle, Preset, PresetError
 
 #: prepared tapes that are kept
 _KEPT = 24
@@ -45,6 +45,8 @@ def refusal(preset: Preset) -> str:
     """Why the motion of a preset's strings cannot be labelled; "" where it can."""
     if preset.coupled:
         return f"{preset.name} has strings that share a bridge; take presets whose strings stand alone"
+    if isinstance(preset.obstacle, BoardObstacle):
+        return f"{preset.name} has a fingerboard, whose contact forces are not recorded; take presets with frets or bridges"
     if any(table.choir != 1 for table in preset.string):
         return f"{preset.name} sounds several strings at a key; take presets that sound one"
     return ""
@@ -73,16 +75,11 @@ def labelled(item: Item, recipe: Recipe, preset: Preset) -> Sung:
     last = frames * engine.compiled[0].strings[0].factor
     forces = _until(gather(pressed, engine.step_s), last)
     position, place = engine.position, engine.place
-    if engine.compiled[0].strings[0].board is not None and changes.bent:
-        raise PresetError(
-            f"labels: {preset.name} is bent on its fingerboard, which moves the stop: that is not labelled; leave out what "
-            "bends it, as controllers.1 does"
-        )
     arrays = _of_forces(forces, wanted, place.sounding_hz) | states.arrays(last) | changes.arrays(last)
     arrays |= {
-        "mode_number": np.where(np.arange(position.omega.size) < position.own, np.arange(1, position.omega.size + 1), 0).astype(
-            np.int32
-        ),
+        "mode_number": np.where(
+            np.arange(position.omega.size) < position.own, np.arange(1, position.omega.size + 1), 0
+        ).astype(np.int32),
         "mode_omega": position.omega,
         "mode_sigma": position.sigma,
         "mode_wq": position.wq,
@@ -175,11 +172,6 @@ class _Changes:
 
     def __init__(self) -> None:
         self._rows: list[tuple[int, float, float]] = [(0, 0.0, 0.0)]
-
-    @property
-    def bent(self) -> bool:
-        """Whether the string was ever bent."""
-        return any(bend != 0.0 for _, bend, _ in self._rows)
 
     def look(self, first: int, ends: np.ndarray, bend: np.ndarray, hand: np.ndarray) -> None:
         """Takes those of a piece; `first` steps were made before it."""

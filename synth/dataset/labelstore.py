@@ -2,8 +2,8 @@
 
     labels/train/shard-000000.zarr/force_n      …of item with rows force_begin to force_begin + force_count
 
-What belongs together has one sort of place (`SIZES`), which is the name of the arrays' one dimension: of the N modes of an item's S states, state_q and state_v hold S·N,
-and of its C points point_shape C·N.
+What belongs together has one sort of place (`SIZES`), which names the one dimension of its arrays: of the N modes of an
+item's S states, state_q and state_v hold S·N, and of its C points point_shape C·N.
 """
 
 from __future__ import annotations

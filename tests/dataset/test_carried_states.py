@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from synth.dataset.filling import fill
-from synth.dataset.labelstore import read_labels
+from synth.dataset.labelstore import SIZES, read_labels
 from synth.solver.laws import EXACT_HOLD, coefficients
 from tests.dataset.kit import HEAD, rows, written
 
@@ -88,22 +88,19 @@ def test_a_state_carried_by_the_labels_meets_every_later_one(scene: str, tmp_pat
     assert (labels["state_s"] * row["label_rate_hz"]).round().astype(int).tolist() == labels["state_step"].tolist()
 
 
-if __name__ == "__main__":
-    import sys
-    import tempfile
+def test_strings_over_a_fingerboard_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="fretless-bass has a fingerboard, whose contact forces are not recorded"):
+        fill(written(tmp_path, RECIPE + 'preset = "fretless-bass"\nnote = "E1"\n', HEAD), tmp_path / "set")
 
-    from synth.dataset.labelled_notes import refusal
-    from synth.instrument.preset import list_presets, playable_notes
 
-    for preset in list_presets():
-        if refusal(preset):
-            continue
-        note = playable_notes(preset)[len(playable_notes(preset)) // 3]
-        name = next(p for p in Path("presets").glob("*.toml") if f'name = "{preset.name}"' in p.read_text()).stem if 0 else preset.name
-        with tempfile.TemporaryDirectory() as place:
-            try:
-                row, labels = labelled(Path(place), f'preset = "{preset.name}"\nnote = {note}\nvelocity = 110\n')
-                print(preset.name, note, *carried(row, labels), carried(row, labels, changes=False)[0],
-                      labels["change_bend"].max(), labels["change_hand"].max(), flush=True)
-            except BaseException as e:
-                print(preset.name, note, repr(e)[:200], flush=True)
+def test_xarray_opens_them_with_dimensions_units_and_times(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    row, labels = labelled(tmp_path, 'preset = "jawari-harp"\nnote = "C4"\n')
+    data = xarray.open_zarr(tmp_path / "set" / row["labels"], consolidated=False)
+    assert set(data.variables) == set(labels)
+    for sort, names in SIZES.items():
+        for name in names:
+            if name in labels:
+                assert data[name].dims == (sort,) and data[name].attrs["units"] and data[name].attrs["long_name"]
+                assert np.array_equal(data[name].values, labels[name], equal_nan=labels[name].dtype.kind == "f")
+    assert data.state_s.values[1] - data.state_s.values[0] == pytest.approx(0.002, abs=2e-4)
