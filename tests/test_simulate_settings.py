@@ -57,8 +57,12 @@ def test_the_command_takes_them_and_says_what_is_wrong(tmp_path: Path, capsys: p
     run = synth.load_result(tmp_path / "x.npz")
     assert run.metadata["case"]["string"]["tension_n"] == 30.0 and run.positions.tolist() == [0.3]
     (tmp_path / "x.npz").unlink()
-    for wrong, words in (("string.tensoin_n=30", "string.tensoin_n: no such key"), ("tanpura:string.tension_n=30", "leave out 'tanpura:'"),
-                         ("string.tension_n", "must be KEY=VALUE"), ("tension_n=30", "no setting 'tension_n'")):  # fmt: skip
+    for wrong, words in (
+        ("string.tensoin_n=30", "string.tensoin_n: no such key"),
+        ("tanpura:string.tension_n=30", "leave out 'tanpura:'"),
+        ("string.tension_n", "must be KEY=VALUE"),
+        ("tension_n=30", "no setting 'tension_n'"),
+    ):
         try:
             code = cli.main([*begin, "--set", wrong])
         except SystemExit as left:
