@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any, cast
 
-from synth.cli.common import QUALITIES, number, scheme, warner
+from synth.cli.common import QUALITIES, number, scheme, setting, warner
 from synth.signals import hearing_signals
 from synth.solver.schemes import ON_A_BODY, SCHEMES
 
@@ -19,7 +19,8 @@ def add(commands: Any) -> None:
         "simulate",
         help="a string, or strings on a body, by a case file: motion, forces and energy as arrays",
         allow_abbrev=False,
-        description="Computes a case file (TOML) and writes its results; options replace its values.",
+        description="Computes a case file (TOML) and writes its results; options replace its values. "
+        "docs/reference/case-keys.md has every key with its unit, range and default.",
     )
     parser.add_argument("case", metavar="CASE", help="a .toml file, or a case of the program by name: tanpura, bass, hard/…")
     parser.add_argument(
@@ -60,9 +61,30 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--duration", type=number(float, 1e-9, 1e6, " s"), metavar="SEC", help="how long")
     parser.add_argument("--ledger", action="store_true", default=None, help="keep the energy ledger too")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_setting,
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change any value of the case, such as string.tension_n=60 or obstacle.heights_m=[0.0]; may be repeated",
+    )
     parser.add_argument("--json", action="store_true", help="summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
     parser.set_defaults(run=_simulate)
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """An option's type: (dotted key, value) of KEY=VALUE, the value read as TOML where it is TOML."""
+    from synth.instrument.table import written_value
+
+    only, key, value = setting(text)
+    if only is not None:
+        raise argparse.ArgumentTypeError(
+            f"must be KEY=VALUE; a case has no parts: leave out {only + ':'!r}, got {text!r:.80}"
+        )
+    return key, written_value(value)
 
 
 def _simulate(options: argparse.Namespace) -> int:
@@ -82,7 +104,11 @@ def _simulate(options: argparse.Namespace) -> int:
 
         with np.errstate(all="ignore"):  # what is not finite the summary says
             return simulate(
-                options.case, resume_from=options.resume_from, warn=warner(options.quiet), **cast("Overrides", overrides)
+                options.case,
+                resume_from=options.resume_from,
+                warn=warner(options.quiet),
+                settings=dict(options.settings),
+                **cast("Overrides", overrides),
             )
 
     read = [Named("case", path) for path in files_of(options.case)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Sequence
 from types import FunctionType
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from synth.dsp.decimator import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
 from synth.instrument.effects import EffectTable
 from synth.instrument.plan import FLOAT32, PRECISIONS, QUALITIES
-from synth.instrument.preset import Preset
+from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import (
     BEND,
     CONTROL,
@@ -99,15 +100,17 @@ def rate(rate_hz: Any) -> float:
 
 
 def presets(parts: Any) -> tuple[Preset, ...]:
-    """The presets of an engine's parts. Raises TypeError or ValueError."""
-    if isinstance(parts, Preset | str) or not isinstance(parts, Sequence):
+    """The presets of an engine's parts, each itself, by name or by file. Raises TypeError, ValueError or OSError."""
+    if isinstance(parts, Preset | str | os.PathLike) or not isinstance(parts, Sequence):
         raise TypeError(f"parts must be a list of presets, got {_shown(parts)}; put it as [load_preset(…)]")
     if not parts:
         raise ValueError("an engine needs at least one preset, parts is empty")
     for p, part in enumerate(parts):
-        if not isinstance(part, Preset):
-            raise TypeError(f"parts[{p}] must be a preset, got {_shown(part)}; load_preset(…) gives one")
-    return tuple(parts)
+        if not isinstance(part, Preset | str | os.PathLike):
+            raise TypeError(
+                f"parts[{p}] must be a preset, its name or its file, got {_shown(part)}; load_preset(…) gives one"
+            )
+    return tuple(part if isinstance(part, Preset) else load_preset(part) for part in parts)
 
 
 def quality(name: Any) -> str:

@@ -10,6 +10,7 @@ Python prepares (plan, compile, bank); `process` hands a block to the native cor
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -88,7 +89,7 @@ class EngineReport:
 class Engine:
     """Presets as parts of one instrument; see the module's docstring.
 
-    parts        one preset per part
+    parts        one preset per part: itself, its name or its file
     program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
                  on every channel
     note_hz      (128,) frequencies that replace the presets' equal temperament
@@ -112,7 +113,7 @@ class Engine:
 
     def __init__(
         self,
-        parts: Sequence[Preset],
+        parts: Sequence[Preset | str | os.PathLike[str]],
         program_map: np.ndarray | None = None,
         *,
         quality: str = "standard",

@@ -8,6 +8,7 @@ until all before it has been taken.
 
 from __future__ import annotations
 
+import os
 import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -56,16 +57,16 @@ class Note:
     velocity: int = 100
     seconds: float = 3.0
     off_s: float | None = None
-    preset: str | Preset | None = None
+    preset: str | os.PathLike[str] | Preset | None = None
     articulation: str = ""
     controllers: tuple[tuple[int, int], ...] = ()
     start_s: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RenderedNote:
     """The answer to a note: its place among those asked for, and (frames, 2) `samples`, full scale ±1; or None, and the
-    `error` says in one line why."""
+    `error` says in one line why. Two are equal where all of that is, every sample too."""
 
     number: int
     note: Note
@@ -73,9 +74,23 @@ class RenderedNote:
     rate_hz: int
     error: str = ""
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RenderedNote):
+            return NotImplemented
+        mine, its = self.samples, other.samples
+        same = mine is its or (
+            mine is not None and its is not None and mine.dtype == its.dtype and np.array_equal(mine, its)
+        )
+        return same and (self.number, self.note, self.rate_hz, self.error) == (
+            other.number, other.note, other.rate_hz, other.error
+        )  # fmt: skip
+
+    def __hash__(self) -> int:
+        return hash((self.number, self.note.note, self.rate_hz, self.error))
+
 
 def render_notes(
-    preset: str | Preset | None,
+    preset: str | os.PathLike[str] | Preset | None,
     notes: Iterable[Note | tuple[int, ...] | tuple[int, int, float]],
     *,
     rate_hz: int = 44100,
@@ -150,7 +165,7 @@ class _Making:
     variation: float
     dtype: np.dtype
 
-    def jobs(self, preset: str | Preset | None, notes: Sequence[Note]) -> list[_Job]:
+    def jobs(self, preset: str | os.PathLike[str] | Preset | None, notes: Sequence[Note]) -> list[_Job]:
         """A job for each note; presets are read once."""
         loaded: dict[Any, Preset | str] = {}
         playing: dict[tuple[Any, str], tuple[int, Preset] | str] = {}
@@ -162,6 +177,8 @@ class _Making:
             if job.error:
                 continue
             chosen = preset if note.preset is None else note.preset
+            if isinstance(chosen, os.PathLike):
+                chosen = os.fspath(chosen)
             key = chosen if isinstance(chosen, str) else id(chosen)
             if (key, note.articulation) not in playing:
                 if key not in loaded:
@@ -224,7 +241,7 @@ def what_is_wrong(note: Note) -> str:
     try:
         if not isinstance(note.articulation, str):
             raise TypeError(f"articulation must be a name, or empty, got {note.articulation!r}")
-        if not (note.preset is None or isinstance(note.preset, str | Preset)):
+        if not (note.preset is None or isinstance(note.preset, str | os.PathLike | Preset)):
             raise TypeError(f"preset must be a name, a file or a Preset, got {note.preset!r}")
         arguments.a_count("note", note.note, 0, 127)
         arguments.a_count("velocity", note.velocity, 1, 127)

@@ -8,7 +8,7 @@ A note's place is settled when it begins: its end and its pressure go where it w
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -369,6 +369,19 @@ def unplayed_notes(arrangement: Arrangement, presets: Mapping[str, Preset], fram
             if note not in can
         ]
     return rows
+
+
+def unplayed_lines(unplayed: Sequence[Mapping[str, Any]], notes: int) -> list[str]:
+    """What `unplayed_notes` found for people, of `notes` in all: a line for each part and reason, with the notes' names."""
+    found: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for row in unplayed:
+        found.setdefault((row["part"], row["reason"]), []).append(row)
+    lines = []
+    for (part, reason), rows in found.items():
+        names = [row["note"] for row in rows]
+        who = ", ".join(names[:4]) + (f" and {len(names) - 4} others" if len(names) > 4 else "")
+        lines.append(f"{part}: {sum(row['count'] for row in rows)} of {_notes(notes)} not played, {who}: {reason}")
+    return lines
 
 
 def channel_line(row: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack, cast
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from synth.host import offline, parts
 from synth.host.batch import Note
+from synth.host.compass import unplayed_lines
 from synth.host.notelist import as_played, is_phrase, phrase_of
 from synth.host.render import RenderSettings, render_song
 from synth.host.soundclip import Sound
@@ -62,12 +64,12 @@ class Settings(TypedDict, total=False):
 
 def render(
     song: str | os.PathLike[str] | mido.MidiFile | np.ndarray | Note | Iterable[Any],
-    preset: str | Preset | None = None,
+    preset: str | os.PathLike[str] | Preset | None = None,
     *,
     rate_hz: int = 44100,
-    channels: Mapping[int, str | Preset] | None = None,
+    channels: Mapping[int, str | os.PathLike[str] | Preset] | None = None,
     stems: bool = False,
-    warn: Callable[[str], None] = lambda _: None,
+    warn: Callable[[str], None] | None = None,
     progress: offline.Progress | None = None,
     **settings: Unpack[Settings],
 ) -> Sound:
@@ -84,14 +86,19 @@ def render(
     stems       whether each part is wanted alone, too
     settings    the rest of `RenderSettings`: quality, tail, start_s, end_s, gain_db, normalize_dbfs, limiter, transpose
                 ({channel 0 … 15, or None for all: semitones}), fold, fallback, seed, threads, mpe …
-    warn, progress   called with each oddity, and with (seconds done, most seconds)
+    warn, progress   called with each oddity, and with (seconds done, most seconds). Notes that no string plays are an
+                oddity, too; without `warn` they are told as a Python warning (UserWarning), and all else is in the report
     Raises ValueError (MidiError, PresetError, ScalaError) and TypeError for what cannot be used.
     """
+    from synth.instrument.preset import Preset
+
     made: dict[str, Any] = {}
 
-    def name(chosen: str | Preset) -> str:
-        if isinstance(chosen, str):
-            return chosen
+    def name(chosen: str | os.PathLike[str] | Preset) -> str:
+        if isinstance(chosen, str | os.PathLike):
+            return os.fspath(chosen)
+        if not isinstance(chosen, Preset):
+            raise TypeError(f"a preset is a name, a file or a Preset, got {type(chosen).__name__} {chosen!r:.60}")
         label = chosen.name
         while made.get(label, chosen) is not chosen:
             label += "'"
@@ -131,18 +138,25 @@ def render(
         kept.append(_Arrays(settings, [part.label for part in players] if stems else []))
         return kept[0]
 
-    report = render_song(music, wanted, outputs, presets=made, warn=warn, progress=progress)
+    report = render_song(music, wanted, outputs, presets=made, warn=warn or (lambda text: None), progress=progress)
     report.output = None
+    for text in unplayed_lines(report.unplayed, report.notes):
+        report.warnings.append(text)
+        if warn is not None:
+            warn(text)
+        else:
+            warnings.warn(text, stacklevel=2)
     return Sound(kept[0].mix.samples, rate_hz, {k: sink.samples for k, sink in kept[0].by_label.items()}, report)
 
 
-def _loaded(preset: str | Preset | None, articulation: str) -> Preset:
+def _loaded(preset: str | os.PathLike[str] | Preset | None, articulation: str) -> Preset:
     """The preset whose articulation a note asks for."""
     if preset is None:
         raise ValueError(f"articulation {articulation!r} is one of a preset: name one for the note, or one for all")
-    if not isinstance(preset, str):
+    if not isinstance(preset, str | os.PathLike):
         return preset
-    return parts.load_presets([preset], ())[preset]
+    named = os.fspath(preset)
+    return parts.load_presets([named], ())[named]
 
 
 class _Kept:

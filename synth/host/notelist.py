@@ -6,6 +6,7 @@ another preset, or another articulation of the same, is a part of its own on a c
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,7 @@ class Phrase:
 
     events: np.ndarray
     length_s: float
-    voices: dict[int, tuple[str | Preset | None, str]]
+    voices: dict[int, tuple[str | os.PathLike[str] | Preset | None, str]]
 
     def song(self, rate_hz: int, mpe: bool = False) -> Song:
         """The song of its events."""
@@ -53,11 +54,12 @@ def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> Phrase:
     """
     timed = _timed([notes] if isinstance(notes, Note) else notes)
     channels: dict[tuple[Any, str], int] = {}
-    voices: dict[int, tuple[str | Preset | None, str]] = {}
+    voices: dict[int, tuple[str | os.PathLike[str] | Preset | None, str]] = {}
     struck: dict[tuple[int, int], list[int]] = {}
     placed = []
     for number, (start_s, note) in enumerate(timed):
-        voice = note.preset if isinstance(note.preset, str | None) else id(note.preset), note.articulation
+        named = os.fspath(note.preset) if isinstance(note.preset, os.PathLike) else note.preset
+        voice = named if isinstance(named, str | None) else id(named), note.articulation
         if voice not in channels:
             if len(channels) == len(_CHANNELS):
                 raise ValueError(

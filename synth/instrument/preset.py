@@ -7,6 +7,7 @@ where all are positive, else linearly; beyond the outer anchors the nearest hold
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +35,7 @@ from synth.instrument.faults import value_got, wanted
 from synth.instrument.fields import Note, NoteRange, Scaled, anchors, each_within, within
 from synth.instrument.fields import at_note as at_note
 from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
-from synth.instrument.table import Table
+from synth.instrument.table import Table, written_value
 from synth.spelling import perhaps
 from synth.units import midi_to_note
 
@@ -625,10 +626,7 @@ class Preset(Table):
         `value` is read as TOML where it is TOML, else as text. Raises PresetError.
         """
         data = self.model_dump(exclude_unset=True)
-        try:
-            new = tomllib.loads(f"v = {value}")["v"]
-        except (ValueError, RecursionError):
-            new = value
+        new = written_value(value)
         place: Any = data
         parts = key.split(".")
         for depth, part in enumerate(parts):
@@ -784,9 +782,10 @@ def list_presets() -> list[Preset]:
     return [load_preset(str(path)) for path in sorted(preset_folder().glob("*.toml"))]
 
 
-def preset_path(name_or_path: str) -> Path:
+def preset_path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file of a preset by name (of those that come with the program), or that file; it may be a pipe. Raises PresetError
     where there is none."""
+    name_or_path = os.fspath(name_or_path)
     path = Path(name_or_path)
     if path.suffix != ".toml" and (path.is_dir() or not path.exists()):
         path = preset_folder() / f"{name_or_path}.toml"
@@ -803,7 +802,7 @@ def preset_path(name_or_path: str) -> Path:
     return path
 
 
-def read_preset_bytes(name_or_path: str) -> bytes:
+def read_preset_bytes(name_or_path: str | os.PathLike[str]) -> bytes:
     """A preset as it stands in the file that `preset_path` finds; of a pipe once. Raises PresetError or OSError."""
     return read_bytes(preset_path(name_or_path), MOST_BYTES, "preset")
 
@@ -816,12 +815,12 @@ def preset_text(data: bytes, origin: str) -> str:
         raise PresetError(f"{origin}: not a text file in UTF-8") from None
 
 
-def read_preset(name_or_path: str) -> str:
+def read_preset(name_or_path: str | os.PathLike[str]) -> str:
     """The text of a preset as `preset_path` finds it; of a pipe once. Raises PresetError or OSError."""
-    return preset_text(read_preset_bytes(name_or_path), name_or_path)
+    return preset_text(read_preset_bytes(name_or_path), os.fspath(name_or_path))
 
 
-def load_preset(name_or_path: str) -> Preset:
+def load_preset(name_or_path: str | os.PathLike[str]) -> Preset:
     """A preset by name (of those that come with the program) or by file, with the plan beside it. Raises PresetError or
     OSError."""
     return with_plan_beside(parse_preset(read_preset(name_or_path), str(name_or_path)), preset_path(name_or_path))

@@ -1,7 +1,8 @@
-"""What every table of a preset's file has in common."""
+"""What every table of a preset's file has in common, and how options write its values."""
 
 from __future__ import annotations
 
+import tomllib
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -11,6 +12,14 @@ class Table(BaseModel):
     """A table of the file: unknown keys are errors, values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def written_value(text: str) -> Any:
+    """The value that an option's text stands for: read as TOML where it is TOML, else the text itself."""
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except (ValueError, RecursionError):
+        return text
 
 
 def kind_of(table: Any, what: str) -> str:

@@ -5,6 +5,7 @@ What the tables and keys mean is written in `synth.research.simulation`.
 
 from __future__ import annotations
 
+import copy
 import os
 import re
 import tomllib
@@ -459,7 +460,9 @@ def is_coupled(tables: Mapping[str, Any]) -> bool:
 
 
 def read_tables(case: Any, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], Path, str]:
-    """A case's tables with what replaces them, not yet judged; the folder that its files count from, and its name."""
+    """A case's tables with what replaces them, not yet judged; the folder that its files count from, and its name.
+
+    overrides: values by the names in `OVERRIDES`, or by dotted keys (`string.tension_n`, `string.0.length_m`)."""
     folder, origin = Path(), "case"
     if isinstance(case, Table):
         tables = case.model_dump(exclude_unset=True)
@@ -478,7 +481,13 @@ def read_tables(case: Any, overrides: Mapping[str, Any]) -> tuple[dict[str, Any]
         except (ValueError, RecursionError) as error:
             raise CaseError(f"{origin}: not valid TOML: {error}") from None
     given: dict[tuple[str, str], str] = {}
+    if any("." in name for name in overrides):
+        tables = copy.deepcopy(tables)
     for name, value in overrides.items():
+        if "." in name:
+            put(tables, name.split("."), _plain(value), name)
+            origin += f" with {name}={value!r:.40}"
+            continue
         if name not in OVERRIDES:
             raise CaseError(f"no override {name!r}{perhaps(name, OVERRIDES)}; there are {', '.join(OVERRIDES)}")
         if value is not None:
@@ -488,6 +497,30 @@ def read_tables(case: Any, overrides: Mapping[str, Any]) -> tuple[dict[str, Any]
             if isinstance(before := tables.get(table, {}), Mapping):  # what else it is, validation says
                 tables[table] = {**before, key: _plain(value)}
     return tables, folder, origin
+
+
+def put(tables: dict[str, Any], parts: list[str], value: Any, key: str) -> None:
+    """Puts a value at a path of tables and lists; None takes it away. Raises CaseError, which calls it `key`."""
+    place: Any = tables
+    for depth, part in enumerate(parts):
+        last = depth == len(parts) - 1
+        try:
+            if isinstance(place, list):
+                index: Any = int(part)
+                if not 0 <= index < len(place):
+                    raise IndexError
+            elif isinstance(place, dict):
+                index = part
+            else:
+                raise TypeError
+            if last and value is None and isinstance(place, dict):
+                place.pop(index, None)
+            elif last:
+                place[index] = value
+            else:
+                place = place.setdefault(index, {}) if isinstance(place, dict) else place[index]
+        except (ValueError, IndexError, TypeError):
+            raise CaseError(f"no setting {key!r} ({part!r} does not exist)") from None
 
 
 def validated(kind: type[Kind], tables: Mapping[str, Any], origin: str) -> Kind:

@@ -204,6 +204,7 @@ def simulate(
     *,
     resume_from: Result | str | os.PathLike[str] | None = None,
     warn: Callable[[str], None] | None = None,
+    settings: Mapping[str, Any] | None = None,
     **overrides: Unpack[Overrides],
 ) -> Result | CoupledResult:
     """Runs a case: a file (or the name of one of the program's own), tables as a dict, or a `Case`.
@@ -213,10 +214,30 @@ def simulate(
     warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`) or takes no account
         of something that is given; after it, of steps that were not solved, of energy that a string gained by rounding
         between finger and point (`schemes.clamping_warning`), and of results that are not finite
-    overrides : values that replace the case's, by the names in `OVERRIDES`; None replaces nothing.
+    settings : any keys of the case by their dotted names, {"string.tension_n": 60.0, "obstacle.heights_m": [0.0]}, as
+        `synth simulate --set` takes them; a number counts in a list of tables ("string.0.length_m"); None takes a key away
+    overrides : values that replace the case's, by shorter names; None replaces nothing.
         quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
-        of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
-        case's, 44.1 kHz if it names none. Nothing is promised with another tail or with sub-steps
+            of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
+            case's, 44.1 kHz if it names none. Nothing is promised with another tail or with sub-steps
+        internal_rate_hz (rate, internal_rate) : steps of the model per second [Hz]
+        output_rate_hz (output_rate) : rows of the result per second, which divides it [Hz]
+        modes : how many modes of the string are computed
+        duration_s (duration) : how long the run is [s]
+        outputs_m : points whose displacement is wanted, from the nut [m]
+        ledger : whether every step is weighed: where the energy is and goes; about three times slower
+        scheme : how contacts are computed: "exact-hold" and the others of docs/simulate.md
+        tail : of exact-hold, what stands for the modes left out: "lumped", "static" or "none"
+        residual_compliance : False: tail "none"
+        substeps : of exact-hold, the contact force changes so many times in a step
+        restitution : of the Moreau–Jean schemes and of walls, 0 … 1: what a contact keeps of a blow's speed
+        start : of Moreau–Jean, the first step by the exact propagator ("exact") or as printed ("published")
+        stiffness, exponent : of compliant contacts, K [N/m^α] and α of f = K [η − u]₊^α at a point
+        loss : of compliant contacts, Hunt–Crossley's [s/m]
+        tolerance, iterations : of compliant, Newton's last step relative to the depths, and how many there are at most
+        grid : of compliant contacts, "contacts" alone, or "full": all inner nodes
+        drift_correction : of the scalar auxiliary variable, part of the drift taken back in a step, 0 … 1
+    Every key of a case with its unit, range and default: docs/reference/case-keys.md, or help(synth.research.simulation).
     Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string,
     ResultError (a ValueError) for a file of resume_from that is none, TypeError for arguments of another kind.
     """
@@ -227,7 +248,7 @@ def simulate(
             f"resume_from is a Result or the path of its .npz, got {type(resume_from).__name__} {resume_from!r:.60}"
         )
     with threadpool_limits(limits=1, user_api="blas"), install_timer("numba:compile", lambda duration: None) as compiling:
-        result = _simulate(case, resume_from, warn or (lambda text: None), {**overrides})
+        result = _simulate(case, resume_from, warn or (lambda text: None), _with_settings({**overrides}, settings))
     result.summary["compile_s"] = compiling.duration if compiling.done else 0.0
     return result
 
@@ -243,6 +264,27 @@ simulate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
     ],
     return_annotation=Result | CoupledResult,
 )
+
+
+def _with_settings(overrides: dict[str, Any], settings: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The overrides with settings by dotted keys, those that overrides name too by the overrides' names. Raises CaseError
+    for a key that is none or given twice, TypeError for what is no mapping."""
+    if settings is None:
+        return overrides
+    if not isinstance(settings, Mapping) or not all(isinstance(key, str) for key in settings):
+        raise TypeError(f'settings are a dict of dotted keys, such as {{"string.tension_n": 60.0}}, got {settings!r:.60}')
+    found = dict(overrides)
+    for key, value in settings.items():
+        place = tuple(key.split("."))
+        if len(place) < 2 or not all(place):
+            whole = ".".join(OVERRIDES[key]) if key in OVERRIDES else "string.tension_n"
+            raise CaseError(f"no setting {key!r:.60}; its tables go before it with dots, such as {whole}")
+        same = [name for name, there in OVERRIDES.items() if there == place]
+        twice = [name for name in same if overrides.get(name) is not None]
+        if twice:
+            raise CaseError(f"setting {key} and {twice[0]} are the same; give one of them")
+        found[same[0] if same and value is not None else key] = value
+    return found
 
 
 def _simulate(

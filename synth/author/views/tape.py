@@ -47,6 +47,8 @@ class Tape(NamedTuple):
     q: Annotated[np.ndarray, f8("shots, cap")]  # coordinates of the modes
     v: Annotated[np.ndarray, f8("shots, cap")]  # …and their speeds
     finger: Annotated[np.ndarray, f8("shots")]  # height to which the finger holds the string [m], nan without one
+    bend: Annotated[np.ndarray, f8("shots")]  # semitones in the coefficients of the steps before each shot
+    hand: Annotated[np.ndarray, f8("shots")]  # …and the damping hand's σ [1/s]
     out: Annotated[np.ndarray, f8("2*span_steps")]  # outputs of the steps that are being made
     step: int  # address of the engine's own function
 
@@ -84,6 +86,8 @@ def _taped_steps(core: int, thread: int, s: int, steps: int) -> None:
             tape.q[shot, j] = string.q[j]
             tape.v[shot, j] = string.v[j]
         tape.finger[shot] = scratch.path[count] if fingered else np.nan
+        tape.bend[shot] = me.bend
+        tape.hand[shot] = me.hand
         tape.ends[shot] = made + count
         tape.written[STEPS] = made + count
         tape.written[SHOTS] = shot + 1
@@ -101,6 +105,8 @@ class Piece:
     q: np.ndarray  # (M, N)
     v: np.ndarray  # (M, N)
     finger: np.ndarray  # (M,) [m], nan without a finger
+    bend: np.ndarray  # (M,) semitones by which the string was bent in the steps since the shot before
+    hand: np.ndarray  # (M,) σ that the damping hand added in them [1/s]
     both: np.ndarray  # (frames, 2), late by the engine's latency
 
     @property
@@ -181,6 +187,8 @@ class Taped(Engine):
                 tape.q[:shots, :modes],
                 tape.v[:shots, :modes],
                 tape.finger[:shots],
+                tape.bend[:shots],
+                tape.hand[:shots],
                 out,
             )
             made += steps

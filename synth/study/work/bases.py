@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.research.case import OVERRIDES, Case, CaseError, case_path, files_of, is_coupled, read_tables, validated
+from synth.research.case import OVERRIDES, Case, CaseError, case_path, files_of, is_coupled, put, read_tables, validated
 from synth.spelling import perhaps
 from synth.study.work.taken import Taken
 
@@ -135,34 +135,10 @@ def _case(source: Mapping[str, Any], settings: Mapping[str, Any]) -> tuple[dict[
         elif value == BELOW_HALF and OVERRIDES.get(key, tuple(key.split("."))) == ("run", "modes"):
             overrides["below_half"] = True
         else:
-            _put(tables, [str(part) for part in OVERRIDES.get(key, key.split("."))], value, key)
+            put(tables, [str(part) for part in OVERRIDES.get(key, key.split("."))], value, key)
     if overrides.pop("below_half", False):
         tables["run"]["modes"] = _modes_below_half(source, tables)
     return tables, overrides
-
-
-def _put(tables: dict[str, Any], parts: list[str], value: Any, key: str) -> None:
-    """Puts a value at a path of tables and lists; None takes it away. Raises CaseError."""
-    place: Any = tables
-    for depth, part in enumerate(parts):
-        last = depth == len(parts) - 1
-        try:
-            if isinstance(place, list):
-                index: Any = int(part)
-                if not 0 <= index < len(place):
-                    raise IndexError
-            elif isinstance(place, dict):
-                index = part
-            else:
-                raise TypeError
-            if last and value is None and isinstance(place, dict):
-                place.pop(index, None)
-            elif last:
-                place[index] = value
-            else:
-                place = place.setdefault(index, {}) if isinstance(place, dict) else place[index]
-        except (ValueError, IndexError, TypeError):
-            raise CaseError(f"no setting {key!r} ({part!r} does not exist)") from None
 
 
 def _modes_below_half(source: Mapping[str, Any], tables: dict[str, Any]) -> int:
