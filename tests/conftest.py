@@ -9,6 +9,7 @@ import signal
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 from tests.nocard import hide_sound_card
 
@@ -16,6 +17,7 @@ os.environ.update(hide_sound_card())
 os.environ["JAWARI_NATIVE"] = "0"
 os.environ["JAWARI_TRIAL"] = "0"  # vectors as wide as the processor's, so that all tests share their kernels
 os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))  # read by NumPy
+threadpool_limits(limits=1, user_api="blas")  # where a plugin of pytest has loaded NumPy before
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")

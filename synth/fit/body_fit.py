@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from synth.fit.mobility import Component, Mobility
 from synth.fit.modal_least_squares import (
@@ -94,6 +95,8 @@ class BodyFit:
         return Body(tuple(sorted((*self.modes, *self.outside), key=lambda mode: mode.frequency_hz)))
 
 
+# its matrices are small: threads of linear algebra would take five times the work, and no less time
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def fit_body(measured: Mobility, band_hz: tuple[float, float] | None = None, modes: int | None = None) -> BodyFit:
     """Modes for a measured mobility; at most `modes` of them in and near the band, or as many as Bayes' information
     criterion finds worth their unknowns. Without a band, the rows from 20 Hz to 10 kHz. Raises MobilityRefused, and

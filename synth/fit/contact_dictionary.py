@@ -25,10 +25,17 @@ FIRST_STARTS = 14
 CURVED, GLANCE_S = 4, 0.4
 #: after so many notes it is asked whether to go on
 PULSE = 8
+#: of each note of the dictionary it is also known what it is behind a waveshaper, tanh of its largest value times that
+DRIVE = 2.0
 
 
 def _nothing() -> None:
     pass
+
+
+def shaped(sound: Real, drive: float) -> Real:
+    """A sound (n,) behind a soft limit, tanh of drive times what it is over its largest value; drive 0: as it is."""
+    return np.tanh(drive / max(float(np.abs(sound).max()), 1e-300) * sound) if drive else sound
 
 
 class Search:
@@ -36,17 +43,18 @@ class Search:
 
     def __init__(
         self, model: ContactModel, space: Space, *, notes: int = NOTES, starts: int = FIRST_STARTS,
-        seconds: float | None = None,
+        seconds: float | None = None, drive: float = 0.0,
     ) -> None:  # fmt: skip
+        """drive: of a waveshaper that the notes go through (`shaped`), or 0, none."""
         self.curved = model.shape.points > 1
-        self.model, self.space, self.starts = model, space, starts
+        self.model, self.space, self.starts, self.drive = model, space, starts, drive
         self.notes = CURVED * notes if self.curved else notes
         self.seconds = (CURVED_S if self.curved else SECONDS) if seconds is None else seconds
         self.short_s = min(SHORT_S, self.seconds)
         self.first_s = GLANCE_S if self.curved else SHORT_S
         self.coarse = model.grid(STEPS[BRIDGE]["draft"], 0.0, COARSE_HZ)
         self.fine = model.grid(STEPS[BRIDGE]["standard"], 44100.0)
-        self._dictionaries: dict[tuple[bytes, float], tuple[Real, list[Real]]] = {}
+        self._dictionaries: dict[tuple[bytes, float], tuple[Real, list[Real], list[Real]]] = {}
         self.evaluations = 0
         #: called now and then while notes are computed: it may raise FitCancelled
         self.pulse: Callable[[], None] = _nothing
@@ -54,22 +62,29 @@ class Search:
     def powers(self, point: Real, bands: Bands, grid: Grid, seconds: float | None = None) -> Real:
         """(windows, B) of the note at a point of the cube, over the seconds that are compared or so many."""
         seconds = self.seconds if seconds is None else seconds
+        return bands.powers(shaped(self._sound(point, grid, seconds), self.drive), grid.rate_hz, seconds)
+
+    def _sound(self, point: Real, grid: Grid, seconds: float) -> Real:
         self.evaluations += 1
         if self.evaluations % PULSE == 0:
             self.pulse()
-        sound = self.model.sound(self.space.stroke(point), grid, seconds + 0.05).frames
-        return bands.powers(sound, grid.rate_hz, seconds)
+        return self.model.sound(self.space.stroke(point), grid, seconds + 0.05).frames
 
-    def dictionary(self, bands: Bands, done: Callable[[float], None]) -> tuple[Real, list[Real]]:
-        """Points (n, d) and their powers."""
+    def dictionary(self, bands: Bands, done: Callable[[float], None]) -> tuple[Real, list[Real], list[Real]]:
+        """Points (n, d), their powers, and those behind a waveshaper; the last of bridges of one point only."""
         key = bands.edges_hz.tobytes(), bands.window_s
         if key not in self._dictionaries:
-            points, powers = self._covering(), []
+            points, rate = self._covering(), self.coarse.rate_hz
+            powers: list[Real] = []
+            driven: list[Real] = []
             for i, point in enumerate(points):
                 if i % PULSE == 0:
                     done(i / len(points))
-                powers.append(self.powers(point, bands, self.coarse, self.first_s))
-            self._dictionaries[key] = points, powers
+                sound = self._sound(point, self.coarse, self.first_s)
+                powers.append(bands.powers(shaped(sound, self.drive), rate, self.first_s))
+                if not self.curved:
+                    driven.append(bands.powers(shaped(sound, DRIVE), rate, self.first_s))
+            self._dictionaries[key] = points, powers, driven
         return self._dictionaries[key]
 
     def _covering(self) -> Real:

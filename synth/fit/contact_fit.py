@@ -9,13 +9,14 @@ what a finer grid changes, times a factor that was found on other notes (`tools/
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from synth.fit.contact_damage import refuse_holes
 from synth.fit.contact_dictionary import GLANCE_S, Search
 from synth.fit.contact_features import HUBER_DB, Bands, Compared, Observed, compare, huber
 from synth.fit.contact_model import Bridge, Grid, Stroke
@@ -39,13 +40,18 @@ NO_CONTACT = 1.25
 FACTOR = 6.5
 LEAST_HALF = {"height": 2e-5, "distance": 2e-5, "position": 4e-4}
 #: evaluations of the first evolution and of the second, of so many finalists; draw times tried; contenders followed
-_FIRST, _SECOND, _FINALISTS, _DRAWS, _CONTENDERS = 160, 240, 5, 16, 3
+_FIRST, _SECOND, _FINALISTS, _DRAWS, _CONTENDERS = 160, 240, 5, 16, 6
 #: over a curved bridge the first moments are looked at from so many starts that far apart, with so many evaluations; the
 #: best of them again, and so many are left; fewer finalists
 _GLANCES, _APART, _GLANCE, _AGAIN, _SECOND_GLANCE, _GLANCED = 40, 0.08, 72, 14, 120, 6
 _CURVED_FINALISTS = 3
-#: what a curved bridge of so many points explains with less than so much of a point's loss is taken for curved; radii [m]
-_RIVAL_POINTS, _RIVAL, _RADII_M = 5, 0.6, (10.0, 5.0, 2.5, 1.2)
+#: other bridges that are tried from the answer, of so many points on an arc of so many metres (the last is flat): with less
+#: than so much of the loss of one point the answer is refused
+_RIVALS, _RIVAL = ((5, 10.0), (5, 5.0), (5, 2.5), (5, 1.2), (2, 5.0), (2, 1e4)), 0.6
+#: within that ratio of the loss, or so much more, the interval reaches that many times as far as to what they say
+_AS_WELL, _AS_WELL_LOSS, _REACHED = 1.25, 0.01, 1.5
+#: waveshapers that are tried, tanh of the largest value times so much, from so many notes of the dictionary and the answer
+_DRIVES, _SHAPED = (1.0, 2.0, 4.0), 3
 
 
 @dataclass(frozen=True)
@@ -106,6 +112,7 @@ def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Pr
 
     with threadpool_limits(limits=1, user_api="blas"):
         note = cut_note(samples, rate_hz)
+        refuse_holes(note)
         seen = seen_of(search.model.string, note)
         search.pulse = lambda: done(reached)
         try:
@@ -137,7 +144,7 @@ class _Fitting:
                 f"only {int(seen.used.sum())} bands of the note stand out of the noise; record it louder, or nearer"
             )
         first = seen.first(seen.bands.windows(search.first_s))
-        points, powers = search.dictionary(seen.bands, lambda share: self.done(0.3 * share))
+        points, powers, driven = search.dictionary(seen.bands, lambda share: self.done(0.3 * share))
         losses = np.array([compare(first, power).loss for power in powers])
         self.done(0.35)
         starts = self._glances(points, losses) if search.curved else starts_of(points, losses, search.starts)
@@ -157,22 +164,17 @@ class _Fitting:
         finalists = sorted([*finalists, *found], key=lambda each: each[1])
         free = self._free(points, losses)
         self.done(0.9)
-        coarse, polished = finalists[0], self._squares(finalists[0][0], search.fine, rounds=8)
-        for other in self._contenders(polished[0], finalists):
-            # a valley that has not been followed to its end looks like another answer
-            followed, _ = self._nearer(other[0], None, 1, step=0.01, most=_SECOND, seed=201)
-            point, loss = self._squares(followed, search.coarse, rounds=8)
-            finalists = [each for each in finalists if each is not other] + [(point, loss)]
-            further = self._squares(point, search.fine, rounds=8)
-            if further[1] < polished[1]:
-                coarse, polished = (point, loss), further
-        self._refuse(polished, finalists, free)
-        self.done(0.95)
+        coarse, polished, others = self._settled(finalists)
         if not search.curved:
-            self._refuse_curved(*coarse)
+            self._refuse_shaped(*coarse, points, np.array([compare(first, power).loss for power in driven]))
+        self._refuse(polished, others, free)
+        self.done(0.95)
+        if search.curved:
+            point, beside = self._another_way(polished)
+            return self._told(point, [coarse[0], *beside], free)
+        rivals = self._other_bridges(*coarse)
         self.done(0.97)
-        point, others = self._another_way(polished) if search.curved else (polished[0], [])
-        return self._told(point, [coarse[0], *others], free)
+        return self._told(polished[0], [coarse[0]], free, rivals)
 
     def _nearer(
         self, start: Real, seconds: float | None, reach: int, *, step: float, most: int, seed: int, held: str = ""
@@ -206,12 +208,31 @@ class _Fitting:
         ends, left = zip(*again, strict=True)
         return starts_of(np.array(ends), np.array(left), _GLANCED, apart=0.02)
 
-    def _contenders(
-        self, point: Real, finalists: list[tuple[Real, float]], most: int = _CONTENDERS
-    ) -> list[tuple[Real, float]]:
-        """Those of the finalists that are nearly as good as the best and differ from a point, at most so many."""
-        limit = max(AS_GOOD * finalists[0][1], finalists[0][1] + AS_GOOD_LOSS)
-        return [each for each in finalists if each[1] <= limit and self._differs(point, each[0]) is not None][:most]
+    def _settled(
+        self, finalists: list[tuple[Real, float]]
+    ) -> tuple[tuple[Real, float], tuple[Real, float], list[tuple[Real, float]]]:
+        """The answer on the coarse grid and on the fine one, and what explains the sound as well as it. finalists: the best
+        first. One that is nearly as good is followed first: a valley that has not been followed to its end looks like
+        another answer; and on the fine grid: the loss of the coarse one hides what tells them apart."""
+        search, waiting = self.search, finalists[1:]
+        least = finalists[0][1]
+        coarse, polished = finalists[0], self._squares(finalists[0][0], search.fine, rounds=8)
+        known = [polished]
+
+        def contenders() -> list[tuple[Real, float]]:
+            return [each for each in waiting if _as_good(each[1], least) and self._differs(polished[0], each[0]) is not None]
+
+        for _ in range(_CONTENDERS):
+            if not (others := contenders()):
+                break
+            waiting = [each for each in waiting if each is not others[0]]
+            followed, _ = self._nearer(others[0][0], None, 1, step=0.01, most=_SECOND, seed=201)
+            point, loss = self._squares(followed, search.coarse, rounds=8)
+            further = self._squares(point, search.fine, rounds=8)
+            known.append(further)
+            if further[1] < polished[1]:
+                coarse, polished = (point, loss), further
+        return coarse, polished, [each for each in known if _as_good(each[1], polished[1])] + contenders()
 
     def _differs(self, point: Real, other: Real) -> tuple[str, float, float] | None:
         """What two points differ in by more than agreement allows, and both values of it; None: nothing."""
@@ -273,7 +294,8 @@ class _Fitting:
 
         return evolve(function, best[others], step=0.15, most=160).best[1]
 
-    def _refuse(self, polished: tuple[Real, float], finalists: list[tuple[Real, float]], free: float) -> None:
+    def _refuse(self, polished: tuple[Real, float], others: list[tuple[Real, float]], free: float) -> None:
+        """others: what explains the sound as well."""
         point, loss = polished
         if free < NO_CONTACT * loss + AS_GOOD_LOSS:
             place = self.search.space.values(point)["position"]
@@ -289,10 +311,9 @@ class _Fitting:
                 f"{most:g}): another obstacle, string or length, several notes, or much reverberation; "
                 "check -p and --string"
             )
-        best = min(each[1] for each in finalists)
-        for other, other_loss in finalists:
+        for other, _ in others:
             different = self._differs(point, other)
-            if other_loss <= max(AS_GOOD * best, best + AS_GOOD_LOSS) and different is not None:
+            if different is not None:
                 name, mine, value = different
                 raise FitRefused(
                     f"several contacts explain the sound as well: {name} {_say(name, mine)} or {_say(name, value)}; "
@@ -308,27 +329,49 @@ class _Fitting:
         better, worse = sorted([polished, other], key=lambda each: each[1])
         return better[0], [worse[0]]
 
-    def _refuse_curved(self, point: Real, loss: float) -> None:
-        """A point is a curved bridge that never curves: some radii are tried from the answer, over the same time."""
+    def _other_bridges(self, point: Real, loss: float) -> list[Real]:
+        """How far off the answer is over other bridges that explain the sound as well, from the point to theirs. Raises
+        FitRefused where one explains it better: a point is a curved bridge that never curves, and a bridge of several
+        points one that never touches the others."""
         model, space, search = self.search.model, self.search.space, self.search
-        stroke = space.stroke(point)
-        for radius in _RADII_M:
-            shape = Bridge(_RIVAL_POINTS, _RIVAL_POINTS, radius)
-            rival = Search(model.over(shape), space, seconds=search.seconds)
+        stroke, values, found = space.stroke(point), space.values(point), []
+        for points, radius in _RIVALS:
+            rival = Search(model.over(Bridge(points, points, radius)), space, seconds=search.seconds)
             # the edge stays where it was
             fallen = 0.5 * stroke.distance_m**2 / radius
             scale = space.amplitude_m * stroke.distance_m / ((1.0 - stroke.position) * model.string.length_m)
-            values = space.values(point)
             lifted = space.point({**values, "height": values["height"] - fallen / scale})
-            _, theirs = _Fitting(rival, self.note, self.seen, self.done)._squares(lifted, search.coarse, rounds=6)
+            other, theirs = _Fitting(rival, self.note, self.seen, self.done)._squares(lifted, search.coarse, rounds=6)
             if theirs < _RIVAL * loss:
+                better = f"a curved bridge of {radius:g} m" if points > 2 else "a bridge of two points"
                 raise FitRefused(
-                    f"a curved bridge explains the sound better than one of a point (loss {theirs:.3f} with a radius of "
-                    f"{radius:g} m, {loss:.3f} with a point); give the preset's bridge more points, or another preset"
+                    f"{better} explains the sound better than one of a point (loss {theirs:.3f}, {loss:.3f} with a point); "
+                    "give the preset's bridge more points, or another preset"
                 )
+            if theirs <= max(_AS_WELL * loss, loss + _AS_WELL_LOSS):
+                found.append(other - lifted)
+        return found
 
-    def _told(self, point: Real, others: list[Real], free: float) -> NoteFit:
-        """others: what was found on the way that should have been the same."""
+    def _refuse_shaped(self, point: Real, loss: float, points: Real, driven: Real) -> None:
+        """An overdriven recording compresses the loudest moments and has partials that the string did not make: notes behind
+        some waveshapers are tried, the answer's and the best of the dictionary (its points, losses behind one)."""
+        search = self.search
+        tried: list[tuple[float, int, _Fitting, Real]] = []
+        for drive in _DRIVES:
+            rival = Search(search.model, search.space, seconds=search.seconds, drive=drive)
+            fitting = _Fitting(rival, self.note, self.seen, self.done)
+            for start in (point, *starts_of(points, driven, _SHAPED)):
+                tried.append((fitting._near(start, search.coarse, 0)[1].loss, len(tried), fitting, start))
+        _, _, fitting, start = min(tried)
+        _, theirs = fitting._squares(start, search.coarse, rounds=6)
+        if theirs < min(_RIVAL * loss, MOST_LOSS):
+            raise FitRefused(
+                f"the recording is overdriven: a note behind a soft limit explains it better (loss {theirs:.3f}, {loss:.3f} "
+                "without); record it at a lower level, without an amplifier, a saturation or a limiter"
+            )
+
+    def _told(self, point: Real, others: list[Real], free: float, rivals: Sequence[Real] = ()) -> NoteFit:
+        """others: what was found on the way that should be the same; rivals: how far off other bridges' answers are."""
         search, space, grid = self.search, self.search.space, self.search.fine
         near, found = self._near(point, grid, 0)
         rows = self._residuals(point, near, grid)
@@ -343,14 +386,25 @@ class _Fitting:
         normal, covariance = _jackknife(jacobian, rows, int(near.used.sum()))
         bias = sum(np.outer(point - other, point - other) for other in others)
         covariance = FACTOR**2 * (covariance + bias)
+        values, warnings = estimates(space, point, covariance, LEAST_HALF), self.note.warnings
+        for rival in rivals:
+            theirs = asked(space, np.clip(point + rival, 0.0, 1.0))
+            if any(abs(theirs[name] - each.value) > each.half for name, each in values.items()):
+                said = " and ".join(f"{name} {_say(name, theirs[name])}" for name in ("height", "distance"))
+                warnings += (f"a bridge of several points explains the sound as well, with {said}: the intervals hold both",)
+            covariance = covariance + _REACHED**2 * np.outer(rival, rival)
         values = estimates(space, point, covariance, LEAST_HALF)
         played = search.model.sound(space.stroke(point), grid, search.seconds)
         recorded = self.seen.level_db[found.shift]
         return NoteFit(
             space.stroke(point), values, found.loss, free, played.touching, near.bands, found.offsets_db, recorded,
             recorded - found.left_db, float(np.sqrt(np.nanmean(found.left_db**2))), search.evaluations - self.before,
-            self.note.onset_s, self.note.warnings, point, normal, covariance,
+            self.note.onset_s, warnings, point, normal, covariance,
         )  # fmt: skip
+
+
+def _as_good(loss: float, best: float) -> bool:
+    return loss <= max(AS_GOOD * best, best + AS_GOOD_LOSS)
 
 
 def _jackknife(jacobian: Real, rows: Real, bands: int) -> tuple[Real, Real]:

@@ -112,6 +112,7 @@ class ContactModel:
         self.string, self.shape, self.hand = string, shape, hand
         self._output = output
         self._known: dict[Grid, tuple[Real, Real]] = {}
+        self._heard: dict[int, Real] = {}
         kernel_helpers.compile_all("synth.research.methods.warmup:kernels")
 
     @classmethod
@@ -160,11 +161,14 @@ class ContactModel:
 
     def _weights(self, n: int) -> Real:
         """Of an output of displacements and velocities both the first is what is heard; its bands have offsets anyhow."""
-        if self._output is None:
-            return force_weights(self.string, self.string.length_m, n)
-        on_q, on_v = self._output(self.string, n)
-        # the velocity of a mode is its displacement times ω, but for the phase
-        return on_q if np.any(on_q) else on_v * base_frequencies(self.string, n)
+        if n not in self._heard:
+            if self._output is None:
+                self._heard[n] = force_weights(self.string, self.string.length_m, n)
+            else:
+                on_q, on_v = self._output(self.string, n)
+                # the velocity of a mode is its displacement times ω, but for the phase
+                self._heard[n] = on_q if np.any(on_q) else on_v * base_frequencies(self.string, n)
+        return self._heard[n]
 
     def _scene(self, grid: Grid, stroke: Stroke) -> driver.Model:
         omega, sigma = self._modal(grid)

@@ -94,7 +94,7 @@ def require_declared(kind: Any, name: str, value: Any) -> None:
     """Raises TypeError unless `value` is a contiguous array of the declared element type and number of dimensions."""
     dtype, shape = fields(kind)[name]
     fits = isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim == len(shape)
-    if not (fits and value.flags.c_contiguous and value.flags.aligned):
+    if not (fits and (flags := value.flags).c_contiguous and flags.aligned):
         raise TypeError(f"{kind.__name__}.{name} must be a contiguous {len(shape)}-d array of {dtype}")
 
 
@@ -111,7 +111,7 @@ def aligned(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray
     kind = np.dtype(dtype)
     size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * kind.itemsize
     memory = np.zeros(size + LINE, np.uint8)
-    start = -memory.ctypes.data % LINE
+    start = -memory.__array_interface__["data"][0] % LINE
     return memory[start : start + size].view(kind).reshape(shape)
 
 
@@ -133,8 +133,22 @@ def _extents(kind: Any, name: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
 
 
 def _extent(symbols: str, sizes: Mapping[str, int]) -> int:
+    total = 0
+    for number, names in _products(symbols):
+        for name in names:
+            number *= sizes[name]
+        total += number
+    return total
+
+
+@cache
+def _products(symbols: str) -> tuple[tuple[int, tuple[str, ...]], ...]:
+    """What an extent is the sum of: of each product its numbers, multiplied, and its names."""
     products = ([factor.strip() for factor in product.split("*")] for product in symbols.split("+"))
-    return sum(math.prod(int(factor) if factor.isdigit() else sizes[factor] for factor in factors) for factors in products)
+    return tuple(
+        (math.prod(int(each) for each in factors if each.isdigit()), tuple(each for each in factors if not each.isdigit()))
+        for factors in products
+    )
 
 
 class Pool(Generic[Kind]):

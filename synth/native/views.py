@@ -25,6 +25,7 @@ from numba.np.arrayobj import make_array, populate_array
 from synth.native.arrays import fields, require_declared
 
 _I64 = ir.IntType(64)
+_WHOLE = np.dtype(np.int64)
 
 
 def words(kind: Any) -> int:
@@ -40,11 +41,13 @@ def table(*parts: Any) -> np.ndarray:
     out: list[int] = []
     for part in parts:
         kind: Any = type(part)
-        for name, value in part._asdict().items():
-            dtype, shape = fields(kind)[name]
+        for value, (name, (dtype, shape)) in zip(part, fields(kind).items(), strict=True):
             if shape:
                 require_declared(kind, name, value)
-                out += [value.ctypes.data, *value.shape]
+                out.append(value.__array_interface__["data"][0])  # in a fourth of the time of `ctypes`
+                out += value.shape
+            elif type(value) is int and dtype == _WHOLE:
+                out.append(value)
             else:
                 out.append(int(np.array(value, dtype).view(np.int64)))
     return np.array(out, np.int64)

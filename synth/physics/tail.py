@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ def lumped_tail(string: String, positions_m: np.ndarray | Sequence[float], n_mod
     if not (contact_rate_hz > 0.0 and math.isfinite(contact_rate_hz)):
         raise ValueError(f"contact_rate_hz must be > 0 Hz and finite, got {contact_rate_hz}")
     total = max(_LEAST_SUMMED, _SUMMED * n_modes)
-    base = base_frequencies(string, total)
+    base, rates = _summed(string, total)
     band = base[n_modes - 1] if n_modes > 0 else 0.0
     base = base[n_modes:]
     shapes = mode_shapes(string.length_m, positions_m, total)[:, n_modes:]
@@ -84,7 +85,7 @@ def lumped_tail(string: String, positions_m: np.ndarray | Sequence[float], n_mod
     basis = np.hstack([basis, _orthonormal(basis / (base**2)[:, None], basis)])
     squares, vectors = np.linalg.eigh(basis.T @ (base[:, None] ** 2 * basis))
     omega, mix = np.sqrt(squares), basis @ vectors
-    own = (model_decay_rates(string, total)[n_modes:, None] * mix**2).sum(axis=0)
+    own = (rates[n_modes:, None] * mix**2).sum(axis=0)
     sigma = own + RADIATION * (omega - band)
 
     fastest = RESOLVED * contact_rate_hz
@@ -99,6 +100,14 @@ def lumped_tail(string: String, positions_m: np.ndarray | Sequence[float], n_mod
         sigma = np.append(sigma[slow], np.full(fast.shape[1], DAMPING_RATIO * fastest))
     residual = residual_compliance(string, positions_m, total)
     return Tail(omega, sigma, shapes @ mix, residual, n_modes, mix, base)
+
+
+@lru_cache(maxsize=8)
+def _summed(string: String, total: int) -> tuple[np.ndarray, np.ndarray]:
+    """ω̂ and σ (total,) of the first modes: many notes are made of one string."""
+    base, rates = base_frequencies(string, total), model_decay_rates(string, total)
+    base.flags.writeable = rates.flags.writeable = False
+    return base, rates
 
 
 def _orthonormal(block: np.ndarray, against: np.ndarray) -> np.ndarray:

@@ -139,11 +139,12 @@ class Model:
         one = self.eta.size == 1  # blocks are of parts then
         certified = int(self.law == EXACT_HOLD and self.eta.size >= CERTIFY_FROM)
         in_blocks = self.part if one else self.string
+        whole = table(self.string._replace(**quiet))
         return {
             "watched": table(in_blocks),
             "apart": table(in_blocks._replace(certified=certified, **quiet)),
-            "whole": table(self.string._replace(**quiet)),
-            "part": table(self.part._replace(**quiet)),
+            "whole": whole,
+            "part": whole if self.part is self.string else table(self.part._replace(**quiet)),
             "lifted": table(self.string._replace(restitution=1.0, **quiet)),
         }
 
@@ -190,14 +191,17 @@ class Run:
     blocks: Scratch
     watching: Scratch
 
+    @cached_property
+    def tables(self) -> dict[str, np.ndarray]:
+        """What kernels open besides the model's, whatever the finger's path."""
+        return {name: table(getattr(self, name)) for name in ("state", "blocks", "watching")}
+
     def study(self, model: Model, path: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, Any]:
         """The table of a Study, and what must be kept as long as it is in use."""
         stepping = self.stepping._replace(path=path)
         parting = stepping._replace(record=self.part_records.reshape(-1))
-        kept = [table(each) for each in (self.state, stepping, parting, self.blocks, self.watching)]
-        names = ("state", "stepping", "parting", "blocks", "watching")
-        addresses: dict[str, Any] = {name: each.ctypes.data for name, each in zip(names, kept, strict=True)}
-        addresses |= {name: each.ctypes.data for name, each in model.tables.items()}
+        kept = self.tables | {"stepping": table(stepping), "parting": table(parting)}
+        addresses: dict[str, Any] = {name: each.ctypes.data for name, each in (kept | model.tables).items()}
         shared = (
             "sums",
             "counts",
@@ -355,7 +359,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
 
 def _held(model: Model, run: Run) -> float:
     """What the contacts hold, R and layers [J]."""
-    tables = table(model.string), table(run.state)
+    tables = model.tables["whole"], run.tables["state"]
     return spring(model.residual, run.force) + held_by_layers(*(each.ctypes.data for each in tables))
 
 

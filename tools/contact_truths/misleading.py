@@ -6,10 +6,12 @@ anything but a refusal is nonsense.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import soundfile
 from scipy.signal import fftconvolve
 
 from contact_truths.notes import LEAD_S, RATE_HZ, Truth, drawn, noisy, preset_of, sound
@@ -150,6 +152,36 @@ def _clipped(seed: int) -> Misleading:
     return np.clip(x, -0.15, 0.15), "tanpura", 0, None
 
 
+def _overdriven(drive: float) -> Callable[[int], Misleading]:
+    def made(seed: int) -> Misleading:
+        truth = _plain(seed)
+        x = sound(truth)
+        return 0.6 * np.tanh(drive * x / np.abs(x).max()), "tanpura", 0, truth
+
+    return made
+
+
+def _coded(kbits: float) -> Callable[[int], Misleading]:
+    """Through an MP3 of a constant rate."""
+
+    def made(seed: int) -> Misleading:
+        truth = _plain(seed)
+        level = (320.0 - kbits) / (320.0 - 32.0)
+        kind = {"format": "MP3", "subtype": "MPEG_LAYER_III", "bitrate_mode": "CONSTANT", "compression_level": level}
+        file = io.BytesIO()
+        soundfile.write(file, sound(truth), RATE_HZ, **kind)
+        file.seek(0)
+        return soundfile.read(file)[0], "tanpura", 0, truth
+
+    return made
+
+
+def _two_points(seed: int) -> Misleading:
+    """A second point, as high, half as far as the edge."""
+    truth = _plain(seed, height_m=6e-6, amplitude_m=3e-3, distance_m=14e-3)
+    return _of(preset_of(truth, {"points": 2, "radius_mm": 1e5}), truth), "tanpura", 0, truth
+
+
 def _bass(seed: int) -> Misleading:
     preset = load_preset("fretted-bass")
     (made,) = render_notes(preset, [Note(43, 100, 3.0)], quality="standard", dtype="float64")
@@ -157,7 +189,7 @@ def _bass(seed: int) -> Misleading:
     return noisy(made.samples[:, 0], 40.0, seed), "tanpura", 0, None
 
 
-#: twenty, by name
+#: by name
 CASES: dict[str, Callable[[int], Misleading]] = {
     "two notes": _two_notes,
     "an octave beside": _octave,
@@ -180,4 +212,9 @@ CASES: dict[str, Callable[[int], Misleading]] = {
     "compressed": _compressed,
     "a fretted bass": _bass,
     "clipped": _clipped,
+    "overdriven, tanh × 3": _overdriven(3.0),
+    "overdriven, tanh × 1.5": _overdriven(1.5),
+    "MP3 of 35 kbit/s": _coded(35.0),
+    "MP3 of 64 kbit/s": _coded(64.0),
+    "two points taken for one": _two_points,
 }
