@@ -91,6 +91,11 @@ class Quantizer:
         return whole.astype(np.int16) if bits == 16 else whole.astype(np.int32) << 8
 
 
+def most_unclipped(bit_depth: str) -> float:
+    """The largest peak that surely does not clip in files of a bit depth, dither included."""
+    return np.inf if bit_depth == "float" else 1.0 - 2.0 ** (2 - int(bit_depth))
+
+
 class AudioWriter:
     """Writes an audio file, or standard output for the path '-'. Use it as a context manager.
 
@@ -139,6 +144,7 @@ class AudioWriter:
         self._stream: BinaryIO | None = None
         self._sound: Any = None
         self._files: list[BinaryIO] = []
+        self._discarded = False
         self._whole = None if self._is_stream() else Whole(self.path, beside=beside, kept=growing)
 
     @property
@@ -245,12 +251,19 @@ class AudioWriter:
             raise
 
     def __exit__(self, kind: object, value: object, trace: object) -> None:
+        if self._discarded:
+            return
         if kind is not None:
             self._discard()
             return
         self.finish()
         if self._whole is not None:
             self._whole.commit()
+
+    def discard(self) -> None:
+        """Leaves no file: what was written is removed, and a file that has its name stays."""
+        self._discard()
+        self._discarded = True
 
     def keep(self) -> str:
         """The end of a growing file, which has its name then, also where its end could not be written: returns why not,
@@ -352,6 +365,19 @@ def _write_all(stream: Any, data: bytes) -> None:
         if written is None:
             raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
         left = left[written:]
+
+
+class Metered:
+    """A sink that knows the peak of all it has passed on."""
+
+    def __init__(self, sink: AudioSink) -> None:
+        self.peak = 0.0
+        self._sink = sink
+
+    def write(self, block: np.ndarray) -> None:
+        if block.size:
+            self.peak = max(self.peak, float(np.abs(block).max()))
+        self._sink.write(block)
 
 
 class Spool:
