@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,6 +11,7 @@ from synth.author.phrases import Phrase, phrase
 from synth.author.views.place import find
 from synth.engine.engine import Engine
 from synth.host import offline
+from synth.host.audiofile import float_wav
 from synth.instrument.articulations import NORMAL
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
@@ -108,17 +108,13 @@ class Voice:
 def phrase_wav(engine: Engine, phrase: Phrase, seconds: float) -> bytes:
     """A WAV file (float) of a phrase from silence, as long as asked, without the engine's latency: what `synth render` makes
     of these events."""
-    import soundfile
-
     rate_hz = round(engine.rate_hz)
     frames = round(seconds * rate_hz)
     engine.reset()
     sink = _Memory(frames)
     events = phrase.events[phrase.events["frame"] < frames]
     offline.render(engine, events, offline.Span(0, frames, 0, False), rate_hz, sink, block=BLOCK)
-    buffer = io.BytesIO()
-    soundfile.write(buffer, sink.samples[: sink.frames].astype(np.float32), rate_hz, format="WAV", subtype="FLOAT")
-    return buffer.getvalue()
+    return float_wav(sink.samples[: sink.frames], rate_hz)
 
 
 class _Memory:

@@ -8,6 +8,7 @@ WAV header (4 GB) is written as RF64.
 from __future__ import annotations
 
 import errno
+import io
 import os
 import struct
 import sys
@@ -90,6 +91,11 @@ class Quantizer:
         return whole.astype(np.int16) if bits == 16 else whole.astype(np.int32) << 8
 
 
+def most_unclipped(bit_depth: str) -> float:
+    """The largest peak that surely does not clip in files of a bit depth, dither included."""
+    return np.inf if bit_depth == "float" else 1.0 - 2.0 ** (2 - int(bit_depth))
+
+
 class AudioWriter:
     """Writes an audio file, or standard output for the path '-'. Use it as a context manager.
 
@@ -138,6 +144,7 @@ class AudioWriter:
         self._stream: BinaryIO | None = None
         self._sound: Any = None
         self._files: list[BinaryIO] = []
+        self._discarded = False
         self._whole = None if self._is_stream() else Whole(self.path, beside=beside, kept=growing)
 
     @property
@@ -244,12 +251,19 @@ class AudioWriter:
             raise
 
     def __exit__(self, kind: object, value: object, trace: object) -> None:
+        if self._discarded:
+            return
         if kind is not None:
             self._discard()
             return
         self.finish()
         if self._whole is not None:
             self._whole.commit()
+
+    def discard(self) -> None:
+        """Leaves no file: what was written is removed, and a file that has its name stays."""
+        self._discard()
+        self._discarded = True
 
     def keep(self) -> str:
         """The end of a growing file, which has its name then, also where its end could not be written: returns why not,
@@ -274,6 +288,10 @@ class AudioWriter:
                 sound.close()
                 if self._container == "flac":
                     self._check_end()
+                elif self._bit_depth == "float":
+                    assert self._whole is not None
+                    with naming(self.path), open(os.dup(self._whole.handle), "r+b", buffering=0) as file:
+                        _forget_time_of_day(file)
             except soundfile.LibsndfileError as error:
                 raise self._why_not(error) from None
         while self._files:
@@ -305,6 +323,33 @@ class AudioWriter:
             self._whole.discard()
 
 
+def _forget_time_of_day(file: BinaryIO) -> None:
+    """Sets the time in the PEAK chunk of a WAV or RF64 file to 0: libsndfile writes the second of the day there, into files
+    of floats, and equal sounds are equal files."""
+    at = 12  # behind the file's own name, length and kind
+    while True:
+        file.seek(at)
+        head = file.read(8)
+        if len(head) < 8 or head[:4] == b"data":
+            return
+        if head[:4] == b"PEAK":
+            file.seek(at + 12)  # behind the chunk's name, length and version
+            file.write(bytes(4))
+            return
+        at += 8 + (int.from_bytes(head[4:], "little") + 1) // 2 * 2
+
+
+def float_wav(samples: np.ndarray, rate_hz: int) -> bytes:
+    """A WAV file of (frames, channels) samples as 32-bit floats, in memory."""
+    import soundfile
+
+    buffer = io.BytesIO()
+    with soundfile.SoundFile(buffer, "w", rate_hz, samples.shape[1], "FLOAT", format="WAV") as sound:
+        sound.write(samples.astype(np.float32))
+    _forget_time_of_day(buffer)
+    return buffer.getvalue()
+
+
 def standard_output() -> Any:
     """Standard output for bytes, unbuffered: nothing is left to be written when the program ends."""
     stream = sys.stdout.buffer
@@ -320,6 +365,19 @@ def _write_all(stream: Any, data: bytes) -> None:
         if written is None:
             raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
         left = left[written:]
+
+
+class Metered:
+    """A sink that knows the peak of all it has passed on."""
+
+    def __init__(self, sink: AudioSink) -> None:
+        self.peak = 0.0
+        self._sink = sink
+
+    def write(self, block: np.ndarray) -> None:
+        if block.size:
+            self.peak = max(self.peak, float(np.abs(block).max()))
+        self._sink.write(block)
 
 
 class Spool:

@@ -179,7 +179,8 @@ class _Arrays:
     """The outputs of `render_song` as arrays."""
 
     clipped = 0
-    clipped_in_stems = 0
+    stems_lowered_db = 0.0
+    silent_stems: Sequence[str] = ()
 
     def __init__(self, settings: RenderSettings, labels: Sequence[str]) -> None:
         self._target = settings.normalize_dbfs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 LONGEST_RENDER_S = 24 * 3600.0
 #: notes that sound before the end are prepared for, and a little behind it, as filters look ahead
 _LOOKAHEAD_S = 1.0
+#: a stem that stays below half a step of 24 bits is silent, whatever its format
+SILENT_STEM = 2.0**-24
+#: stems that would clip are lowered in steps of this [dB]
+STEM_STEP_DB = 0.1
 SILENT_KEY = "the keyboard mapping leaves this key silent"
 
 
@@ -98,7 +103,9 @@ class RenderSettings:
 
 @dataclass
 class RenderReport:
-    """What was rendered: of the notes those between start and end. `strings`: most that sounded at once; `channels`: see
+    """What was rendered: of the notes those between start and end. `stems`: files; `silent_stems`: parts that have none, as
+    they are silent; `stems_lowered_db`: by how much all stems are lowered, so that none clips; `strings`: most that sounded
+    at once; `channels`: see
     `compass.channel_rows`; `unplayed`: dicts of part, note, count, reason; `left_out`: channel (1…16) → notes;
     `stand_ins`: see `compass.stand_ins`; `skipped`: dicts of channel, name and notes of programs that are no strings;
     `headroom_db`: see `parts.headroom_db`; `limiter_reduction_db`: None where nothing was limited; `normalize_gain_db`: None
@@ -107,6 +114,8 @@ class RenderReport:
 
     output: str | None
     stems: list[str]
+    silent_stems: list[str]
+    stems_lowered_db: float
     rate_hz: int
     quality: str
     scheme: str
@@ -125,7 +134,6 @@ class RenderReport:
     limiter_reduction_db: float | None
     normalize_gain_db: float | None
     clipped_samples: int
-    clipped_stem_samples: int
     stolen: int
     taken_over: int
     silenced: int
@@ -152,11 +160,12 @@ class RenderReport:
         else:
             limiter = "limiter at rest"
         where = self.output if self.output not in (None, "-") else ", ".join(self.stems) or "standard output"
-        strings = f"{self.strings} string{'' if self.strings == 1 else 's'}"
+        if self.output is None and self.silent_stems and not self.stems:
+            where = "no stems"
         lost = sum(entry["count"] for entry in self.unplayed)
         unplayed = f" ({lost} not played)" if lost else " (all played)" if self.notes else ""
-        notes = f"{self.notes} note{'' if self.notes == 1 else 's'}{unplayed}"
-        closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {strings}, {notes}, {limiter}"]
+        counts = f"{counted(self.strings, 'string')}, {counted(self.notes, 'note')}{unplayed}"
+        closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {counts}, {limiter}"]
         details = [f"  {channel_line(row)}" for row in self.channels]
         if self.headroom_db > 0.0 and self.normalize_gain_db is None:
             details.append(f"  lowered by {self.headroom_db:.1f} dB, as several channels play; --gain raises it")
@@ -166,26 +175,34 @@ class RenderReport:
             details.append(f"  {compass.skipped_line(self.skipped)}")
         silent = sum(entry["count"] for entry in self.unplayed if entry["reason"] == SILENT_KEY)
         if silent:
-            details.append(f"  {silent} of the notes not played lie on keys that the keyboard mapping leaves silent")
+            which = "is on a key" if silent == 1 else "are on keys"
+            details.append(f"  {silent} of the notes not played {which} that the keyboard mapping leaves silent")
         if self.stolen:
-            details.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
+            cut = "string was cut short for a new note" if self.stolen == 1 else "strings were cut short for new notes"
+            details.append(f"  {self.stolen} sounding {cut} (see --polyphony)")
         if self.taken_over:
-            details.append(f"  {self.taken_over} notes took over a string that still held another, which ended there")
+            details.append(
+                f"  {counted(self.taken_over, 'note')} took over a string still held by another note, cutting it off"
+            )
         if self.silenced:
-            details.append(
-                f"  {self.silenced} times the motion of a string blew up and was silenced; take --scheme exact-hold, or a "
-                "higher --internal-rate"
-            )
+            often = "once" if self.silenced == 1 else f"{self.silenced} times"
+            remedy = "use --scheme exact-hold or a higher --internal-rate"
+            details.append(f"  the motion of a string blew up and was silenced {often}; {remedy}")
         if self.clipped_samples:
-            details.append(
-                f"  {self.clipped_samples} samples lay above full scale and were clipped; lower --gain or use the limiter"
-            )
-        if self.clipped_stem_samples:
-            details.append(
-                f"  {self.clipped_stem_samples} samples of the stems, which pass no limiter, were clipped; "
-                "lower --gain or take --bit-depth float"
-            )
+            samples = counted(self.clipped_samples, "sample")
+            details.append(f"  {samples} exceeded full scale and clipped; lower --gain or leave the limiter on")
+        if self.stems_lowered_db:
+            lowered = f"all stems are lowered by {self.stems_lowered_db:.1f} dB so that none clips"
+            details.append(f"  {lowered}; --bit-depth float keeps their level")
+        if self.silent_stems:
+            verb = "is" if len(self.silent_stems) == 1 else "are"
+            details.append(f"  no stem of {', '.join(self.silent_stems)}, which {verb} silent")
         return closing + details
+
+
+def counted(count: int, what: str) -> str:
+    """'1 note', '2 notes'."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def render_file(
@@ -213,7 +230,8 @@ def render_file(
 
 class Outputs(Protocol):
     """Where a rendering goes: a context manager, in which `mix` and the `stems`, one a part or none, are open. `finish` sets
-    the level for a mix of this peak and returns the gain."""
+    the level for a mix of this peak and returns the gain; after it `stem_paths` are those of stems that are not silent,
+    `silent_stems` the labels of the others, and all stems are `stems_lowered_db` below the mix."""
 
     stem_paths: list[str]
 
@@ -233,7 +251,10 @@ class Outputs(Protocol):
     def clipped(self) -> int: ...
 
     @property
-    def clipped_in_stems(self) -> int: ...
+    def silent_stems(self) -> Sequence[str]: ...
+
+    @property
+    def stems_lowered_db(self) -> float: ...
 
 
 def render_song(
@@ -268,8 +289,7 @@ def render_song(
     for channel, count in left_out.items():
         if channel - 1 not in settings.channel_presets:
             what = "percussion" if channel - 1 == PERCUSSION_CHANNEL else "no preset"
-            notes = f"{count} note{'' if count == 1 else 's'}"
-            note(f"channel {channel} ({what}) is left out: {notes}; --map {channel}=PRESET plays it")
+            note(f"channel {channel} ({what}) is left out: {counted(count, 'note')}; --map {channel}=PRESET plays it")
     internal_hz = settings.internal_rate_hz or 0
     risk = energy_warning(settings.scheme, settings.restitution, internal_hz, "--internal-rate", settings.rate_hz)
     if risk is not None:
@@ -310,12 +330,15 @@ def render_song(
     length_s = rendering.frames / settings.rate_hz
     peak = rendering.peak * gain
     if told.unsolved_contacts:
-        note(f"in {told.unsolved_contacts} steps the contact forces were not solved exactly; please report this")
+        steps = counted(told.unsolved_contacts, "step")
+        note(f"in {steps} the contact forces were not solved exactly; please report this")
     known = parts.MELODY_PRESET if settings.fallback is None else None
     rows = compass.channel_rows(arrangement, loaded, heard, known)
     return RenderReport(
         output=settings.output,
         stems=outputs.stem_paths,
+        silent_stems=list(outputs.silent_stems),
+        stems_lowered_db=outputs.stems_lowered_db,
         rate_hz=settings.rate_hz,
         quality=settings.quality,
         scheme=settings.scheme,
@@ -334,7 +357,6 @@ def render_song(
         limiter_reduction_db=float(told.limiter_reduction_db) if _limits(settings) else None,
         normalize_gain_db=gain_to_db(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
-        clipped_stem_samples=outputs.clipped_in_stems,
         stolen=int(told.stolen),
         taken_over=int(told.taken_over),
         silenced=int(told.silenced),
@@ -496,8 +518,8 @@ class _Nowhere:
 
 
 class _Outputs:
-    """The mix and the stems as sinks, with a detour through temporary files where the level is set
-    afterwards.
+    """The mix and the stems as sinks, with a detour through temporary files where the level is set afterwards: of all where
+    the mix is normalized, of stems where their format has a full scale, which none of them may exceed.
 
     Made early, it finds out what cannot be written; entered, it opens files; left well, they get their names.
     """
@@ -511,6 +533,9 @@ class _Outputs:
         self._mix = self._writer(settings.output) if settings.output is not None else None
         self._directory = Path(settings.stems) if settings.stems is not None else None
         self.stem_paths: list[str] = []
+        self.silent_stems: list[str] = []
+        self.stems_lowered_db = 0.0
+        self._labels = [part.label for part in cast] if settings.stems is not None else []
         if self._directory is not None:
             if self._directory.exists() and not self._directory.is_dir():
                 raise NotADirectoryError(f"{self._directory}: is a file; --stems needs a directory")
@@ -527,6 +552,9 @@ class _Outputs:
         self.stems: list[audiofile.AudioSink] = []
         self._stack = ExitStack()
         self._made = False  # the directory
+        self._mix_spool: audiofile.Spool | None = None
+        self._metered: Sequence[audiofile.Spool | audiofile.Metered] = ()
+        self._stem_writers: list[audiofile.AudioWriter] = []
 
     def _writer(self, path: str, beside: Path | None = None) -> audiofile.AudioWriter:
         return audiofile.AudioWriter(
@@ -546,16 +574,19 @@ class _Outputs:
             beside = None if self._directory is None or self._directory.exists() else self._directory.parent
             stems = [self._writer(path, beside) for path in self.stem_paths]
             stack.push(self._remove_directory)
-            self._writers = [stack.enter_context(writer) for writer in mix + stems]
-            sinks: list[audiofile.AudioSink] = list(self._writers)
-            self._spools: list[audiofile.Spool] = []
-            if self._settings.normalize_dbfs is not None:
-                near = self._scratch_directory()
-                self._spools = [stack.enter_context(audiofile.Spool(2, near)) for _ in self._writers]
-                sinks = list(self._spools)
-            if mix:
-                self.mix = sinks.pop(0)
-            self.stems = sinks
+            for writer in mix + stems:
+                stack.enter_context(writer)
+            self._stem_writers = stems
+            near = self._scratch_directory()
+            normalized = self._settings.normalize_dbfs is not None
+            if self._mix is not None:
+                self._mix_spool = stack.enter_context(audiofile.Spool(2, near)) if normalized else None
+                self.mix = self._mix if self._mix_spool is None else self._mix_spool
+            if normalized or self._settings.bit_depth != "float":
+                self._metered = [stack.enter_context(audiofile.Spool(2, near)) for _ in stems]
+            else:
+                self._metered = [audiofile.Metered(writer) for writer in stems]
+            self.stems = list(self._metered)
             self._stack = stack.pop_all()
         return self
 
@@ -569,23 +600,39 @@ class _Outputs:
         return Path(output).parent if not is_special(output) else None
 
     def finish(self, peak: float) -> float:
-        """Sets the level where that was asked for; `peak` is the mix's. Returns the gain (linear)."""
-        if self._settings.normalize_dbfs is None:
-            return 1.0
-        gain = db_to_gain(self._settings.normalize_dbfs) / peak if peak > 0.0 else 1.0
-        for spool, writer in zip(self._spools, self._writers, strict=True):
-            spool.copy_to(writer, gain)
+        """Sets the level of the mix where that was asked for, and that of the stems; `peak` is the mix's. Returns the mix's
+        gain (linear)."""
+        gain = 1.0
+        if self._settings.normalize_dbfs is not None:
+            gain = db_to_gain(self._settings.normalize_dbfs) / peak if peak > 0.0 else 1.0
+            if self._mix is not None and self._mix_spool is not None:
+                self._mix_spool.copy_to(self._mix, gain)
+        self._finish_stems(gain)
         return gain
+
+    def _finish_stems(self, gain: float) -> None:
+        """Lowers all stems alike, in steps of STEM_STEP_DB, to where none clips; leaves out those that are silent."""
+        loudest = gain * max((sink.peak for sink in self._metered), default=0.0)
+        most = audiofile.most_unclipped(self._settings.bit_depth)
+        if loudest > most:
+            self.stems_lowered_db = STEM_STEP_DB * math.ceil(gain_to_db(loudest / most) / STEM_STEP_DB)
+        gain *= db_to_gain(-self.stems_lowered_db)
+        heard, self._stem_writers = self._stem_writers, []
+        paths, self.stem_paths = self.stem_paths, []
+        for label, path, writer, sink in zip(self._labels, paths, heard, self._metered, strict=True):
+            if gain * sink.peak < SILENT_STEM:
+                self.silent_stems.append(label)
+                writer.discard()
+                continue
+            if isinstance(sink, audiofile.Spool):
+                sink.copy_to(writer, gain)
+            self._stem_writers.append(writer)
+            self.stem_paths.append(path)
 
     @property
     def clipped(self) -> int:
         """Samples of the mix beyond full scale."""
         return self._mix.clipped if self._mix is not None else 0
-
-    @property
-    def clipped_in_stems(self) -> int:
-        """Samples of all stems beyond full scale: the limiter works on the mix only."""
-        return sum(writer.clipped for writer in self._writers) - self.clipped
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
         if kind is not None:
@@ -593,9 +640,9 @@ class _Outputs:
             return
         with self._stack:
             # All are whole before the first gets its name.
-            for writer in self._writers:
+            for writer in ([] if self._mix is None else [self._mix]) + self._stem_writers:
                 writer.finish()
-            if self._directory is not None and not self._directory.is_dir():
+            if self._directory is not None and self.stem_paths and not self._directory.is_dir():
                 self._directory.mkdir()
                 self._made = True
 

@@ -6,6 +6,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,42 @@ def test_float_files_hold_the_samples(tmp_path) -> None:
         writer.write(sound)
     np.testing.assert_array_equal(soundfile.read(tmp_path / "x.wav", dtype="float32")[0], sound.astype(np.float32))
     assert writer.clipped == 0
+
+
+def _every_format(folder: Path) -> dict[str, bytes]:
+    """Files of one sound in every format that is written, by name."""
+    folder.mkdir()
+    sound = noise()
+    for container in audiofile.CONTAINERS:
+        for bits in audiofile.BIT_DEPTHS:
+            for growing in (False, True):
+                for most_frames in (1000, 2**31):  # a WAV file, and one that may outgrow it
+                    if (container, bits) == ("flac", "float"):
+                        continue
+                    path = folder / f"{bits}-{growing}-{most_frames}.{container}"
+                    with AudioWriter(
+                        path, RATE_HZ, container=container, bit_depth=bits, growing=growing, most_frames=most_frames
+                    ) as writer:
+                        writer.write(sound)
+    found = {path.name: path.read_bytes() for path in folder.iterdir()}
+    return found | {"in memory": audiofile.float_wav(sound, RATE_HZ)}
+
+
+def test_equal_sounds_are_equal_files_whenever_they_are_written(tmp_path) -> None:
+    """In every format: libsndfile would write the second of the day into files of floats."""
+    first, begun = _every_format(tmp_path / "first"), int(time.time())
+    while int(time.time()) <= begun + 1:
+        time.sleep(0.1)
+    later = _every_format(tmp_path / "later")
+    assert len(first) == 33 and {data[:4] for data in first.values()} >= {b"RIFF", b"RF64", b"fLaC"}
+    assert [name for name in first if first[name] != later[name]] == []
+
+
+def test_a_float_file_in_memory_holds_the_samples() -> None:
+    sound = 3.0 * noise()
+    got, rate_hz = soundfile.read(io.BytesIO(audiofile.float_wav(sound, RATE_HZ)), dtype="float32")
+    assert rate_hz == RATE_HZ
+    np.testing.assert_array_equal(got, sound.astype(np.float32))
 
 
 def test_full_scale_clips_and_is_counted_and_never_wraps() -> None:

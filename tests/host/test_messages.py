@@ -153,7 +153,7 @@ def test_rendering_to_an_array_is_what_the_command_writes(tmp_path) -> None:
     assert np.array_equal(done.samples.astype(np.float32), written)
     assert list(done.stems) == ["ch01-tanpura", "ch02-tanpura"] and done.report.notes == 2
     assert repr(done).startswith(f"<Sound: {len(written) / 44100:.2f} s at 44100 Hz, peak ")
-    assert (done.report.clipped_samples, done.report.clipped_stem_samples, done.report.output) == (0, 0, None)
+    assert (done.report.clipped_samples, done.report.stems_lowered_db, done.report.output) == (0, 0.0, None)
     by_object = synth.render(str(tmp_path / "song.mid"), channels={1: synth.load_preset("tanpura"), 2: "none"}, **more)
     assert by_object.report.left_out == {2: 1} and by_object.report.notes == 1
     louder = synth.render(file, "tanpura", normalize_dbfs=-1.0, stems=True, **more)

@@ -169,16 +169,80 @@ def test_silence_has_no_peak_and_needs_no_engine(tmp_path) -> None:
     assert len(soundfile.read(tmp_path / "x.wav")[0]) == round(0.5 * 44100)
 
 
-def test_clipped_samples_of_mix_and_stems_are_counted_apart(tmp_path, engine) -> None:
+@pytest.fixture
+def loud(tmp_path) -> str:
+    """Two notes at once on channel 1, which the fake engine adds up to 2.0 (below 1.0 after 69 frames), one on channel 2."""
     path = tmp_path / "loud.mid"
-    # Two notes at once on channel 1: the fake engine adds them up to 2.0, which falls below 1.0 after 69 frames.
     path.write_bytes(header() + track((0, on(60, 127)), (0, on(61, 127)), (0, on(62, 1, channel=1)), (48, off(60))))
-    both = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), stems=str(tmp_path / "s"), tail=0.0))
-    beyond = sum(2.0 * 0.99**n > 1.0 for n in range(200))
-    assert (both.clipped_samples, both.clipped_stem_samples) == (beyond, beyond)
-    assert "stems" in both.lines()[-1] and "full scale" in both.lines()[-2]
-    loose = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), bit_depth="float", tail=0.0))
-    assert (loose.clipped_samples, loose.clipped_stem_samples) == (0, 0)
+    return str(path)
+
+
+def test_clipped_samples_of_the_mix_are_counted(tmp_path, loud, engine) -> None:
+    clipped = render_file(RenderSettings(loud, str(tmp_path / "x.wav"), tail=0.0))
+    assert clipped.clipped_samples == sum(2.0 * 0.99**n > 1.0 for n in range(200))
+    assert "exceeded full scale and clipped; lower --gain" in clipped.lines()[-1]
+    loose = render_file(RenderSettings(loud, str(tmp_path / "x.wav"), bit_depth="float", tail=0.0))
+    assert loose.clipped_samples == 0
+
+
+@pytest.mark.parametrize(("bits", "container"), [("16", "wav"), ("24", "wav"), ("24", "flac"), ("float", "wav")])
+def test_no_stem_clips_and_they_still_add_up(tmp_path, loud, engine, bits: str, container: str) -> None:
+    """Formats with a full scale: all stems are lowered alike. Floats have none and keep their level."""
+    settings = RenderSettings(loud, None, stems=str(tmp_path / "s"), bit_depth=bits, container=container, tail=0.0)
+    report = render_file(settings)
+    loudest, quiet = (soundfile.read(path)[0] for path in report.stems)
+    n = np.arange(len(loudest))
+    ideal = np.stack((2.0 * 0.99**n, 0.99**n / 127), axis=1)
+    lowered_db = 0.0 if bits == "float" else 6.1
+    assert report.stems_lowered_db == pytest.approx(lowered_db)
+    steps = {"16": 2.0 * 2.0**-15, "24": 2.0**-23, "float": 2.0**-24}[bits]  # of each: dither and rounding
+    np.testing.assert_allclose(loudest + quiet, ideal * 10 ** (-lowered_db / 20), atol=2 * steps)
+    told = "  all stems are lowered by 6.1 dB so that none clips; --bit-depth float keeps their level"
+    assert (told in report.lines()) == (bits != "float")
+
+
+def test_stems_of_a_normalized_mix_do_not_clip_either(tmp_path, engine) -> None:
+    """Two parts that take away from each other: the mix is quieter than they are."""
+    path = tmp_path / "song.mid"
+    path.write_bytes(header() + track((0, on(60, 127)), (0, on(62, 127, channel=1)), (48, off(60))))
+    plain = engine.process
+
+    def opposed(events: np.ndarray, out: np.ndarray, stems: np.ndarray | None) -> None:
+        plain(events, out, stems)
+        out[:] = 0.1 * (out[:, :1] + out[:, 1:])
+
+    engine.process = opposed
+    report = render_file(
+        RenderSettings(str(path), str(tmp_path / "x.wav"), normalize_dbfs=0.0, stems=str(tmp_path / "s"), tail=0.0)
+    )
+    parts = [soundfile.read(each)[0] for each in report.stems]
+    assert report.stems_lowered_db == pytest.approx(14.0)  # 5 is 13.98 dB above full scale
+    assert [np.abs(part).max() for part in parts] == pytest.approx([5 * 10**-0.7] * 2, abs=1e-6)
+    engine.process = plain
+
+
+@pytest.mark.parametrize("bits", ["24", "float"])
+def test_silent_parts_have_no_stem(tmp_path, song, engine, bits: str) -> None:
+    plain = engine.process
+
+    def one(events: np.ndarray, out: np.ndarray, stems: np.ndarray | None) -> None:
+        plain(events, out, stems)
+        if stems is not None:
+            stems[1] = 1e-9
+
+    engine.process = one
+    folder = tmp_path / "s"
+    settings = RenderSettings(song, None, "jawari-harp", stems=str(folder), bit_depth=bits, tail=0.0)
+    report = render_file(settings)
+    assert os.listdir(folder) == ["ch01-jawari-harp.wav"] and report.stems == [str(folder / "ch01-jawari-harp.wav")]
+    assert report.silent_stems == ["ch02-jawari-harp"]
+    assert report.lines()[-1] == "  no stem of ch02-jawari-harp, which is silent"
+    assert report.lines()[0].startswith(f"{folder / 'ch01-jawari-harp.wav'}: ")
+    engine.process = lambda events, out, stems: (out.fill(0.0), stems.fill(0.0))
+    nothing = render_file(replace(settings, stems=str(tmp_path / "none")))
+    assert nothing.lines()[0].startswith("no stems: ") and not (tmp_path / "none").exists()
+    assert nothing.lines()[-1] == "  no stem of ch01-jawari-harp, ch02-jawari-harp, which are silent"
+    assert sorted(os.listdir(tmp_path)) == ["s", "song.mid"]
 
 
 def test_controllers_zones_and_exclusive_messages_reach_the_engine(tmp_path) -> None:
@@ -260,8 +324,24 @@ def test_the_closing_lines(tmp_path, song, engine) -> None:
     assert line(output="-").startswith("standard output: ") and line(output=None, stems=["a", "b"]).startswith("a, b: ")
     lost = [{"count": 2, "reason": SILENT_KEY}, {"count": 1, "reason": "another"}]
     assert "2 notes (3 not played)" in line(unplayed=lost)
-    told = replace(report, channels=[], unplayed=lost, stolen=4, taken_over=5, clipped_samples=6, clipped_stem_samples=7)
-    assert [text.strip().split()[0] for text in told.lines()[1:]] == ["lowered", "2", "4", "5", "6", "7"]
+    told = replace(
+        report, channels=[], headroom_db=0.0, unplayed=lost, stolen=4, taken_over=5, silenced=3, clipped_samples=6
+    )
+    assert told.lines()[1:] == [
+        "  2 of the notes not played are on keys that the keyboard mapping leaves silent",
+        "  4 sounding strings were cut short for new notes (see --polyphony)",
+        "  5 notes took over a string still held by another note, cutting it off",
+        "  the motion of a string blew up and was silenced 3 times; use --scheme exact-hold or a higher --internal-rate",
+        "  6 samples exceeded full scale and clipped; lower --gain or leave the limiter on",
+    ]
+    alone = [{"count": 1, "reason": SILENT_KEY}]
+    assert replace(told, unplayed=alone, stolen=1, taken_over=1, silenced=1, clipped_samples=1).lines()[1:] == [
+        "  1 of the notes not played is on a key that the keyboard mapping leaves silent",
+        "  1 sounding string was cut short for a new note (see --polyphony)",
+        "  1 note took over a string still held by another note, cutting it off",
+        "  the motion of a string blew up and was silenced once; use --scheme exact-hold or a higher --internal-rate",
+        "  1 sample exceeded full scale and clipped; lower --gain or leave the limiter on",
+    ]
     lowered = ["  lowered by 3.0 dB, as several channels play; --gain raises it"]
     assert replace(report, channels=[]).lines()[1:] == lowered
     assert replace(report, channels=[], normalize_gain_db=1.0).lines()[1:] == []
@@ -362,10 +442,11 @@ def test_the_engine_is_made_for_the_notes_up_to_a_second_behind_the_end(tmp_path
 
 def test_steps_whose_contacts_were_not_solved_are_told(tmp_path, song, engine, monkeypatch) -> None:
     told = engine.report()
-    told.unsolved_contacts = 2
     monkeypatch.setattr(engine, "report", lambda: told)
-    report = render_file(RenderSettings(song, str(tmp_path / "x.wav"), tail=0.0))
-    assert "in 2 steps the contact forces were not solved exactly; please report this" in report.warnings
+    for count, steps in ((1, "1 step"), (2, "2 steps")):
+        told.unsolved_contacts = count
+        report = render_file(RenderSettings(song, str(tmp_path / "x.wav"), tail=0.0))
+        assert f"in {steps} the contact forces were not solved exactly; please report this" in report.warnings
 
 
 def test_normalizing_to_standard_output(tmp_path, engine, song, capfdbinary) -> None:
@@ -421,5 +502,5 @@ def test_strings_that_blew_up_are_in_the_closing_lines(tmp_path, song, engine, m
     report = render_file(RenderSettings(song, str(tmp_path / "song.wav"), tail=0.0))
     assert report.silenced == 3
     assert any(
-        "3 times the motion of a string blew up and was silenced; take --scheme exact-hold" in x for x in report.lines()
+        "the motion of a string blew up and was silenced 3 times; use --scheme exact-hold" in x for x in report.lines()
     )

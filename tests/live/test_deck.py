@@ -208,30 +208,59 @@ def test_devices_with_other_channels(tanpura: Engine, channels: int) -> None:
 
 
 def test_rendered_ahead_it_sounds_the_same(tanpura: Engine, twin: Engine) -> None:
+    """What is scheduled and what is sent meanwhile sound where the log says, and never in what is ready already."""
     events = _random_events(np.random.default_rng(9), 60, 20000)
     deck = Deck(tanpura, record=True, ahead=4, ahead_block=128)
     deck.schedule(events)
     card = Card(deck)
-    deck.start_ahead()
-    try:
-        pieces = []
-        for _ in range(100):
+    pieces: list[np.ndarray] = []
+
+    def play(blocks: int) -> None:
+        for _ in range(blocks):
             until(lambda: deck._exchange.words[d.AHEAD] >= (len(pieces) + 1) * 256)
             pieces.append(card.ask(256))
-        played = np.concatenate(pieces)
-        card.play(0.3, 256)
+
+    deck.start_ahead()
+    try:
+        play(100)
         before = deck.frame
-        sent = time.monotonic_ns()
-        deck.send(NOTE_ON, 0, 48, 100, time_ns=sent)
-        place = deck.at(sent)
-        card.play(0.2, 256)
+        assert before > 100 * 256
+        deck.send(NOTE_ON, 0, 48, 100)
+        until(lambda: deck.meters().events > len(events), meanwhile=lambda: play(1))
+        play(40)
     finally:
         deck.close()
-    assert np.array_equal(played, offline(twin, events, len(played)).astype(np.float32))
     log = deck.drain_events()
-    assert log["a"][-1] == 48
-    assert log["frame"][-1] >= before  # not in what is ready already …
-    assert abs(log["frame"][-1] - max(place, before)) <= 256  # … but where it belongs
+    assert np.array_equal(log[:-1], events) and log["a"][-1] == 48
+    assert log["frame"][-1] >= before
+    played = np.concatenate(pieces)
+    assert log["frame"][-1] < len(played)
+    assert np.array_equal(played, offline(twin, log, len(played)).astype(np.float32))
+
+
+@pytest.mark.parametrize("lag_blocks", [0.25, 0.5, 2.0, 3.75])
+def test_an_event_sent_while_sound_is_ahead_lies_where_it_belongs(tanpura: Engine, lag_blocks: float) -> None:
+    """Blocks and calls of the device come at times of the test's choosing. An event is placed as late behind its arrival as
+    the sound is ahead; one that arrives too late for its place begins the first block that is not ready."""
+    ahead, block = 4, 128
+    deck = Deck(tanpura, record=True, ahead=ahead, ahead_block=block)
+    delay = deck.ahead_frames + block
+    begin = time.monotonic_ns() - 60 * 10**9
+    period_ns = 1e9 * block / RATE
+    calls = 200
+    for k in range(calls):
+        tick(deck.address, k * block, delay, int(begin + k * period_ns))
+    ready = (calls - 1 + ahead) * block
+    while deck.frame < ready:
+        brought_block(deck.address, 0, block)
+    arrived = int(begin + (calls - 1 + 1.0 - lag_blocks) * period_ns)
+    place = deck.at(arrived)
+    assert abs(place - (calls * block - lag_blocks * block + delay)) <= 2
+    deck.send(NOTE_ON, 0, 48, 100, time_ns=arrived)
+    for _ in range(3):
+        brought_block(deck.address, 0, block)
+    (event,) = deck.drain_events()
+    assert event["frame"] == max(place, ready)
 
 
 def test_silence_where_the_sound_ahead_is_missing(tanpura: Engine) -> None:
