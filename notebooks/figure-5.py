@@ -32,6 +32,7 @@ runs = {
     for rate_hz in MHZ
 }  # fmt: skip
 
+
 # %%
 def depth_m(rate_hz: float) -> float:
     """How deep the first contact is, ϱ = 0."""
