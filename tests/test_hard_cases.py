@@ -698,6 +698,18 @@ def test_moreau_jean_gains_energy_where_it_warns(name, scheme, modes, restitutio
     assert quiet == []
 
 
+@pytest.mark.parametrize(("restitution", "gains"), [(1.0, True), (0.5, False)])
+def test_a_step_of_moreau_jean_that_gains_at_a_safe_rate_is_told(restitution, gains):
+    """With restitution 1 a blow gives back more than it took within the step, and takes it in the next ones."""
+    told = []
+    result = simulate(
+        "hard/restitution", scheme="moreau-jean", restitution=restitution, ledger=True, duration_s=0.004, warn=told.append
+    )
+    assert (result.largest_energy_rise > PASSIVE_TO) == gains
+    assert len(told) == gains
+    assert all(f"gained {result.largest_energy_rise:.1e} of the energy" in text and "\n" not in text for text in told)
+
+
 def test_the_rule_for_safe_rates():
     assert safe_rate_hz("exact-hold", 0.0, 1e9) == 0.0
     assert safe_rate_hz("moreau-jean", 0.0) == 1e6

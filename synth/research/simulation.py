@@ -165,7 +165,7 @@ from synth.research.result import Result, ResultError, check_name, load_result
 from synth.research.scene import Scene
 from synth.solver import driver
 from synth.solver.problem import Outcome
-from synth.solver.schemes import SCHEMES, clamping_warning, energy_warning
+from synth.solver.schemes import SCHEMES, clamping_warning, energy_warning, rise_warning
 
 DEFAULT_RATE_HZ = 44100.0
 
@@ -213,7 +213,8 @@ def simulate(
         the module's description
     warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`) or takes no account
         of something that is given; after it, of steps that were not solved, of energy that a string gained by rounding
-        between finger and point (`schemes.clamping_warning`), and of results that are not finite
+        between finger and point (`schemes.clamping_warning`), of a step of Moreau–Jean that gained energy although the rate
+        is one of the safe ones (`schemes.rise_warning`, with the ledger), and of results that are not finite
     settings : any keys of the case by their dotted names, {"string.tension_n": 60.0, "obstacle.heights_m": [0.0]}, as
         `synth simulate --set` takes them; a number counts in a list of tables ("string.0.length_m"); None takes a key away
     overrides : values that replace the case's, by shorter names; None replaces nothing.
@@ -324,6 +325,12 @@ def _simulate(
         clamped = clamping_warning(result.largest_energy_rise, float(result.contact_force.max(initial=0.0)))
         if clamped is not None:
             warn(clamped)
+    rate_hz, highest_hz = scene.case.run.internal_rate_hz, float(scene.omega.max()) / (2.0 * math.pi)
+    scheme = scene.case.scheme
+    if energy_warning(scheme.name, scheme.restitution, rate_hz, "", 1.0, highest_hz) is None:
+        gained = rise_warning(scheme.name, result.largest_energy_rise)
+        if gained is not None:
+            warn(gained)
     if not summary["finite"]:
         warn("the results are not finite; check the units of the case, or raise the internal rate")
     return result

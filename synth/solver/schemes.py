@@ -61,6 +61,19 @@ def energy_warning(
     )
 
 
+def rise_warning(scheme: str, rise: float) -> str | None:
+    """What a step of a Moreau–Jean run gained, as a share of the energy, where the rate is one that `energy_warning` accepts.
+
+    None for other schemes, and where `rise` is rounding or was not measured (NaN).
+    """
+    if not scheme.startswith("moreau-jean") or not rise > PASSIVE_TO:
+        return None
+    return (
+        f"a step of {scheme} gained {rise:.1e} of the energy: from this rate on the string holds no more than it began with, "
+        "but single steps may gain; exact-hold never does"
+    )
+
+
 #: A step of exact-hold is passive to this share of the energy, unless a finger and a point clamp the string between them
 PASSIVE_TO = 1e-12
 
