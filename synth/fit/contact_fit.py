@@ -50,6 +50,8 @@ _CURVED_FINALISTS = 3
 _RIVALS, _RIVAL = ((5, 10.0), (5, 5.0), (5, 2.5), (5, 1.2), (2, 5.0), (2, 1e4)), 0.6
 #: within that ratio of the loss, or so much more, the interval reaches that many times as far as to what they say
 _AS_WELL, _AS_WELL_LOSS, _REACHED = 1.25, 0.01, 1.5
+#: below that ratio another bridge is named in a warning
+_BETTER = 0.9
 #: waveshapers that are tried, tanh of the largest value times so much, from so many notes of the dictionary and the answer
 _DRIVES, _SHAPED = (1.0, 2.0, 4.0), 3
 
@@ -329,8 +331,8 @@ class _Fitting:
         better, worse = sorted([polished, other], key=lambda each: each[1])
         return better[0], [worse[0]]
 
-    def _other_bridges(self, point: Real, loss: float) -> list[Real]:
-        """How far off the answer is over other bridges that explain the sound as well, from the point to theirs. Raises
+    def _other_bridges(self, point: Real, loss: float) -> list[tuple[Real, float]]:
+        """Other bridges that explain the sound as well: from the point to theirs, and the ratio of the losses. Raises
         FitRefused where one explains it better: a point is a curved bridge that never curves, and a bridge of several
         points one that never touches the others."""
         model, space, search = self.search.model, self.search.space, self.search
@@ -349,7 +351,7 @@ class _Fitting:
                     "give the preset's bridge more points, or another preset"
                 )
             if theirs <= max(_AS_WELL * loss, loss + _AS_WELL_LOSS):
-                found.append(other - lifted)
+                found.append((other - lifted, theirs / loss))
         return found
 
     def _refuse_shaped(self, point: Real, loss: float, points: Real, driven: Real) -> None:
@@ -370,7 +372,7 @@ class _Fitting:
                 "without); record it at a lower level, without an amplifier, a saturation or a limiter"
             )
 
-    def _told(self, point: Real, others: list[Real], free: float, rivals: Sequence[Real] = ()) -> NoteFit:
+    def _told(self, point: Real, others: list[Real], free: float, rivals: Sequence[tuple[Real, float]] = ()) -> NoteFit:
         """others: what was found on the way that should be the same; rivals: how far off other bridges' answers are."""
         search, space, grid = self.search, self.search.space, self.search.fine
         near, found = self._near(point, grid, 0)
@@ -387,11 +389,13 @@ class _Fitting:
         bias = sum(np.outer(point - other, point - other) for other in others)
         covariance = FACTOR**2 * (covariance + bias)
         values, warnings = estimates(space, point, covariance, LEAST_HALF), self.note.warnings
-        for rival in rivals:
+        for rival, ratio in rivals:
             theirs = asked(space, np.clip(point + rival, 0.0, 1.0))
-            if any(abs(theirs[name] - each.value) > each.half for name, each in values.items()):
+            apart = any(abs(theirs[name] - each.value) > each.half for name, each in values.items())
+            if apart or ratio < _BETTER:
+                how = "better" if ratio < _BETTER else "as well"
                 said = " and ".join(f"{name} {_say(name, theirs[name])}" for name in ("height", "distance"))
-                warnings += (f"a bridge of several points explains the sound as well, with {said}: the intervals hold both",)
+                warnings += (f"a bridge of several points explains the sound {how}, with {said}: the intervals hold both",)
             covariance = covariance + _REACHED**2 * np.outer(rival, rival)
         values = estimates(space, point, covariance, LEAST_HALF)
         played = search.model.sound(space.stroke(point), grid, search.seconds)
