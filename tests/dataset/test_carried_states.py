@@ -9,6 +9,7 @@ import pytest
 
 from synth.dataset.filling import fill
 from synth.dataset.labelstore import SIZES, read_labels
+from synth.dataset.recipecheck import checked_items
 from synth.solver.laws import EXACT_HOLD, coefficients
 from tests.dataset.kit import HEAD, rows, written
 
@@ -90,7 +91,7 @@ def test_a_state_carried_by_the_labels_meets_every_later_one(scene: str, tmp_pat
 
 def test_strings_over_a_fingerboard_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="fretless-bass has a fingerboard, whose contact forces are not recorded"):
-        fill(written(tmp_path, RECIPE + 'preset = "fretless-bass"\nnote = "E1"\n', HEAD), tmp_path / "set")
+        checked_items(written(tmp_path, RECIPE + 'preset = "fretless-bass"\nnote = "E1"\n', HEAD))
 
 
 def test_xarray_opens_them_with_dimensions_units_and_times(tmp_path: Path) -> None:

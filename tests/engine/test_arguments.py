@@ -167,7 +167,7 @@ def test_an_engine_prepared_in_vain_sounds_as_before(made):
         (FREE, {}, TypeError, "parts must be a list of presets"),
         ("tanpura", {}, TypeError, "parts must be a list of presets, got 'tanpura'"),
         (["tanpurra"], {}, ValueError, r"preset 'tanpurra' is not one of .*perhaps tanpura"),
-        ([FREE, None], {}, TypeError, r"parts\[1\] must be a preset, got None"),
+        ([FREE, None], {}, TypeError, r"parts\[1\] must be a preset, its name or its file, got None"),
         ([FREE], {"quality": "x"}, ValueError, "quality must be one of draft, standard, fine, reference, got 'x'"),
         ([FREE], {"quality": None}, ValueError, "quality must be one of"),
         ([FREE], {"scheme": "x"}, ValueError, "unknown contact scheme 'x'; use one of exact-hold"),
