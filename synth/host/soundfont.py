@@ -1,7 +1,7 @@
 """A SoundFont as FluidSynth's library plays it, offline: events in, frames out, without a room (no reverb, no chorus).
 
-FluidSynth computes blocks of BLOCK frames, and an event acts from the next block on. How the stream is cut into pieces makes no
-difference.
+FluidSynth computes blocks of BLOCK frames, and an event acts from the next block on. How the stream is cut into pieces makes
+no difference.
 """
 
 from __future__ import annotations
