@@ -168,7 +168,8 @@ def test_its_events_are_transposed_and_stay_on_the_keys(band: str) -> None:
 @pytest.mark.parametrize("limiter", [True, False])
 def test_a_mix_and_its_stems(tmp_path: Path, band: str, made: str, engine: _Engine, limiter: bool) -> None:
     settings = RenderSettings(
-        band, str(tmp_path / "x.wav"), rest=made, stems=str(tmp_path / "s"), bit_depth="float", tail=0.2, limiter=limiter, block=100
+        band, str(tmp_path / "x.wav"), rest=made, stems=str(tmp_path / "s"), bit_depth="float", tail=0.2, limiter=limiter,
+        block=100, gain_db=-20.0,
     )  # fmt: skip
     report = render_file(settings)
     assert not engine.limiter  # type: ignore[attr-defined]
