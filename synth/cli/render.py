@@ -51,6 +51,11 @@ def add(commands: Any) -> None:
         help="notes that the preset has no string for go by octaves to where it has one (default: where a program has "
         "chosen the preset)",
     )
+    what.add_argument(
+        "--rest",
+        metavar="FILE.sf2",
+        help="a SoundFont that plays what strings do not: percussion, winds and other programs that are no strings",
+    )
     what.add_argument("--fallback", metavar="PRESET", help="preset that plays the notes which the channel's own cannot")
 
     how = parser.add_argument_group("computation")
@@ -154,6 +159,7 @@ def _render(options: argparse.Namespace) -> int:
         gm=options.gm,
         only_strings=options.only_strings,
         fallback=options.fallback,
+        rest=options.rest,
     )
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:

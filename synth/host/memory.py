@@ -60,6 +60,7 @@ class Settings(TypedDict, total=False):
     fallback: str | None
     gm: bool
     only_strings: bool
+    rest: str | None
 
 
 def render(
@@ -134,8 +135,8 @@ def render(
     )
     kept: list[_Arrays] = []
 
-    def outputs(settings: RenderSettings, players: Sequence[parts.Part], span: offline.Span) -> _Arrays:
-        kept.append(_Arrays(settings, [part.label for part in players] if stems else []))
+    def outputs(settings: RenderSettings, labels: Sequence[str], span: offline.Span) -> _Arrays:
+        kept.append(_Arrays(settings, labels if stems else []))
         return kept[0]
 
     report = render_song(music, wanted, outputs, presets=made, warn=warn or (lambda text: None), progress=progress)

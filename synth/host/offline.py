@@ -117,7 +117,7 @@ def render(
     if callable(events):
         source = events
     else:
-        events = _until(events, span)
+        events = until_end(events, span)
         last_release = _last_release(events, rate_hz)
         source = from_events(events)
     out = np.zeros((block, 2))
@@ -165,7 +165,7 @@ def render(
     return Rendering(written, peak, time.perf_counter() - began)
 
 
-def _until(events: np.ndarray, span: Span) -> np.ndarray:
+def until_end(events: np.ndarray, span: Span) -> np.ndarray:
     """The events before the span's end; if any follow, all notes are let go there.
 
     Without a tail nothing changes: what happens at the end shows a little before it, through filters that look ahead,

@@ -31,6 +31,8 @@ BASS_PRESET = general_midi.BASS
 MELODY_PRESET = general_midi.HARP
 BASS_PROGRAMS = range(32, 40)
 LEFT_OUT = "none"
+#: stands for the percussion among the programs of a SoundFont, which are 0…127
+PERCUSSION = 128
 
 
 @dataclass(frozen=True)
@@ -77,12 +79,14 @@ class Part:
 @dataclass(frozen=True)
 class Casting:
     """Parts of a song; program_map: (16, 128) channel, program → part or −1; left_out: {channel: notes}; skipped: {(channel,
-    program): notes} of programs that are no strings, where only those are wanted."""
+    program): notes} of programs that are no strings, where only those are wanted; rest: the same of what a SoundFont
+    plays."""
 
     parts: tuple[Part, ...]
     program_map: np.ndarray
     left_out: dict[int, int]
     skipped: dict[tuple[int, int], int] = field(default_factory=dict)
+    rest: dict[tuple[int, int], int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -90,13 +94,15 @@ class Choice:
     """What a user has chosen. by_channel (channel 0…15 → preset or 'none') goes before `preset`, which goes before what
     programs choose: gm: by the whole table of General MIDI, else of two presets; only_strings: programs that are no strings
     are left out; switching: keys and controllers switch articulations of what a program chose: live and in takes, but not in
-    songs, whose low notes are notes and whose controllers are meant for others."""
+    songs, whose low notes are notes and whose controllers are meant for others; rest: programs that a SoundFont has, with
+    PERCUSSION, which plays those that are no strings."""
 
     preset: str | None = None
     by_channel: Mapping[int, str] = field(default_factory=dict)
     gm: bool = True
     only_strings: bool = False
     switching: bool = False
+    rest: frozenset[int] = frozenset()
 
     def of(self, channel: int, program: int) -> str:
         """The preset of a channel and program, or LEFT_OUT."""
@@ -122,6 +128,12 @@ class Choice:
     def by_program(self, channel: int) -> bool:
         """Whether programs choose on a channel."""
         return self.preset is None and channel not in self.by_channel and channel != PERCUSSION_CHANNEL
+
+    def leaves(self, channel: int, program: int) -> bool:
+        """Whether a program is left to the SoundFont: percussion, and what is no string, unless the user chose a preset."""
+        if channel == PERCUSSION_CHANNEL:
+            return PERCUSSION in self.rest and channel not in self.by_channel
+        return program in self.rest and self.by_program(channel) and not general_midi.answer(program).string
 
     def skips(self, channel: int, program: int) -> bool:
         """Whether a program is left out because it is no string."""
@@ -163,10 +175,13 @@ def cast(channels: Mapping[tuple[int, int], int], choice: Choice) -> Casting:
     notes: dict[Part, int] = {}
     left_out: dict[int, int] = {}
     skipped: dict[tuple[int, int], int] = {}
+    rest: dict[tuple[int, int], int] = {}
     players: dict[tuple[int, int], Part] = {}
     for (channel, program), count in sorted(channels.items()):
         player = choice.part(channel, program)
-        if player.preset == LEFT_OUT:
+        if choice.leaves(channel, program):
+            rest[channel, program] = count
+        elif player.preset == LEFT_OUT:
             left_out[channel] = left_out.get(channel, 0) + count
         elif choice.skips(channel, program):
             skipped[channel, program] = count
@@ -178,7 +193,7 @@ def cast(channels: Mapping[tuple[int, int], int], choice: Choice) -> Casting:
     program_map = np.full((16, 128), -1, dtype=np.int64)
     for (channel, program), player in players.items():
         program_map[channel, program] = index[player]
-    return Casting(parts, program_map, left_out, skipped)
+    return Casting(parts, program_map, left_out, skipped, rest)
 
 
 def cast_live(choice: Choice, *, only_channel: int | None = None, song: Casting | None = None) -> Casting:
@@ -210,21 +225,23 @@ def cast_live(choice: Choice, *, only_channel: int | None = None, song: Casting 
 def headroom_db(song: Song, casting: Casting) -> float:
     """By how much a song is lowered [dB], so that all its channels together are about as loud as one alone: 3 dB where there
     are two, 9 dB where there are eight; of a take what its song was."""
-    channels = {part.channel for part in casting.parts}
+    channels = {part.channel for part in casting.parts} | {channel for channel, _ in casting.rest}
     return song.headroom_db if song.take else round(10.0 * math.log10(max(1, len(channels))), 1)
 
 
 def played_events(events: np.ndarray, players: np.ndarray, casting: Casting) -> np.ndarray:
-    """(n,) which of a song's events (EVENT) are played: not those on channels left out, nor notes of programs that are
-    skipped, nor set parameters that are not there, or to what is no number: a file may hold what was meant for others.
+    """(n,) which of a song's events (EVENT) strings play: not those on channels left out, nor notes of programs that are
+    skipped or a SoundFont's, nor set parameters that are not there, or to what is no number: a file may hold what was meant
+    for others.
 
     players: of every event, see `song.players`.
     """
     of_channel = ~np.isin(events["kind"], (PARAMETER, TUNING))
     there = (events["channel"] < len(casting.parts)) & (events["a"] < N_PARAMETERS) & np.isfinite(events["value"])
     idle = (events["kind"] == PARAMETER) & ~there
-    skipped = np.isin(players, [channel << 7 | program for channel, program in casting.skipped])
-    return ~(of_channel & np.isin(events["channel"], list(casting.left_out))) & ~idle & ~skipped
+    skipped = np.isin(players, [channel << 7 | program for channel, program in (*casting.skipped, *casting.rest)])
+    left_out = {*casting.left_out, *(channel for channel, _ in casting.rest if channel == PERCUSSION_CHANNEL)}
+    return ~(of_channel & np.isin(events["channel"], list(left_out))) & ~idle & ~skipped
 
 
 def unplayed_rows(unplayed: Sequence[Unplayed], labels: Sequence[str]) -> list[dict[str, Any]]:

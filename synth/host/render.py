@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import numpy as np
 
 from synth.files.targets import Named, check_apart, is_special
-from synth.host import audiofile, compass, offline, parts, scala
+from synth.host import audiofile, compass, offline, parts, rest, scala
 from synth.host.bindings import check_parts
 from synth.host.compass import Arrangement, Wishes, channel_line
+from synth.host.soundfont import SoundFont
 from synth.midi.events import NOTE_OFF, NOTE_ON
 from synth.midi.programs import PROGRAMS
 from synth.midi.song import PERCUSSION_CHANNEL, Song, read_song
@@ -46,6 +47,7 @@ class RenderSettings:
     preset: for all channels but percussion (None: the programs choose).
     gm: whether programs choose by the whole table of General MIDI also in a take of a session where they did not.
     only_strings: programs that are no plucked or struck strings are left out.
+    rest: SoundFont file that plays these programs and percussion, or None.
     channel_presets: channel 0…15 → preset or 'none', before `preset`.
     settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
     threads: how many compute, or 'auto': one per processor.
@@ -91,14 +93,16 @@ class RenderSettings:
     fallback: str | None = None
     gm: bool = False
     only_strings: bool = False
+    rest: str | None = None
 
     def wishes(self, song: Song) -> Wishes:
         """What becomes of a song's notes before they are played."""
         return Wishes(self.transpose, bool(self.fold), self.fold is None and not song.take, self.fallback)
 
-    def choice(self, song: Song) -> parts.Choice:
-        """Which presets the song's channels are to have."""
-        return parts.Choice(self.preset, self.channel_presets, self.gm or song.gm, self.only_strings, song.switching)
+    def choice(self, song: Song, of_rest: frozenset[int] = frozenset()) -> parts.Choice:
+        """Which presets the song's channels are to have, and which of the programs `of_rest` a SoundFont is to play."""
+        gm = self.gm or song.gm
+        return parts.Choice(self.preset, self.channel_presets, gm, self.only_strings, song.switching, of_rest)
 
 
 @dataclass
@@ -107,7 +111,8 @@ class RenderReport:
     they are silent; `stems_lowered_db`: by how much all stems are lowered, so that none clips; `strings`: most that sounded
     at once; `channels`: see
     `compass.channel_rows`; `unplayed`: dicts of part, note, count, reason; `left_out`: channel (1…16) → notes;
-    `stand_ins`: see `compass.stand_ins`; `skipped`: dicts of channel, name and notes of programs that are no strings;
+    `stand_ins`: see `compass.stand_ins`; `rest`: soundfont, gain_db and channels (see `rest.rows`) of what a SoundFont
+    plays, None without one; `skipped`: dicts of channel, name and notes of programs that are no strings;
     `headroom_db`: see `parts.headroom_db`; `limiter_reduction_db`: None where nothing was limited; `normalize_gain_db`: None
     where nothing was normalized.
     """
@@ -141,6 +146,7 @@ class RenderReport:
     left_out: dict[int, int]
     stand_ins: list[dict[str, Any]]
     skipped: list[dict[str, Any]]
+    rest: dict[str, Any] | None
     warnings: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -171,6 +177,8 @@ class RenderReport:
             details.append(f"  lowered by {self.headroom_db:.1f} dB, as several channels play; --gain raises it")
         if self.stand_ins:
             details.append(f"  {compass.stand_in_line(self.stand_ins)}")
+        if self.rest is not None:
+            details.append(f"  {rest.line(self.rest)}")
         if self.skipped:
             details.append(f"  {compass.skipped_line(self.skipped)}")
         silent = sum(entry["count"] for entry in self.unplayed if entry["reason"] == SILENT_KEY)
@@ -260,7 +268,7 @@ class Outputs(Protocol):
 def render_song(
     song: Song,
     settings: RenderSettings,
-    outputs_of: Callable[[RenderSettings, Sequence[parts.Part], offline.Span], Outputs],
+    outputs_of: Callable[[RenderSettings, Sequence[str], offline.Span], Outputs],
     *,
     presets: Mapping[str, Preset] | None = None,
     warn: Callable[[str], None] = lambda _: None,
@@ -268,11 +276,32 @@ def render_song(
     preparing: Callable[[int, int], None] | None = None,
     began: float | None = None,
 ) -> RenderReport:
-    """Renders a song, which `settings.midi` names, into what `outputs_of` makes of the settings, parts and frames.
+    """Renders a song, which `settings.midi` names, into what `outputs_of` makes of the settings, the parts' labels and the
+    frames.
 
     presets: those that the program has made, by the names that stand for them in the settings. Others as `render_file`.
     """
     began = time.perf_counter() if began is None else began
+    with ExitStack() as stack:
+        font = None
+        if settings.rest is not None:
+            if settings.only_strings:
+                raise ValueError("--only-strings leaves out what --rest plays; give one of them")
+            font = stack.enter_context(closing(SoundFont(settings.rest, settings.rate_hz)))
+        return _render(song, settings, outputs_of, presets, warn, progress, preparing, began, font)
+
+
+def _render(
+    song: Song,
+    settings: RenderSettings,
+    outputs_of: Callable[[RenderSettings, Sequence[str], offline.Span], Outputs],
+    presets: Mapping[str, Preset] | None,
+    warn: Callable[[str], None],
+    progress: offline.Progress | None,
+    preparing: Callable[[int, int], None] | None,
+    began: float,
+    font: SoundFont | None,
+) -> RenderReport:
     warnings: list[str] = []
 
     def note(text: str) -> None:
@@ -282,7 +311,7 @@ def render_song(
     for warning in song.warnings:
         note(f"{settings.midi}: {warning}")
     span = _span(settings, song)
-    casting = parts.cast(song.channels, settings.choice(song))
+    casting = parts.cast(song.channels, settings.choice(song, frozenset() if font is None else font.programs()))
     # A note may begin where the song ends; of a part of a song it is no more among it.
     heard = slice(span.begin, span.end if settings.end_s is not None else np.iinfo(np.int64).max)
     left_out = _left_out(song, casting, heard)
@@ -307,10 +336,21 @@ def render_song(
     arrangement, untuned = _playable(arrangement, silent, heard)
     casting = arrangement.casting
 
-    outputs = outputs_of(settings, casting.parts, span)
+    labels = [part.label for part in casting.parts] + ([rest.LABEL] if casting.rest else [])
+    outputs = outputs_of(settings, labels, span)
     headroom_db = parts.headroom_db(song, casting)
     lowered = replace(settings, gain_db=settings.gain_db - headroom_db)
-    engine = _engine(lowered, arrangement, loaded, note_hz, span) if casting.parts else _Silence()
+    # The limiter works on all that sounds: with a SoundFont not in the engine, but behind both.
+    alone = replace(lowered, limiter=False) if casting.rest else lowered
+    engine = _engine(alone, arrangement, loaded, note_hz, span) if casting.parts else _Silence()
+    rest_gain_db = 0.0
+    if font is not None and casting.rest:
+        rest_gain_db = rest.gain_db(font, settings.rate_hz)
+        if note_hz is not None:
+            font.tune(note_hz)
+        given = rest.events_of(song, casting.rest, settings.wishes(song).semitones, silent)
+        player = rest.Player(font, offline.until_end(given, span))
+        engine = rest.WithRest(engine, player, db_to_gain(rest_gain_db + lowered.gain_db), limited=_limits(settings))
     engine.prepare(settings.rate_hz, settings.block, preparing)
     prepared_s = time.perf_counter() - began
 
@@ -349,7 +389,7 @@ def render_song(
         realtime_factor=length_s / rendering.wall_s if length_s > 0.0 else None,
         prepare_s=prepared_s,
         render_s=rendering.wall_s,
-        parts=[part.label for part in casting.parts],
+        parts=labels,
         channels=rows,
         notes=sum(row["notes"] for row in rows) + sum(entry["count"] for entry in untuned),
         strings=int(told.most_strings),
@@ -364,13 +404,14 @@ def render_song(
         left_out=left_out,
         stand_ins=compass.stand_ins(arrangement, heard),
         skipped=_skipped(song, casting, heard),
+        rest=None if font is None else _rest_told(song, casting, heard, font, rest_gain_db),
         warnings=warnings,
     )
 
 
 def _files_read(settings: RenderSettings) -> list[Named]:
     presets = [settings.preset, settings.fallback, *settings.channel_presets.values()]
-    return parts.files_read(presets, midi=settings.midi, tuning=settings.tuning, kbm=settings.keyboard)
+    return parts.files_read(presets, midi=settings.midi, tuning=settings.tuning, kbm=settings.keyboard, rest=settings.rest)
 
 
 def _mix_written(settings: RenderSettings) -> list[Named]:
@@ -401,6 +442,11 @@ def _skipped(song: Song, casting: parts.Casting, heard: slice) -> list[dict[str,
         for channel, program in casting.skipped
     ]
     return [row for row in rows if row["notes"]]
+
+
+def _rest_told(song: Song, casting: parts.Casting, heard: slice, font: SoundFont, gain_db: float) -> dict[str, Any]:
+    rows = rest.rows(song, casting.rest, compass.within(song.events, heard))
+    return {"soundfont": font.path, "gain_db": gain_db, "channels": rows}
 
 
 def _span(settings: RenderSettings, song: Song) -> offline.Span:
@@ -524,7 +570,7 @@ class _Outputs:
     Made early, it finds out what cannot be written; entered, it opens files; left well, they get their names.
     """
 
-    def __init__(self, settings: RenderSettings, cast: Sequence[parts.Part], span: offline.Span) -> None:
+    def __init__(self, settings: RenderSettings, labels: Sequence[str], span: offline.Span) -> None:
         self._settings, self._span = settings, span
         container = settings.container
         if settings.output is not None:
@@ -535,13 +581,13 @@ class _Outputs:
         self.stem_paths: list[str] = []
         self.silent_stems: list[str] = []
         self.stems_lowered_db = 0.0
-        self._labels = [part.label for part in cast] if settings.stems is not None else []
+        self._labels = list(labels) if settings.stems is not None else []
         if self._directory is not None:
             if self._directory.exists() and not self._directory.is_dir():
                 raise NotADirectoryError(f"{self._directory}: is a file; --stems needs a directory")
             if not self._directory.parent.is_dir():
                 raise FileNotFoundError(f"{self._directory}: its parent directory is missing; make it first")
-            names = [f"{part.label}.{self._container}" for part in cast]
+            names = [f"{label}.{self._container}" for label in labels]
             if len(set(names)) < len(names):
                 # Two preset files of one name in different directories on one channel.
                 names = [f"{number:02d}-{name}" for number, name in enumerate(names, start=1)]

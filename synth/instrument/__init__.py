@@ -8,5 +8,6 @@ plan, calibration    rates and modes that a promised quality needs
 planfile             what was measured of a preset's own strings, in a file beside it
 fingerprints         by what these strings are known again
 compile              strings, contacts and outputs as arrays
+loudness_phrase      the phrase by which presets are made equally loud
 check                whether it can be played, with the reason where it cannot
 """

@@ -365,7 +365,8 @@ def test_stems_of_one_name_are_numbered(tmp_path, engine) -> None:
     own = [str(tmp_path / folder / "own.toml") for folder in "ab"]
     casting = Casting((Part(0, own[0], 1), Part(0, own[1], 1)), np.full((16, 128), -1), {})
     settings = RenderSettings("song.mid", None, stems=str(tmp_path / "s"))
-    outputs = job._Outputs(settings, casting.parts, Span(0, 10, 0, False))
+    labels = [part.label for part in casting.parts]
+    outputs = job._Outputs(settings, labels, Span(0, 10, 0, False))
     assert [os.path.basename(path) for path in outputs.stem_paths] == ["01-ch01-own.wav", "02-ch01-own.wav"]
 
 
