@@ -22,6 +22,7 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
+from synth.author.views.place import first_note
 from synth.author.workspace import check_regular, read_text, regular
 from synth.files.targets import is_special, write_text
 from synth.instrument.planfile import MeasuredPlan, PlanError, path_of, read_beside, text_of
@@ -186,6 +187,7 @@ class Document:
             "autosave_problem": self.autosave_problem,
             "notices": self.notices,
             "notes": playable_notes(preset),
+            "first_note": first_note(preset),
             "saved_notes": playable_notes(saved.preset),
             "switches": _switches(preset),
             "saved_switches": _switches(saved.preset),
