@@ -124,7 +124,8 @@ def _consequences(data: Mapping[str, Any], path: str, value: Any, named: set[str
 
 def randomised(text: str, origin: str, seed: int | None = None, groups: Sequence[str] | None = None) -> tuple[str, Preset]:
     """A text whose numbers are each stepped at random, no further than by RATIO, and its preset: still an instrument of the
-    same notes, with as many strings, frets and points. Equal keys of several strings take the same step. Raises PresetError, ValueError."""
+    same notes, with as many strings, frets and points. Equal keys of several strings take the same step. Raises PresetError,
+    ValueError."""
     chosen = GROUPS if groups is None else tuple(groups)
     unknown = [group for group in chosen if group not in GROUPS]
     if unknown:
@@ -152,7 +153,7 @@ def randomised(text: str, origin: str, seed: int | None = None, groups: Sequence
 
 
 def _stepped(value: Any, step: float, low: float | None, high: float | None) -> Any:
-    """A number, or numbers at notes or in a list, `step` (−1 … 1) of the way to the furthest, held within `low` and `high`."""
+    """A number, or numbers at notes or in a list, `step` (−1 … 1) of the way to the furthest, within `low` and `high`."""
     if isinstance(value, Mapping):
         return {key: _stepped(each, step, low, high) for key, each in value.items()}
     if isinstance(value, list):

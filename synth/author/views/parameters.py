@@ -117,7 +117,7 @@ def ranges(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
 
 
 def steppable(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
-    """(minimum, maximum) of every number, by its path, that may take any value between them; (None, None) of lists of such."""
+    """(minimum, maximum) of every number that may take any value between them, by its path; of lists (None, None)."""
     found = {}
     for entry, _ in _of_table(preset, Preset, "", preset):
         if entry["kind"] == "list" and entry["item"] == "number":

@@ -92,8 +92,8 @@ def speaking(place: Place) -> Speaking:
 
 
 def first_note(preset: Preset) -> int:
-    """The note that is shown of a preset first: an open string, of those with most frets under them, that sounds what its key
-    says; the nearest to the middle of them, of two equally near the lower."""
+    """The note of a preset that is shown first: of the strings that sound what their key says and have most frets, the open
+    one nearest to the middle, of two equally near the lower."""
     played = [table for table in preset.string if not table.sympathetic]
     own = [table for table in played if table.sounds is None] or played
     most = max(fret_count(preset, table) for table in own)
