@@ -536,7 +536,8 @@ def test_an_open_document_whose_file_becomes_something_else(
             assert "mine.toml: is a" in error and "no regular file" in error
         assert doc.do("save", 409)["reason"] == "changed-on-disk"
         assert (file.lstat().st_mode, file.lstat().st_ino) == (before.st_mode, before.st_ino)
-        until(lambda: "Kept" in (folder / ".mine.toml.autosave").read_text())
+        left = folder / ".mine.toml.autosave"
+        until(lambda: left.exists() and "Kept" in left.read_text())
         assert server.get("/api/session")["presets"] and doc.set("title", "Still")["dirty"]
         # and when it is a file again, all is well
         file.rmdir() if file.is_dir() and not file.is_symlink() else file.unlink()
