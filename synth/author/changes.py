@@ -13,7 +13,7 @@ from tomlkit import TOMLDocument
 from tomlkit.exceptions import TOMLKitError
 
 from synth.author.toml_edit import change_in
-from synth.author.views.parameters import INSTEAD
+from synth.author.views.parameters import INSTEAD, steppable
 from synth.author.workspace import MOST_BYTES
 from synth.instrument.check import check
 from synth.instrument.preset import Preset, PresetError, validate_preset
@@ -124,27 +124,27 @@ def _consequences(data: Mapping[str, Any], path: str, value: Any, named: set[str
 
 def randomised(text: str, origin: str, seed: int | None = None, groups: Sequence[str] | None = None) -> tuple[str, Preset]:
     """A text whose numbers are each stepped at random, no further than by RATIO, and its preset: still an instrument of the
-    same notes. Equal keys of several strings take the same step. Raises PresetError, ValueError."""
+    same notes, with as many strings, frets and points. Equal keys of several strings take the same step. Raises PresetError,
+    ValueError."""
     chosen = GROUPS if groups is None else tuple(groups)
     unknown = [group for group in chosen if group not in GROUPS]
     if unknown:
         raise ValueError(f"groups: {unknown[0]!r} is not one of {', '.join(GROUPS)}")
     random_ = random.Random(seed)
     data = tomllib.loads(text)
+    numbers = []
+    for path, limits in steppable(validate_preset(data, origin)).items():
+        parts = path.split(".")
+        value = _at(data, parts)
+        if parts[0] in chosen and parts[-1] not in LEFT and value is not None:
+            numbers.append((path, f"{parts[0]}.{parts[-1]}", value, limits))
     reach = 1.0
     for _ in range(TRIES):
         steps: dict[str, float] = {}
         changes = []
-        for group in chosen:
-            tables = data.get(group, {})
-            for index, table in enumerate(tables) if isinstance(tables, list) else [(None, tables)]:
-                for key, value in table.items():
-                    if key in LEFT:
-                        continue
-                    step = steps.setdefault(f"{group}.{key}", reach * random_.uniform(-1.0, 1.0))
-                    stepped = _stepped(value, step)
-                    if stepped is not None:
-                        changes.append((".".join([group, *([] if index is None else [str(index)]), key]), stepped))
+        for path, same, value, limits in numbers:
+            step = steps.setdefault(same, reach * random_.uniform(-1.0, 1.0))
+            changes.append((path, _stepped(value, step, *limits)))
         try:
             return apply(text, changes, origin)
         except PresetError:
@@ -152,16 +152,15 @@ def randomised(text: str, origin: str, seed: int | None = None, groups: Sequence
     raise PresetError(f"{origin}: {TRIES} steps at random all left what can be played; change a value by hand")
 
 
-def _stepped(value: Any, step: float) -> Any:
-    """A number, or numbers at notes or in a list, `step` (−1 … 1) of the way to the furthest; None for what is none."""
+def _stepped(value: Any, step: float, low: float | None, high: float | None) -> Any:
+    """A number, or numbers at notes or in a list, `step` (−1 … 1) of the way to the furthest, within `low` and `high`."""
     if isinstance(value, Mapping):
-        stepped = {key: _stepped(each, step) for key, each in value.items()}
-        return None if None in stepped.values() else stepped
+        return {key: _stepped(each, step, low, high) for key, each in value.items()}
     if isinstance(value, list):
-        stepped_list = [_stepped(each, step) for each in value]
-        return None if None in stepped_list else stepped_list
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
+        return [_stepped(each, step, low, high) for each in value]
     if value == 0:
         return 0.0
-    return float(f"{value * math.exp(step * math.log(RATIO)):.4g}")
+    stepped = float(f"{value * math.exp(step * math.log(RATIO)):.4g}")
+    if low is not None and stepped < low:
+        return low
+    return high if high is not None and stepped > high else stepped

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import re
 import secrets
 import threading
 import tomllib
@@ -22,6 +23,7 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
+from synth.author.views.place import first_note
 from synth.author.workspace import check_regular, read_text, regular
 from synth.files.targets import is_special, write_text
 from synth.instrument.planfile import MeasuredPlan, PlanError, path_of, read_beside, text_of
@@ -186,6 +188,7 @@ class Document:
             "autosave_problem": self.autosave_problem,
             "notices": self.notices,
             "notes": playable_notes(preset),
+            "first_note": first_note(preset),
             "saved_notes": playable_notes(saved.preset),
             "switches": _switches(preset),
             "saved_switches": _switches(saved.preset),
@@ -283,19 +286,29 @@ class Document:
         self._drop_autosave()
         self._history = _merging_ended(self._history)
 
+    def under(self, stem: str) -> tuple[str, Preset]:
+        """Its text and preset under the name of another file, and with a title of that name where the title is the one that
+        the preset keeps which it was made from. Raises PresetError."""
+        wanted = [("name", preset_name(stem))]
+        kept = self._saved.preset.title
+        if (self.embedded or self.file is not None) and stem != self.name and kept and self.preset.title == kept:
+            wanted.append(("title", title_of(stem)))
+        return changes.apply(self.text, wanted, self.name)
+
     def save_as(self, file: Path, autosave: Path) -> None:
-        """Save to another file, under its name, and go on there. What an earlier session left of that file is offered from
-        then on. Raises PresetError, OSError."""
+        """Save to another file, under its name, and go on there. A plan goes along that lies beside the file left: it was
+        asked for. What an earlier session left of the new file is offered from then on. Raises PresetError, OSError."""
         with self._lock:
-            text, preset = changes.apply(self.text, [("name", preset_name(file.stem))], self.name)
+            text, preset = self.under(file.stem)
             check_regular(file)
-            if self._measured.strings:  # what was measured of its strings goes along
+            along = self.file is not None and bool(self._measured.strings)
+            if along:
                 check_regular(path_of(file))
                 write_text(path_of(file), text_of(self._measured))
             write_text(file, text)
             if text != self.text:
                 self._take(text, preset, "name")
-            if not self._measured.strings:
+            if not along:
                 self._go_by(self._plan_beside(file))
             if autosave != self.autosave:
                 self._drop_autosave()
@@ -463,6 +476,12 @@ def preset_name(stem: str) -> str:
     bare = "".join(letter for letter in unicodedata.normalize("NFKD", stem.lower()) if not unicodedata.combining(letter))
     name = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in bare).strip("-")
     return name[:64] or "preset"
+
+
+def title_of(stem: str) -> str:
+    """A preset's title from its file's name: words, the first with a capital."""
+    words = " ".join(re.split(r"[\s_-]+", unicodedata.normalize("NFC", stem))).strip()
+    return words[:1].upper() + words[1:]
 
 
 def _switches(preset: Preset) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from synth.author.document import Conflict, Document, preset_name
+from synth.author.document import Conflict, Document
 from synth.author.workspace import AUTOSAVE, SUFFIX, Workspace, read_text, regular, stem_of
 from synth.files.targets import write_text
 from synth.instrument.preset import PresetError
@@ -157,11 +157,9 @@ class Documents:
 
     def duplicate(self, document: Document, name: str) -> Document:
         """A copy under another name, as a file and a document of its own. Raises Conflict, ValueError, OSError."""
-        from synth.author import changes
-
         with self._lock:
             file = self._target(name, False, document)
-            text, _ = changes.apply(document.text, [("name", preset_name(file.stem))], document.name)
+            text, _ = document.under(file.stem)
             write_text(file, text)
             return self.open(file.name)
 

@@ -18,6 +18,7 @@ from typing import Any
 import uvicorn
 
 from synth.author.app import App
+from synth.author.crowd import BATCH, Waiting, be_brief, lengthen_queue, protocol_of
 from synth.author.documents import Documents
 from synth.author.ending import Ending
 from synth.author.guard import Guard
@@ -37,7 +38,9 @@ class _Server(uvicorn.Server):
         self._ending = ending
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        be_brief()
         await super().startup(sockets)
+        lengthen_queue(sockets or [])
         if self.started:
             self._ready()
 
@@ -123,6 +126,8 @@ def serve(
 
         config = uvicorn.Config(
             guard,
+            http=protocol_of(Waiting()),
+            backlog=BATCH,
             log_level="warning",
             access_log=False,
             ws=_websockets(),

@@ -91,7 +91,27 @@ def test_nothing_is_overwritten_unasked(serve: Serve, folder: Path) -> None:
     assert doc.do("save-as", 409, name="mine", overwrite=True)["reason"] == "open"
     other.do("revert")
     assert doc.do("save-as", name="mine", overwrite=True)["file"] == "mine.toml"
-    assert (folder / "mine.toml").read_text() == TANPURA.replace('name = "tanpura"', 'name = "mine"')
+    mine = TANPURA.replace('name = "tanpura"', 'name = "mine"').replace('title = "Tanpura"', 'title = "Mine"')
+    assert (folder / "mine.toml").read_text() == mine
+
+
+@pytest.mark.parametrize("action", ["save-as", "duplicate"])
+def test_another_name_is_another_title(serve: Serve, folder: Path, action: str) -> None:
+    """Two presets with one title cannot be told apart in a DAW; a title that was given by hand stays."""
+    server = serve()
+    doc = server.open("tanpura")
+    state = doc.do(action, name="my-soft_tanpura")
+    assert state["title"] == "My soft tanpura" and not state["dirty"]
+    assert parse_preset((folder / "my-soft_tanpura.toml").read_text(), "x").title == "My soft tanpura"
+    other = server.open("mine.toml")
+    other.set("title", "By hand")
+    assert other.do(action, name="other")["title"] == "By hand"
+
+
+def test_a_first_name_leaves_the_title(serve: Serve, folder: Path) -> None:
+    server = serve()
+    brought = Doc(server, server.post("/api/import", filename="a.toml", text=TANPURA)["doc"])
+    assert brought.do("save-as", name="b")["title"] == "Tanpura"
 
 
 def test_duplicate(serve: Serve, folder: Path) -> None:
@@ -516,7 +536,8 @@ def test_an_open_document_whose_file_becomes_something_else(
             assert "mine.toml: is a" in error and "no regular file" in error
         assert doc.do("save", 409)["reason"] == "changed-on-disk"
         assert (file.lstat().st_mode, file.lstat().st_ino) == (before.st_mode, before.st_ino)
-        until(lambda: "Kept" in (folder / ".mine.toml.autosave").read_text())
+        left = folder / ".mine.toml.autosave"
+        until(lambda: left.exists() and "Kept" in left.read_text())
         assert server.get("/api/session")["presets"] and doc.set("title", "Still")["dirty"]
         # and when it is a file again, all is well
         file.rmdir() if file.is_dir() and not file.is_symlink() else file.unlink()

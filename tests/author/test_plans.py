@@ -9,7 +9,7 @@ import pytest
 
 from synth.author.document import Conflict, Document
 from synth.instrument.planfile import parse, text_of
-from synth.instrument.preset import load_preset, parse_preset
+from synth.instrument.preset import load_preset, parse_preset, preset_folder
 from tests.patience import compiling_s, until
 from tests.test_planfile import PRESET, plan
 
@@ -66,6 +66,26 @@ def test_a_preset_of_the_program_has_its_plan_and_keeps_it(tmp_path: Path) -> No
     assert document.preset.measured.strings == tanpura.measured.strings != ()
     with pytest.raises(Conflict, match="tanpura has no file yet that a plan could lie beside"):
         document.keep_plan(parse(text_of(tanpura.measured), "x"))
+
+
+def test_a_plan_goes_along_only_where_it_was_asked_for(serve: Serve, folder: Path) -> None:
+    """The program's own stays with its preset; one beside the user's file goes where the file goes."""
+    server = serve()
+    doc = server.open("tanpura")
+    doc.do("save-as", name="first")
+    assert not (folder / "first.plan").exists()
+    asked = (preset_folder() / "tanpura.plan").read_text(encoding="utf-8")
+    (folder / "first.plan").write_text(asked, encoding="utf-8")
+    doc.do("reload")
+    doc.do("save-as", name="second")
+    assert parse((folder / "second.plan").read_text(encoding="utf-8"), "x").strings == parse(asked, "x").strings
+
+
+def test_what_is_saved_without_its_plan_is_shown_without(tmp_path: Path) -> None:
+    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    document = Document("tanpura", text, tmp_path / ".autosave", embedded=True)
+    document.save_as(tmp_path / "mine.toml", tmp_path / ".mine")
+    assert document.preset.measured.strings == load_preset(str(tmp_path / "mine.toml")).measured.strings == ()
 
 
 def test_plans_that_there_are_not(server: Server) -> None:

@@ -5,6 +5,15 @@ import { h, plain } from "./format.js";
 import { keyStep } from "./scale.js";
 import { parseQuantity } from "./units.js";
 
+/** Have a field show a text; one that is selected as a whole, to be typed over, stays so. */
+export function showText(field, text) {
+  if (field.value === text) return;
+  const { value, selectionStart, selectionEnd } = field;
+  const whole = field === document.activeElement && value !== "" && selectionStart === 0 && selectionEnd === value.length;
+  field.value = text;
+  if (whole) field.select();
+}
+
 /**
  * What a field has sent and has no answer to yet: it is not sent again (after Enter comes a change event) nor written over.
  * Then what is to be shown() is, unless it was refused or more is typed.
@@ -20,7 +29,7 @@ export function makeSending(field, shown) {
       const done = () => {
         if (text !== what) return;
         text = null;
-        if (!field.hasAttribute("aria-invalid") && field.dataset.typing !== "yes") field.value = shown();
+        if (!field.hasAttribute("aria-invalid") && field.dataset.typing !== "yes") showText(field, shown());
       };
       answer.then(done, done);
     },
@@ -48,6 +57,7 @@ export function numberInput(parameter, { commit, attributes = {} }) {
     const text = input.value.trim();
     if (text === (sending.text ?? shown)) {
       settle();
+      commit(undefined, null, null);
       return;
     }
     const away = text === "" && parameter.optional;
@@ -94,7 +104,7 @@ export function numberInput(parameter, { commit, attributes = {} }) {
       shown = plain(value);
       // what was refused stays in the field, to be put right
       const kept = invalid && before === shown && input.value !== shown;
-      if (!typing && !kept && sending.text === null) input.value = shown;
+      if (!typing && !kept && sending.text === null) showText(input, shown);
       if (invalid) input.setAttribute("aria-invalid", "true");
       else if (!typing) settle();
     },

@@ -8,7 +8,7 @@
 
 import { makeAnchors } from "./anchors.js";
 import { wayBack } from "./edits.js";
-import { makeSending, numberInput } from "./entry.js";
+import { makeSending, numberInput, showText } from "./entry.js";
 import { refine } from "./fine.js";
 import { h, number, noteName, parseNote, plain, same } from "./format.js";
 import { makeNumbers } from "./numbers.js";
@@ -232,7 +232,7 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
       const before = shown;
       shown = shownAs(value);
       const typing = box.dataset.typing === "yes" && document.activeElement === box;
-      if (!typing && !(invalid && before === shown) && sending.text === null) box.value = shown;
+      if (!typing && !(invalid && before === shown) && sending.text === null) showText(box, shown);
       if (invalid) box.setAttribute("aria-invalid", "true");
       else box.removeAttribute("aria-invalid");
     },

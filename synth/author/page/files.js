@@ -154,6 +154,7 @@ export function mount(element, { store, api }) {
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       const name = stem(field.value.trim());
+      const { title: before } = doc();
       const result = await action(name, over === name);
       if (result?.refused) {
         error.textContent = result.refused.message;
@@ -164,7 +165,8 @@ export function mount(element, { store, api }) {
         }
       } else if (result) {
         dialog.close();
-        store.notify(`${done} ${result.file ?? result.name}`);
+        const titled = result.title === before ? "" : `, with the title “${result.title}”`;
+        store.notify(`${done} ${result.file ?? result.name}${titled}`);
         store.refreshSession();
       }
     });

@@ -36,12 +36,14 @@ export function drawScene(panel, drawing, { close, ghost }) {
   if (panel.shows(0)) {
     back.push(s("path", { class: "wood", d: `M${X(0)} ${Y(0)}h-9v${bottom - Y(0)}h13z` }));
   }
-  if (kind === "bridge") back.push(...bridge(panel, drawing));
+  // a string may have no fret and no point of the bridge under it
+  const bare = drawing.points.length === 0;
+  if (kind === "bridge" && !bare) back.push(...bridge(panel, drawing));
   else {
     const x = X(length);
     back.push(s("path", { class: "wood", d: `M${x} ${Y(0)}h9v${bottom - Y(0)}h-15z` }));
   }
-  if (kind === "frets") back.push(...neck(panel, drawing));
+  if (kind === "frets" && !bare) back.push(...neck(panel, drawing));
   if (drawing.board.length > 0) {
     const surface = drawing.board.map(([x, height]) => `L${X(x)} ${Y(height)}`).join("");
     const [first, last] = [drawing.board[0][0], drawing.board.at(-1)[0]];

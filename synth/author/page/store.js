@@ -17,7 +17,8 @@
 // Actions return promises. They never throw: what the server refuses is shown as a notice, a refused edit (422) at its field
 // by state.errors, and the promise gives null. Who asks for a name, to save or for a fit is given what is refused, as
 // {refused: {message, reason}}, to say it where it was asked for.
-// Refusals at fields go with their cause: when the value is changed, by whomever, or the text as a whole.
+// Refusals at fields go with their cause: when the value is changed, by whomever, or the text as a whole; not by the answer to
+// an edit that was sent before what is refused was typed.
 
 import { ApiError } from "./api.js";
 import { noteName, same as equal, valueAt } from "./format.js";
@@ -112,7 +113,7 @@ export function createStore(api) {
       history.replaceState(null, "", `${location.pathname}#${encodeURIComponent(doc.doc)}`);
       for (const text of doc.notices ?? []) notify(text);
     }
-    if (!same) patch.note = Number(sessionStorage.getItem(NOTE + doc.doc) ?? doc.data.string.at(-1).notes[0]);
+    if (!same) patch.note = Number(sessionStorage.getItem(NOTE + doc.doc) ?? doc.first_note);
     if (same) patch.errors = stillWrong(state.doc.data, doc.data);
     const note = patch.note ?? state.note;
     if (doc.notes.length > 0 && !doc.notes.includes(note)) {
@@ -128,7 +129,7 @@ export function createStore(api) {
     const kept = Object.entries(state.errors).filter(([path]) => {
       const parent = path.split(".").slice(0, -1).join(".");
       const there = parent === "" || (valueAt(after, parent) ?? null) !== null;
-      return there && equal(valueAt(before, path), valueAt(after, path));
+      return there && (newer(path, answered) || equal(valueAt(before, path), valueAt(after, path)));
     });
     return kept.length === Object.keys(state.errors).length ? state.errors : Object.fromEntries(kept);
   }
@@ -168,6 +169,14 @@ export function createStore(api) {
 
   // Edits leave one after the other; while one is under way, later ones of the same drag replace each other.
   const queue = [];
+  // numbers of the last edit that was given, and of the last that was answered
+  let given = 0;
+  let answered = 0;
+  // path of a refused value → number of the last edit that was given before it was typed
+  const refusedAfter = new Map();
+
+  /** Whether what was typed there and refused was typed after edit `number`, the next of which is not answered yet. */
+  const newer = (path, number) => (refusedAfter.get(path) ?? 0) > number;
   let looking = 0;
   let sending = false;
   let sent = Promise.resolve();
@@ -184,12 +193,13 @@ export function createStore(api) {
       try {
         result = take(await api.post(job.url, { changes: job.changes, merge: job.merge }));
         const errors = { ...state.errors };
-        for (const { path } of job.changes) delete errors[path];
+        for (const { path } of job.changes) if (!newer(path, job.number - 1)) delete errors[path];
         set({ errors });
       } catch (error) {
         if (error instanceof ApiError && error.status === 422) refuse(job.changes, error);
         else failed(error);
       }
+      answered = job.number;
       for (const done of job.waiting) done(result);
     }
     sending = false;
@@ -218,8 +228,9 @@ export function createStore(api) {
       if (same) {
         last.changes = changes;
         last.waiting.push(done);
+        last.number = given += 1;
       } else {
-        queue.push({ url, changes, merge, waiting: [done] });
+        queue.push({ url, changes, merge, waiting: [done], number: (given += 1) });
       }
       send();
     });
@@ -290,7 +301,10 @@ export function createStore(api) {
       set({ theme });
     },
     /** A reason at a field that the server was not asked about. */
-    refuse: (path, reason) => set({ errors: { ...state.errors, [path]: reason } }),
+    refuse: (path, reason) => {
+      refusedAfter.set(path, given);
+      set({ errors: { ...state.errors, [path]: reason } });
+    },
     clearError: (path) => {
       if (!(path in state.errors)) return;
       const errors = { ...state.errors };

@@ -116,6 +116,17 @@ def ranges(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
     return {entry["path"]: (entry["minimum"], entry["maximum"]) for entry, _ in _of_table(preset, Preset, "", preset)}
 
 
+def steppable(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
+    """(minimum, maximum) of every number that may take any value between them, by its path; of lists (None, None)."""
+    found = {}
+    for entry, _ in _of_table(preset, Preset, "", preset):
+        if entry["kind"] == "list" and entry["item"] == "number":
+            found[entry["path"]] = (None, None)
+        elif entry["kind"] in ("number", "anchored") and not entry["integer"]:
+            found[entry["path"]] = (entry["minimum"], entry["maximum"])
+    return found
+
+
 def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> Iterator[tuple[dict[str, Any], Table]]:
     """Every control of a table and of those within it, with the table that it stands in."""
     for name, field in kind.model_fields.items():

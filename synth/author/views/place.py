@@ -91,6 +91,19 @@ def speaking(place: Place) -> Speaking:
     return Speaking(opened, string, below, reached)
 
 
+def first_note(preset: Preset) -> int:
+    """The note of a preset that is shown first: of the strings that sound what their key says and have most frets, the open
+    one nearest to the middle, of two equally near the lower."""
+    played = [table for table in preset.string if not table.sympathetic]
+    own = [table for table in played if table.sounds is None] or played
+    most = max(fret_count(preset, table) for table in own)
+    opened = {
+        note for table in own if fret_count(preset, table) == most for note in range(table.notes[0], table.notes[1] + 1)
+    }
+    middle = (min(opened) + max(opened)) / 2
+    return min(opened, key=lambda note: (abs(note - middle), note))
+
+
 def find(preset: Preset, note: int) -> Place:
     """The place that the engine takes for the note on a silent instrument: the lowest fret, among equals the first string.
 
