@@ -30,6 +30,7 @@ def page(shared):
     shared.until(lambda: not state(shared)["dirty"])
     shared.until(lambda: not shared.all(".control.changed"))
     shared.script(
+        "for (const each of document.querySelectorAll('.group')) each.open = true;"
         "for (const each of document.querySelectorAll('.unset-values')) each.open = false;"
         "document.querySelector('.controls-body').scrollTop = 0;"
     )
