@@ -7,19 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from synth.author.figures import figure_of, key_of
 from synth.instrument.compile import string_notes
 from synth.instrument.preset import Preset, playable_notes
 from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
 from synth.units import midi_to_note
 
 NAMES = ("note", "drone", "riff", "scale")
-#: how long a note is held; what lies between a drone's strings, the riff's eighths and the scale's steps
-NOTE_S, DRONE_S, EIGHTH_S, STEP_S = 2.0, 1.0, 0.25, 0.35
+#: how long a note is held; what lies between a drone's strings, a figure's beats and the scale's steps
+NOTE_S, DRONE_S, BEAT_S, STEP_S = 2.0, 1.0, 0.5, 0.35
 #: what is heard behind the last event: of strings that are damped, and of those that ring on [s]
 TAIL_S, RING_S = 1.0, 6.0
-#: semitones above the note: of a drone where the strings do not say, an octave riff, and a major scale up and down
+#: share of its time that a figure's note is held
+HELD = 0.8
+#: semitones above the note: of a drone where the strings do not say, and a major scale up and down
 DRONE = (7, 12, 12, 0)
-RIFF = (0, 0, 12, 0, 10, 7, 0, 3, 0, 0, 12, 0, 7, 10, 12, 0)
 SCALE = (0, 2, 4, 5, 7, 9, 11, 12, 11, 9, 7, 5, 4, 2, 0)
 
 
@@ -72,8 +74,25 @@ def _drone(preset: Preset, note: int, there: Sequence[int]) -> Steps:
     return [(number * DRONE_S, DRONE_S * min(len(keys), 3), key) for number, key in enumerate(2 * keys)]
 
 
-def _riff(_: Preset, note: int, there: Sequence[int]) -> Steps:
-    return [(number * EIGHTH_S, 0.8 * EIGHTH_S, _near(note + step, there)) for number, step in enumerate(RIFF)]
+def _riff(preset: Preset, note: int, there: Sequence[int]) -> Steps:
+    """The figure of the preset's family; a tanpura's is its strings in turn."""
+    if preset.family == "tanpura":
+        return _drone(preset, note, there)
+    figure = figure_of(preset)
+    there = _as_written(preset, there)
+    key = key_of(figure, note, there)
+    steps: Steps = []
+    begin_s = 0.0
+    for beats, step in figure:
+        steps.append((begin_s, HELD * beats * BEAT_S, min(there, key=lambda each: (abs(each - key - step), each))))
+        begin_s += beats * BEAT_S
+    return steps
+
+
+def _as_written(preset: Preset, there: Sequence[int]) -> Sequence[int]:
+    """The notes that sound where their keys lie: without the strings whose key stands for another pitch."""
+    moved = {key for table in preset.string if table.sounds is not None for key in string_notes(table)}
+    return [key for key in there if key not in moved] or there
 
 
 def _scale(_: Preset, note: int, there: Sequence[int]) -> Steps:

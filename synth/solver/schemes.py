@@ -62,14 +62,14 @@ def energy_warning(
 
 
 def rise_warning(scheme: str, rise: float) -> str | None:
-    """What a step of a Moreau–Jean run gained, as a share of the energy, where the rate is one that `energy_warning` accepts.
+    """What a step of a Moreau–Jean run gained, as a share of the energy, at a rate that `energy_warning` accepts.
 
     None for other schemes, and where `rise` is rounding or was not measured (NaN).
     """
     if not scheme.startswith("moreau-jean") or not rise > PASSIVE_TO:
         return None
     return (
-        f"a step of {scheme} gained {rise:.1e} of the energy: from this rate on the string holds no more than it began with, "
+        f"a step of {scheme} gained {rise:.1e} of the energy: at this rate the string holds no more than it began with, "
         "but single steps may gain; exact-hold never does"
     )
 

@@ -12,6 +12,10 @@ const STRING_Y = 62;
 const BRIDGE_PX = 16;
 const SWING_PX = 30;
 const METER = { top: 164, height: 50, width: 12 };
+/** Names stand this far apart, upright where all have room for them lying; the room that upright ones take [px]. */
+const NAME_PX = 12;
+const LETTER_PX = 6.2;
+const UPRIGHT_PX = 66;
 /** Bars a level is read aloud in. */
 const SAID_DB = 3;
 
@@ -41,20 +45,27 @@ export function makeBridge() {
   function take(all) {
     strings = all;
     const xs = placesOf(all);
+    const feet = apart(xs, METER.width + 3, SIZE.width);
+    const widest = LETTER_PX * Math.max(...all.map(({ string }) => string.length)) + 4;
+    const crowded = feet.some((x, i) => feet.some((other, j) => j !== i && Math.abs(x - other) < widest));
+    svg.setAttribute("viewBox", `0 0 ${SIZE.width} ${SIZE.height + (crowded ? UPRIGHT_PX - NAME_PX : 0)}`);
     wood = s("polygon", { class: "wood" });
     marks = all.map((string, i) => {
       const x = xs[i];
-      const bar = s("rect", { class: "string-level", x: x - METER.width / 2, width: METER.width, y: METER.top + METER.height, height: 0 });
+      const foot = feet[i];
+      const bar = s("rect", { class: "string-level", x: foot - METER.width / 2, width: METER.width, y: METER.top + METER.height, height: 0 });
       const meter = s(
         "g",
         { class: "string-meter", role: "meter", "aria-label": `${string.string} string`, "aria-valuemin": -FLOOR_DB, "aria-valuemax": 0, "aria-valuenow": -FLOOR_DB, "aria-valuetext": "at rest" },
-        s("rect", { class: "string-well", x: x - METER.width / 2, width: METER.width, y: METER.top, height: METER.height, rx: 2 }),
+        s("rect", { class: "string-well", x: foot - METER.width / 2, width: METER.width, y: METER.top, height: METER.height, rx: 2 }),
         bar,
       );
       const orbit = s("polyline", { class: "orbit" });
       const dot = s("circle", { class: "string-end", r: 4 });
       const lamp = s("circle", { class: "lamp", cx: x, cy: STRING_Y, r: 11 });
-      const text = s("text", { class: "tick", x, y: METER.top + METER.height + 16, "text-anchor": "middle" }, string.string);
+      const y = METER.top + METER.height + (crowded ? 8 : 16);
+      const turned = crowded ? { "text-anchor": "end", "dominant-baseline": "central", transform: `rotate(-90 ${foot} ${y})` } : { "text-anchor": "middle" };
+      const text = s("text", { class: "tick string-name", x: foot, y, ...turned }, string.string);
       return { string, x, bar, meter, orbit, dot, lamp, text };
     });
     svg.replaceChildren(wood, ...marks.flatMap(({ lamp, orbit, dot, meter, text }) => [lamp, orbit, dot, meter, text]));
@@ -150,6 +161,24 @@ export function makeBridge() {
   }
 
   return { element, take, show };
+}
+
+/** Places moved as little as it takes to stand at least so far apart, in their order, within a width. */
+export function apart(xs, least, width) {
+  const order = xs.map((_, i) => i).sort((a, b) => xs[a] - xs[b]);
+  const room = Math.min(least, width / xs.length);
+  const out = [...xs];
+  let free = room / 2;
+  for (const i of order) {
+    out[i] = Math.max(out[i], free);
+    free = out[i] + room;
+  }
+  free = width - room / 2;
+  for (const i of order.reverse()) {
+    out[i] = Math.min(out[i], free);
+    free = out[i] - room;
+  }
+  return out;
 }
 
 function set(element, attributes) {

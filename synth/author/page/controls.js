@@ -5,10 +5,12 @@ import { changesFor, listBeside, shownBeside } from "./edits.js";
 import { makeField } from "./field.js";
 import { h, valueAt } from "./format.js";
 import { latest } from "./latest.js";
+import { changesOf, firstOf, macrosOf, turned } from "./macros.js";
 import { groups as roveGroups } from "./roving.js";
 import { stringName } from "./wording.js";
 
 const GROUPS = {
+  first: "First to turn",
   setup: "Setup",
   string: "Strings",
   pluck: "Pluck, finer",
@@ -35,7 +37,9 @@ export function mount(element, { store }) {
   const body = h("div", { class: "controls-body" }, groups, none);
   element.append(h("div", { class: "controls-head" }, search, shuffle), body);
 
-  const shut = new Set(["about", "mapping"]);
+  // what a player turns first is open, the rest folded
+  const shut = new Set(Object.keys(GROUPS).filter((group) => group !== "first"));
+  let macros = new Map();
   let parameters = [];
   let byPath = new Map();
   let fields = new Map();
@@ -62,6 +66,8 @@ export function mount(element, { store }) {
     store,
     parameterOf: (path) => byPath.get(path),
     commit(path, value, merge) {
+      const macro = macros.get(path);
+      if (macro) return store.editMany(changesOf(macro, value ?? macro.default, store.state.doc.data, store.state.doc.saved, byPath), merge);
       return store.editMany(changesFor(byPath.get(path), value, store.state.doc.data, byPath), merge);
     },
     commitMany: (changes, merge = null) => store.editMany(changes, merge),
@@ -69,7 +75,14 @@ export function mount(element, { store }) {
   };
 
   // ---- building: again only where the set of controls changed, so that focus and sliders stay
-  const shapeOf = (data) => JSON.stringify([parameters.map(({ path, kind, choices }) => [path, kind, choices?.length]), tab, data.string.map((one) => one.name)]);
+  const shapeOf = (data) =>
+    JSON.stringify([
+      parameters.map(({ path, kind, choices, label }) => [path, kind, choices?.length, label]),
+      firstOf(parameters, data),
+      macrosOf(parameters, data).map(({ path, moves }) => [path, moves]),
+      tab,
+      data.string.map((one) => one.name),
+    ]);
 
   function follow({ doc }) {
     if (doc === null) return;
@@ -98,6 +111,7 @@ export function mount(element, { store }) {
       build();
     } else {
       for (const field of fields.values()) {
+        if (macros.has(field.parameter.path)) continue;
         const { label } = field.parameter;
         Object.assign(field.parameter, byPath.get(field.parameter.path), { label });
       }
@@ -114,8 +128,12 @@ export function mount(element, { store }) {
     places = [];
     tab = Math.min(tab, data.string.length - 1);
     groups.replaceChildren();
+    const first = firstOf(parameters, data);
+    const turns = macrosOf(parameters, data);
+    macros = new Map(turns.map((macro) => [macro.path, macro]));
     for (const [group, title] of Object.entries(GROUPS)) {
-      const mine = parameters.filter((parameter) => parameter.group === group);
+      const there = parameters.filter((parameter) => (first.includes(parameter.path) ? "first" : parameter.group) === group);
+      const mine = group === "first" ? [...first.map((path) => byPath.get(path)), ...turns] : there;
       if (mine.length > 0) groups.append(makeGroup(group, title, mine, data));
     }
     filter();
@@ -146,7 +164,7 @@ export function mount(element, { store }) {
       summary.append(one);
     }
     const blocks = [];
-    for (const parameter of ordered(mine)) {
+    for (const parameter of group === "first" ? mine : ordered(mine)) {
       if (parameter.kind === "list" && parameter.item === "table") {
         const rows = valueAt(data, parameter.path) ?? [];
         blocks.push(TABS.includes(parameter.path) ? makeTabs(parameter, rows) : makeRows(parameter, rows));
@@ -192,6 +210,7 @@ export function mount(element, { store }) {
         const field = fields.get(block.dataset.path);
         if (field?.element !== block || block.contains(document.activeElement)) continue;
         const { parameter } = field;
+        if (macros.has(parameter.path)) continue;
         const to = isNumber(parameter) && isUnset(valueAt(data, parameter.path)) && !field.refused() ? away : inside;
         if (block.parentElement === to) continue;
         const next = blocks.slice(i + 1).find((one) => one.parentElement === to);
@@ -296,6 +315,12 @@ export function mount(element, { store }) {
     groups.disabled = which === "saved";
     shuffle.disabled = which === "saved";
     for (const [path, field] of fields) {
+      if (macros.has(path)) {
+        const macro = macros.get(path);
+        const error = which === "saved" ? undefined : macro.moves.map((moved) => errorOf(moved, errors)).find(Boolean);
+        field.update(turned(macro, data, doc.saved), { saved: macro.default, error });
+        continue;
+      }
       field.update(valueAt(data, path) ?? null, {
         saved: which === "saved" ? (valueAt(data, path) ?? null) : (valueAt(doc.saved, path) ?? null),
         error: which === "saved" ? undefined : errorOf(path, errors),
@@ -313,7 +338,7 @@ export function mount(element, { store }) {
   /** Reasons that have come and that no field shows are told as notices. */
   function tell({ errors }) {
     for (const [path, reason] of Object.entries(errors)) {
-      const shown = [...fields.keys()].some((field) => path === field || path.startsWith(`${field}.`));
+      const shown = [...fields.keys(), ...[...macros.values()].flatMap(({ moves }) => moves)].some((field) => path === field || path.startsWith(`${field}.`));
       if (!shown && told[path] !== reason) store.notify(`${store.labelOf(path)}: ${reason}`, "error");
     }
     told = errors;

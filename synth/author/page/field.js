@@ -12,7 +12,7 @@ import { makeSending, numberInput, showText } from "./entry.js";
 import { refine } from "./fine.js";
 import { h, number, noteName, parseNote, plain, same } from "./format.js";
 import { makeNumbers } from "./numbers.js";
-import { makeScale, STEPS } from "./scale.js";
+import { makeScale, STEPS, travelFor } from "./scale.js";
 import { hiddenTip } from "./tip.js";
 
 /** A slider's arrow key or notch of the wheel moves it by a hundredth of its travel. */
@@ -154,8 +154,8 @@ function makeNumber(parameter, { commit, refuse, labels, goBack }) {
     if (slider === null) return;
     const given = typeof value === "number";
     const place = given ? value : typeof parameter.suggested === "number" ? parameter.suggested : travel[0];
-    // a value outside of what is usual widens the slider's travel
-    scale = makeScale({ ...parameter, minimum: Math.min(travel[0], place), maximum: Math.max(travel[1], place) });
+    // a value at an end of what is usual, or beyond, widens the slider's travel
+    scale = makeScale({ ...parameter, ...(given ? travelFor(parameter, travel, place) : { minimum: Math.min(travel[0], place), maximum: Math.max(travel[1], place) }) });
     slider.classList.toggle("unset", !given);
     slide(place);
     if (!given) slider.setAttribute("aria-valuetext", "not given");

@@ -13,9 +13,15 @@ import { toolbar } from "./roving.js";
 const PHRASES = [
   ["note", "Note", "The note that is looked at, two seconds held, then let go"],
   ["drone", "Drone", "The strings in turn, as a tanpura is played"],
-  ["riff", "Riff", "A bass figure"],
+  ["riff", "Figure", "A short figure that suits the instrument"],
   ["scale", "Scale", "A scale through the compass"],
 ];
+/** What the figure is of some families: the button's name and tip. */
+const FIGURES = {
+  bass: ["Riff", "A bass line"],
+  sitar: ["Alap", "A slow line round Sa"],
+  veena: ["Alap", "A slow line round Sa"],
+};
 const AUTO = "jawari-play-changes";
 const VOLUME = "jawari-volume";
 const PLAY_EVERY_MS = 150;
@@ -39,6 +45,13 @@ export function mount(element, { store, api }) {
   const phrases = PHRASES.map(([phrase, label, tip]) =>
     h("button", { type: "button", "data-phrase": phrase, title: tip, onclick: () => play(phrase) }, label),
   );
+  const figure = phrases[PHRASES.findIndex(([phrase]) => phrase === "riff")];
+  store.on(["doc"], ({ doc }) => {
+    const [, label, tip] = PHRASES.find(([phrase]) => phrase === "riff");
+    [figure.textContent, figure.title] = FIGURES[doc?.data.family] ?? [label, tip];
+    // a tanpura's strings in turn are its drone
+    figure.hidden = doc?.data.family === "tanpura";
+  });
   const stop = h(
     "button",
     { type: "button", class: "quiet", title: "Silence (Backspace)", onclick: () => player.stop() },

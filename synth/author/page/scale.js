@@ -2,6 +2,8 @@
 
 /** Steps of a slider from end to end. */
 export const STEPS = 1000;
+/** How many times further a slider goes beyond a value at its end, on a logarithmic scale. */
+const FURTHER = 3;
 
 /** {place(value) → 0..STEPS, value(place, fine)}; values have the digits that a person would write, one more where it is `fine`. */
 export function makeScale({ minimum: low, maximum: high, integer, scale, step }) {
@@ -21,6 +23,22 @@ export function makeScale({ minimum: low, maximum: high, integer, scale, step })
       const least = both && step ? step / 10 : 0;
       return Math.min(high, Math.max(low, tidy(exact, Math.max(least, Math.abs(beside - exact)), integer)));
     },
+  };
+}
+
+/**
+ * The ends of a slider for a value: its travel; where the value lies at or beyond an end, as much further as to leave room
+ * to turn it both ways, a half of the travel or a factor, but no further than what is allowed.
+ */
+export function travelFor({ minimum, maximum, scale }, [low, high], value) {
+  const further = (from, towards, limit, way) => {
+    const factor = scale === "log" && from > 0 && towards > 0 ? FURTHER ** way : null;
+    const wanted = factor === null ? from + (way * Math.max(Math.abs(high - low), Math.abs(from - towards))) / 2 : from * factor;
+    return Number.isFinite(limit) ? (way > 0 ? Math.min(limit, wanted) : Math.max(limit, wanted)) : wanted;
+  };
+  return {
+    minimum: value <= low ? Math.min(low, further(value, low, minimum, -1)) : low,
+    maximum: value >= high ? Math.max(high, further(value, high, maximum, 1)) : high,
   };
 }
 

@@ -2,6 +2,13 @@
 
 import { s, same } from "./format.js";
 
+/** Frets that have a dot on many necks. */
+const MARKED_FRETS = [3, 5, 7, 9, 12, 15, 17, 19, 21, 24];
+/** Frets that a swinging string does not touch: how tall, how far below the string, how far apart their numbers are [px]. */
+const FRET_PX = 16;
+const FRET_GAP_PX = 8;
+const FRET_NUMBER_PX = 17;
+
 /** What the whole-string panel shows: everything, with room above and below. */
 export function wholeView(drawing, film) {
   const [low, high] = drawing.extent_mm;
@@ -44,6 +51,7 @@ export function drawScene(panel, drawing, { close, ghost }) {
     back.push(s("path", { class: "wood", d: `M${x} ${Y(0)}h9v${bottom - Y(0)}h-15z` }));
   }
   if (kind === "frets" && !bare) back.push(...neck(panel, drawing));
+  else if (drawing.frets.length > 0 && !close && !bare) back.push(...frets(panel, drawing));
   if (drawing.board.length > 0) {
     const surface = drawing.board.map(([x, height]) => `L${X(x)} ${Y(height)}`).join("");
     const [first, last] = [drawing.board[0][0], drawing.board.at(-1)[0]];
@@ -88,19 +96,44 @@ function ghostOf(panel, drawing, ghost, close) {
   return out;
 }
 
-/** The tanpura's bridge: a curve that rises to its edge of contact, and the thread on which the string ends. */
-function bridge(panel, { points, thread, open_length_m: length }) {
+/** A bridge: a curve that rises to its edge of contact, and the thread on which the string ends, where there is one. */
+function bridge(panel, { points, thread, saddle, open_length_m: length }) {
   const { X, Y, bottom } = panel;
   const edge = points[0];
   const far = length - edge.x;
   const fall = (share) => edge.height - share * (panel.view.y1 - panel.view.y0);
+  const top =
+    thread === null
+      ? points.map(({ x, height }) => `L${X(x)} ${Y(height)}`).join("")
+      : `C${X(edge.x + 0.6 * far)} ${Y(edge.height)} ${X(length + 0.3 * far)} ${Y(fall(0.1))} ${X(length + 0.9 * far)} ${bottom}`;
   const d =
     `M${X(edge.x - 1.4 * far)} ${bottom}` +
     `C${X(edge.x - 1.1 * far)} ${Y(fall(0.12))} ${X(edge.x - 0.5 * far)} ${Y(edge.height)} ${X(edge.x)} ${Y(edge.height)}` +
-    `C${X(edge.x + 0.6 * far)} ${Y(edge.height)} ${X(length + 0.3 * far)} ${Y(fall(0.1))} ${X(length + 0.9 * far)} ${bottom}z`;
+    (thread === null ? `${top}L${X(length)} ${Y(saddle.height)}L${X(length + 0.9 * far)} ${bottom}z` : `${top}z`);
   const out = [s("path", { class: "wood rides", d })];
+  if (thread === null) return out;
   const radius = Math.max(2.2, Math.min(7, Math.abs(X(length) - X(edge.x)) * 0.16));
   out.push(s("circle", { class: "thread rides", cx: X(thread.x), cy: Y(thread.height) + radius, r: radius }));
+  return out;
+}
+
+/** The frets of a neck before a bridge, which stop strings and lie clear of those that swing. */
+function frets(panel, { frets: places, fret, open_length_m: length }) {
+  const { X, Y, bottom } = panel;
+  const tall = Math.min(FRET_PX, (bottom - Y(0)) / 2);
+  const top = Y(0) + FRET_GAP_PX;
+  const end = Math.min(X(length), X(places.at(-1)) + 6);
+  const out = [s("rect", { class: "wood", x: X(0), y: top + tall, width: end - X(0), height: Math.max(0, bottom - top - tall) })];
+  let free = -Infinity;
+  for (const [i, x] of places.entries()) {
+    const number = i + 1;
+    out.push(s("line", { class: number === fret ? "fret" : "fret past", x1: X(x), x2: X(x), y1: top, y2: top + tall }));
+    if (X(x) < free) continue;
+    free = X(x) + FRET_NUMBER_PX;
+    const marked = number === fret || MARKED_FRETS.includes(number);
+    const y = Math.min(bottom - 5, top + tall + 13);
+    out.push(s("text", { class: marked ? "fret-number marked" : "fret-number", x: X(x), y, "text-anchor": "middle" }, String(number)));
+  }
   return out;
 }
 
@@ -117,7 +150,7 @@ function neck(panel, { points, open_length_m: length }) {
   for (const [i, { x, height, in_play: inPlay }] of points.entries()) {
     out.push(s("line", { class: inPlay ? "fret" : "fret past", x1: X(x), x2: X(x), y1: Y(height), y2: Y(height - depth) + 3 }));
     if (!sparse || (i + 1) % 2 === 1 || i === 11) {
-      const marked = [3, 5, 7, 9, 12, 15, 17, 19, 21, 24].includes(i + 1);
+      const marked = MARKED_FRETS.includes(i + 1);
       const y = Math.min(bottom - 5, Y(height - depth) + 18);
       if (!sparse || marked) out.push(s("text", { class: marked ? "fret-number marked" : "fret-number", x: X(x), y, "text-anchor": "middle" }, String(i + 1)));
     }

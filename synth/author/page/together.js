@@ -1,5 +1,6 @@
 // Pictures of strings that share a bridge: draw(pen, box) -> reading(x, y), as in pictures.js.
 
+import { apart } from "./bridge.js";
 import { axes, clipped, linear, polyline, seconds, theme } from "./figure.js";
 import { noteName, number } from "./format.js";
 
@@ -67,14 +68,14 @@ export function levels(waking, length_s) {
     pen.font = colours.font;
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    // names beside the ends of their lines, none over another
-    const ends = strings.map((string) => ({ ...string, at: y.at(string.level_db.at(-1)) })).sort((a, b) => a.at - b.at);
-    let free = box.top;
-    for (const { string, played, at } of ends) {
-      const place = Math.max(at, free);
-      free = place + LINE_PX;
+    // names beside the ends of their lines, none over another; where there is no room for all, the played and the loudest
+    const fitting = Math.max(1, Math.floor((box.bottom - box.top) / LINE_PX));
+    const ends = strings.map((string) => ({ ...string, at: y.at(string.level_db.at(-1)) - box.top }));
+    const named = ends.sort((a, b) => b.played - a.played || a.at - b.at).slice(0, fitting);
+    const places = apart(named.map(({ at }) => at), LINE_PX, box.bottom - box.top);
+    for (const [i, { string, played }] of named.entries()) {
       pen.fillStyle = played ? colours.accent : colours.muted;
-      pen.fillText(string, box.right + 6, place);
+      pen.fillText(string, box.right + 6, box.top + places[i]);
     }
     return (px, py) => {
       if (px < box.left || px > box.right) return null;

@@ -16,8 +16,8 @@ would just touch the edge: the bridge stays where it is, and its thread raises t
     points          [{index, x, height, gap_mm, label, in_play, drag}] the obstacle, from the nut: gap_mm from the string at
                     rest at this note down to the point (negative: pressed); in_play: the note can touch it
     board           [[x, mm] …] along the surface of a board without frets, else []
-    frets           [x …] of a neck, else []
-    thread          {x, height, drag} of a bridge: the thread (jiva) on which the string ends, which is its saddle; else None
+    frets           [x …] of a neck, else []; over a bridge they only stop strings, which do not touch them as they swing
+    thread          {x, height, drag} of a bridge with a thread (jiva), on which the string ends, which is its saddle; else None
     finger          {x, height, fret} of a stopped note, else None
     pluck           {x, x_hard, width_m, displacement_mm (at this velocity and note),
                     shape [[x, mm] …] the string as it is let go, drag}
@@ -43,6 +43,7 @@ from typing import Any
 
 from synth.author.views.parameters import ranges
 from synth.author.views.place import Place, find, open_string, speaking
+from synth.author.views.words import has_thread
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
 from synth.fit.tune import single_strings
 from synth.instrument.boards import fingerboard_of
@@ -115,7 +116,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
         "rest": rest,
         "points": points,
         "board": board,
-        "frets": [point["x"] for point in points] if neck else [],
+        "frets": [point["x"] for point in points] if neck else _stops(preset, length),
         "thread": None,
         "finger": {"x": _m(fret_x), "height": _mm(fret_height), "fret": place.fret} if place.fret else None,
         "pluck": pluck,
@@ -128,6 +129,14 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     if isinstance(preset.obstacle, BridgeObstacle) and len(obstacle):
         _raise_thread(drawing, obstacle, drags, preset.obstacle)
     return drawing
+
+
+def _stops(preset: Preset, length: float) -> list[float]:
+    """The frets of a neck before a bridge, or none."""
+    shape = preset.obstacle
+    if not isinstance(shape, BridgeObstacle) or shape.frets == 0:
+        return []
+    return [_m(x) for x in fret_positions(length, shape.frets)]
 
 
 def _board(shape: BoardObstacle, length: float, speaking_m: float) -> tuple[list[list[float]], float, float]:
@@ -160,8 +169,9 @@ def _raise_thread(drawing: dict[str, Any], obstacle: Obstacle, drags: _Drags, br
         drag = thing["drag"]["height"]
         if drag is not None:
             drag["offset"] -= drag["factor"] * rise * thing["x"]
-    height = drags.along("obstacle.jiva_um", 0.0, 1e3 * edge / length, bridge.jiva_um)
-    drawing["thread"] = {**drawing["saddle"], "drag": {"x": None, "height": height}}
+    if has_thread(bridge):
+        height = drags.along("obstacle.jiva_um", 0.0, 1e3 * edge / length, bridge.jiva_um)
+        drawing["thread"] = {**drawing["saddle"], "drag": {"x": None, "height": height}}
     heights = [0.0, *(h for _, h in drawing["rest"]), *(h for _, h in pluck["shape"]), output["height"] or 0.0]
     drawing["extent_mm"] = [min(heights), max(heights)]
 

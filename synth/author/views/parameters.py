@@ -44,7 +44,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
-from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, WORDS, Words
+from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, Words, words_of
 from synth.instrument.articulations import Touch
 from synth.instrument.compile import axial_stiffness, ideal_string, obstacle_of, string_frequency
 from synth.instrument.fields import Between
@@ -178,7 +178,7 @@ def _unwrapped(annotation: Any, metadata: list[Any]) -> tuple[Any, list[Any]]:
 def _control(
     preset: Preset, kind: type[Table], table: Table, name: str, path: str, inner: Any, metadata: list[Any]
 ) -> dict[str, Any]:
-    words = WORDS[kind][name]
+    words = words_of(kind, table, name)
     travel = words.travel or words.usual
     field = kind.model_fields[name]
     required = field.is_required()

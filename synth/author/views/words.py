@@ -906,3 +906,46 @@ OBSTACLES = {
     "frets": "frets",
     "board": "board without frets",
 }
+
+#: the words of a bridge that has no thread: a string's end lies on its curve
+WITHOUT_THREAD: dict[str, Words] = {
+    "distance_mm": Words(
+        "Depth of the bridge",
+        "How far the bridge's curve reaches before the string's end. The longer, the more of the string can wrap it.",
+        "mm",
+        (2.0, 20.0),
+        0.1,
+        setup=True,
+    ),
+    "distance_ratio": Words(
+        "Depth of the bridge, of the length",
+        "The same as a share of the open string, so that strings of all lengths have the same bridge.",
+        "of L",
+        (0.002, 0.03),
+        0.0001,
+        setup=True,
+    ),
+    "jiva_um": Words(
+        "Gap over the bridge",
+        "How far the string at rest lies above the bridge's curve. 0 rests on it and buzzes most; above it only hard "
+        "plucks touch; below 0 the string is pressed and the buzz dies.",
+        "µm",
+        (0.0, 30.0),
+        0.5,
+        live=True,
+        travel=(-100.0, 1000.0),
+        setup=True,
+    ),
+}
+
+
+def has_thread(bridge: BridgeObstacle) -> bool:
+    """Whether the string ends on a thread: before a single edge, or where the preset gives its height."""
+    return bridge.points == 1 or "jiva_um" in bridge.model_fields_set
+
+
+def words_of(kind: type[Table], table: Table, name: str) -> Words:
+    """The words of a field of a table."""
+    if isinstance(table, BridgeObstacle) and not has_thread(table) and name in WITHOUT_THREAD:
+        return WITHOUT_THREAD[name]
+    return WORDS[kind][name]

@@ -8,6 +8,7 @@ import pytest
 
 from synth.author.changes import apply
 from synth.author.views.instrument import draw
+from synth.author.views.parameters import describe
 from synth.author.views.place import find
 from synth.instrument.compile import compile_preset
 from synth.instrument.preset import Preset, PresetError, load_preset, playable_notes, playable_range
@@ -161,3 +162,21 @@ def test_a_pluck_is_dragged_no_further_than_the_middle() -> None:
     drag = draw(load_preset("tanpura"), 48)["pluck"]["drag"]["x"]
     assert drag["path"] == "pluck.position"
     assert drag["maximum"] == 0.5
+
+
+@pytest.mark.parametrize(("name", "count"), [("sitar", 24), ("veena", 24)])
+def test_frets_before_a_bridge_are_drawn_where_they_stop_the_string(name: str, count: int) -> None:
+    of = load_preset(name)
+    note = next(note for note in playable_notes(of) if find(of, note).fret > 3)
+    drawing = draw(of, note)
+    assert len(drawing["frets"]) == of.obstacle.frets == count  # type: ignore[union-attr]
+    assert drawing["frets"][drawing["fret"] - 1] == drawing["finger"]["x"]
+
+
+@pytest.mark.parametrize(("name", "thread"), [("sitar", False), ("veena", False), ("tanpura", True), ("jawari-harp", True)])
+def test_a_thread_is_drawn_and_named_where_the_preset_has_one(name: str, thread: bool) -> None:
+    of = load_preset(name)
+    assert (draw(of, playable_notes(of)[5 % len(playable_notes(of))])["thread"] is not None) == thread
+    words = [entry["label"] + entry["tip"] for entry in describe(of) if entry["path"].startswith("obstacle.")]
+    named = [text for text in words if "jiva" in text or "Thread to edge" in text]
+    assert bool(named) == thread
