@@ -17,7 +17,7 @@ would just touch the edge: the bridge stays where it is, and its thread raises t
                     rest at this note down to the point (negative: pressed); in_play: the note can touch it
     board           [[x, mm] …] along the surface of a board without frets, else []
     frets           [x …] of a neck, else []; over a bridge they only stop strings, which do not touch them as they swing
-    thread          {x, height, drag} of a bridge with a thread (jiva), on which the string ends, which is its saddle; else None
+    thread          {x, height, drag} of a bridge with a thread (jiva), the saddle where the string ends; else None
     finger          {x, height, fret} of a stopped note, else None
     pluck           {x, x_hard, width_m, displacement_mm (at this velocity and note),
                     shape [[x, mm] …] the string as it is let go, drag}

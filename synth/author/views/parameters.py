@@ -118,7 +118,7 @@ def ranges(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
 
 def steppable(preset: Preset) -> dict[str, tuple[float | None, float | None]]:
     """(minimum, maximum) of every number that may take any value between them, by its path; of lists (None, None)."""
-    found = {}
+    found: dict[str, tuple[float | None, float | None]] = {}
     for entry, _ in _of_table(preset, Preset, "", preset):
         if entry["kind"] == "list" and entry["item"] == "number":
             found[entry["path"]] = (None, None)

@@ -11,7 +11,8 @@ PHONE_SCREENS = 3
 OVERPRINTED = """
 const boxes = [...document.querySelectorAll(arguments[0])].map((each) => each.getBoundingClientRect());
 return boxes.flatMap((a, i) => boxes.slice(0, i).filter((b) =>
-  Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1)).length;
+  Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 &&
+  Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1)).length;
 """
 
 
