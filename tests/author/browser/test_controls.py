@@ -88,25 +88,28 @@ def rest(page):
         page.result("await new Promise((done) => setTimeout(done, 100))")
 
 
-# ---- setup first, what is not given folded away
+# ---- what a player turns first, then the setup; what is not given folded away
 
 
 @pytest.mark.parametrize(
-    ("preset", "wanted"),
+    ("preset", "turned", "wanted"),
     [
-        ("tanpura", ["obstacle.kind", "obstacle.jiva_um", "obstacle.distance_mm", "pluck.position", "output.kind"]),
-        ("fretted-bass", ["obstacle.kind", "obstacle.count", "obstacle.heights_mm", "pluck.displacement_mm", "output.kind"]),
+        ("tanpura", ["pluck.position", "obstacle.jiva_um"], ["obstacle.kind", "obstacle.distance_mm", "output.kind"]),
+        ("fretted-bass", ["pluck.position", "pluck.displacement_mm"],
+         ["obstacle.kind", "obstacle.count", "obstacle.heights_mm", "output.kind"]),
             ],
     ids=["tanpura", "bass"],
 )  # fmt: skip
-def test_what_shapes_the_instrument_stands_first(opened, preset, wanted):
+def test_what_is_turned_first_and_what_shapes_the_instrument_stand_first(opened, preset, turned, wanted):
     page = opened(preset)
-    first = page.all(".control-groups > .group")[0]
-    assert first.get_attribute("data-group") == "setup" and first.text.startswith("Setup")
-    paths = [
-        each.get_attribute("data-path") for each in first.find_elements("css selector", ".control") if each.is_displayed()
-    ]
-    assert [path for path in paths if path in wanted] == wanted
+    first, setup = page.all(".control-groups > .group")[:2]
+    assert first.get_attribute("data-group") == "first" and first.text.startswith("First to turn")
+    assert setup.get_attribute("data-group") == "setup" and setup.text.startswith("Setup")
+    page.script("arguments[0].open = true", setup)
+    for group, expected in ((first, turned), (setup, wanted)):
+        shown = [each for each in group.find_elements("css selector", ".control") if each.is_displayed()]
+        paths = [each.get_attribute("data-path") for each in shown]
+        assert [path for path in paths if path in expected] == expected
     every = page.script("return [...document.querySelectorAll('.control')].map((each) => each.dataset.path)")
     assert len(set(every)) == len(every), "each control stands once"
 
