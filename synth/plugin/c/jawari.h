@@ -45,7 +45,10 @@ JAWARI_API const char *jawari_version(void);
 /* The instructions that it uses on this processor ("x86-64-v4", "x86-64-v3", "aarch64"); NULL: there are none. [any] */
 JAWARI_API const char *jawari_processor(char *why);
 
-/* The bank in a file: a file of its own, or one that stands behind the end of a library or plugin. */
+/* The bank in a file: a file of its own, or one that stands behind the end of a library or plugin.
+ *
+ * A bank is to be trusted like code. Its checksums find damage, not forgery: a bank that somebody has made with right checksums
+ * can end the program. Open banks only from where your own program keeps them. States are checked number by number. */
 JAWARI_API jawari_bank *jawari_open(const char *path, char *why);
 
 /* The bank that stands behind the end of the file from which this library was loaded. Opened twice it is there once. */
