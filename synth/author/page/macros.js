@@ -24,6 +24,7 @@ const LOSSES = ["viscoelastic_loss", "thermoelastic_q_inverse"];
 const TURNS = 4;
 const DIGITS = 6;
 
+/** The string of a path; undefined where another document has fewer. */
 const stringAt = (path, data) => data.string[Number(path.split(".")[1])];
 const isLoss = (path) => /^string\.\d+\./.test(path) && LOSSES.includes(path.split(".")[2]);
 
@@ -33,14 +34,14 @@ const LAWS = [
     label: "Sustain",
     tip: "How long the strings ring: their own losses, of all that are played, divided by this.",
     power: -1,
-    moves: (path, data) => isLoss(path) && !stringAt(path, data).sympathetic,
+    moves: (path, data) => isLoss(path) && stringAt(path, data)?.sympathetic === false,
   },
   {
     path: "macro.sympathetic",
     label: "Sympathetic strings",
     tip: "How long, and so how loud, the strings ring that no key plays: their losses divided by this.",
     power: -1,
-    moves: (path, data) => isLoss(path) && stringAt(path, data).sympathetic === true,
+    moves: (path, data) => isLoss(path) && stringAt(path, data)?.sympathetic === true,
   },
   {
     path: "macro.body",

@@ -112,6 +112,10 @@ class Page:
         control = self.until(lambda: self.all(f'.control[data-path="{path}"]'))[0]
         self.script("for (let e = arguments[0]; e; e = e.parentElement) if (e.matches('details')) e.open = true", control)
 
+    def unfold_all(self) -> None:
+        """Open all groups of controls."""
+        self.script("for (const each of document.querySelectorAll('.group')) each.open = true")
+
     def script(self, source: str, *arguments: Any) -> Any:
         return self.driver.execute_script(source, *arguments)  # type: ignore[no-untyped-call]
 

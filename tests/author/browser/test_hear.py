@@ -5,6 +5,7 @@ import base64
 import numpy as np
 import pytest
 import soundfile
+from selenium.webdriver.common.keys import Keys
 
 from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
 from tests.author.browser.running import set_value
@@ -92,6 +93,10 @@ def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
 def test_keys_play_the_version_that_is_shown(page, tmp_path):
     """As it is, then as it was saved: where a string has another note its old key comes back."""
     page.script("document.querySelector('#player input[type=checkbox]').click()")  # keys alone sound
+    row = page.find(".keys")
+    page.script("arguments[0].focus()", row)
+    row.send_keys(Keys.HOME)  # a note that both versions have
+    page.until(lambda: row.get_attribute("aria-valuenow") == "36")
     page.result(
         """await fetch(`/api/docs/${location.hash.slice(1)}/edit`, {method: "POST", body: JSON.stringify({
           changes: [{path: "string.0.notes", value: ["A2", "A2"]}, {path: "pluck.position", value: 0.2}], merge: null

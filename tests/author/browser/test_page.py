@@ -202,6 +202,7 @@ def test_values_by_note(page):
 
 def test_what_excludes_each_other_changes_together(page):
     assert state(page)["data"]["string"][0]["density_kg_m3"] == 7850
+    page.unfold_all()
     page.find('[role="tab"][data-tab="0"]').click()
     set_value(page, "string.0.linear_density_g_m", 0.9)
     page.until(lambda: state(page)["data"]["string"][0]["linear_density_g_m"] == 0.9)
@@ -210,6 +211,7 @@ def test_what_excludes_each_other_changes_together(page):
 
 
 def test_another_obstacle_and_rows_of_lists(page):
+    page.unfold_all()
     select = page.find('.control[data-path="obstacle.kind"] select')
     page.script("arguments[0].value = 'points'; arguments[0].dispatchEvent(new Event('change'))", select)
     page.until(lambda: state(page)["data"]["obstacle"]["kind"] == "points")
