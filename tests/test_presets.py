@@ -130,7 +130,7 @@ def string_of(name: str, note: int, index: int | None = None) -> Preset:
 def test_strokes_differ_but_of_those_that_the_page_names() -> None:
     alike = {preset.name for preset in list_presets() if not preset.hand.varies}
     text = (preset_folder().parent / "docs" / "presets.md").read_text(encoding="utf-8")
-    said = text.split("no two strokes of those with a `[hand]` are the same: all but ")[1].split(".")[0]
+    said = " ".join(text.split()).split("no two strokes are identical; only ")[1].split(" have none")[0]
     names = set(re.findall("`([^`]*)`(s?)", said))
     assert {each for each in EVERY for name, s in names if each == name or (s and each.startswith(f"{name}-"))} == alike
 

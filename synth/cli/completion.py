@@ -19,6 +19,7 @@ _ENDINGS = {
     "REC.wav": ("wav", "flac"),
     "OTHER.wav": ("wav", "flac"),
     "FILE.scl": ("scl",),
+    "FILE.sf2": ("sf2", "sf3"),
     "FILE.kbm": ("kbm",),
     "RUN.npz": ("npz",),
     "MOBILITY.csv": ("csv",),

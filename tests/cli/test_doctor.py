@@ -22,10 +22,12 @@ ROOT = Path(__file__).resolve().parents[2]
 def run(*arguments: str, before: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
     """`synth doctor` in a new interpreter, in which modules of the folder `before` come first."""
     path = os.pathsep.join(str(each) for each in (before, ROOT) if each is not None)
+    # what started this process may have imported the package, and chosen a folder of kernels for it
+    inherited = {name: value for name, value in kernel_cache.environment().items() if name != "NUMBA_CACHE_DIR"}
     return subprocess.run(
         [sys.executable, "-m", "synth", "doctor", "--timeout", "600", *arguments],
         cwd=before or ROOT,
-        env={**kernel_cache.environment(), "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", **environment},
+        env={**inherited, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", **environment},
         capture_output=True,
         text=True,
         timeout=compiling_s(),
