@@ -26,7 +26,8 @@ FUNCTIONS = (
 SIGNALS = ("SIGHUP", "SIGQUIT", "SIGTSTP", "SIGCONT", "SIGPIPE", "SIGTTIN", "SIGTTOU", "SIGUSR1", "SIGKILL")
 _LIBRARIES = (
     "asyncio", "concurrent.futures", "ctypes.util", "distributed", "http.client", "jack", "llvmlite.binding", "mido",
-    "multiprocessing", "multiprocessing.spawn", "numba", "numba.core.caching", "numba.core.ccallback", "numba.extending", "numba.typed",
+    "multiprocessing", "multiprocessing.spawn", "numba", "numba.core.caching", "numba.core.ccallback", "numba.extending",
+    "numba.typed",
     "numpy", "platform", "pydantic", "pydantic.functional_validators", "rtmidi", "scipy.interpolate", "scipy.linalg",
     "scipy.optimize", "scipy.signal", "scipy.special", "select", "shtab", "shutil", "socket", "sounddevice", "soundfile",
     "starlette.applications", "starlette.responses", "starlette.routing", "starlette.websockets", "subprocess", "tempfile",
