@@ -54,11 +54,14 @@ def open_special(path: str | os.PathLike[str]) -> FileIO:
     """
     if hasattr(os, "O_NONBLOCK") and stat.S_ISFIFO(os.stat(path).st_mode):
         try:
-            os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
+            handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
             if error.errno != errno.ENXIO:
                 raise
             print(f"synth: {os.fspath(path)}: waiting for a program that reads this pipe; Ctrl-C ends", file=sys.stderr)
+        else:
+            os.set_blocking(handle, True)
+            return FileIO(handle, "wb")  # closed and opened again, the reader would see the end between
     return FileIO(path, "wb")
 
 

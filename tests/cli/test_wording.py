@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tracemalloc
@@ -102,3 +103,14 @@ def test_a_pipe_with_a_reader_is_written_to_without_a_word(tmp_path: Path, capsy
     write_whole(pipe, lambda file: file.write(b"sound"))
     assert os.read(reader, 100) == b"sound" and capsys.readouterr().err == ""
     os.close(reader)
+
+
+@pytest.mark.skipif(shutil.which("cat") is None or not hasattr(os, "mkfifo"), reason="no cat, or no pipes with names")
+def test_a_reader_that_waits_gets_everything(tmp_path: Path) -> None:
+    """…and sees no end before the beginning."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for _ in range(20):
+        with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE) as reader:
+            write_whole(pipe, lambda file: file.write(b"sound"))
+            assert reader.stdout is not None and reader.stdout.read() == b"sound"
