@@ -130,9 +130,8 @@ def _drone(options: argparse.Namespace) -> DroneSettings | None:
     from synth.plugin.droning import DroneSettings
 
     check_strings(options)
-    if len(options.presets) != 1:
-        raise ValueError(f"--drone needs one preset, a tanpura; got {len(options.presets)}")
-    preset = load_presets(options.presets, options.settings)[options.presets[0]]
+    name = options.presets[0] if options.presets else "tanpura"  # of several presets no drone is made, which `export` says
+    preset = load_presets([name], options.settings)[name]
     cycle = Cycle(options.cycle, options.spacing, options.human, seed=options.seed)
     return DroneSettings(**pitches(options, preset), equal=options.equal, cycle=cycle, beats=options.beats)
 
