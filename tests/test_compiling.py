@@ -224,7 +224,8 @@ def test_files_that_were_cut_short(tried: Tried, length: int) -> None:
 
 
 def test_two_processes_that_keep_different_signatures_at_once(tried: Tried) -> None:
-    """Without a lock both would number theirs 1, and one would find the other's machine code under its signature."""
+    """Without a lock both would number theirs 1, and one would find the other's machine code under its signature. Claims are
+    left out here: with them the second would wait for what the first compiles."""
     text = """
 from pathlib import Path
 import numba
@@ -244,6 +245,7 @@ def slowly(self):  # …and take their time between reading the index and writin
     time.sleep(1.0)
     return found
 
+kernel_cache.kernel_claims.wait_for = lambda name: False
 kernel_cache._writing = together
 kernel_cache.PATIENCE_S = 600.0  # however slow the machine, each waits for its turn
 print(kernels.apart({value}))

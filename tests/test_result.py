@@ -366,7 +366,7 @@ def test_the_package_shows_its_names() -> None:
 def test_overrides_are_typed_as_they_are_read() -> None:
     assert set(Overrides.__annotations__) == {*OVERRIDES, "quality"}
     shown = inspect.signature(simulate).parameters
-    assert {"case", "resume_from", "warn", *Overrides.__annotations__} == set(shown)
+    assert {"case", "resume_from", "warn", "settings", *Overrides.__annotations__} == set(shown)
 
 
 @pytest.mark.parametrize("case", [[1], 3, None, b"tanpura", {1}])

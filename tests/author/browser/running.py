@@ -108,9 +108,23 @@ class Page:
         return self.find(FIELD.format(path))
 
     def unfold(self, path: str) -> None:
-        """Open what folds a control away."""
-        control = self.until(lambda: self.all(f'.control[data-path="{path}"]'))[0]
-        self.script("for (let e = arguments[0]; e; e = e.parentElement) if (e.matches('details')) e.open = true", control)
+        """Open what folds a control away; the control of a string that is not shown: its tab first."""
+        if string := re.match(r"string\.(\d+)\.", path):
+            self.tab(int(string[1]))
+        self._unfolded(f'.control[data-path="{path}"]')
+
+    def tab(self, string: int) -> None:
+        """Show the controls of a string, and with them its picture and its note."""
+        found = self._unfolded(f'[role="tab"][data-tab="{string}"]')
+        if found.get_attribute("aria-selected") != "true":
+            found.click()
+            self.until(lambda: self.all(f'[role="tab"][data-tab="{string}"][aria-selected="true"]'))
+
+    def _unfolded(self, selector: str) -> WebElement:
+        """An element, with the groups opened that it lies in."""
+        found: WebElement = self.until(lambda: self.all(selector))[0]
+        self.script("for (let e = arguments[0]; e; e = e.parentElement) if (e.matches('details')) e.open = true", found)
+        return found
 
     def unfold_all(self) -> None:
         """Open all groups of controls."""

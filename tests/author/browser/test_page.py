@@ -203,7 +203,7 @@ def test_values_by_note(page):
 def test_what_excludes_each_other_changes_together(page):
     assert state(page)["data"]["string"][0]["density_kg_m3"] == 7850
     page.unfold_all()
-    page.find('[role="tab"][data-tab="0"]').click()
+    page.tab(0)
     set_value(page, "string.0.linear_density_g_m", 0.9)
     page.until(lambda: state(page)["data"]["string"][0]["linear_density_g_m"] == 0.9)
     assert state(page)["data"]["string"][0]["density_kg_m3"] is None
@@ -257,7 +257,7 @@ def test_every_parameter_has_a_control_with_a_tip(page):
     tips = page.script("return Object.fromEntries([...document.querySelectorAll('[data-path] .control-name')].map("
                        "(name) => [name.closest('[data-path]').dataset.path, name.dataset.tip]))")  # fmt: skip
     for index in range(4):  # one string is shown at a time
-        page.find(f'[role="tab"][data-tab="{index}"]').click()
+        page.tab(index)
         page.until(lambda index=index: page.all(f'.control[data-path="string.{index}.length_m"]'))
         tips |= page.script("return Object.fromEntries([...document.querySelectorAll('.control .control-name')].map("
                             "(name) => [name.closest('[data-path]').dataset.path, name.dataset.tip]))")  # fmt: skip

@@ -155,7 +155,7 @@ def test_tab_of_a_preset_that_is_written_over_shows_what_took_its_place(page, fo
         "await post(`/api/docs/${other.doc}/save-as`, {name: 'mine', overwrite: true});"
         "return other.doc;"
     )
-    page.until(lambda: page.text("#title") == "Jawari harp")
+    page.until(lambda: page.text("#title") == "Mine")  # another name gives another title
     assert page.script("return location.hash.slice(1)") == key
 
 

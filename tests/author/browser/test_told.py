@@ -109,11 +109,11 @@ def test_notices_cover_neither_search_nor_dock(opened):
 
 def test_the_tab_of_a_string_leads_picture_and_note(opened):
     page = opened("tanpura")
-    page.find('[role="tab"][data-tab="0"]').click()
+    page.tab(0)
     page.until(lambda: page.text(".stage.whole figcaption").startswith("Pa string"))
     assert page.find("#note").get_property("value") == "43"
     # two strings of one note: the one that was chosen stays
-    page.find('[role="tab"][data-tab="2"]').click()
+    page.tab(2)
     page.until(lambda: page.find("#note").get_property("value") == "48")
     page.until(lambda: page.text(".stage.whole figcaption").startswith("Sa 1 string"))
     assert page.find('[role="tab"][data-tab="2"]').get_attribute("aria-selected") == "true"
@@ -123,7 +123,7 @@ def test_the_tab_of_a_string_leads_picture_and_note(opened):
 
 def test_a_note_that_goes_elsewhere_is_announced(opened):
     page = opened("tanpura")
-    page.find('[role="tab"][data-tab="0"]').click()
+    page.tab(0)
     page.until(lambda: page.text(".stage.whole figcaption").startswith("Pa string"))
     edit(page, ("string.0.notes", "F2"))
     said = page.until(lambda: [each.text for each in page.all(".notice") if "G2" in each.text])
@@ -132,7 +132,7 @@ def test_a_note_that_goes_elsewhere_is_announced(opened):
 
 def test_what_cannot_be_compared_is_said(opened):
     page = opened("tanpura")
-    page.find('[role="tab"][data-tab="0"]').click()
+    page.tab(0)
     edit(page, ("string.0.notes", "F2"))
     page.until(lambda: page.find("#note").get_property("value") == "41")
     page.find("#analysis .analysis-head input[type=checkbox]").click()
