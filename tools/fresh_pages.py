@@ -64,6 +64,7 @@ WAYS: dict[str, Way] = {
         "checkout", serves="http://127.0.0.1:8000/listen.html", instead="./tools/docs --no-sounds --serve"
     ),
     "synth render": _NAME,
+    "synth render --rest": _NAME,
     "synth simulate": _NAME,
     "tools/bench": _FIGURE,
     "tools/bench --only cold": _FIGURE,
