@@ -92,6 +92,20 @@ class Memory:
         """Where an array that was added begins in its region."""
         return self._offsets[self._known[array.ctypes.data, array.nbytes]]
 
+    def constants(self) -> list[bytes]:
+        """What is constant, once each, as it lies."""
+        return list(self._constant)
+
+    def arrange(self, constants: Sequence[bytes]) -> None:
+        """Lay what is constant out in this order, all of it."""
+        at = 0
+        for content in constants:
+            self._constant[content] = at
+            at += -(-len(content) // LINE) * LINE
+        for k, piece in enumerate(self._pieces):
+            if piece.region == CONSTANT:
+                self._offsets[k] = self._constant[piece.content]
+
     def image(self, function_at: Callable[[int], str | None]) -> Image:
         """All of it; `function_at` names the compiled function at an address.
 
