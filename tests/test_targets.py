@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, what is taken away of killed processes, outputs that are inputs."""
 
 import contextlib
+import errno
 import os
 import signal
 import subprocess
@@ -261,6 +262,33 @@ def test_a_folder_takes_the_place_of_another(tmp_path: Path) -> None:
     write_folder(place, FOLDER, programs=".so")
     modes = {path.name: path.stat().st_mode & 0o111 != 0 for path in place.rglob("*") if path.is_file()}
     assert modes == {"x.so": True, "about": False}
+
+
+def test_a_program_in_a_folder_is_another_name_of_a_file_that_is_the_same(tmp_path: Path) -> None:
+    there, place = tmp_path / "x.clap", tmp_path / "x.vst3"
+    there.write_bytes(b"old")
+    write_folder(place, FOLDER, programs=".so", same=there)
+    assert (place / "Contents/x86_64-linux/x.so").samefile(there) and (place / "about").stat().st_nlink == 1
+    write_text(there, "new")
+    assert contents(place) == FOLDER  # the other name stays what it was
+
+
+@pytest.mark.parametrize("kind", ["other bytes", "a pipe", "a link", "nothing", "no hard links here"])
+def test_where_a_program_cannot_be_another_name_it_is_a_file_of_its_own(kind: str, tmp_path: Path, monkeypatch) -> None:
+    there, place = tmp_path / "x.clap", tmp_path / "x.vst3"
+    if kind == "other bytes":
+        there.write_bytes(b"new")
+    elif kind == "a pipe":
+        os.mkfifo(there)
+    elif kind == "a link":
+        (tmp_path / "else").write_bytes(b"old")
+        there.symlink_to("else")
+    elif kind == "no hard links here":
+        there.write_bytes(b"old")
+        monkeypatch.setattr(os, "link", lambda *a, **b: (_ for _ in ()).throw(OSError(errno.EPERM, "not permitted")))
+    write_folder(place, FOLDER, programs=".so", same=there)
+    assert contents(place) == FOLDER and (place / "Contents/x86_64-linux/x.so").lstat().st_nlink == 1
+    assert (place / "Contents/x86_64-linux/x.so").stat().st_mode & 0o100
 
 
 @pytest.mark.parametrize("step", [1, 2])

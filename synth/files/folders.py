@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,10 +12,11 @@ from synth.files import unfinished
 from synth.files.targets import naming
 
 
-def write_folder(path: Path, files: Mapping[str, bytes], programs: str = "") -> None:
+def write_folder(path: Path, files: Mapping[str, bytes], programs: str = "", same: Path | None = None) -> None:
     """Write a folder beside its place, then rename it: whatever happens, what was there before is there, or this one.
 
-    files: relative name -> content. programs: names with this ending may be run. Raises OSError that names `path`.
+    files: relative name -> content. programs: names with this ending may be run, and become further names of the file `same`
+    (hard links) where it has their content and the file system allows that. Raises OSError that names `path`.
     """
     whole = _WholeFolder(path)
     try:
@@ -23,12 +25,32 @@ def write_folder(path: Path, files: Mapping[str, bytes], programs: str = "") -> 
             for name, data in files.items():
                 file = new / name
                 file.parent.mkdir(parents=True, exist_ok=True)
-                mode = 0o777 if programs and name.endswith(programs) else 0o666
+                program = bool(programs) and name.endswith(programs)
+                if program and same is not None and _linked(same, file, data):
+                    continue
+                mode = 0o777 if program else 0o666
                 with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as out:
                     out.write(data)
             whole.commit()
     finally:  # also where it was interrupted between the two names
         whole.discard()
+
+
+def _linked(there: Path, name: Path, data: bytes) -> bool:
+    """Give the file that is there another name if it holds `data`; False and no such name where that cannot be."""
+    try:
+        if not stat.S_ISREG(os.lstat(there).st_mode):  # to read a pipe would wait for ever
+            return False
+        os.link(there, name, follow_symlinks=False)
+    except OSError:  # another file system, or one without hard links
+        return False
+    try:
+        if stat.S_ISREG(os.lstat(name).st_mode) and name.read_bytes() == data:
+            return True
+    except OSError:
+        pass
+    name.unlink()  # another process has written there meanwhile
+    return False
 
 
 class _WholeFolder:

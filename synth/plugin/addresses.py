@@ -58,11 +58,13 @@ class Memory:
     def __init__(self) -> None:
         self._pieces: list[Piece] = []
         self._known: dict[tuple[int, int], int] = {}
+        self._constant: dict[bytes, int] = {}
         self._offsets: list[int] = []
         self._ends = [0, 0, 0]
 
     def add(self, region: int, array: np.ndarray, *, content: np.ndarray | None = None, points: Sequence[int] = ()) -> None:
-        """An array, behind the others of its region; what is there already is not added again.
+        """An array, behind the others of its region; what is there already is not added again, and constant arrays of the
+        same bytes lie at one place.
 
         content: what it holds to begin with, where that is not what it holds now.
         """
@@ -72,10 +74,15 @@ class Memory:
         key = array.ctypes.data, array.nbytes
         if array.nbytes == 0 or key in self._known:
             return
+        piece = Piece(region, array.ctypes.data, held.tobytes(), tuple(points))
         self._known[key] = len(self._pieces)
-        self._offsets.append(self._ends[region])
-        self._ends[region] += -(-array.nbytes // LINE) * LINE
-        self._pieces.append(Piece(region, array.ctypes.data, held.tobytes(), tuple(points)))
+        self._pieces.append(piece)
+        at = self._ends[region]
+        if region == CONSTANT:
+            at = self._constant.setdefault(piece.content, at)
+        self._offsets.append(at)
+        if at == self._ends[region]:
+            self._ends[region] += -(-array.nbytes // LINE) * LINE
 
     def end(self, region: int) -> int:
         """Where the next array of a region will begin."""
@@ -84,6 +91,20 @@ class Memory:
     def place(self, array: np.ndarray) -> int:
         """Where an array that was added begins in its region."""
         return self._offsets[self._known[array.ctypes.data, array.nbytes]]
+
+    def constants(self) -> list[bytes]:
+        """What is constant, once each, as it lies."""
+        return list(self._constant)
+
+    def arrange(self, constants: Sequence[bytes]) -> None:
+        """Lay what is constant out in this order, all of it."""
+        at = 0
+        for content in constants:
+            self._constant[content] = at
+            at += -(-len(content) // LINE) * LINE
+        for k, piece in enumerate(self._pieces):
+            if piece.region == CONSTANT:
+                self._offsets[k] = self._constant[piece.content]
 
     def image(self, function_at: Callable[[int], str | None]) -> Image:
         """All of it; `function_at` names the compiled function at an address.

@@ -11,6 +11,9 @@ addresses. Each preset is a part, which the programs 0, 1, … of every channel 
                   that plays one by itself, as `droning` has it
     per rate      its block: constants, core and thread as they begin, RELOCATION each, the limits of a state (`limits`)
 
+Strings take the same steps at a rate and at its octave where more steps make up for the lower rate: the constants of the two
+then have much in common. It is there once, at the end of the lower rate's block, where the other's begins.
+
 A checksum (CRC-32) covers header and tables, another each block. Where the library looks into an engine's memory, it finds
 the places in PLACES of the rate.
 """
@@ -22,7 +25,7 @@ import sys
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -207,14 +210,22 @@ def bank(
     if len(presets) > 1:
         program_map = np.full((16, 128), -1, np.int64)
         program_map[:, : len(presets)] = np.arange(len(presets))
-    blocks: list[bytes] = []
-    rows = np.zeros(len(rates), RATE)
+    blocks: list[_Block] = []
     functions: list[str] = []
-    for k, rate in enumerate(rates):
-        engine = Engine(presets, program_map, **options)
-        engine.prepare(rate, progress=None if progress is None else _of_all(progress, k, len(rates)))
-        block, rows[k] = _block(engine, functions)
-        blocks.append(block)
+    for together in _octaves(rates):
+        made: list[_Prepared] = []
+        for rate in together:
+            engine = Engine(presets, program_map, **options)
+            done = len(blocks) + len(made)
+            engine.prepare(rate, progress=None if progress is None else _of_all(progress, done, len(rates)))
+            made.append(_Prepared(engine))
+        common = _bring_together(*made) if len(made) == 2 else 0
+        for k, prepared in enumerate(made):
+            data, row = _block(prepared, functions, constants_last=common > 0 and k == 0)
+            blocks.append(_Block(rates.index(together[k]), row, data, common if k == 1 else 0))
+    rows = np.zeros(len(rates), RATE)
+    for block in blocks:
+        rows[block.number] = block.row
     tables = (
         np.concatenate([_preset(each) for each in about.presets]),
         _parameters(about.parameters),
@@ -227,6 +238,44 @@ def bank(
     return _file(about.id, about.name, tables, blocks)
 
 
+class _Prepared:
+    """An engine that is prepared, and its memory; `sounding`: from where to where in the core it sounds."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine, self.memory = engine, Memory()
+        self.sounding = _add_all(self.memory, engine)
+
+
+class _Block(NamedTuple):
+    """A rate's block: its number among the rates, its row, what it holds, and how much of that ends the block before."""
+
+    number: int
+    row: np.ndarray
+    data: bytes
+    common: int
+
+
+def _octaves(rates: Sequence[float]) -> list[list[float]]:
+    """Rates in ascending order, each with its octave where that is among them and no other's."""
+    left, found = list(rates), []
+    while left:
+        rate = left.pop(0)
+        octave = [each for each in left if each == 2.0 * rate]
+        left = [each for each in left if each not in octave]
+        found.append([rate, *octave])
+    return found
+
+
+def _bring_together(lower: _Prepared, upper: _Prepared) -> int:
+    """Constants that both have lie at the end of the one's and at the beginning of the other's. How many bytes they take."""
+    first, second = lower.memory.constants(), upper.memory.constants()
+    in_second, in_first = set(second), set(first)
+    common = [each for each in first if each in in_second]
+    lower.memory.arrange([each for each in first if each not in in_second] + common)
+    upper.memory.arrange(common + [each for each in second if each not in in_first])
+    return sum(_up(len(each), _LINE) for each in common)
+
+
 def uid_of(id: str) -> bytes:
     """(16 bytes) what hosts know a plugin by, for ever: it follows from the bank's id."""
     return hashlib.blake2b(f"org.jawari.{id}".encode(), digest_size=16).digest()
@@ -237,16 +286,18 @@ def _of_all(progress: Callable[[int, int], None], done: int, rates: int) -> Call
     return lambda here, strings: progress(done * strings + here, rates * strings)
 
 
-def _file(id: str, name: str, tables: tuple[np.ndarray, ...], blocks: list[bytes]) -> bytes:
+def _file(id: str, name: str, tables: tuple[np.ndarray, ...], blocks: list[_Block]) -> bytes:
     presets, parameters, functions, rows, setup, kept, score = tables
     places, end = [], HEADER.itemsize
     for each in tables:
         places.append(_up(end, _LINE))
         end = places[-1] + each.nbytes
-    at = _up(end, PAGE)
-    for row, block in zip(rows, blocks, strict=True):
-        row["at"], row["size"], row["checksum"] = at, len(block), zlib.crc32(block)
-        at += len(block)
+    at = end
+    for block in blocks:
+        row = rows[block.number]
+        row["at"] = at - block.common if block.common else _up(at, PAGE)
+        row["size"], row["checksum"] = len(block.data), zlib.crc32(block.data)
+        at = int(row["at"]) + len(block.data)
     header = np.zeros(1, HEADER)
     given = {
         "magic": MAGIC,
@@ -277,8 +328,9 @@ def _file(id: str, name: str, tables: tuple[np.ndarray, ...], blocks: list[bytes
     out[: HEADER.itemsize] = header.tobytes()
     header["checksum"] = zlib.crc32(out[:end])
     out[: HEADER.itemsize] = header.tobytes()
-    for row, block in zip(rows, blocks, strict=True):
-        out[int(row["at"]) : int(row["at"]) + len(block)] = block
+    for block in blocks:
+        begin = int(rows[block.number]["at"])
+        out[begin : begin + len(block.data)] = block.data
     return bytes(out)
 
 
@@ -307,10 +359,12 @@ def _parameters(parameters: Sequence[Parameter | SetupNumber]) -> np.ndarray:
     return np.array(rows, PARAMETER)
 
 
-def _block(engine: Engine, functions: list[str]) -> tuple[bytes, np.ndarray]:
-    """A rate's block and its row, but for where that stands; functions that are new are added to the list."""
-    memory = Memory()
-    sounding = _add_all(memory, engine)
+def _block(prepared: _Prepared, functions: list[str], constants_last: bool = False) -> tuple[bytes, np.ndarray]:
+    """A rate's block and its row, but for where that stands; functions that are new are added to the list.
+
+    constants_last: the block ends where the constants do, and else they begin where the block does.
+    """
+    engine, memory, sounding = prepared.engine, prepared.memory, prepared.sounding
     image = memory.image(_function_at)
     missing = sorted(set(image.functions) - set(names()))
     if missing:
@@ -333,7 +387,9 @@ def _block(engine: Engine, functions: list[str]) -> tuple[bytes, np.ndarray]:
         return at
 
     constant, core, thread = image.regions
-    row["constants_at"], row["constants"] = put(constant.stored.ljust(constant.size, b"\0")), constant.size
+    constants = constant.stored.ljust(constant.size, b"\0")
+    if not constants_last:
+        row["constants_at"] = put(constants)
     row["core_at"], row["core_stored"], row["core"] = put(core.stored), len(core.stored), core.size
     row["thread_at"], row["thread_stored"], row["thread"] = put(thread.stored), len(thread.stored), thread.size
     row["relocations_at"], row["relocations"] = put(relocations.tobytes()), len(relocations)
@@ -342,7 +398,11 @@ def _block(engine: Engine, functions: list[str]) -> tuple[bytes, np.ndarray]:
         table = getattr(limits, name)
         row[f"{name}_at"], row[name] = put(table.tobytes()), len(table)
     row["ahead"] = limits.ahead
-    out.extend(bytes(_up(len(out), PAGE) - len(out)))
+    if constants_last:
+        row["constants_at"] = put(constants)
+    else:
+        out.extend(bytes(_up(len(out), PAGE) - len(out)))
+    row["constants"] = constant.size
     row["rate_hz"], row["latency"] = engine.rate_hz, engine.latency_samples
     row["tail"] = round(engine.tail_seconds * engine.rate_hz)
     row["strings"] = sum(len(part.strings) for part in engine.compiled)

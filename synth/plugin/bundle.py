@@ -60,22 +60,25 @@ def check(kind: str, path: Path) -> None:
         raise FileExistsError(f"{path}: holds {other}, which belongs to no plugin of ours; give another name")
 
 
-def write(kind: str, path: Path, library: bytes, description: Description) -> None:
-    """A plugin of a format at `path`: whole, or what was there before.
+def write(kind: str, path: Path, library: bytes, description: Description, same: Path | None = None) -> Path:
+    """A plugin of a format at `path`: whole, or what was there before. The path of the library in it.
 
-    library: the native library with its bank behind it. Raises OSError that names what could not be written.
+    library: the native library with its bank behind it. same: a file with these bytes, of which the library in a folder
+    becomes another name where the file system allows. Raises OSError that names what could not be written.
     """
     check(kind, path)
     if kind == "clap":
         write_whole(path, lambda file: file.write(library), 0o777)
-        return
+        return path
     if kind == "vst3":  # which wants the folder's name again
         stem = path.name.removesuffix(f".{kind}") or description.id
-        files: dict[str, bytes] = {f"Contents/{platform.machine()}-linux/{stem}.so": library}
+        name = f"Contents/{platform.machine()}-linux/{stem}.so"
+        files = {name: library}
     else:  # whose texts name the library by an IRI: an id needs no escapes
         name = f"{description.id}.so"
         files = {name: library, **{each: text.encode() for each, text in turtle.texts(description, name).items()}}
-    write_folder(path, files, programs=".so")
+    write_folder(path, files, programs=".so", same=same)
+    return path / name
 
 
 def _foreign(kind: str, path: Path) -> str | None:

@@ -114,10 +114,12 @@ def export(
         progress=progress,
     )
     whole = library.with_bank(native, bank)
-    for kind, path in paths.items():
+    same = None
+    for kind in sorted(paths, key=bundle.FORMATS.index):  # CLAP, which is a file, first: those in folders become names of it
+        path = paths[kind]
         if make_folders:
             path.parent.mkdir(parents=True, exist_ok=True)
-        bundle.write(kind, path, whole, description)
+        same = bundle.write(kind, path, whole, description, same)
     python_record.write()
     return _report(wanted, description, paths, len(whole) - len(bank), len(bank))
 

@@ -68,9 +68,18 @@ class Instance:
     """A plugin at a rate. Raises ValueError with what it logged where it would not be made.
 
     controls  the parameters' ports, with what they hold; enabled, latency: those ports
+    bundle    what the plugin is told of the folder that it lies in, where that is not the library's
     """
 
-    def __init__(self, library: Path, rate_hz: float, defaults: Sequence[float], *, mapped: bool = True) -> None:
+    def __init__(
+        self,
+        library: Path,
+        rate_hz: float,
+        defaults: Sequence[float],
+        *,
+        mapped: bool = True,
+        bundle: Path | None = None,
+    ) -> None:
         found = descriptor(library)
         assert found is not None
         self.uri = found.uri.decode()
@@ -85,7 +94,7 @@ class Instance:
         self._features = features
         pointers = (c.POINTER(_Feature) * (len(features) + 1))(*(c.pointer(each) for each in features), None)
         self._pointers = pointers
-        self._handle = found.instantiate(c.addressof(found), rate_hz, str(library.parent).encode(), pointers)
+        self._handle = found.instantiate(c.addressof(found), rate_hz, str(bundle or library.parent).encode(), pointers)
         if not self._handle:
             raise ValueError("; ".join(self.logged))
         self.controls = np.array(defaults, np.float32)

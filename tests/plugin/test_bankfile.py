@@ -287,6 +287,36 @@ def test_files_that_are_none(library, tmp_path):
 # --- memory ---
 
 
+def test_constant_arrays_of_the_same_bytes_lie_at_one_place():
+    memory = Memory()
+    arrays = [aligned(10), aligned(10), aligned(12)]
+    changing = [aligned(10), aligned(10)]
+    for k, array in enumerate(arrays):
+        array[:] = 1.5
+        memory.add(CONSTANT, array)
+        assert memory.place(array) == (0, 0, 128)[k]
+    for array in changing:
+        memory.add(CORE, array)
+    table = aligned(4, np.int64)
+    table[:3] = [array.ctypes.data + 16 for array in arrays]
+    memory.add(CORE, table, points=[0, 1, 2])
+    image = memory.image(lambda address: None)
+    assert image.relocations["target"].tolist() == [16, 16, 144] and image.regions[CONSTANT].size == 256
+    assert memory.place(changing[0]) != memory.place(changing[1])
+
+
+def test_a_fretted_string_keeps_what_its_frets_share_once(library, bank_files):
+    """Rows of step coefficients, the largest tables, are the same for a model and for its flight between contacts."""
+    data = bank_files["fretted-bass"].read_bytes()
+    engine = Engine([load_preset("fretted-bass")])
+    engine.prepare(44100.0)
+    models = [*engine._strings.models, *engine._strings._kept.flights]
+    rows = {model.rows.tobytes() for model in models}
+    assert len(rows) < len(models)
+    for each in rows:
+        assert data.count(each) == 1
+
+
 def test_words_that_lead_nowhere_and_words_that_nobody_declared_are_found():
     memory = Memory()
     taps, table, other = aligned(10), aligned(4, np.int64), aligned(3)

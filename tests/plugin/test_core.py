@@ -94,6 +94,31 @@ def wild(seed: int, parts: int, frames: int = FRAMES, count: int = 250) -> np.nd
     return events
 
 
+def test_a_rate_and_its_octave_keep_what_they_share_once_and_sound_as_in_python(library, tmp_path):
+    rates, events = (44100.0, 48000.0, 88200.0), wild(3, 1, 20000, 120)
+    whole, alone = bank([SHARED], rates), [bank([SHARED], [rate]) for rate in rates]
+    path = tmp_path / "rates.jawari"
+    path.write_bytes(whole)
+    opened, tables = library.open_bank(path), []
+    for rate_hz in rates:
+        engine = Engine([SHARED])
+        engine.prepare(rate_hz, 4096)
+        models = (*engine._strings.models, *engine._strings._kept.flights)
+        tables.append({model.rows.tobytes() for model in models})
+        native = opened.engine(rate_hz)
+        assert same(play(engine, events, 20000, 512), native.play(events, 20000, 700))
+    shared = tables[0] & tables[2]
+    assert shared and all(whole.count(each) == 1 for table in tables for each in table)
+    assert len(whole) < sum(map(len, alone)) - sum(map(len, shared))
+    at = whole.index(next(iter(shared)))
+    path.write_bytes(whole[: at + 9] + bytes([whole[at + 9] ^ 1]) + whole[at + 10 :])
+    damaged = library.open_bank(path)
+    assert damaged.engine(48000.0)
+    for rate_hz in (44100.0, 88200.0):
+        with pytest.raises(Refused, match="checksum"):
+            damaged.engine(rate_hz)
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_sounds_as_in_python(library, bank_files, name):
     events, sizes = wild(3, 1), sizes_of(np.random.default_rng(4))

@@ -95,6 +95,27 @@ def test_all_formats_are_one_library_and_what_each_wants_beside_it(export: Expor
     assert os.access(export.folder / "tanpura.clap", os.X_OK)
 
 
+@pytest.mark.parametrize("arguments", [["--install"], ["-f", "all"]])
+def test_all_formats_of_an_export_take_the_room_of_one(arguments: list[str], export: Export) -> None:
+    told = json.loads(export("tanpura", *arguments, "--json", *CHEAP))
+    files = [path for path in export.folder.rglob("*") if path.is_file()]
+    held = {(about.st_dev, about.st_ino): about.st_size for about in (path.stat() for path in files)}
+    one = told["library_bytes"] + told["bank_bytes"]
+    assert one <= sum(held.values()) < 1.1 * one and len(files) == 5
+
+
+def test_another_export_of_one_format_leaves_the_others(export: Export) -> None:
+    export("tanpura", "-f", "all", *CHEAP)
+    before = export.files()
+    for kind, name in [("clap", "tanpura.clap"), ("vst3", "tanpura.vst3/Contents/x86_64-linux/tanpura.so")]:
+        export("tanpura", "-f", kind, "--set", "pluck.position=0.31", *CHEAP)
+        after = export.files()
+        assert {each for each in before if after[each] != before[each]} == {name}
+        before = after
+    (export.folder / "tanpura.clap").unlink()
+    assert presets_in(export.folder / "tanpura.lv2" / "tanpura.so") == ["tanpura"]
+
+
 def test_several_presets_are_programs_of_one_plugin(export: Export, tmp_path: Path) -> None:
     """`--all` takes every file of the folder; four kinds of instruments stand for all that come with the program."""
     names = ["fretless-bass", "jawari-harp", "sitar", "steel-guitar"]

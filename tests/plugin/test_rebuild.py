@@ -297,8 +297,10 @@ WRONG = {
     "echo warming up; echo the strings are gone 1>&2; exit 2": "the strings are gone",
     "kill -9 $$": "there is no bank of it in the cache, or it is not the user's alone",
     "exit 0": "there is no bank of it in the cache, or it is not the user's alone",
-    'mkdir -p "$(dirname "$6")"; echo nonsense > "$6"': "there is no bank in",
-    'mkdir -p "$(dirname "$6")"; cp "$3" "$6"; chmod 666 "$6"': "it is not the user's alone",
+    'umask 077; mkdir -p "$(dirname "$6")"; echo nonsense > "$6"': "there is no bank in",
+    'umask 077; mkdir -p "$(dirname "$6")"; cp "$3" "$6"; chmod 666 "$6"': "it is not the user's alone",
+    'umask 077; mkdir -p "$(dirname "$6")"; cp "$3" "$6"; chmod 620 "$6"': "it is not the user's alone",
+    'umask 077; mkdir -p "$(dirname "$6")"; cp "$3" "$6"; chmod 770 "$(dirname "$6")"': "it is not the user's alone",
     "exec sleep 1000": "Python took longer than 1 s and was ended",
     "exec /nowhere/python": "not found",
 }

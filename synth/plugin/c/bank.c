@@ -301,18 +301,26 @@ jawari_bank *jawari_open(const char *path, char *why) {
     return bank;
 }
 
-/* The file from which the library was loaded; NULL: the system does not say. It may have been named from a folder that the
- * program leaves later: where that is from the root on is asked while it is loaded. */
+/* The file from which the library was loaded, kept open: an export may replace it meanwhile, and of a file with several names
+ * (the formats of one export) the one by which it was loaded may go. −1: it cannot be opened. Neither environment, nor working
+ * directory, nor a state can name another. */
+static int own_file = -1;
+/* Its path from the root on, for messages: it may have been named from a folder that the program leaves later. */
 static char *own_path;
 
-__attribute__((constructor)) static void find_own_path(void) {
+__attribute__((constructor)) static void find_own_file(void) {
     Dl_info info;
     /* any object of the library's; of a function the standard knows no such pointer */
     if (dladdr(MAGIC, &info) != 0 && info.dli_fname != NULL)
         own_path = realpath(info.dli_fname, NULL);
+    if (own_path != NULL)
+        own_file = open(own_path, O_RDONLY | O_CLOEXEC);
 }
 
-__attribute__((destructor)) static void forget_own_path(void) {
+__attribute__((destructor)) static void forget_own_file(void) {
+    if (own_file >= 0)
+        close(own_file);
+    own_file = -1;
     free(own_path);
     own_path = NULL;
 }
@@ -322,11 +330,15 @@ jawari_bank *jawari_open_own(char *why) {
         core_say(why, "the system does not say from which file the library was loaded");
         return NULL;
     }
+    if (own_file < 0) {
+        core_say(why, "%s could not be read when it was loaded; load it again", own_path);
+        return NULL;
+    }
     pthread_mutex_lock(&holding);
     if (own != NULL)
         own->holds++;
     else
-        own = jawari_open(own_path, why);
+        own = open_file(own_file, own_path, why);
     jawari_bank *bank = own;
     pthread_mutex_unlock(&holding);
     return bank;

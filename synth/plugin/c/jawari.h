@@ -51,7 +51,8 @@ JAWARI_API const char *jawari_processor(char *why);
  * can end the program. Open banks only from where your own program keeps them. States are checked number by number. */
 JAWARI_API jawari_bank *jawari_open(const char *path, char *why);
 
-/* The bank that stands behind the end of the file from which this library was loaded. Opened twice it is there once. */
+/* The bank that stands behind the end of the file from which this library was loaded, even where another file has that name by
+ * now: it is kept open from then on. Opened twice it is there once. */
 JAWARI_API jawari_bank *jawari_open_own(char *why);
 
 /* Another hold on an open bank, to be closed as well. */

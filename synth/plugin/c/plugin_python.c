@@ -25,11 +25,12 @@ enum { PATIENCE_S = 300 }; /* without the native library all kernels are compile
 
 /* ---- who may be run ---- */
 
-static bool ours(const struct stat *about) {
-    return (about->st_uid == 0 || about->st_uid == geteuid()) && !(about->st_mode & S_IWOTH);
+static bool ours(const struct stat *about, mode_t open_to) {
+    return (about->st_uid == 0 || about->st_uid == geteuid()) && !(about->st_mode & open_to);
 }
 
-bool plugin_python_trusted(const char *path) {
+/* Whether a file and its folder are the user's or root's, and those who are `open_to` cannot write there. */
+static bool trusted(const char *path, mode_t open_to) {
     char folder[PYTHON_PATH];
     struct stat about, around;
     plugin_copy_text(folder, sizeof folder, path);
@@ -37,8 +38,11 @@ bool plugin_python_trusted(const char *path) {
     if (path[0] != '/' || last == NULL || strlen(path) >= sizeof folder)
         return false;
     *(last == folder ? last + 1 : last) = 0;
-    return stat(path, &about) == 0 && stat(folder, &around) == 0 && ours(&about) && ours(&around);
+    return stat(path, &about) == 0 && stat(folder, &around) == 0 && ours(&about, open_to) && ours(&around, open_to);
 }
+
+bool plugin_python_trusted(const char *path) { return trusted(path, S_IWOTH); }
+bool plugin_bank_trusted(const char *path) { return trusted(path, S_IWOTH | S_IWGRP); }
 
 static bool runnable(const char *path) {
     struct stat about;

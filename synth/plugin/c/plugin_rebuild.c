@@ -57,7 +57,7 @@ static jawari_bank *bank_of(const plugin *p, const char *key, char *why) {
         return jawari_hold(p->bank);
     char path[PYTHON_PATH + 160];
     plugin_path_of(p, key, path, sizeof path);
-    if (!plugin_python_trusted(path)) {
+    if (!plugin_bank_trusted(path)) {
         snprintf(why, JAWARI_WHY, "there is no bank of it in the cache, or it is not the user's alone");
         return NULL;
     }

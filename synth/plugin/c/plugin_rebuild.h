@@ -67,11 +67,14 @@ typedef struct plugin_child {
 } plugin_child;
 
 /* The Python to be used: JAWARI_PYTHON, or that of the last export of this version; false: there is none, or none that may be run
- * (it belongs to another user than this one or root, or others may write to it). */
+ * (it belongs to another user than this one or root, or everybody may write to it). */
 bool plugin_python_find(plugin_python *python);
 void plugin_python_free(plugin_python *python);
-/* Whether a file and the folder that it lies in belong to the user or root, and nobody else may write there. */
+/* Whether a file and the folder that it lies in belong to the user or root, and not everybody may write there: many systems let a
+ * group write where Python lies. */
 bool plugin_python_trusted(const char *path);
+/* As that, and no group may write there either: a bank in the cache is made for the user alone. */
+bool plugin_bank_trusted(const char *path);
 /* Start the program; false with `why`. */
 bool plugin_python_start(const plugin_python *python, char *const arguments[], plugin_child *child, char *why);
 /* Reads what it says; whether it has ended. */
