@@ -174,9 +174,11 @@ def choose_factor(
 
 
 def planned_precision(quality: str, scheme: str = "exact-hold", internal_rate_hz: float | None = None) -> str:
-    """Elements of the modes: float32 where the promise leaves room a hundred times over, at "draft" and "standard".
+    """Elements of the modes: float32 at "draft" and "standard", whose promises leave room for what rounding changes.
 
-    What rounding adds to e is 1e-4 where the promise is 0.1 (tests/solver/test_single.py). What nothing is promised of,
+    e over 3 s changes by up to 1e-4 where strings touch nothing or a bridge. Over frets it changes by up to 0.035 where
+    the motion is chaotic, but what is promised there, by an eighth of its limit at most (docs/quality.md,
+    tests/solver/test_single.py). What nothing is promised of,
     another scheme or a rate of one's own, is float64.
     """
     return FLOAT32 if quality in ("draft", "standard") and scheme == "exact-hold" and internal_rate_hz is None else FLOAT64
