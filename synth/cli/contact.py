@@ -64,7 +64,7 @@ def check(options: argparse.Namespace) -> None:
             raise ValueError(f"one recording at a time, got {len(options.recording)}; several go with --contact")
         return
     if options.preset is None:
-        raise ValueError("--contact needs a preset whose string and kind of bridge are taken: say which with -p")
+        raise ValueError("--contact needs a preset for string and bridge: name it with -p")
     if options.pitch is not None:
         raise ValueError("--pitch does not go with --contact, where the preset's string tells the pitch; leave it out")
 

@@ -30,9 +30,9 @@ def add(commands: Any) -> None:
 
 def _fit(options: argparse.Namespace) -> int:
     if options.output is not None and options.preset is None:
-        raise ValueError("-o writes a preset with the fitted string: say which with -p")
+        raise ValueError("-o writes a preset with the fitted string: name it with -p")
     if options.string is not None and options.preset is None:
-        raise ValueError(f"--string {options.string} is a string of a preset: say which with -p")
+        raise ValueError(f"--string {options.string} selects a string of a preset: name it with -p")
     contact.check(options)
     from synth.fit import missing
 

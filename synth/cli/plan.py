@@ -91,7 +91,7 @@ def _measured(preset: Preset, name: str) -> Preset:
     path = preset_path(name)
     if path.resolve().parent == preset_folder().resolve():
         raise ValueError(
-            f"--measure-plan {name}: comes with the program and is measured already; for one of your own begin with "
+            f"--measure-plan {name}: belongs to the program and is already measured; for your own, start with "
             f"`synth presets show {name} > mine.toml`"
         )
     if is_special(path):

@@ -113,7 +113,7 @@ def add(commands: Any) -> None:
 def _play(options: argparse.Namespace) -> int:
     # What can be judged without loading anything comes first.
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device belongs to PortAudio, --jack is an output of its own: give one of them")
+        raise ValueError("--device belongs to PortAudio, --jack is another output: give one of them")
     if options.measure_latency and (options.play or options.record):
         raise ValueError("--measure-latency plays by itself: leave --play and --record out")
     if options.record is not None and not options.record.lower().endswith(".wav"):

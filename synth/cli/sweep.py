@@ -67,12 +67,12 @@ def add(commands: Any) -> None:
 def _sweep(options: argparse.Namespace) -> int:
     if options.status is not None:
         if options.study is not None or options.check or options.dry_run:
-            raise ValueError("--status looks at a folder; leave out the study")
+            raise ValueError("--status reads a folder; leave out the study")
         return _status(Path(options.status), options.json)
     if options.study is None:
         raise ValueError("the study is missing: give a .toml file, or --status FOLDER")
     if options.scheduler is not None and options.workers is not None:
-        raise ValueError("--workers are of this machine, --scheduler has its own; give one of them")
+        raise ValueError("--workers run on this machine, --scheduler has its own workers; give one of them")
     _needed(options.plot)
     scheduler = _scheduler(options)
     from synth.study.sweeping import open_study
