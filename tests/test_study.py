@@ -284,7 +284,7 @@ def test_two_at_one_folder_and_folders_of_others(place: Path, tmp_path: Path) ->
     sweeping.sweep(study, tmp_path / "s", workers=0)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.txt").write_text("mine")
-    with pytest.raises(FileExistsError, match="is no study's folder, and not empty"):
+    with pytest.raises(FileExistsError, match="is not a study's folder, and not empty"):
         sweeping.sweep(study, tmp_path / "other", workers=0)
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
 
@@ -755,7 +755,7 @@ def test_the_command_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     for arguments, told in (
         (["sweep"], "the study is missing"),
         (["sweep", "none.toml"], "none.toml: "),
-        (["sweep", "--status", str(tmp_path)], "is no study's folder"),
+        (["sweep", "--status", str(tmp_path)], "is not a study's folder"),
         (["sweep", "a.toml", "--workers", "2", "--scheduler", "tcp://x"], "give one of them"),
     ):
         assert main(arguments) == 2

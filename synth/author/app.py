@@ -332,9 +332,7 @@ class App:
         try:
             return self.documents[request.path_params["doc"]]
         except KeyError:
-            raise Refused(
-                404, "there is no such document: it belongs to an earlier run of the program; open it anew"
-            ) from None
+            raise Refused(404, "no such document: it belongs to an earlier run of the program; open it again") from None
 
     async def _told(self, document: Document, work: Callable[..., Any], *arguments: Any, **options: Any) -> Response:
         """Change a document, beside the event loop, which sends the sound; tell every tab of it, and answer."""
@@ -471,7 +469,7 @@ class App:
         query = request.query_params
         document = self.documents.documents.get(query.get("doc", ""))
         if document is None:
-            raise Refused(404, "doc: there is no such document; open it anew")
+            raise Refused(404, "doc: there is no such document; open it again")
         strings = len(document.preset.string)
         string = _number(query, "string", 0, strings - 1) if "string" in query else None  # None: the nearest to its note
         contact = _number(query, "contact", 0, 1) if "contact" in query else 0
@@ -499,7 +497,7 @@ class App:
         if job.state != "done" or not isinstance(job.made, FittedString | FittedContact):
             raise Refused(409, "this job has fitted nothing")
         if job.made.doc != document.id:
-            raise Refused(409, "this was fitted to another preset; fit the recording anew")
+            raise Refused(409, "this was fitted to another preset; fit the recording again")
         try:
             settings = await asyncio.to_thread(job.made.settings_of, document.preset)
         except StringChanged as changed:
@@ -525,7 +523,7 @@ class App:
         if job.state != "done" or not isinstance(job.made, PlanOf):
             raise Refused(409, "this job has measured no plan")
         if job.made.doc != document.id:
-            raise Refused(409, "this was measured of another preset; measure its plan anew")
+            raise Refused(409, "this was measured of another preset; measure its plan again")
         return await self._told(document, document.keep_plan, job.made.plan)
 
     def _a_job(self, key: str) -> Job:

@@ -149,7 +149,7 @@ def randomised(text: str, origin: str, seed: int | None = None, groups: Sequence
             return apply(text, changes, origin)
         except PresetError:
             reach *= 0.7
-    raise PresetError(f"{origin}: {TRIES} steps at random all left what can be played; change a value by hand")
+    raise PresetError(f"{origin}: none of {TRIES} random changes left the preset playable; change a value by hand")
 
 
 def _stepped(value: Any, step: float, low: float | None, high: float | None) -> Any:

@@ -55,9 +55,9 @@ class FittedContact:
         from synth.fit.contact_report import contact_settings
 
         if not self.string < len(preset.string) or preset.string[self.string] != self.preset.string[self.string]:
-            raise StringChanged("the string whose contact was fitted has been edited since; fit the recording anew")
+            raise StringChanged("the string whose contact was fitted has been edited since; fit the recording again")
         if _held(preset) != _held(self.preset):
-            raise StringChanged("what the string touches has been edited since; fit the recording anew")
+            raise StringChanged("what the string touches has been edited since; fit the recording again")
         fit = replace(self.fit, preset=preset)
         return contact_settings(fit if fit.amplitude_known else replace(fit, amplitude_m=amplitude_of(preset, self.string)))
 

@@ -264,7 +264,7 @@ class Document:
         """Save to `file`. Raises Conflict, where it was changed by others and not `force`, and OSError."""
         with self._lock:
             if self.file is None:
-                raise Conflict("no-file", f"{self.name} has no file of its own yet: save it under a name")
+                raise Conflict("no-file", f"{self.name} has no file yet: save it under a name")
             self.look_at_disk()
             if self.disk is not None and not force:
                 how = "was changed" if self.disk == "changed" else "was deleted or moved"
@@ -339,7 +339,7 @@ class Document:
         """Take what is on disk; what was there before can be had back by undo. Raises Conflict, OSError, PresetError."""
         with self._lock:
             if self.file is None:
-                raise Conflict("no-file", f"{self.name} has no file of its own that could be read again")
+                raise Conflict("no-file", f"{self.name} has no file to read again")
             text = read_text(self.file)
             now, notices = current(text, self.name)
             preset = changes.checked(now, self.name)

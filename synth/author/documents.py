@@ -98,9 +98,7 @@ class Documents:
                 if document.file == file:
                     return document
             if not file.is_file():
-                raise FileNotFoundError(
-                    f"{preset}: there is no such preset, neither in {self.workspace.folder} nor in the program"
-                )
+                raise FileNotFoundError(f"{preset}: no such preset, neither in {self.workspace.folder} nor in the program")
             return self._add(Document(file.stem, read_text(file), self.workspace.autosave(file.stem), file=file))
 
     def open_unsaved(self, name: str) -> Document:
@@ -132,7 +130,7 @@ class Documents:
 
     def _add(self, document: Document, *, look: bool = True) -> Document:
         if len(self.documents) >= MOST:
-            raise ValueError(f"{MOST} documents are open already; start the program anew")
+            raise ValueError(f"{MOST} documents are open already; restart the program")
         if look:
             document.find_autosaved()
         self.documents[document.id] = document
@@ -145,7 +143,7 @@ class Documents:
             file = self._target(name, overwrite, document)
             other = next((each for each in self.documents.values() if each.file == file and each is not document), None)
             if other is not None and other.dirty:
-                raise Conflict("open", f"{file.name} is open with changes that are not saved: save or revert them first")
+                raise Conflict("open", f"{file.name} is open with unsaved changes: save or revert them first")
             document.save_as(file, self.workspace.autosave(file.stem))
             if other is not None:
                 other.close()
@@ -167,7 +165,7 @@ class Documents:
         """Throw a document away that has no file. Raises Conflict."""
         with self._lock:
             if document.file is not None or document.embedded:
-                raise Conflict("has-file", f"{document.name} is no preset that was never saved: go back to what is saved")
+                raise Conflict("has-file", f"{document.name} has a saved version: revert to it")
             document.close(discard=True)
             self.documents.pop(document.id, None)
             if self.opened is document:

@@ -40,7 +40,7 @@ class FittedString:
         if preset == self.preset:
             return self.settings
         if not self.string < len(preset.string) or not _same(preset.string[self.string], self.preset.string[self.string]):
-            raise StringChanged("the string that was fitted has been replaced or moved since; fit the recording anew")
+            raise StringChanged("the string that was fitted has been replaced or moved since; fit the recording again")
         return settings(self.fit, preset, self.string)
 
 

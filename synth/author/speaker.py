@@ -25,7 +25,7 @@ def why_not(rate_hz: float) -> tuple[str | None, str | None]:
 
         with _LOCK:
             if portaudio.abandoned():
-                raise DeviceError("the audio output that was used does not answer any more; start the program anew")
+                raise DeviceError("the audio output no longer answers; restart the program")
             return portaudio.check_output(None, rate_hz), None
     except (DeviceError, OSError, ImportError) as error:
         return None, one_line(error)

@@ -20,9 +20,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("preset", nargs="?", metavar="PRESET", help="preset to open: a name, or a .toml file")
     parser.add_argument("--folder", metavar="DIR", help="folder of presets (default: that of PRESET, else the current one)")
-    parser.add_argument(
-        "--port", type=number(int, 0, 65535), default=0, metavar="N", help="port (default 0: one that is free)"
-    )
+    parser.add_argument("--port", type=number(int, 0, 65535), default=0, metavar="N", help="port (default 0: any free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument(
         "-r", "--rate", type=rate, default=44100, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"

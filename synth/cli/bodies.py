@@ -10,16 +10,18 @@ from synth.cli.common import Parser, number
 
 
 def add(commands: Any) -> None:
-    parser = commands.add_parser("body", help="the body that strings share: modes out of measurements", allow_abbrev=False)
+    parser = commands.add_parser("body", help="the body that strings share: modes from measurements", allow_abbrev=False)
     actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True, parser_class=Parser)
-    fit = actions.add_parser("fit", help="find the modes of a body in measured mobilities of its bridge", allow_abbrev=False)
+    fit = actions.add_parser("fit", help="fit the modes of a body to measured mobilities of its bridge", allow_abbrev=False)
     fit.add_argument(
         "mobility",
         metavar="MOBILITY.csv",
         help="a table of frequency_hz, y11_re, y11_im (m/s/N) or y11_db, y11_phase_deg; also y12, y22, y13 … "
         "(1 normal, 2 lateral, 3 rocking)",
     )
-    fit.add_argument("--modes", type=number(int, 1, 100), metavar="N", help="at most so many (default: as many as it takes)")
+    fit.add_argument(
+        "--modes", type=number(int, 1, 100), metavar="N", help="maximum number of modes (default: chosen by the data)"
+    )
     fit.add_argument(
         "--band",
         nargs=2,
@@ -27,7 +29,7 @@ def add(commands: Any) -> None:
         metavar=("LO", "HI"),
         help="rows to use [Hz] (default: 20 10000)",
     )
-    fit.add_argument("-o", "--output", metavar="BODY.toml", help="write the tables there (default: to standard output)")
+    fit.add_argument("-o", "--output", metavar="BODY.toml", help="file for the tables (default: standard output)")
     fit.add_argument("--json", action="store_true", help="the report as JSON")
     fit.set_defaults(run=_fit)
 

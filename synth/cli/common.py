@@ -163,7 +163,7 @@ def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     group.add_argument(
         "--precision",
         choices=PRECISIONS,
-        help="of the modes of strings on rigid ends; default: float32 at draft and standard, float64 else",
+        help="precision of the modes of strings with rigid ends (default: float32 at draft and standard, otherwise float64)",
     )
     group.add_argument(
         "--internal-rate",
@@ -186,7 +186,7 @@ def add_instruments(group: Any) -> None:
     group.add_argument(
         "--only-strings",
         action="store_true",
-        help="leave out the programs of General MIDI that are no plucked or struck strings",
+        help="leave out General MIDI programs that are not plucked or struck strings",
     )
     group.add_argument(
         "--gm",
@@ -196,7 +196,9 @@ def add_instruments(group: Any) -> None:
     add_settings(group)
     variation = "how much strokes of a preset with a human hand vary: 0 not at all, 1 (default) as the preset says, up to 2"
     group.add_argument("--variation", type=number(float, 0, 2), default=1.0, metavar="SHARE", help=variation)
-    group.add_argument("--polyphony", type=number(int, 1, 1024), metavar="N", help="most strings that sound at once")
+    group.add_argument(
+        "--polyphony", type=number(int, 1, 1024), metavar="N", help="maximum number of strings sounding at once"
+    )
     group.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
     group.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
 
@@ -237,7 +239,7 @@ def add_controllers(group: Any) -> None:
         metavar="N=PARAMETER[:AT_0:AT_127]",
         help="controller N sets a live parameter, such as 74=pluck.position; may be repeated",
     )
-    group.add_argument("--mpe", action="store_true", help="begin with an MPE zone: every note has a channel of its own")
+    group.add_argument("--mpe", action="store_true", help="start with an MPE zone: every note has its own channel")
 
 
 def add_seed(group: Any) -> None:
@@ -247,7 +249,7 @@ def add_seed(group: Any) -> None:
         type=number(int, 0, 2**31 - 1),
         default=0,
         metavar="N",
-        help="of whatever is random: the same seed, the same variation of strokes, the same dither (default 0)",
+        help="seed of the variation of strokes and of the dither: the same seed gives the same sound (default 0)",
     )
 
 
@@ -258,13 +260,13 @@ def add_threads(group: Any) -> None:
         type=threads,
         default="auto",
         metavar="N",
-        help="how many compute, or auto (default): one per processor (no effect on the sound)",
+        help="number of threads, or auto (default): one per processor (no effect on the sound)",
     )
 
 
 def add_verbose(group: Any) -> None:
     """--verbose."""
-    group.add_argument("--verbose", action="store_true", help="say at the end where the compiled kernels came from")
+    group.add_argument("--verbose", action="store_true", help="report at the end where the compiled kernels came from")
 
 
 def warner(quiet: bool) -> Callable[[str], None]:

@@ -78,7 +78,7 @@ def add(commands: Any, root: argparse.ArgumentParser) -> None:
     told = "; ".join(f"{shell}: {how}" for shell, how in SHELLS.items())
     parser = commands.add_parser(
         "completion",
-        help="a script that lets bash, zsh or fish complete commands, options and presets",
+        help="print a completion script for bash, zsh or fish: commands, options and presets",
         allow_abbrev=False,
         description=f"Prints the script. {told}.",
     )

@@ -23,33 +23,33 @@ def add(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--contact",
         action="store_true",
-        help="find height and distance of the bridge under -p's string, and where it was plucked; several recordings "
-        "have one bridge",
+        help="find height and distance of the bridge under -p's string, and the place of plucking; several recordings "
+        "share one bridge",
     )
     own.add_argument(
         "--amplitude",
         type=number(float, 0.01, 50, " mm"),
         metavar="MM",
         action="append",
-        help="how far the string was drawn aside in the first recording (default: as -p's hardest pluck); over frets given "
+        help="displacement of the string in the first recording (default: that of -p's hardest pluck); over frets given "
         "once for each recording, in their order",
     )
     own.add_argument(
         "--pluck-at",
         type=number(float, 0.02, 0.5),
         metavar="SHARE",
-        help="where it was plucked, if that is known, of the length",
+        help="place of plucking, if known, as a fraction of the length",
     )
     own.add_argument(
         "--open",
         metavar="OTHER.wav",
-        help="a note of the same string that touches nothing: pitch, stiffness, losses from it",
+        help="a note of the same string without contact, for pitch, stiffness and losses",
     )
     own.add_argument(
         "--experimental",
         action="store_true",
         default=None,
-        help="over frets: find the action from soft strokes and some that buzz a little",
+        help="over frets: find the action from soft strokes and some with a little buzz",
     )
     own.add_argument("--picture", metavar="FILE.png", help="draw the bands of recordings and model")
 
@@ -64,7 +64,7 @@ def check(options: argparse.Namespace) -> None:
             raise ValueError(f"one recording at a time, got {len(options.recording)}; several go with --contact")
         return
     if options.preset is None:
-        raise ValueError("--contact needs a preset whose string and kind of bridge are taken: say which with -p")
+        raise ValueError("--contact needs a preset for string and bridge: name it with -p")
     if options.pitch is not None:
         raise ValueError("--pitch does not go with --contact, where the preset's string tells the pitch; leave it out")
 

@@ -21,9 +21,9 @@ _FAULTY = 1
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "dataset",
-        help="a data set of labelled sound by a recipe: FLAC in tar shards, a Parquet index, labels in Zarr",
+        help="make a data set of labelled sound from a recipe: FLAC in tar shards, a Parquet index, labels in Zarr",
         allow_abbrev=False,
-        description="Makes a data set by a recipe (TOML), or goes on where it was left; makes items again; checks one.",
+        description="Makes a data set from a recipe (TOML), or resumes one; regenerates single items; verifies a data set.",
     )
     parser.add_argument(
         "recipe",
@@ -32,12 +32,10 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("-o", "--output", metavar="OUT", help="folder of the data set; with --item the .flac file")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--check", action="store_true", help="only say what is wrong with the recipe, and count")
-    what.add_argument("--dry-run", action="store_true", help="also make a few items: how large and how long it will be")
-    what.add_argument("--item", metavar="KEY", help="make one item, to the bit as in the data set, and write it to -o")
-    what.add_argument(
-        "--regenerate", nargs="+", metavar="KEY", help="make items of a data set again, and say whether they are the same"
-    )
+    what.add_argument("--check", action="store_true", help="only check the recipe and count its items")
+    what.add_argument("--dry-run", action="store_true", help="also make a few items to estimate size and time")
+    what.add_argument("--item", metavar="KEY", help="regenerate one item, bit for bit, and write it to -o")
+    what.add_argument("--regenerate", nargs="+", metavar="KEY", help="regenerate items of a data set and compare them")
     what.add_argument(
         "--verify", type=number(int, 1, 10_000_000), metavar="N", help="check a data set: its index, and N random items"
     )
@@ -46,10 +44,10 @@ def add(commands: Any) -> None:
         type=threads,
         default="auto",
         metavar="N",
-        help="processes that compute, or auto (default): one per processor",
+        help="number of worker processes, or auto (default): one per processor",
     )
-    parser.add_argument("--json", action="store_true", help="what is said at the end as JSON")
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--json", action="store_true", help="closing report as JSON")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=_dataset)
 
 

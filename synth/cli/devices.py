@@ -10,7 +10,7 @@ from typing import Any
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "devices",
-        help="audio outputs and MIDI inputs for `synth play`",
+        help="list audio outputs and MIDI inputs for `synth play`",
         allow_abbrev=False,
         description="Lists audio outputs (for --device), MIDI inputs (for --midi-in) and whether a JACK server runs.",
     )

@@ -20,7 +20,7 @@ _COLOURS = {OK: colours.GOOD, MISSING: colours.FAULT, NOT_TRIED: colours.OPEN}
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
-        help="what works on this machine, and how to mend what does not",
+        help="check what works on this machine, and how to fix the rest",
         allow_abbrev=False,
         description="Looks at libraries, kernels, audio, MIDI, JACK, PipeWire, browser and plugin folders; writes nothing. "
         "Exit code 0: `synth render` works; 1: it does not. Only rendering is needed; the rest serves its own command.",
@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
         type=number(float, 1, 3600, " s"),
         default=30.0,
         metavar="SEC",
-        help="how long devices and servers may take to answer (default 30)",
+        help="time limit for devices and servers to answer (default 30)",
     )
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.set_defaults(run=_doctor)

@@ -36,7 +36,7 @@ LONGEST_S = 7 * 24 * 3600.0
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "drone",
-        help="a tanpura's drone, live or to a file",
+        help="play a tanpura's drone, live or to a file",
         allow_abbrev=False,
         description="Plays the cycle of a tanpura until q or Ctrl-C, or writes it to a file (-o). In a terminal ? lists the "
         "keys that tune and change it while it sounds. It never repeats, and the same --seed gives the same drone.",
@@ -44,7 +44,7 @@ def add(commands: Any) -> None:
     tuning = parser.add_argument_group("tuning")
     add_strings(tuning)
     tuning.add_argument(
-        "--tuning", choices=("just", "equal"), default="just", help="just intonation (default) or equal steps"
+        "--tuning", choices=("just", "equal"), default="just", help="just intonation (default) or equal temperament"
     )
     add_settings(tuning)
 
@@ -59,16 +59,20 @@ def add(commands: Any) -> None:
     cycle.add_argument(
         "--jiva", type=number(float, 0, 50, " µm"), metavar="UM", help="height of the thread (default 3): the buzz"
     )
-    cycle.add_argument("-p", "--preset", default="tanpura", metavar="PRESET", help="a tanpura of your own (.toml)")
+    cycle.add_argument("-p", "--preset", default="tanpura", metavar="PRESET", help="your own tanpura (.toml)")
 
     out = parser.add_argument_group("to a file")
-    out.add_argument("-o", "--output", metavar="FILE", help="write a .wav or .flac (- for standard output), do not play")
-    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the ending of the file's name")
+    out.add_argument(
+        "-o", "--output", metavar="FILE", help="write a .wav or .flac (- for standard output) instead of playing"
+    )
+    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the file name's extension")
     out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="default 24; 16 is dithered")
 
     live = parser.add_argument_group("live")
-    live.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of one (see synth devices)")
-    live.add_argument("--jack", nargs="?", const="jawari", metavar="NAME", help="be a JACK client (of this name)")
+    live.add_argument(
+        "--device", metavar="NAME|N", help="audio output by number, name or part of a name (see synth devices)"
+    )
+    live.add_argument("--jack", nargs="?", const="jawari", metavar="NAME", help="run as a JACK client (with this name)")
     live.add_argument(
         "--block", type=number(int, 16, MOST_BLOCK), default=512, metavar="N", help="frames per block (default 512)"
     )
@@ -77,10 +81,10 @@ def add(commands: Any) -> None:
         type=seconds_or("low", "high"),
         default="high",
         metavar="low|high|SEC",
-        help="asked of the device (default high)",
+        help="latency requested from the device (default high)",
     )
     live.add_argument(
-        "--record", metavar="TAKE.wav", help="record what sounds, the events to TAKE.mid and the strings to TAKE.toml"
+        "--record", metavar="TAKE.wav", help="record the sound, the events to TAKE.mid and the strings to TAKE.toml"
     )
 
     both = parser.add_argument_group("sound and reports")
@@ -88,7 +92,7 @@ def add(commands: Any) -> None:
         "--duration",
         type=number(float, 0.1, LONGEST_S, " s"),
         metavar="SEC",
-        help=f"how long (default: a file {FILE_S:g} s, live: on)",
+        help=f"duration (default: a file {FILE_S:g} s, live: unlimited)",
     )
     both.add_argument(
         "--fade",
@@ -100,7 +104,7 @@ def add(commands: Any) -> None:
     both.add_argument("-r", "--rate", type=rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000")
     both.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
     add_threads(both)
-    both.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    both.add_argument("--quiet", action="store_true", help="print errors only")
     add_verbose(both)
     both.add_argument("--json", action="store_true", help="closing report as JSON")
     parser.set_defaults(run=_drone)
@@ -116,7 +120,7 @@ def _drone(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device belongs to PortAudio, --jack is an output of its own: give one of them")
+        raise ValueError("--device belongs to PortAudio, --jack is another output: give one of them")
     if options.output is not None:
         for name in ("device", "jack", "record"):
             if getattr(options, name) is not None:

@@ -27,7 +27,7 @@ def add_strings(parser: Any) -> None:
     )
     parser.add_argument("--second", metavar="SWARA", help="the fifth string's swara (default Ni)")
     parser.add_argument(
-        "--cents", type=_numbers, default=(), metavar="C,…", help="tune every string by so many cents: --cents=-2,0,2,0"
+        "--cents", type=_numbers, default=(), metavar="C,…", help="fine-tune each string in cents: --cents=-2,0,2,0"
     )
 
 
@@ -37,10 +37,10 @@ def add_hand(parser: Any) -> None:
         "--spacing", type=_numbers, default=(), metavar="G,…", help="relative gaps after each string (default 1,1,1,1.6)"
     )
     parser.add_argument(
-        "--human", type=number(float, 0, 1), default=0.4, metavar="X", help="how much strokes vary, 0 to 1 (default 0.4)"
+        "--human", type=number(float, 0, 1), default=0.4, metavar="X", help="variation of the strokes, 0 to 1 (default 0.4)"
     )
     seeds = number(int, 0, 2**32 - 1)
-    parser.add_argument("--seed", type=seeds, default=0, metavar="N", help="of the variation (default 0)")
+    parser.add_argument("--seed", type=seeds, default=0, metavar="N", help="seed of the variation (default 0)")
 
 
 def check_strings(options: argparse.Namespace) -> None:

@@ -23,17 +23,17 @@ _LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
-        help="presets as a CLAP, VST3 or LV2 plugin for music programs",
+        help="export presets as a CLAP, VST3 or LV2 plugin for music programs",
         allow_abbrev=False,
-        description="Makes a plugin that needs neither this program nor Python. With several presets it has as many "
-        "programs. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install).",
+        description="Makes a plugin that needs neither this program nor Python. Several presets become "
+        "programs of one plugin. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install).",
     )
     parser.add_argument("presets", nargs="*", metavar="PRESET", help="preset (name or .toml file)")
-    parser.add_argument("--all", action="store_true", help="all presets that come with the program, in one plugin")
+    parser.add_argument("--all", action="store_true", help="all presets of the program in one plugin")
     parser.add_argument(
-        "-f", "--format", choices=(*FORMATS, "all"), help="default: by the ending of -o; with --install all three"
+        "-f", "--format", choices=(*FORMATS, "all"), help="default: by the extension of -o; with --install all three"
     )
-    parser.add_argument("-o", "--output", metavar="PATH", help="what to write (default: NAME.FORMAT, here)")
+    parser.add_argument("-o", "--output", metavar="PATH", help="output (default: NAME.FORMAT in the current folder)")
     parser.add_argument("--install", action="store_true", help="write it where music programs look for a user's plugins")
     parser.add_argument("--name", metavar="NAME", help="the plugin's name (default: the preset's; collection of several)")
     add_settings(parser)
@@ -43,14 +43,14 @@ def add(commands: Any) -> None:
         type=_rates,
         default=RATES_HZ,
         metavar="HZ,…",
-        help=f"sample rates that it can run at (default {','.join(map(str, RATES_HZ))})",
+        help=f"sample rates of the plugin (default {','.join(map(str, RATES_HZ))})",
     )
     parser.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
     parser.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
     drone = parser.add_argument_group("a drone", "that the plugin plays by itself, at its own pace or in beats of the host")
-    drone.add_argument("--drone", action="store_true", help="of a tanpura, as `synth drone` plays it")
+    drone.add_argument("--drone", action="store_true", help="export a tanpura that plays itself, like `synth drone`")
     add_strings(drone)
-    drone.add_argument("--equal", action="store_true", help="equal steps in the place of just intonation")
+    drone.add_argument("--equal", action="store_true", help="equal temperament instead of just intonation")
     drone.add_argument(
         "--cycle", type=number(float, 1, 60, " s"), default=5.5, metavar="SEC", help="duration of a cycle (default 5.5)"
     )
@@ -59,7 +59,7 @@ def add(commands: Any) -> None:
     )
     add_hand(drone)
     defaults = {action.dest: action.default for action in drone._group_actions}
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.add_argument("--json", action="store_true", help="report as JSON")
     parser.set_defaults(run=_export, of_drone=defaults)
 

@@ -13,15 +13,15 @@ from synth.cli.common import number
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "fit",
-        help="find pitch, inharmonicity, losses and place of plucking of a recorded string, or what it touches",
+        help="find pitch, inharmonicity, losses and place of plucking of a recorded string, or its contact",
         allow_abbrev=False,
     )
     parser.add_argument(
         "recording", metavar="REC.wav", nargs="+", help="one plucked note, WAV or FLAC; with --contact one or several"
     )
     parser.add_argument("-p", "--preset", metavar="PRESET", help="preset (name or .toml file) that gets the string")
-    parser.add_argument("--string", metavar="N|NAME", help="which of its strings, counted from 0 (the default), or by name")
-    parser.add_argument("--pitch", type=number(float, 20, 5000, " Hz"), metavar="HZ", help="the note's pitch, about")
+    parser.add_argument("--string", metavar="N|NAME", help="string of the preset, counted from 0 (the default), or by name")
+    parser.add_argument("--pitch", type=number(float, 20, 5000, " Hz"), metavar="HZ", help="approximate pitch of the note")
     parser.add_argument("-o", "--output", metavar="NEW.toml", help="write the preset with the fitted string")
     parser.add_argument("--json", action="store_true", help="the report as JSON")
     contact.add(parser)
@@ -30,9 +30,9 @@ def add(commands: Any) -> None:
 
 def _fit(options: argparse.Namespace) -> int:
     if options.output is not None and options.preset is None:
-        raise ValueError("-o writes a preset with the fitted string: say which with -p")
+        raise ValueError("-o writes a preset with the fitted string: name it with -p")
     if options.string is not None and options.preset is None:
-        raise ValueError(f"--string {options.string} is a string of a preset: say which with -p")
+        raise ValueError(f"--string {options.string} selects a string of a preset: name it with -p")
     contact.check(options)
     from synth.fit import missing
 

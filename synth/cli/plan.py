@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "plan",
-        help="which rate, modes and contacts a quality means for a preset, and why",
+        help="show the rate, modes and contacts of each quality for a preset, with reasons",
         allow_abbrev=False,
     )
     parser.add_argument("preset", metavar="PRESET", help="preset: a name, or a .toml file")
     parser.add_argument("note", nargs="?", metavar="NOTE", help="a note such as C3 or 48 (default: a survey)")
     add_physics(parser)
-    parser.add_argument("--measure", action="store_true", help="play it and say what it costs on this machine")
+    parser.add_argument("--measure", action="store_true", help="play it and measure its cost on this machine")
     parser.add_argument(
         "--measure-plan",
         action="store_true",
-        help="measure what each quality takes on the strings of a preset of your own, and keep that beside it (minutes)",
+        help="measure the rate and modes that each quality needs for your own preset, and store them beside it (minutes)",
     )
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.set_defaults(run=_plan)
@@ -91,7 +91,7 @@ def _measured(preset: Preset, name: str) -> Preset:
     path = preset_path(name)
     if path.resolve().parent == preset_folder().resolve():
         raise ValueError(
-            f"--measure-plan {name}: comes with the program and is measured already; for one of your own begin with "
+            f"--measure-plan {name}: belongs to the program and is already measured; for your own, start with "
             f"`synth presets show {name} > mine.toml`"
         )
     if is_special(path):

@@ -27,39 +27,43 @@ def add(commands: Any) -> None:
         "play",
         help="play live: MIDI keyboard, computer keyboard or a MIDI file",
         allow_abbrev=False,
-        description="Plays until Ctrl-C. Listens to every MIDI input and offers one of its own, jawari. Without -p, General "
-        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp; with --gm, and in a song that is "
-        "played, each goes to the preset that is nearest to it. In a terminal ? lists the keys.",
+        description="Plays until Ctrl-C. Listens to every MIDI input and offers its own, jawari. Without -p, General "
+        "MIDI programs choose: basses play fretted-bass, everything else jawari-harp; with --gm, and in songs, "
+        "the nearest preset plays each program. In a terminal ? lists the keys.",
     )
     what = parser.add_argument_group("instruments")
     add_instruments(what)
 
     sound = parser.add_argument_group("sound (see `synth devices`)")
-    sound.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of one")
+    sound.add_argument("--device", metavar="NAME|N", help="audio output by number, name or part of a name")
     sound.add_argument(
         "--jack",
         nargs="?",
         const="jawari",
         metavar="NAME",
-        help="be a JACK client (of this name), with MIDI and audio ports",
+        help="run as a JACK client (with this name), with MIDI and audio ports",
     )
     sound.add_argument(
         "--block", type=number(int, 16, MOST_BLOCK), default=256, metavar="N", help="frames per block (default 256)"
     )
     sound.add_argument(
-        "--latency", type=seconds_or("low", "high"), default="low", metavar="low|high|SEC", help="asked of the device"
+        "--latency",
+        type=seconds_or("low", "high"),
+        default="low",
+        metavar="low|high|SEC",
+        help="latency requested from the device",
     )
     sound.add_argument(
         "--ahead",
         type=number(int, 0, 64),
         default=0,
         metavar="N",
-        help="render N blocks ahead: later, but safer (default 0)",
+        help="render N blocks ahead: more latency, fewer dropouts (default 0)",
     )
     sound.add_argument(
         "--adaptive",
         action="store_true",
-        help="when the processor is too slow, spare the faintest strings instead of dropping out",
+        help="under high load, damp the faintest strings instead of dropping out",
     )
     sound.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
 
@@ -78,7 +82,7 @@ def add(commands: Any) -> None:
     )
     add_controllers(control)
     control.add_argument("--midi-channel", type=number(int, 1, 16), metavar="N", help="listen to this channel only")
-    control.add_argument("--no-virtual-port", action="store_true", help="offer no MIDI port of our own")
+    control.add_argument("--no-virtual-port", action="store_true", help="do not offer a MIDI port")
     control.add_argument(
         "--keys",
         action=argparse.BooleanOptionalAction,
@@ -88,7 +92,7 @@ def add(commands: Any) -> None:
     control.add_argument(
         "--play",
         metavar="SONG.mid",
-        help="play this file; keys pause it and go through it; without other inputs asked for it ends with it",
+        help="play this file; keys pause it and move through it; the session ends with it unless other inputs are requested",
     )
 
     out = parser.add_argument_group("recording and reports")
@@ -98,9 +102,9 @@ def add(commands: Any) -> None:
     out.add_argument(
         "--measure-latency",
         action="store_true",
-        help="measure the time from event to sound, also at the output of a JACK server or PipeWire (pw-jack), and end",
+        help="measure the latency from event to sound, also at the output of a JACK server or PipeWire (pw-jack), then stop",
     )
-    out.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    out.add_argument("--quiet", action="store_true", help="print errors only")
     add_verbose(out)
     out.add_argument("--json", action="store_true", help="closing report as JSON")
     parser.set_defaults(run=_play)
@@ -109,7 +113,7 @@ def add(commands: Any) -> None:
 def _play(options: argparse.Namespace) -> int:
     # What can be judged without loading anything comes first.
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device belongs to PortAudio, --jack is an output of its own: give one of them")
+        raise ValueError("--device belongs to PortAudio, --jack is another output: give one of them")
     if options.measure_latency and (options.play or options.record):
         raise ValueError("--measure-latency plays by itself: leave --play and --record out")
     if options.record is not None and not options.record.lower().endswith(".wav"):

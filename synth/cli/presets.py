@@ -20,14 +20,12 @@ def add(commands: Any) -> None:
     parser = commands.add_parser("presets", help="list, show or check presets", allow_abbrev=False)
     _add_listing(parser)
     actions = parser.add_subparsers(title="actions", metavar="ACTION", parser_class=Parser)
-    listing = actions.add_parser("list", help="the presets that come with the program (default)", allow_abbrev=False)
+    listing = actions.add_parser("list", help="list the program's presets (default)", allow_abbrev=False)
     _add_listing(listing)
-    show = actions.add_parser(
-        "show", help="print a preset's file, and how its articulations are reached", allow_abbrev=False
-    )
+    show = actions.add_parser("show", help="print a preset's file and the ways to its articulations", allow_abbrev=False)
     show.add_argument("name", metavar="NAME", help="preset: a name, or a .toml file")
     show.set_defaults(run=_show_preset)
-    check = actions.add_parser("check", help="say all that is wrong with a preset file", allow_abbrev=False)
+    check = actions.add_parser("check", help="list all faults of a preset file", allow_abbrev=False)
     check.add_argument("file", metavar="FILE", help="preset: a .toml file, or a name")
     check.set_defaults(run=_check_preset)
 
@@ -40,9 +38,11 @@ def _add_listing(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=absent,
         metavar="TAG",
-        help="those with this tag; may be repeated, and all must fit",
+        help="only presets with this tag; if repeated, with all of them",
     )
-    parser.add_argument("--family", default=absent, metavar="FAMILY", help="those of this family, such as bass or guitar")
+    parser.add_argument(
+        "--family", default=absent, metavar="FAMILY", help="only presets of this family, such as bass or guitar"
+    )
     parser.add_argument("--json", action="store_true", default=absent, help="as JSON, with tags, range and articulations")
     parser.set_defaults(run=_list_presets)
 

@@ -25,14 +25,14 @@ from synth.cli.common import (
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "render",
-        help="a MIDI file to an audio file",
+        help="render a MIDI file to an audio file",
         allow_abbrev=False,
-        description="Renders a Standard MIDI File. Without -p, each program of General MIDI goes to the preset that is "
-        "nearest to it; percussion (channel 10) is left out.",
+        description="Renders a Standard MIDI File. Without -p, the nearest preset plays each General MIDI "
+        "program; percussion (channel 10) is left out.",
     )
     parser.add_argument("midi", metavar="IN.mid", help="the song: a Standard MIDI File")
     parser.add_argument(
-        "-o", "--output", metavar="FILE", help="file to write, - for standard output (default: IN.wav, here)"
+        "-o", "--output", metavar="FILE", help="output file, - for standard output (default: IN.wav in the current folder)"
     )
     what = parser.add_argument_group("instruments")
     add_instruments(what)
@@ -48,15 +48,14 @@ def add(commands: Any) -> None:
         "--fold",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help="notes that the preset has no string for go by octaves to where it has one (default: where a program has "
-        "chosen the preset)",
+        help="move notes outside the preset's range into it by octaves (default: where a program chose the preset)",
     )
     what.add_argument(
         "--rest",
         metavar="FILE.sf2",
-        help="a SoundFont that plays what strings do not: percussion, winds and other programs that are no strings",
+        help="a SoundFont that plays everything else: percussion, winds and other programs that are not strings",
     )
-    what.add_argument("--fallback", metavar="PRESET", help="preset that plays the notes which the channel's own cannot")
+    what.add_argument("--fallback", metavar="PRESET", help="preset for the notes that the channel's own cannot play")
 
     how = parser.add_argument_group("computation")
     add_physics(how)
@@ -82,23 +81,23 @@ def add(commands: Any) -> None:
         "--normalize",
         type=number(float, -96, 0, " dBFS"),
         metavar="DBFS",
-        help="scale so that the peak is there; =-1 if no level is given",
+        help="scale the peak to this level (default -1)",
     )
-    level.add_argument("--no-limiter", action="store_true", help="let peaks go above full scale")
+    level.add_argument("--no-limiter", action="store_true", help="let peaks exceed full scale")
 
     out = parser.add_argument_group("output")
-    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the ending of the file's name")
+    out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the file name's extension")
     out.add_argument("--bit-depth", choices=("16", "24", "float"), default="24", help="default 24; 16 is dithered")
     out.add_argument(
         "--tail",
         type=tail,
         metavar="SEC",
-        help="seconds after the end, or auto (default): until it is quiet",
+        help="seconds after the end, or auto (default): until silence",
     )
     out.add_argument("--start", type=number(float, 0, 1e6, " s"), default=0.0, metavar="SEC", help="where to begin")
     out.add_argument("--end", type=number(float, 0, 1e6, " s"), metavar="SEC", help="where to end")
-    out.add_argument("--stems", metavar="DIR", help="write every part to a file of its own, too")
-    out.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    out.add_argument("--stems", metavar="DIR", help="also write every part to a separate file")
+    out.add_argument("--quiet", action="store_true", help="print errors only")
     add_verbose(out)
     out.add_argument("--json", action="store_true", help="report as JSON")
     parser.set_defaults(run=_render)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "simulate",
-        help="a string, or strings on a body, by a case file: motion, forces and energy as arrays",
+        help="simulate a string, or strings on a body, from a case file: motion, forces and energy as arrays",
         allow_abbrev=False,
         description="Computes a case file (TOML) and writes its results; options replace its values. "
         "docs/reference/case-keys.md has every key with its unit, range and default.",
@@ -28,10 +28,10 @@ def add(commands: Any) -> None:
         "--output",
         required=True,
         metavar="OUT",
-        help=".npz: all of it (for --from, load_result); .csv: a table of the rows",
+        help=".npz: everything (for --from, load_result); .csv: a table of the rows",
     )
     parser.add_argument(
-        "--from", dest="resume_from", metavar="RUN.npz", help="go on from where that run ended, for --duration more"
+        "--from", dest="resume_from", metavar="RUN.npz", help="continue from the end of that run, for --duration more"
     )
     parser.add_argument(
         "--scheme",
@@ -40,27 +40,29 @@ def add(commands: Any) -> None:
         help=f"{', '.join(SCHEMES)}, or an installed contact law; of strings on a body exact-hold or complex-modes",
     )
     parser.add_argument(
-        "--restitution", type=number(float, 0, 1), metavar="E", help="of the Moreau–Jean schemes and of walls"
+        "--restitution", type=number(float, 0, 1), metavar="E", help="restitution of the Moreau–Jean schemes and of walls"
     )
-    parser.add_argument("--stiffness", type=number(float, 0, 1e30), metavar="K", help="of a compliant contact, N/m^α")
-    parser.add_argument("--exponent", type=number(float, 1, 100), metavar="A", help="α of a compliant contact")
     parser.add_argument(
-        "--quality", choices=QUALITIES, help="of one string: rate and modes as `synth render` would choose them"
+        "--stiffness", type=number(float, 0, 1e30), metavar="K", help="stiffness of a compliant contact, N/m^α"
+    )
+    parser.add_argument("--exponent", type=number(float, 1, 100), metavar="A", help="exponent α of a compliant contact")
+    parser.add_argument(
+        "--quality", choices=QUALITIES, help="for one string: rate and modes as `synth render` would choose them"
     )
     parser.add_argument("--rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="internal rate")
-    parser.add_argument("--output-rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the arrays")
+    parser.add_argument("--output-rate", type=number(float, 1, 1e9, " Hz"), metavar="HZ", help="rate of the output arrays")
     parser.add_argument("--modes", type=number(int, 1, 100_000), metavar="N", help="number of modes")
     parser.add_argument(
-        "--substeps", type=number(int, 1, 64), metavar="K", help="of exact-hold: the contact force changes K times a step"
+        "--substeps", type=number(int, 1, 64), metavar="K", help="for exact-hold: the contact force changes K times a step"
     )
     parser.add_argument(
         "--tail-modes",
         choices=("lumped", "static", "none"),
         dest="tail",
-        help="of exact-hold: what stands for modes left out",
+        help="for exact-hold: what represents the omitted modes",
     )
     parser.add_argument("--duration", type=number(float, 1e-9, 1e6, " s"), metavar="SEC", help="how long")
-    parser.add_argument("--ledger", action="store_true", default=None, help="keep the energy ledger too")
+    parser.add_argument("--ledger", action="store_true", default=None, help="also keep the energy ledger")
     parser.add_argument(
         "--set",
         action="append",
@@ -71,7 +73,7 @@ def add(commands: Any) -> None:
         help="change any value of the case, such as string.tension_n=60 or obstacle.heights_m=[0.0]; may be repeated",
     )
     parser.add_argument("--json", action="store_true", help="summary as JSON")
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=_simulate)
 
 

@@ -25,54 +25,54 @@ _TRIED = 3
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "sweep",
-        help="a study: many runs of a case or preset over parameters, each once, on one machine or a cluster",
+        help="run a study: a case or preset over many parameter values, each once, on one machine or a cluster",
         allow_abbrev=False,
-        description="Computes what a study (TOML) asks for and its folder does not have yet. Stopped or killed, the same "
-        "command goes on.",
+        description="Computes the rows of a study (TOML) that its folder lacks. If it is stopped or killed, the same "
+        "command resumes.",
     )
     parser.add_argument("study", metavar="STUDY", nargs="?", help="a .toml file; with --status it may be left out")
-    parser.add_argument("-o", "--output", metavar="FOLDER", help="where it is kept (default: STUDY.sweep)")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help="folder of the study (default: STUDY.sweep)")
     parser.add_argument(
         "--workers", type=common.number(int, 0, 4096), metavar="N",
-        help="processes of this machine, one thread each (default: one for each processor); 0: a loop in this one",
+        help="number of processes on this machine, one thread each (default: one per processor); 0: a loop in this process",
     )  # fmt: skip
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler whose workers compute, tls://…")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler whose workers compute, tls://…")
     parser.add_argument(
-        "--tls-ca", metavar="FILE", help="of a scheduler tls://…: certificate of the cluster's authority (PEM)"
+        "--tls-ca", metavar="FILE", help="for a scheduler tls://…: certificate of the cluster's authority (PEM)"
     )
-    parser.add_argument("--tls-cert", metavar="FILE", help="the certificate of this side (PEM)")
+    parser.add_argument("--tls-cert", metavar="FILE", help="your certificate (PEM)")
     parser.add_argument("--tls-key", metavar="FILE", help="its key (PEM; default: in the file of --tls-cert)")
     parser.add_argument(
         "--insecure", action="store_true", help="take a scheduler on another machine whose traffic is not encrypted"
     )
+    parser.add_argument("--check", action="store_true", help="only report the work: rows, the first of them, time")
+    parser.add_argument("--dry-run", action="store_true", help="the same, after trying a few rows and discarding them")
     parser.add_argument(
-        "--check", action="store_true", help="only say what would be computed: rows, the first of them, time"
+        "--status", metavar="FOLDER", help="report the progress of the study in a folder, even while it runs"
     )
-    parser.add_argument("--dry-run", action="store_true", help="the same, after a few rows were tried and thrown away")
-    parser.add_argument("--status", metavar="FOLDER", help="say how far the study in a folder is, also while it runs")
-    parser.add_argument("--retry-failed", action="store_true", help="compute rows that failed again")
+    parser.add_argument("--retry-failed", action="store_true", help="recompute failed rows")
     parser.add_argument(
         "--prune",
         action="store_true",
-        help="take out of the folder what the study no longer asks for, or an older program made",
+        help="delete rows from the folder that the study no longer needs or an older program made",
     )
     parser.add_argument("--plot", action="store_true", help="draw the study's [[plot]]s into its folder at the end")
     parser.add_argument("--heartbeat", type=common.number(float, 1, 86400, " s"), default=HEARTBEAT_S, metavar="SEC",
-                        help="a line so often where there is no terminal (default 30)")  # fmt: skip
+                        help="interval of progress lines without a terminal (default 30)")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="summary as JSON")
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=_sweep)
 
 
 def _sweep(options: argparse.Namespace) -> int:
     if options.status is not None:
         if options.study is not None or options.check or options.dry_run:
-            raise ValueError("--status looks at a folder; leave out the study")
+            raise ValueError("--status reads a folder; leave out the study")
         return _status(Path(options.status), options.json)
     if options.study is None:
         raise ValueError("the study is missing: give a .toml file, or --status FOLDER")
     if options.scheduler is not None and options.workers is not None:
-        raise ValueError("--workers are of this machine, --scheduler has its own; give one of them")
+        raise ValueError("--workers run on this machine, --scheduler has its own workers; give one of them")
     _needed(options.plot)
     scheduler = _scheduler(options)
     from synth.study.sweeping import open_study

@@ -97,9 +97,9 @@ class SetFolder:
                 raise ValueError(f"{self / STATE}: format {found['format']} is newer than what this program reads")
             return dict(found)
         except FileNotFoundError:
-            raise ValueError(f"{self.path}: no data set lies there ({STATE} is missing); give the folder of one") from None
+            raise ValueError(f"{self.path}: no data set is there ({STATE} is missing); give the folder of one") from None
         except (KeyError, TypeError, json.JSONDecodeError) as error:
-            raise ValueError(f"{self / STATE}: cannot be read ({error}); the data set is to be made anew") from None
+            raise ValueError(f"{self / STATE}: cannot be read ({error}); make the data set again") from None
 
     def written(self) -> Written:
         """The recipe that it was made from, with its own copies of what that names."""
@@ -109,13 +109,13 @@ class SetFolder:
     def make(self) -> None:
         """The folder itself. Raises OSError, ValueError where something else is in its place."""
         if self.path.exists() and not self.path.is_dir():
-            raise NotADirectoryError(f"{self.path}: is a file; a data set needs a folder of its own")
+            raise NotADirectoryError(f"{self.path}: is a file; a data set needs its own folder")
         if self.path.is_dir() and not self.begun:
             others = sorted(entry.name for entry in self.path.iterdir() if entry.name not in (LOCK, RECIPE, SOURCES))
             others = [name for name in others if not name.endswith(".part")]
             if others:
                 raise ValueError(
-                    f"{self.path}: has something else in it ({others[0]}); name a folder that is empty or not there"
+                    f"{self.path}: contains other files ({others[0]}); name a folder that is empty or not there"
                 )
         check_folder(self.path, self.path.parent)
         with naming(self.path):
@@ -161,10 +161,10 @@ class SetFolder:
         gone = [name for name, digest in state["sources"].items() if before["sources"].get(name) != digest]
         if gone or set(before["sources"]) != set(state["sources"]):
             names = ", ".join(gone or sorted(set(before["sources"]) ^ set(state["sources"])))
-            raise ValueError(f"{self.path}: was begun with another {names}; {remedy}")
+            raise ValueError(f"{self.path}: was started with another {names}; {remedy}")
         if not self.whole and before["versions"]["code"] != state["versions"]["code"]:
             raise ValueError(
-                f"{self.path}: was begun by other code (jawari {before['versions']['jawari']}, "
+                f"{self.path}: was started by other code (jawari {before['versions']['jawari']}, "
                 f"{before['versions']['code'][:12]}; this is {__version__}, {state['versions']['code'][:12]}): its items "
                 f"would be of two minds; go on with that one, {remedy}"
             )

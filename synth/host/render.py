@@ -230,7 +230,7 @@ def render_file(
     """
     began = time.perf_counter()
     if settings.output is None and settings.stems is None:
-        raise ValueError("there is nothing to write; give -o OUT.wav or --stems DIR")
+        raise ValueError("nothing to write; give -o OUT.wav or --stems DIR")
     check_apart(_files_read(settings), _mix_written(settings))
     song = read_song(settings.midi, settings.rate_hz, settings.mpe, settings.end_s)
     return render_song(song, settings, _Outputs, warn=warn, progress=progress, preparing=preparing, began=began)

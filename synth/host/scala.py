@@ -118,7 +118,7 @@ def read_scale(path: str | Path) -> Scale:
     count = _integer(path, number, count_text, "the number of notes", 1, 4096)
     pitches = [line for line in lines[2:] if line[1]]
     if len(pitches) < count:
-        raise ScalaError(f"{path}: {count} notes are promised, {len(pitches)} are there; correct line {number}")
+        raise ScalaError(f"{path}: {count} notes are declared, {len(pitches)} found; correct line {number}")
     cents = tuple(_pitch_cents(path, number, text) for number, text in pitches[:count])
     if cents[-1] <= 0.0:
         raise ScalaError(f"{path}: the last pitch, where the scale repeats, must be above 1/1, got {cents[-1]:g} cents")
@@ -194,4 +194,4 @@ def _pitch_cents(path: str | Path, number: int, text: str) -> float:
             f"{path}, line {number}: a pitch must lie within {MOST_OCTAVES} octaves of 1/1 (±{1200 * MOST_OCTAVES} cents), "
             f"got {text!r}"
         )
-    raise ScalaError(f"{path}, line {number}: {text!r} is no pitch; write cents with a point (701.955) or a ratio (3/2)")
+    raise ScalaError(f"{path}, line {number}: {text!r} is not a pitch; write cents with a point (701.955) or a ratio (3/2)")

@@ -56,7 +56,7 @@ def _check(path: str) -> None:
         head = file.read(12)
         size = os.fstat(file.fileno()).st_size
     if head[:4] != b"RIFF" or head[8:] != b"sfbk":
-        raise ValueError(f"{path}: is no SoundFont; give a file .sf2 or .sf3")
+        raise ValueError(f"{path}: is not a SoundFont; give a file .sf2 or .sf3")
     whole = 8 + int.from_bytes(head[4:8], "little")
     if size < whole:
         raise ValueError(f"{path}: holds {size} of the {whole} bytes of a SoundFont; give a file that is whole")

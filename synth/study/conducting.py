@@ -192,7 +192,7 @@ class Conductor:
         """What rows are compared with, for whoever computes them."""
         found = self._folder.reference(key)
         if found is None:
-            raise OSError(f"{self._folder.path}: reference {key} cannot be read any more; start again, it is computed anew")
+            raise OSError(f"{self._folder.path}: reference {key} is no longer readable; start again, it is computed again")
         return found
 
     def _take_reference(self, ticket: Any, outcome: Any) -> None:

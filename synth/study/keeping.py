@@ -109,7 +109,7 @@ class Folder:
         elif not self.path.is_dir():
             raise NotADirectoryError(f"{self.path}: is a file; give a folder")
         elif not (self.path / "study.json").exists() and not all(map(_begun, self.path.iterdir())):
-            raise FileExistsError(f"{self.path}: is no study's folder, and not empty; give another")
+            raise FileExistsError(f"{self.path}: is not a study's folder, and not empty; give another")
         with naming(self.path):
             (self.path / "parts").mkdir(parents=True, exist_ok=True)
             self._take_lock()
@@ -197,7 +197,7 @@ class Folder:
                     continue
                 except pa.ArrowInvalid as error:
                     raise OSError(
-                        f"{path}: is no Parquet file any more ({error}); remove it, its rows are computed anew"
+                        f"{path}: is no longer a Parquet file ({error}); remove it, its rows are computed again"
                     ) from None
                 yield found
 
@@ -333,9 +333,9 @@ def said(path: Path) -> dict[str, Any]:
     try:
         found = json.loads((path / "study.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise FileNotFoundError(f"{path}: is no study's folder, it has no study.json; check the name") from None
+        raise FileNotFoundError(f"{path}: is not a study's folder: it has no study.json; check the name") from None
     except ValueError:
-        raise ValueError(f"{path}: its study.json is no JSON; start the study again") from None
+        raise ValueError(f"{path}: its study.json is not valid JSON; start the study again") from None
     if not isinstance(found, dict) or not isinstance(found.get("format", 0), int):
         raise ValueError(f"{path}: its study.json is not one of this program's; start the study again")
     if found.get("format", 0) > FORMAT:

@@ -218,7 +218,7 @@ def test_other_code_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     folder.make()
     folder.begin(recipe := written(tmp_path), items := Items(recipe))
     monkeypatch.setattr("synth.dataset.setfolder.code", lambda: "0" * 64)
-    with pytest.raises(ValueError, match=r"was begun by other code .* would be of two minds"):
+    with pytest.raises(ValueError, match=r"was started by other code .* would be of two minds"):
         folder.begin(recipe, items)
 
 
@@ -246,11 +246,11 @@ def test_folders_that_cannot_be(tmp_path: Path) -> None:
         fill(recipe, tmp_path / "file")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("")
-    with pytest.raises(ValueError, match=r"has something else in it .thesis.txt."):
+    with pytest.raises(ValueError, match=r"contains other files .thesis.txt."):
         fill(recipe, tmp_path / "mine")
     with pytest.raises(FileNotFoundError, match=r"there is no directory"):
         fill(recipe, tmp_path / "nowhere" / "set")
-    with pytest.raises(ValueError, match=r"no data set lies there"):
+    with pytest.raises(ValueError, match=r"no data set is there"):
         verify(SetFolder(tmp_path / "mine"), 1)
     folder = SetFolder(tmp_path / "set")
     folder.make()
@@ -333,7 +333,7 @@ def test_a_changed_preset_is_another_data_set(tmp_path: Path) -> None:
     folder.make()
     folder.begin(recipe, Items(recipe))
     (tmp_path / "mine.toml").write_bytes(own.read_bytes() + b"\n# another\n")
-    with pytest.raises(ValueError, match=r"was begun with another mine.toml; name another folder"):
+    with pytest.raises(ValueError, match=r"was started with another mine.toml; name another folder"):
         folder.begin(recipe, Items(recipe))
 
 

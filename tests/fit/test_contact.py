@@ -309,7 +309,7 @@ def test_the_command_says_what_does_not_go(capsys, tmp_path, recording: np.ndarr
     for arguments, reason in (
         ([str(path), "--amplitude", "3"], "--amplitude goes with --contact"),
         ([str(path), str(path)], "one recording at a time, got 2"),
-        ([str(path), "--contact"], "say which with -p"),
+        ([str(path), "--contact"], "name it with -p"),
         ([str(path), "--contact", "-p", "tanpura", "--pitch", "98"], "--pitch does not go with --contact"),
         ([str(path), "--contact", "-p", "fretted-bass"], "is frets, whose fit is experimental: add --experimental"),
         ([str(path), "--contact", "-p", "tanpura", "--string", "Sa 1"], "must be string 1's"),

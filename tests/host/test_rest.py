@@ -245,7 +245,7 @@ def test_what_is_no_soundfont(tmp_path: Path, band: str, made: str, capfd: pytes
     for name, error, words in (
         ("none.sf2", FileNotFoundError, r"none\.sf2"),
         (".", IsADirectoryError, "is a directory; --rest needs a SoundFont"),
-        (band, ValueError, r"band\.mid: is no SoundFont; give a file \.sf2 or \.sf3"),
+        (band, ValueError, r"band\.mid: is not a SoundFont; give a file \.sf2 or \.sf3"),
         (
             "cut.sf2",
             ValueError,

@@ -79,14 +79,14 @@ def test_trailing_keys_of_a_mapping_may_be_left_out(write) -> None:
     [
         ("", "description line"),
         ("x\nmany\n", "line 2: the number of notes must be a whole number, got 'many'"),
-        ("x\n3\n3/2\n2\n", "3 notes are promised, 2 are there"),
-        ("x\n2\nfifth\n2/1\n", "line 3: 'fifth' is no pitch"),
-        ("x\n2\n3/0\n2/1\n", "line 3: '3/0' is no pitch"),
-        ("x\n2\n-3/2\n2/1\n", "is no pitch"),
+        ("x\n3\n3/2\n2\n", "3 notes are declared, 2 found"),
+        ("x\n2\nfifth\n2/1\n", "line 3: 'fifth' is not a pitch"),
+        ("x\n2\n3/0\n2/1\n", "line 3: '3/0' is not a pitch"),
+        ("x\n2\n-3/2\n2/1\n", "is not a pitch"),
         ("x\n1\n1/1\n", "must be above 1/1"),
-        ("x\n1\nnan.\n", "is no pitch"),
-        ("x\n1\ninf\n", "is no pitch"),
-        ("x\n1\n ! a comment\n", "is no pitch"),
+        ("x\n1\nnan.\n", "is not a pitch"),
+        ("x\n1\ninf\n", "is not a pitch"),
+        ("x\n1\n ! a comment\n", "is not a pitch"),
     ],
 )
 def test_scales_that_cannot_be_used(write, text: str, problem: str) -> None:
@@ -96,7 +96,7 @@ def test_scales_that_cannot_be_used(write, text: str, problem: str) -> None:
 
 @pytest.mark.parametrize("pitch", ["1000000000000.0", "-1000000000000.0", "76801.0", "1e300", "100000000000000000000000/3"])
 def test_pitches_beyond_all_hearing(write, pitch: str) -> None:
-    with pytest.raises(ScalaError, match=r"line 3: a pitch must lie within 64 octaves of 1/1|is no pitch"):
+    with pytest.raises(ScalaError, match=r"line 3: a pitch must lie within 64 octaves of 1/1|is not a pitch"):
         note_frequencies(write("far.scl", f"far\n2\n{pitch}\n1200.0\n"))
 
 
@@ -126,7 +126,7 @@ def test_a_pitch_takes_no_longer_than_its_text(write) -> None:
     program = "import sys; from synth.host.scala import note_frequencies; note_frequencies(sys.argv[1])"
     words = [sys.executable, "-c", program, str(write("bad.scl", "x\n1\n1e999999999\n"))]
     done = subprocess.run(words, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=patience_s())
-    assert done.returncode == 1 and "line 3: '1e999999999' is no pitch" in done.stderr
+    assert done.returncode == 1 and "line 3: '1e999999999' is not a pitch" in done.stderr
 
 
 def test_silent_keys_have_a_frequency_and_are_said_to_be_silent(write) -> None:

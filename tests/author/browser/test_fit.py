@@ -240,7 +240,7 @@ def test_a_fit_says_which_t60_is_which_and_shows_the_next_step_at_once(page, tmp
     page.until(lambda: len(page.result("return (await (await fetch('/api/docs/' + location.hash.slice(1))).json())")
                            ["data"]["string"]) == 1)  # fmt: skip
     page.find("#apply-fit").click()
-    page.until(lambda: "fit the recording anew" in page.text(".fit-refusal"))
+    page.until(lambda: "fit the recording again" in page.text(".fit-refusal"))
     assert not list(page.shown(".notice.error"))
     page.script("document.getElementById('fit-dialog').close()")
     page.find("#open-fit").click()
