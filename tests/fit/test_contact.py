@@ -244,7 +244,9 @@ def test_a_second_point_anywhere_is_found_and_widens_the_interval(model: Contact
 def test_much_that_is_not_explained_has_a_warning(model: ContactModel, recording: np.ndarray) -> None:
     fitting = _fitting(model, recording)
     values = {**_VALUES, "losses": 1.0}
-    right, beside = (fitting._told(fitting.search.space.point(each), [], 1.0) for each in (values, {**values, "height": 0.4}))
+    right, beside = (
+        fitting._told(fitting.search.space.point(each), [], 1.0) for each in (values, {**values, "height": 0.4})
+    )
     assert right.loss < contact_fit.DOUBTFUL_LOSS < beside.loss
     assert not right.warnings and "the intervals may miss the truth" in beside.warnings[0]
 
