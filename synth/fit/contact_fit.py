@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,12 +23,14 @@ from synth.fit.contact_features import HUBER_DB, Bands, Compared, Observed, comp
 from synth.fit.contact_model import Bridge, Grid, Stroke
 from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import evolve, starts_of
-from synth.fit.contact_space import Estimate, asked, estimates
+from synth.fit.contact_space import Estimate, asked, estimates, with_inner
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
 
 Real = NDArray[np.float64]
 #: a loss beyond that is another model's [pseudo-Huber units: 1 is 3 dB]
 MOST_LOSS = 0.35
+#: beyond that an answer of a bridge of one point has a warning: 20 notes over such bridges leave 0.23 at most
+DOUBTFUL_LOSS = 0.25
 #: of curved bridges less: a right answer had 0.11, a wrong one 0.16
 MOST_LOSS_CURVED = 0.13
 #: finalists whose loss is within this ratio of the best, or this much more, must agree
@@ -48,9 +51,12 @@ _CURVED_FINALISTS = 3
 #: other bridges that are tried from the answer, of so many points on an arc of so many metres (the last is flat): with less
 #: than so much of the loss of one point the answer is refused
 _RIVALS, _RIVAL = ((5, 10.0), (5, 5.0), (5, 2.5), (5, 1.2), (2, 5.0), (2, 1e4)), 0.6
+#: a second point between the bridge's edge and the end is tried at these shares of the distance, so far below the line from
+#: edge to end, in units of the depth where it is hardly touched; least squares follow from the best of so many places
+_PLACES, _BELOW, _FOLLOWED = (0.3, 0.45, 0.6, 0.75), (-0.1, -0.03, 0.03, 0.1), 2
 #: within that ratio of the loss, or so much more, the interval reaches that many times as far as to what they say
 _AS_WELL, _AS_WELL_LOSS, _REACHED = 1.25, 0.01, 1.5
-#: below that ratio another bridge is named in a warning
+#: below that ratio, and by more than _AS_WELL_LOSS (grids differ by as much), another bridge is named in a warning
 _BETTER = 0.9
 #: waveshapers that are tried, tanh of the largest value times so much, from so many notes of the dictionary and the answer
 _DRIVES, _SHAPED = (1.0, 2.0, 4.0), 3
@@ -176,7 +182,7 @@ class _Fitting:
             return self._told(point, [coarse[0], *beside], free)
         rivals = self._other_bridges(*coarse)
         self.done(0.97)
-        return self._told(polished[0], [coarse[0]], free, rivals)
+        return self._told(polished[0], [coarse[0]], free, [*rivals, self._second_point(*polished)])
 
     def _nearer(
         self, start: Real, seconds: float | None, reach: int, *, step: float, most: int, seed: int, held: str = ""
@@ -354,6 +360,25 @@ class _Fitting:
                 found.append((other - lifted, theirs / loss))
         return found
 
+    def _second_point(self, point: Real, loss: float) -> tuple[Real, float]:
+        """From the point to that of a bridge with a second point, which is looked for anywhere between edge and end, and the
+        ratio of the losses: one point fits a string that touches two now and then nearly as well, at another height."""
+        search, space = self.search, with_inner(self.search.space)
+        rival = Search(search.model, space, seconds=search.seconds)
+        fitting = _Fitting(rival, self.note, self.seen, self.done)
+        value = search.space.values(point)
+        best: dict[float, tuple[float, Real]] = {}
+        for place, below in product(_PLACES, _BELOW):
+            start = space.point({**value, "inner_place": place, "inner_height": value["height"] + below})
+            left = fitting._near(start, search.fine, 0)[1].loss
+            if place not in best or left < best[place][0]:
+                best[place] = left, start
+        found = [(point, loss)]
+        for _, start in sorted(best.values(), key=lambda each: each[0])[:_FOLLOWED]:
+            found.append(fitting._squares(start, search.fine, rounds=8))
+        other, theirs = min(found, key=lambda each: each[1])
+        return other[: search.space.size] - point, theirs / loss
+
     def _refuse_shaped(self, point: Real, loss: float, points: Real, driven: Real) -> None:
         """An overdriven recording compresses the loudest moments and has partials that the string did not make: notes behind
         some waveshapers are tried, the answer's and the best of the dictionary (its points, losses behind one)."""
@@ -389,11 +414,17 @@ class _Fitting:
         bias = sum(np.outer(point - other, point - other) for other in others)
         covariance = FACTOR**2 * (covariance + bias)
         values, warnings = estimates(space, point, covariance, LEAST_HALF), self.note.warnings
+        if found.loss > DOUBTFUL_LOSS and not search.curved:
+            warnings += (
+                f"much of the sound is not explained (loss {found.loss:.2f}, a note over one point leaves less than "
+                f"{DOUBTFUL_LOSS:g}): the bridge may have several points, and the intervals may miss the truth",
+            )
         for rival, ratio in rivals:
             theirs = asked(space, np.clip(point + rival, 0.0, 1.0))
             apart = any(abs(theirs[name] - each.value) > each.half for name, each in values.items())
-            if apart or ratio < _BETTER:
-                how = "better" if ratio < _BETTER else "as well"
+            better = ratio < _BETTER and (1.0 - ratio) * found.loss > _AS_WELL_LOSS
+            if apart or better:
+                how = "better" if better else "as well"
                 said = " and ".join(f"{name} {_say(name, theirs[name])}" for name in ("height", "distance"))
                 warnings += (f"a bridge of several points explains the sound {how}, with {said}: the intervals hold both",)
             covariance = covariance + _REACHED**2 * np.outer(rival, rival)

@@ -73,7 +73,8 @@ class Bridge:
 class Stroke:
     """One note. height_m: of the thread over the bridge; distance_m of the bridge's edge from the
     end; position: of the pluck, from that end as a share of L; displacement_m it draws the ideal string by in draw_s;
-    losses: factor of all decay rates; slip_s in which the string slides off the finger."""
+    losses: factor of all decay rates; slip_s in which the string slides off the finger; inner: a second point between the
+    bridge's edge and the end, its place as a share of the distance and how far it lies below the thread [m], or none."""
 
     height_m: float
     distance_m: float
@@ -82,6 +83,7 @@ class Stroke:
     draw_s: float
     losses: float = 1.0
     slip_s: float = 0.0
+    inner: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -174,6 +176,10 @@ class ContactModel:
         omega, sigma = self._modal(grid)
         n, string = grid.modes, self.string
         obstacle = self.shape.obstacle(string.length_m, stroke.height_m, stroke.distance_m)
+        if stroke.inner is not None:
+            place, below_m = stroke.inner
+            where = string.length_m - place * stroke.distance_m
+            obstacle = Obstacle((*obstacle.positions_m, where), (*obstacle.heights_m, -below_m))
         obstacle.check(string.length_m)
         x, eta = np.array(obstacle.positions_m), np.array(obstacle.heights_m)
         shapes, sigma = mode_shapes(string.length_m, x, n), stroke.losses * sigma

@@ -48,6 +48,8 @@ DRAW = Unknown("draw", 0.003, 0.04, True)
 LOSSES = Unknown("losses", 0.6, 1.6, True)
 #: the string slides off the finger in the hand's own time, times or over so much
 SLIPS = 3.0
+#: a second point between edge and end: place as a share of the distance; height over that above which it is hardly touched
+INNER = (Unknown("inner_place", 0.15, 0.92), Unknown("inner_height", -0.3, 1.3))
 #: what the answer is about; the rest is in its way
 ASKED = ("height", "distance", "position")
 
@@ -78,12 +80,20 @@ class Space:
         length, place = self.string.length_m, value["position"]
         hand = value["draw"], value["losses"], value.get("slip", 0.0)
         distance = value["distance"] * length
-        height = value["height"] * distance * self.amplitude_m / ((1.0 - place) * length)
-        return Stroke(height, distance, place, self.amplitude_m, *hand)
+        most = distance * self.amplitude_m / ((1.0 - place) * length)
+        inner = None
+        if "inner_place" in value:
+            inner = value["inner_place"], value["inner_height"] * value["inner_place"] * most
+        return Stroke(value["height"] * most, distance, place, self.amplitude_m, *hand, inner)
 
     def point(self, value: dict[str, float]) -> Real:
         """The point at which the unknowns have these values."""
         return np.array([min(1.0, max(0.0, u.share(value[u.name]))) for u in self.unknowns])
+
+
+def with_inner(space: Space) -> Space:
+    """The same unknowns and those of a second point of the bridge behind them."""
+    return Space(space.string, (*space.unknowns, *INNER), space.amplitude_m, space.held)
 
 
 def space_of(

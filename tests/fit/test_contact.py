@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -215,6 +216,39 @@ def test_a_bridge_of_two_points_is_named_in_a_warning(model: ContactModel) -> No
     point, loss = fitting._squares(start, fitting.search.coarse, rounds=6)
     found = fitting._told(point, [], 1.0, fitting._other_bridges(point, loss))
     assert any("a bridge of several points explains the sound better" in words for words in found.warnings)
+
+
+def test_a_second_point_anywhere_is_found_and_widens_the_interval(model: ContactModel) -> None:
+    """Lightly touched, at a share of the distance that no even bridge has; the note of one point stays as it is."""
+    grid, one = model.grid(1000.0, RATE_HZ), Stroke(8e-6, 12e-3, 0.33, 3e-3, 0.011)
+    losses, found = [], []
+    for truth in (one, replace(one, inner=(0.62, 5.2e-6))):
+        x = model.sound(truth, grid, 3.2).frames
+        x = soxr.resample(x - x.mean(), grid.rate_hz, RATE_HZ)
+        fitting = _fitting(model, np.concatenate([np.zeros(RATE_HZ // 10), x / np.abs(x).max()]))
+        space = fitting.search.space
+        height = 8e-6 * (1.0 - 0.33) * 0.95 / (12e-3 * 3e-3)
+        start = space.point({**_VALUES, "height": height, "distance": 12e-3 / 0.95, "losses": 1.0})
+        point, loss = fitting._squares(start, fitting.search.fine, rounds=6)
+        other, ratio = fitting._second_point(point, loss)
+        found.append(fitting._told(point, [], 1.0, [(other, ratio)]))
+        losses.append((loss, ratio * loss))
+    assert not found[0].warnings and losses[0][1] > losses[0][0] - 0.01
+    assert "a bridge of several points explains the sound better" in found[1].warnings[0]
+    assert losses[1][1] < 0.5 * losses[1][0]
+    values = found[1].values
+    assert values["height"].low <= 8e-6 / 3e-3 <= values["height"].high
+    assert values["distance"].low <= 12e-3 / 0.95 <= values["distance"].high
+
+
+def test_much_that_is_not_explained_has_a_warning(model: ContactModel, recording: np.ndarray) -> None:
+    fitting = _fitting(model, recording)
+    values = {**_VALUES, "losses": 1.0}
+    right, beside = (
+        fitting._told(fitting.search.space.point(each), [], 1.0) for each in (values, {**values, "height": 0.4})
+    )
+    assert right.loss < contact_fit.DOUBTFUL_LOSS < beside.loss
+    assert not right.warnings and "the intervals may miss the truth" in beside.warnings[0]
 
 
 def _settled(model: ContactModel, recording: np.ndarray, monkeypatch, followed, fine) -> list[tuple[np.ndarray, float]]:

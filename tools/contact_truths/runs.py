@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contact_truths import fretted
+from contact_truths.foreign import two_points
 from contact_truths.misleading import CASES
 from contact_truths.notes import RATE_HZ, Truth, drawn, length_m, sound
 from synth.fit.contact_dictionary import Search, contact_search
@@ -68,6 +69,10 @@ def _misleading() -> list[Job]:
     return [Job(f"misleading {name}", "misleading", None, name, 7000 + i) for i, name in enumerate(CASES)]
 
 
+def _foreign() -> list[Job]:
+    return [Job(f"foreign {seed}", "foreign", None, "two points", seed) for seed in range(5500, 5514)]
+
+
 def _frets() -> list[Job]:
     """Those that mislead first: they are the fewest."""
     cases = ["no contact", "hard", "amplitude + 10 %", "losses × 1.3", "losses × 0.7"]
@@ -81,6 +86,7 @@ SETS: dict[str, Callable[[], list[Job]]] = {
     "main": _main,
     "nuisance": _nuisance,
     "misleading": _misleading,
+    "foreign": _foreign,
     "frets": _frets,
 }
 
@@ -96,7 +102,9 @@ def run(job: Job) -> dict[str, Any]:
     if job.of == "frets":
         return fretted.run(job.seed, job.case)
     row: dict[str, Any] = {"key": job.key, "set": job.of, "case": job.case}
-    if job.truth is not None:
+    if job.of == "foreign":
+        preset, string, (recording, truth) = "tanpura", 0, two_points(job.seed)
+    elif job.truth is not None:
         recording, preset, string, truth = sound(job.truth), job.truth.preset, job.truth.string, job.truth
     else:
         recording, preset, string, truth = CASES[job.case](job.seed)
@@ -106,6 +114,7 @@ def run(job: Job) -> dict[str, Any]:
         tuned_model(load_preset(preset), string, [(recording, RATE_HZ)])
         found = fit_note(_search(preset, string), recording, RATE_HZ)
         row |= {"loss": found.loss, "free_loss": found.free_loss, "evaluations": found.evaluations}
+        row["warnings"] = list(found.warnings)
         length = length_m(preset, string)
         scale = {name: UNITS[name] * (length if name == "distance" else 1.0) for name in UNITS}
         row["values"] = {name: scale[name] * each.value for name, each in found.values.items()}
@@ -150,6 +159,8 @@ def show(rows: list[dict[str, Any]]) -> None:
                 some = [row for row in mine if (family == "sitar") == ("sitar" in row["key"])]
                 if some:
                     _summary(family, some, AIM)
+        elif name == "foreign":
+            _foreign_summary(mine)
         elif name == "nuisance":
             for case in dict.fromkeys(row["case"] for row in mine):
                 _summary(case, [row for row in mine if row["case"] == case], AIM_NUISANCE)
@@ -159,6 +170,21 @@ def show(rows: list[dict[str, Any]]) -> None:
                 print(f"  {'right   ' if good else 'NONSENSE'} {line(row)}")
             nonsense = sum(not ("refused" in row or _right(row, AIM_NUISANCE)) for row in mine)
             print(f"  nonsense: {nonsense} of {len(mine)}")
+
+
+def _foreign_summary(rows: list[dict[str, Any]]) -> None:
+    """How many are refused, within their intervals, and beside them with a warning and without."""
+    said = {"refused": 0, "within": 0, "beside, warned": 0, "beside, NOT WARNED": 0}
+    for row in rows:
+        if "refused" in row:
+            what = "refused"
+        elif all(abs(row["errors"][name]) <= row["halves"][name] for name in AIM):
+            what = "within"
+        else:
+            what = "beside, warned" if row["warnings"] else "beside, NOT WARNED"
+        said[what] += 1
+        print(f"  {what:19} {line(row)}")
+    print("  " + ", ".join(f"{what}: {count}" for what, count in said.items()))
 
 
 def _summary(title: str, rows: list[dict[str, Any]], aim: dict[str, float]) -> None:
