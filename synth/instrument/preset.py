@@ -511,11 +511,6 @@ class Preset(Table):
     def _pressure_moves_a_bridge(self) -> Preset:
         if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
             raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
-        if self.mapping.pressure_um != 0.0 and isinstance(self.obstacle, BridgeObstacle) and self.obstacle.points > 1:
-            raise ValueError(
-                f"mapping.pressure_um moves a bridge of one point, got obstacle.points = {self.obstacle.points}; "
-                "leave one of them out"
-            )
         return self
 
     @model_validator(mode="after")

@@ -34,8 +34,9 @@ def test_hosts_know_a_plugin_by_the_same_number_for_ever() -> None:
 
 @pytest.mark.parametrize(("name", "thread"), [("sitar", False), ("veena", False), ("tanpura", True), ("jawari-harp", True)])
 def test_a_thread_is_offered_where_there_is_one(name: str, thread: bool) -> None:
-    """A sitar's gap keeps the id that its thread went by."""
+    """Every bridge can be raised while it sounds. A sitar's gap keeps the id that its thread went by."""
     told = describe([load_preset(name)])
+    assert [row.id for row in told.parameters if row.id.startswith("obstacle.")] == ["obstacle.height"]
     named = [row.name for row in (*told.parameters, *told.setup) if "thread" in row.name.lower() or "jiva)" in row.name]
     assert bool(named) == thread
     setup = {row.id: row.name for row in told.setup}
