@@ -314,7 +314,6 @@ def test_a_curved_bridge_falls_away_from_the_string() -> None:
         ("sympathetic = true", 'sympathetic = true\nsounds = "C5"', r"string\.1: sounds has no meaning"),
         ("frets = 0", "frets = 3", r"string\.2\.frets must be at most the 2 of the neck, got 3"),
         ("bridge_points = 1", "bridge_points = 4", r"string\.2\.bridge_points must be at most the 3 of the bridge, got 4"),
-        ("[pluck]", "[mapping]\npressure_um = -5\n[pluck]", r"mapping\.pressure_um moves a bridge of one point"),
         ("points = 3", "points = 0", r"obstacle\.points: .*got 0"),
     ],
 )

@@ -91,6 +91,8 @@ def follow_quantum(core: int, s: int, k: int) -> None:
     height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if bank_of(core).strings[s].axial_stiffness > 0.0:
         bend = bend_with_motion(core, s, k, bend)
+    if bank_of(core).models[me.model].contacts == 0 and shared.board_at[me.model] == 0:
+        me.height = height  # nothing is under it that could be raised
     if me.bend != bend or me.height != height:
         _follow_controls(core, s, bend, height)
 
@@ -284,7 +286,7 @@ def _check(core: int, thread: int, s: int) -> None:
     plain, model = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
     n = string.counts[MOVING]
     q, v = string.q[:n], string.v[:n]
-    rest_state(core, me, scratch.q)
+    rest_state(core, thread, me, scratch.q)
     me.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.q[:n])
     if model.points == model.on_q:
         me.level += abs(me.base - me.rest)

@@ -19,8 +19,8 @@ from synth.engine.bridges import Bridges, SharedBody
 from synth.engine.layout import FADE, OFF_BOARD, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
 from synth.engine.team import N_WORDS
 from synth.engine.voices.channels import power_up
-from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction
-from synth.instrument.preset import Preset, at_note
+from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction, static_compliance
+from synth.instrument.preset import BridgeObstacle, Preset, at_note
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate, record, whole_lines
 from synth.native.views import table, words
@@ -28,6 +28,7 @@ from synth.physics.modes import ramp_moments
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
+from synth.solver.layers import static_matrix
 from synth.solver.responses import make_rows
 from synth.solver.single import keeps_losses
 from synth.solver.stringmodel import (
@@ -77,8 +78,9 @@ class _Lists:
         self.bodies: list[SharedBody] = []
         self.boards: list[LaidBoard] = []
         self.leverage: list[np.ndarray] = []
+        self.settled: list[np.ndarray] = []
         self._tap_places: dict[int, tuple[int, int]] = {}
-        self._line = self._row = self._fade = self._levers = 0
+        self._line = self._row = self._fade = self._levers = self._settled = 0
 
     def part(self, part: CompiledPart, channel: int, together: bool) -> None:
         """A part with its strings and buses; `together`: they are one instrument."""
@@ -234,6 +236,10 @@ class _Lists:
             rest = float(position.wq @ position.q_rest)
         if uses_v or heard is not None:  # of pickups and bridges, the rest line alone is what is counted from
             lift = rest = 0.0
+        settled = np.zeros(0)
+        if c > 1 and isinstance(preset.obstacle, BridgeObstacle):
+            compliance = static_compliance(position.omega, position.mu, position.shapes, position.residual)
+            settled = static_matrix(compliance, position.layers).reshape(-1)
         stopband = 2.0 * math.pi * STOPBAND_EDGE * self.rate_hz
         self.models.append(
             record(
@@ -254,10 +260,14 @@ class _Lists:
                 static_response=static,
                 lift_output=lift,
                 leverage=self._levers,
+                settled=self._settled,
+                settling=math.isqrt(settled.size),
             )
         )
         self.leverage.append(position.leverage)
         self._levers += position.leverage.size
+        self.settled.append(settled)
+        self._settled += settled.size
         dt = 1.0 / (self.rate_hz * factor)
         # strings that swing with a body, over a board or by a law of their own are not advanced in blocks of one string
         alone = self.law == EXACT_HOLD and self.step == 0 and heard is None and not on_board
@@ -339,6 +349,7 @@ def build_bank(
         "touches": len(lists.touches),
         "taps": sum(t.size for t in lists.taps),
         "leverage": sum(each.size for each in lists.leverage),
+        "settled": sum(each.size for each in lists.settled),
     }
     bank = allocate(
         Bank,
@@ -359,6 +370,7 @@ def build_bank(
     )
     np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
     np.concatenate([np.zeros(0), *lists.leverage], out=bank.leverage)
+    np.concatenate([np.zeros(0), *lists.settled], out=bank.settled)
     return Built(bank, lists.compiled, lists.flights, lists.bodies, lists.boards)
 
 

@@ -14,6 +14,8 @@ from synth.engine.on_board import stop_on_board
 from synth.solver.due_responses import put_off
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, contact_matrix
+from synth.solver.layers import settle
+from synth.solver.lcp import SOLVED
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_lags, fill_rows
 from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, string_model
@@ -30,7 +32,7 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     string.counts[FREE] = 0
     string.counts[CERTAIN] = 0
     string.counts[MOVING] = model.modes
-    set_rest(core, me)
+    set_rest(core, thread, me)
     me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
     if shared_of(core).board_at[me.model] != 0:
         stop_on_board(core, thread, s)
@@ -80,8 +82,8 @@ def _alter(core: int, thread: int, s: int) -> None:
 
 
 @njit(**CORE)
-def set_rest(core: int, me) -> None:
-    """Where the string would come to rest over the obstacle as high as it now is: the contact's force and the output."""
+def set_rest(core: int, thread: int, me) -> None:
+    """Where the string would come to rest over the obstacle as high as it now is: the contacts' force and the output."""
     model = bank_of(core).models[me.model]
     me.lift = 0.0
     me.rest = model.line_output + model.rest_output
@@ -93,12 +95,58 @@ def set_rest(core: int, me) -> None:
             yielding = model.static_response + 1.0 / plain.layers[STIFFNESS, 0]
             me.lift = max(height / yielding, (height - plain.layers[DEPTH, 0]) / model.static_response)
         me.rest = model.line_output + me.lift * model.lift_output
+    elif model.settling > 0:
+        _rest_on_points(core, thread, me)
 
 
 @njit(**CORE)
-def rest_state(core: int, me, q_rest) -> None:
+def _press(core: int, thread: int, me) -> None:
+    """Scratch.z: forces of the points of a bridge on the string at rest [N]."""
+    bank, plain = bank_of(core), string_model(shared_of(core).model_at[me.model, PLAIN])
+    model = bank.models[me.model]
+    rows = model.settling
+    matrix = bank.settled[model.settled : model.settled + rows * rows].reshape(rows, rows)
+    if settle(matrix, plain.eta, me.height, plain.layers, thread) != SOLVED:
+        scratch_of(thread).z[: plain.eta.size] = 0.0
+
+
+@njit(**CORE)
+def _rest_on_points(core: int, thread: int, me) -> None:
+    """`set_rest` over several points of a bridge."""
+    bank, plain = bank_of(core), string_model(shared_of(core).model_at[me.model, PLAIN])
+    model, force = bank.models[me.model], scratch_of(thread).z
+    _press(core, thread, me)
+    heard = 0.0
+    for c in range(plain.eta.size):
+        if force[c] > 0.0:
+            me.lift += force[c] * bank.leverage[model.leverage + c] / bank.leverage[model.leverage]
+            if model.lift_output != 0.0:
+                heard += force[c] * _lift_output(plain, c)
+    me.rest = model.line_output + heard
+
+
+@njit(**CORE)
+def _lift_output(plain, c: int) -> float:
+    """Output of the state at rest under 1 N at contact c."""
+    total = 0.0
+    for j in range(plain.modes):
+        total += plain.weights[0, j] * plain.shapes[c, j] / (plain.mu * plain.omega[j] * plain.omega[j])
+    return total
+
+
+@njit(**CORE)
+def rest_state(core: int, thread: int, me, q_rest) -> None:
     """q (N,) of the string at rest."""
     model = string_model(shared_of(core).model_at[me.model, PLAIN])
+    if bank_of(core).models[me.model].settling > 0:
+        _press(core, thread, me)
+        force = scratch_of(thread).z
+        for j in range(model.modes):
+            total = 0.0
+            for c in range(model.eta.size):
+                total += model.shapes[c, j] * force[c]
+            q_rest[j] = total / (model.mu * model.omega[j] * model.omega[j])
+        return
     lifted = model.eta.size == 1
     for j in range(model.modes):
         q_rest[j] = 0.0 if lifted else model.q_rest[j]

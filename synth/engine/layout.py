@@ -53,8 +53,13 @@ MODEL = np.dtype(
         ("rest_output", "f8"),  # output of the static state, line included
         ("output_bound", "f8"),  # |output| ≤ bound · √Σ(v² + ω²q²)
         ("static_response", "f8"),  # displacement of the first contact under 1 N, at rest
-        ("lift_output", "f8"),  # output of the state at rest under 1 N at the first contact
+        (
+            "lift_output",
+            "f8",
+        ),  # output of the state at rest under 1 N at the first contact; 0: the rest line alone is counted
         ("leverage", "i8"),  # where those of its contacts begin in Bank.leverage
+        ("settled", "i8"),  # where its rows begin in Bank.settled, …
+        ("settling", "i8"),  # … and how many there are; 0: no bridge of several points
     ],
     align=True,
 )
@@ -236,6 +241,7 @@ class Bank(NamedTuple):
     touches: Annotated[np.ndarray, struct(TOUCH, "touches")]
     taps: Annotated[np.ndarray, f8("taps")]  # ordered by phase
     leverage: Annotated[np.ndarray, f8("leverage")]  # of every model's contacts by the motion of the saddle
+    settled: Annotated[np.ndarray, f8("settled")]  # `layers.static_matrix` of every model over several points of a bridge
 
 
 class Settings(NamedTuple):
@@ -295,7 +301,7 @@ SOUNDING = np.dtype(
         ("pressure", "f8"),  # 0 … 1, smoothed
         ("key_pressure", "f8"),  # of its key alone
         ("timbre", "f8"),  # of its note: −1 plucked in the middle … 1 by the bridge
-        ("lift", "f8"),  # force of the one contact on the string at rest [N]
+        ("lift", "f8"),  # force on the string at rest: of the contacts, as one at the first would pull at the bridge [N]
         ("rest", "f8"),  # output at rest, line included
         ("base", "f8"),  # output counted as zero; follows `rest`
         ("level", "f8"),

@@ -56,8 +56,9 @@ def parameters_of(part: int, preset: Preset) -> list[Parameter]:
         ("pluck.width", "Finger width", "mm", pluck.width_mm, 0.0),
         ("damping.release", "Damping time", "×", 1.0, 0.0),
     ]
-    if isinstance(preset.obstacle, BridgeObstacle) and preset.obstacle.points == 1:
-        rows.append(("obstacle.height", "Bridge raised against the thread", "µm", 0.0, CONTROL_S))
+    if isinstance(preset.obstacle, BridgeObstacle):
+        name = "Bridge raised against the thread" if preset.obstacle.has_thread else "Bridge raised (jawari)"
+        rows.append(("obstacle.height", name, "µm", 0.0, CONTROL_S))
     if preset.hand.varies:
         rows.append(("hand.variation", "Variation from stroke to stroke", "×", 1.0, 0.0))
     out = []

@@ -67,9 +67,9 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     me.rise = 0.0
     me.bend = bend_of(core, s, int(np.int64(0)), state.channels[me.channel].bend, state.channels[master].bend)
     me.height = height_of(core, s, state.part_state[fixed.part].height)
-    set_rest(core, me)
+    set_rest(core, thread, me)
     me.base = me.rest
-    rest_state(core, me, scratch.q)
+    rest_state(core, thread, me, scratch.q)
     for j in range(string.q.size):
         string.q[j] = scratch.q[j] if j < n else 0.0
         string.v[j] = 0.0

@@ -122,7 +122,7 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
         me, string = state.sounding[s], string_of(core, s)
         plain = string_model(shared_of(core).model_at[me.model, PLAIN])
         n = min(plain.modes, string.counts[MOVING])
-        rest_state(core, me, scratch.q)
+        rest_state(core, thread, me, scratch.q)
         me.level = _level(plain.weights[0, :n], plain.omega, string.q, string.v, scratch.q)
         loudest += me.level
     if loudest < SLEEP_BELOW:

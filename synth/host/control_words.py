@@ -51,6 +51,6 @@ PARAMETERS: dict[str, str] = {
     "pluck.amount": "How far the next pluck draws the string aside, times what the preset says.",
     "pluck.width": "Width of the finger at the next pluck: a wide finger is dull.",
     "damping.release": "How long a string that is let go goes on, times what the preset says.",
-    "obstacle.height": "Raises the bridge against the thread while it sounds; of presets with a bridge of one point.",
+    "obstacle.height": "Raises the bridge under the strings while they sound: the buzz (jawari); of presets with a bridge.",
     "hand.variation": "How much strokes vary, times what the preset says; of presets whose hand varies.",
 }

@@ -389,6 +389,11 @@ def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, h
     return slope * output_distance(preset, string, open_length_m)
 
 
+def static_compliance(omega: np.ndarray, mu: float, shapes: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """(C, C) displacements of the contacts of a string under 1 N at each, at rest [m/N]."""
+    return (shapes / (mu * omega**2)) @ shapes.T + residual
+
+
 def static_state(
     omega: np.ndarray,
     mu: float,
@@ -403,7 +408,7 @@ def static_state(
     if contacts == 0 or eta.max() <= 0.0:
         return q
     force, status = static_forces(
-        (shapes / (mu * omega**2)) @ shapes.T + residual, -eta, _NO_LAYERS if layers is None else layers
+        static_compliance(omega, mu, shapes, residual), -eta, _NO_LAYERS if layers is None else layers
     )
     if status != SOLVED:
         raise ValueError("the static contact problem of the string at rest has no solution")

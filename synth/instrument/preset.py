@@ -168,13 +168,13 @@ class NoObstacle(Table):
 
 
 class BridgeObstacle(Table):
-    """A two-point bridge: the string ends on the thread (jiva) and may touch the bridge at a point before it."""
+    """A bridge that the string may touch before its end: at an edge before the thread (jiva), or along a curve."""
 
     kind: Literal["bridge"]
     #: from the saddle end to the point of contact, as mm or as a share of the open length
     distance_mm: Annotated[Scaled, within(0.2, 100.0)] | None = None
     distance_ratio: float | None = Field(None, gt=0.0, le=0.2)
-    #: height of the thread: gap between the string at rest and the contact; negative presses the string
+    #: gap between the string at rest and the contact, by a thread its height; negative presses the string
     jiva_um: Annotated[Scaled, within(-100.0, 1000.0)] = 0.0
     #: a curved bridge: so many points, evenly from the saddle to `distance`, on an arc that falls away from the string there
     points: int = Field(1, ge=1, le=MOST_BRIDGE_POINTS)
@@ -191,6 +191,11 @@ class BridgeObstacle(Table):
         if (self.distance_mm is None) == (self.distance_ratio is None):
             raise ValueError("give either distance_mm or distance_ratio")
         return self
+
+    @property
+    def has_thread(self) -> bool:
+        """Whether the string ends on a thread before an edge; else its end lies on the bridge's curve."""
+        return self.points == 1
 
 
 class PointsObstacle(Table):
@@ -506,11 +511,6 @@ class Preset(Table):
     def _pressure_moves_a_bridge(self) -> Preset:
         if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
             raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
-        if self.mapping.pressure_um != 0.0 and isinstance(self.obstacle, BridgeObstacle) and self.obstacle.points > 1:
-            raise ValueError(
-                f"mapping.pressure_um moves a bridge of one point, got obstacle.points = {self.obstacle.points}; "
-                "leave one of them out"
-            )
         return self
 
     @model_validator(mode="after")

@@ -50,6 +50,12 @@ class _Number:
     curve: int
     value: Callable[[Preset], float | None]
     change: Callable[[Data, float], None]
+    threadless: str = ""  # its name on a bridge without a thread, if that is another
+
+    def name_in(self, preset: Preset) -> str:
+        """What it is called in a preset."""
+        shape = preset.obstacle
+        return self.threadless if self.threadless and shape.kind == "bridge" and not shape.has_thread else self.name
 
 
 def setup_of(part: int, preset: Preset, tuned: bool = False) -> list[SetupNumber]:
@@ -61,7 +67,7 @@ def setup_of(part: int, preset: Preset, tuned: bool = False) -> list[SetupNumber
         if value is not None and not (tuned and each.id.startswith("tuning.")):
             ends = min(each.low, value), max(each.high, value)
             curve = each.curve if ends[0] > 0.0 else LINEAR
-            out.append(SetupNumber(part, len(out), each.id, each.name, each.unit, *ends, value, curve))
+            out.append(SetupNumber(part, len(out), each.id, each.name_in(preset), each.unit, *ends, value, curve))
     return out
 
 
@@ -187,8 +193,19 @@ _NUMBERS = (
         LINEAR,
         _of("obstacle", "jiva_um", "bridge"),
         _put("obstacle", "jiva_um"),
+        threadless="Gap over the bridge",
     ),
-    _Number("obstacle.jivas", "Threads (jiva)", "×", 0.0, 10.0, LINEAR, _at_notes("jiva_um"), _scale_obstacle("jiva_um")),
+    _Number(
+        "obstacle.jivas",
+        "Threads (jiva)",
+        "×",
+        0.0,
+        10.0,
+        LINEAR,
+        _at_notes("jiva_um"),
+        _scale_obstacle("jiva_um"),
+        threadless="Gaps over the bridge",
+    ),
     _Number(
         "obstacle.distance",
         "Thread to bridge edge",
@@ -198,6 +215,7 @@ _NUMBERS = (
         RATIO,
         _of("obstacle", "distance_mm", "bridge"),
         _put("obstacle", "distance_mm"),
+        threadless="Depth of the bridge",
     ),
     _Number(
         "obstacle.distances",
@@ -208,6 +226,7 @@ _NUMBERS = (
         RATIO,
         _at_notes("distance_mm"),
         _scale_obstacle("distance_mm"),
+        threadless="Depth of the bridge",
     ),
     _Number(
         "obstacle.ratio",
@@ -218,6 +237,7 @@ _NUMBERS = (
         RATIO,
         _of("obstacle", "distance_ratio", "bridge"),
         _put("obstacle", "distance_ratio"),
+        threadless="Depth of the bridge",
     ),
     _Number(
         "obstacle.action",

@@ -107,13 +107,47 @@ def static_forces(compliance: np.ndarray, gap: np.ndarray, layers: np.ndarray) -
     (3, 0) without any.
     """
     contacts = gap.size
-    matrix, b, enabled = compliance, gap, np.ones(contacts, np.uint8)
+    matrix, b, enabled = static_matrix(compliance, layers), gap, np.ones(contacts, np.uint8)
     if layers.shape[1]:
         soft = layers[DEPTH] > 0.0
-        matrix = np.tile(compliance, (2, 2))
-        matrix[:contacts, :contacts] += np.diag(np.divide(1.0, layers[STIFFNESS], out=np.zeros(contacts), where=soft))
         b, enabled = np.concatenate([gap, gap + layers[DEPTH]]), np.concatenate([soft.astype(np.uint8), enabled])
     force, size = np.zeros(b.size), b.size
     work = (np.zeros(size, np.uint8), force, np.zeros((size, size)), np.zeros(size, np.int64))
-    status = solve(np.ascontiguousarray(matrix), np.ascontiguousarray(b), enabled, *work)
+    status = solve(matrix, np.ascontiguousarray(b), enabled, *work)
     return force.reshape(-1, contacts).sum(axis=0), status
+
+
+def static_matrix(compliance: np.ndarray, layers: np.ndarray) -> np.ndarray:
+    """Matrix of the contact problem at rest: (C, C), or (2C, 2C) of contacts with layers; arguments: `static_forces`."""
+    if not layers.shape[1]:
+        return np.ascontiguousarray(compliance)
+    contacts, soft = compliance.shape[0], layers[DEPTH] > 0.0
+    matrix = np.tile(compliance, (2, 2))
+    matrix[:contacts, :contacts] += np.diag(np.divide(1.0, layers[STIFFNESS], out=np.zeros(contacts), where=soft))
+    return matrix
+
+
+@njit(cache=True, nogil=True)
+def settle(matrix, eta, raised: float, layers, scratch: int) -> int:
+    """`static_forces` in Scratch.z of a string that nothing else holds, over contacts `raised` above η (C,) [m]: a status of
+    `lcp`. matrix: `static_matrix`. The scratch is one for as many rows."""
+    w, contacts, rows = scratch_of(scratch), eta.size, matrix.shape[0]
+    b, enabled, active, z = w.b[:rows], w.enabled[:rows], w.active[:rows], w.z[:rows]
+    touching = False
+    for c in range(contacts):
+        b[c] = -(eta[c] + raised)
+        enabled[c] = 1
+        if rows > contacts:
+            b[contacts + c] = b[c] + layers[DEPTH, c]
+            enabled[c] = 1 if layers[DEPTH, c] > 0.0 else 0
+            enabled[contacts + c] = 1
+        touching = touching or b[c] < 0.0
+    for r in range(rows):
+        active[r] = 0
+        z[r] = 0.0
+    if not touching:
+        return SOLVED
+    status, _, _ = pivot(matrix, b, enabled, active, z, w.factor, w.order, int(np.int64(0)))
+    for r in range(contacts, rows):
+        z[r - contacts] += z[r]
+    return status

@@ -95,6 +95,11 @@ BRIDGE = preset(
 )
 #: its thread so thin that the string rests on the bridge: 20 µm too low
 PRESSED = preset("pressed", steel("G2"), obstacle='kind = "bridge"\ndistance_mm = 6.0\njiva_um = -20.0', output=FORCE)
+#: a curved bridge without a thread, and a neck before it
+CURVE_OBSTACLE = 'kind = "bridge"\ndistance_mm = 8.0\npoints = 4\nradius_mm = 8000.0\nfrets = 2'
+CURVE = preset(
+    "curve", steel("G2", "jor") + steel("C3", "baj"), obstacle=CURVE_OBSTACLE, damping="ring_on = true", output=FORCE
+)
 NECK_OBSTACLE = 'kind = "frets"\ncount = 12\naction_12th_mm = 2.3\nnut_height_mm = 0.6\nrelief_mm = 0.3'
 #: E A D G with twelve frets; notes 28…55
 NECK = preset(
@@ -129,6 +134,20 @@ shape = [0.9, -0.2, -3.0]
 [polarisation]
 detuning_cents = 0.5
 pluck_deg = 40
+""",
+)
+#: a small sitar: such strings, and one over a single point, on a bridge that moves with a body
+SITAR = preset(
+    "small-sitar",
+    steel("G2", "jor") + steel("C3", "baj") + "place_mm = 8\n" + steel("G3", "chikari") + "bridge_points = 1\n",
+    obstacle=CURVE_OBSTACLE,
+    damping="ring_on = true",
+    output='kind = "body"\ngain_db = -40',
+    more="""
+[[body.mode]]
+frequency_hz = 180
+q = 20
+mass_kg = 0.2
 """,
 )
 

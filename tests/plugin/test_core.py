@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from synth.engine import layout
 from synth.engine.engine import Engine
 from synth.instrument.preset import load_preset
 from synth.jit import prebuilt
@@ -33,7 +34,7 @@ from synth.midi.events import (
 from synth.native.processors import cores
 from synth.plugin.bankfile import bank
 from tests.engine.handed import ACROSS, BUSY, HANDED, PULLED, PULLS
-from tests.engine.kit import FREE, SHARED, play, random_events
+from tests.engine.kit import CURVE, FREE, SHARED, SITAR, play, random_events
 from tests.patience import until
 
 from .broken_sounds import Twins
@@ -530,3 +531,19 @@ def test_values_and_programs_can_be_asked_for(library, bank_files):
     assert library.sounding(engine.address, 4, 60) == 1 and library.sounding(engine.address, 4, 61) == 0
     assert [library.pitch(engine.address, key) for key in (0, 69, 127)] == [0.0, 69.0, 127.0]
     assert np.isnan(library.pitch(engine.address, 128))
+
+
+@pytest.mark.parametrize("preset", [CURVE, SITAR], ids=lambda each: each.name)
+def test_a_bridge_that_is_raised_sounds_as_in_python(library, tmp_path, preset):
+    """Automation of its height, at any frame, from full contact to none."""
+    (tmp_path / "bridge.jawari").write_bytes(bank((preset,), [RATE_HZ]))
+    engine = Engine([preset])
+    engine.prepare(RATE_HZ, 4096)
+    rng = np.random.default_rng(6)
+    rows = [(5, NOTE_ON, 0, 43, 120), (900, NOTE_ON, 0, 48, 127), (7000, NOTE_ON, 0, 50, 90), (9000, BEND, 0, 4000)]
+    rows += [(int(f), PARAMETER, 0, layout.HEIGHT, 0, float(rng.uniform(-200.0, 50.0))) for f in range(1000, 14000, 731)]
+    rows += [(15000 + 64 * k, PARAMETER, 0, layout.HEIGHT, 0, 0.5 * k) for k in range(60)]
+    events, sizes = make_events(rows), sizes_of(rng)
+    wanted = played(engine, events, 22000, sizes)
+    assert not np.array_equal(wanted, played(engine, events[events["kind"] != PARAMETER], 22000, sizes))
+    assert same(wanted, library.open_bank(tmp_path / "bridge.jawari").engine().play(events, 22000, sizes))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from synth.instrument.preset import load_preset
 from synth.plugin.bankfile import uid_of
 from synth.plugin.description import describe
@@ -28,3 +30,15 @@ def test_equal_titles_are_told_apart() -> None:
 def test_hosts_know_a_plugin_by_the_same_number_for_ever() -> None:
     assert describe([load_preset("tanpura")]).id == "tanpura"
     assert uid_of("tanpura").hex() == "79921430b3b4ad308830d47f6e21e97a"
+
+
+@pytest.mark.parametrize(("name", "thread"), [("sitar", False), ("veena", False), ("tanpura", True), ("jawari-harp", True)])
+def test_a_thread_is_offered_where_there_is_one(name: str, thread: bool) -> None:
+    """Every bridge can be raised while it sounds. A sitar's gap keeps the id that its thread went by."""
+    told = describe([load_preset(name)])
+    assert [row.id for row in told.parameters if row.id.startswith("obstacle.")] == ["obstacle.height"]
+    named = [row.name for row in (*told.parameters, *told.setup) if "thread" in row.name.lower() or "jiva)" in row.name]
+    assert bool(named) == thread
+    setup = {row.id: row.name for row in told.setup}
+    if not thread:
+        assert (setup["obstacle.jiva"], setup["obstacle.distance"]) == ("Gap over the bridge", "Depth of the bridge")

@@ -43,7 +43,6 @@ from typing import Any
 
 from synth.author.views.parameters import ranges
 from synth.author.views.place import Place, find, open_string, speaking
-from synth.author.views.words import has_thread
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
 from synth.fit.tune import single_strings
 from synth.instrument.boards import fingerboard_of
@@ -169,7 +168,7 @@ def _raise_thread(drawing: dict[str, Any], obstacle: Obstacle, drags: _Drags, br
         drag = thing["drag"]["height"]
         if drag is not None:
             drag["offset"] -= drag["factor"] * rise * thing["x"]
-    if has_thread(bridge):
+    if bridge.has_thread:
         height = drags.along("obstacle.jiva_um", 0.0, 1e3 * edge / length, bridge.jiva_um)
         drawing["thread"] = {**drawing["saddle"], "drag": {"x": None, "height": height}}
     heights = [0.0, *(h for _, h in drawing["rest"]), *(h for _, h in pluck["shape"]), output["height"] or 0.0]

@@ -939,13 +939,8 @@ WITHOUT_THREAD: dict[str, Words] = {
 }
 
 
-def has_thread(bridge: BridgeObstacle) -> bool:
-    """Whether the string ends on a thread: before a single edge, or where the preset gives its height."""
-    return bridge.points == 1 or "jiva_um" in bridge.model_fields_set
-
-
 def words_of(kind: type[Table], table: Table, name: str) -> Words:
     """The words of a field of a table."""
-    if isinstance(table, BridgeObstacle) and not has_thread(table) and name in WITHOUT_THREAD:
+    if isinstance(table, BridgeObstacle) and not table.has_thread and name in WITHOUT_THREAD:
         return WITHOUT_THREAD[name]
     return WORDS[kind][name]

@@ -175,8 +175,9 @@ def test_frets_before_a_bridge_are_drawn_where_they_stop_the_string(name: str, c
 
 @pytest.mark.parametrize(("name", "thread"), [("sitar", False), ("veena", False), ("tanpura", True), ("jawari-harp", True)])
 def test_a_thread_is_drawn_and_named_where_the_preset_has_one(name: str, thread: bool) -> None:
-    of = load_preset(name)
-    assert (draw(of, playable_notes(of)[5 % len(playable_notes(of))])["thread"] is not None) == thread
-    words = [entry["label"] + entry["tip"] for entry in describe(of) if entry["path"].startswith("obstacle.")]
-    named = [text for text in words if "jiva" in text or "Thread to edge" in text]
-    assert bool(named) == thread
+    """Also once its height, or the gap over a bridge that has none, has been set."""
+    for of in (load_preset(name), load_preset(name).with_setting("obstacle.jiva_um", "5.0")):
+        assert (draw(of, playable_notes(of)[5 % len(playable_notes(of))])["thread"] is not None) == thread
+        words = [entry["label"] + entry["tip"] for entry in describe(of) if entry["path"].startswith("obstacle.")]
+        named = [text for text in words if "jiva" in text or "Thread to edge" in text]
+        assert bool(named) == thread
