@@ -412,7 +412,7 @@ def test_without_a_name_the_sound_lies_here_and_over_nothing_else(tmp_path, monk
     before = (tmp_path / "two notes.wav").read_bytes()
     assert soundfile.info(tmp_path / "two notes.wav").format == "WAV"
     assert cli.main(["render", song, "--tail", "0"]) == 2
-    assert "two notes.wav is there already; -o two notes.wav writes over it" in capsys.readouterr().err
+    assert "two notes.wav already exists; -o two notes.wav overwrites it" in capsys.readouterr().err
     assert (tmp_path / "two notes.wav").read_bytes() == before
     assert cli.main(["render", song, "--tail", "0", "--format", "flac"]) == 0
     assert cli.main(["render", song, "--tail", "0", "-o", "two notes.wav"]) == 0

@@ -174,7 +174,7 @@ class Documents:
     def _target(self, name: str, overwrite: bool, document: Document) -> Path:
         file = self.workspace.file(name)
         if file.exists() and file != document.file and not overwrite:
-            raise Conflict("exists", f"{file.name} is there already: choose another name, or overwrite it")
+            raise Conflict("exists", f"{file.name} already exists: choose another name, or overwrite it")
         if file.exists() and file == document.file and not overwrite:
             raise Conflict("exists", f"{file.name} is this preset's own file: save it, or choose another name")
         return file

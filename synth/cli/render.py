@@ -178,7 +178,7 @@ def _default_output(midi: str, container: str | None) -> str:
 
     name = f"{Path(midi).stem}.{container or 'wav'}"
     if Path(name).exists():
-        raise FileExistsError(f"{name} is there already; -o {name} writes over it, -o NAME another")
+        raise FileExistsError(f"{name} already exists; -o {name} overwrites it, -o NAME writes another")
     return name
 
 

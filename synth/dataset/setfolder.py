@@ -165,8 +165,8 @@ class SetFolder:
         if not self.whole and before["versions"]["code"] != state["versions"]["code"]:
             raise ValueError(
                 f"{self.path}: was started by other code (jawari {before['versions']['jawari']}, "
-                f"{before['versions']['code'][:12]}; this is {__version__}, {state['versions']['code'][:12]}): its items "
-                f"would be of two minds; go on with that one, {remedy}"
+                f"{before['versions']['code'][:12]}; this is {__version__}, {state['versions']['code'][:12]}): the items "
+                f"of one data set come from one version; go on with that one, {remedy}"
             )
 
     @contextmanager

@@ -71,7 +71,7 @@ def check_state(effect: Effect, state: Any) -> None:
             raise TypeError(f"{effect.kind}: {name} of its state must be an array of float64 or int64, got {value!r:.40}")
         if value.dtype == np.int64 and effect.problem is _no_problem:
             raise TypeError(
-                f"{effect.kind}: {name} of its state is of int64, which nobody looks at; give the effect a problem"
+                f"{effect.kind}: {name} of its state is of int64, which no check covers; give the effect a problem"
             )
 
 

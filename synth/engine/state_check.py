@@ -35,7 +35,7 @@ def check_state(
     check_limits(limits_of(bank, settings, strings, arrays, defaults, (waiting, waiting)), arrays)
     problem = effects_problem(State(**{name: arrays[name] for name in State._fields}))
     if problem is not None:
-        raise ValueError(f"the state cannot be gone on from: {problem}")
+        raise ValueError(f"the state cannot be resumed: {problem}")
 
 
 def check_limits(limits: Iterable[Limit], arrays: Mapping[str, np.ndarray]) -> None:
@@ -64,7 +64,7 @@ def _look(limit: Limit, arrays: Mapping[str, np.ndarray]) -> None:
     bounds: list[Any] = [np.broadcast_to(bound, values.shape)[k] for bound in (low, high)]
     label = f"{limit.label}[{', '.join(map(str, place))}]"
     raise ValueError(
-        f"the state cannot be gone on from: {limit.said.format(label=label, low=bounds[0], high=bounds[1], value=values[k])}"
+        f"the state cannot be resumed: {limit.said.format(label=label, low=bounds[0], high=bounds[1], value=values[k])}"
     )
 
 

@@ -463,7 +463,7 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     if span.end > LONGEST_RENDER_S * settings.rate_hz:
         raise ValueError(
             f"{settings.midi}: to render up to {span.end / settings.rate_hz / 3600.0:.1f} h is more than the "
-            f"{LONGEST_RENDER_S / 3600.0:.0f} h that make sense; give an earlier --end"
+            f"{LONGEST_RENDER_S / 3600.0:.0f} h that one render may last; give an earlier --end"
         )
     return span
 

@@ -136,7 +136,7 @@ def read_beside(preset_file: Path) -> MeasuredPlan:
     return parse(text, str(path))
 
 
-_REMEDY = "delete it, or make it anew with `synth plan PRESET --measure-plan`"
+_REMEDY = "delete it, or make it again with `synth plan PRESET --measure-plan`"
 
 
 def parse(text: str, origin: str) -> MeasuredPlan:

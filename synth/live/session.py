@@ -625,7 +625,7 @@ class Session(Uncopied):
 
             if portaudio.abandoned():
                 self._line.say(
-                    f"{name}: the audio output has not come back: PortAudio cannot leave it; start synth play anew"
+                    f"{name}: the audio output has not come back: PortAudio cannot leave it; start synth play again"
                 )
                 return False
         reason = "it does not answer"

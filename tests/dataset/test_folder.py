@@ -218,7 +218,7 @@ def test_other_code_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     folder.make()
     folder.begin(recipe := written(tmp_path), items := Items(recipe))
     monkeypatch.setattr("synth.dataset.setfolder.code", lambda: "0" * 64)
-    with pytest.raises(ValueError, match=r"was started by other code .* would be of two minds"):
+    with pytest.raises(ValueError, match=r"was started by other code .* of one data set come from one version"):
         folder.begin(recipe, items)
 
 

@@ -209,7 +209,7 @@ class Odd(NamedTuple):
     [
         (np.zeros(3, np.float32), r"numbers of its state must be an array of float64 or int64, got array\("),
         (0.5, "numbers of its state must be an array of float64 or int64, got 0.5"),
-        (np.zeros(3, np.int64), "numbers of its state is of int64, which nobody looks at; give the effect a problem"),
+        (np.zeros(3, np.int64), "numbers of its state is of int64, which no check covers; give the effect a problem"),
     ],
 )
 def test_states_that_cannot_be_kept_are_refused(numbers, said):

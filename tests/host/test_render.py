@@ -400,7 +400,7 @@ def test_a_folder_of_stems_that_cannot_be_completed_is_taken_away(tmp_path, song
 
 
 def test_a_render_of_more_than_a_day_is_refused(tmp_path, song, engine) -> None:
-    with pytest.raises(ValueError, match=r"song\.mid: to render up to 24\.5 h is more than the 24 h that make sense"):
+    with pytest.raises(ValueError, match=r"song\.mid: to render up to 24\.5 h is more than the 24 h that one"):
         render_file(RenderSettings(song, str(tmp_path / "x.wav"), end_s=24.5 * 3600.0))
     assert job._span(RenderSettings(song, None, end_s=24 * 3600.0), SimpleNamespace(length_s=1.0)).end == 24 * 3600 * 44100
 

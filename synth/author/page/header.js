@@ -110,7 +110,7 @@ export function mount(page, { store, api }) {
           ? "Loading the string engine. Sound and analysis come then; editing works already."
           : "Preparing the string engine, once on this machine: half a minute to two minutes, more while it is busy. Sound and analysis come then; editing works already."
         : gone
-          ? "The program was started anew, or this preset was put away in another tab. Go on in the newest tab and close this one."
+          ? "The program was restarted, or this preset was closed in another tab. Continue in the newest tab and close this one."
           : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
     if (words.textContent !== said) words.textContent = said;
     const shown = preparing && compiling !== null ? [words, bar, figures] : [words];

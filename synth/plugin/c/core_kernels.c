@@ -135,7 +135,7 @@ const struct core_calls *core_kernels(char *why) {
         return NULL;
     }
     if (!complete) {
-        core_say(why, "this library was built of parts that do not belong together; build it anew");
+        core_say(why, "this library was built of parts that do not belong together; build it again");
         return NULL;
     }
     return &chosen_calls;

@@ -121,6 +121,6 @@ def _result(scene: CoupledScene, outcome: CoupledOutcome) -> CoupledResult:
 def refuse_of_one_string(resume_from: Any, quality: Any) -> None:
     """CaseError for what `simulate` knows of cases of one string alone."""
     if resume_from is not None:
-        raise CaseError("resume_from: a run of strings on a body cannot be gone on with; run it for the whole time")
+        raise CaseError("resume_from: a run of strings on a body cannot be resumed; simulate the whole time at once")
     if quality is not None:
         raise CaseError("quality: what is promised is of one string on rigid ends; give internal_rate_hz and modes")
