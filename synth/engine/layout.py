@@ -53,10 +53,7 @@ MODEL = np.dtype(
         ("rest_output", "f8"),  # output of the static state, line included
         ("output_bound", "f8"),  # |output| ≤ bound · √Σ(v² + ω²q²)
         ("static_response", "f8"),  # displacement of the first contact under 1 N, at rest
-        (
-            "lift_output",
-            "f8",
-        ),  # output of the state at rest under 1 N at the first contact; 0: the rest line alone is counted
+        ("lift_output", "f8"),  # output of the state at rest under 1 N at the first contact; 0: not counted
         ("leverage", "i8"),  # where those of its contacts begin in Bank.leverage
         ("settled", "i8"),  # where its rows begin in Bank.settled, …
         ("settling", "i8"),  # … and how many there are; 0: no bridge of several points
