@@ -40,9 +40,7 @@ def checked(path: Path, found: Any) -> dict[str, Any]:
             raise ContestError(f"{where}: 'scheme' must say by which scheme, got {record.get('scheme')!r:.40}")
         for key in ORIGIN:
             if not isinstance(record.get(key, ""), str):
-                raise ContestError(
-                    f"{where}: {key!r} must be str, got {record[key]!r:.40}; the file's own is used without it"
-                )
+                raise ContestError(f"{where}: {key!r} must be str, got {record[key]!r:.40}; leave it out or name it")
         if "does_not_apply" in record or record.get("blown_up"):
             continue
         for key in _FIGURES:

@@ -66,9 +66,7 @@ def _promised(folder: Path) -> dict[str, str]:
     except (ValueError, KeyError, TypeError):
         raise ContestError(f"{path}: is no list of a benchmark's files; take the one that came with the scenes") from None
     if version != VERSION:
-        raise ContestError(
-            f"{path}: is of version {version!r:.20} of the benchmark, this is {VERSION}; draw the scenes anew"
-        )
+        raise ContestError(f"{path}: is of version {version!r:.20} of the benchmark, this is {VERSION}; use that one")
     return files
 
 
