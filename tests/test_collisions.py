@@ -37,7 +37,7 @@ def main(monkeypatch, *words) -> int:
 @pytest.mark.parametrize("name", NAMES)
 def test_scenes_and_references_are_those_of_this_version(name):
     """Whoever changes one must raise VERSION and make the manifest anew (`references`): scores by it are others then."""
-    assert (VERSION, len(NAMES)) == (1, 13)
+    assert (VERSION, len(NAMES)) == (1, 14)
     facts, reference = scene.scene(name), scene.reference(name)
     assert facts.windows_s == tuple(sorted(facts.windows_s)) and facts.windows_s[-1] == pytest.approx(facts.duration_s)
     assert reference.u.shape == (facts.samples,) and np.all(np.isfinite(reference.u))
@@ -274,6 +274,7 @@ def test_scores_as_json_and_as_an_entry(tmp_path, monkeypatch, capsys):
         ),
         ({"scores": [{"scene": NAME, "scheme": "x", "e": [0.1], "uncertainty": [0, 1], "windows_s": [1]}]}, "of one length"),
         ({"scores": ["x"]}, "'scene' must be one of"),
+        ({"scores": [{"scene": NAME, "scheme": "x", "blown_up": True, "source": 3}]}, "'source' must be str"),
     ],
 )
 def test_an_entry_that_is_wrong_is_refused(tmp_path, change, words):
@@ -285,6 +286,28 @@ def test_an_entry_that_is_wrong_is_refused(tmp_path, change, words):
     path.write_text("{", encoding="utf-8")
     with pytest.raises(ContestError, match="not valid JSON"):
         entries.read(path)
+
+
+def test_scores_say_on_which_machine_they_ran(tmp_path):
+    """Scenes run on another machine are told apart; the file's origin changes when none of the old scores are left."""
+    path = tmp_path / "entry.json"
+
+    def ran(name, machine):
+        head = {"name": "A", "made_by": "B", "source": f"version of {machine}", "machine": machine}
+        entries.merge(path, head, [{"scene": name, "scheme": "x", "does_not_apply": "no"}])
+        return entries.read(path)
+
+    ran("bass", "M")
+    assert ran("sitar", "M")["scores"] == [
+        {"scene": name, "scheme": "x", "does_not_apply": "no"} for name in ("bass", "sitar")
+    ]
+    both = ran("sitar", "N")
+    assert both["machine"] == "M" and "machine" not in both["scores"][0]
+    assert (both["scores"][1]["machine"], both["scores"][1]["source"]) == ("N", "version of N")
+    assert report.origins([both]) == "- A: M; version of M\n- A, `sitar`: N; version of N"
+    whole = ran("bass", "N")
+    assert whole["machine"] == "N" and not any("machine" in record for record in whole["scores"])
+    assert report.origins([whole]) == "- A: N; version of N"
 
 
 def test_entries_of_every_scheme_are_in_the_page():

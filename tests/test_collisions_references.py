@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.collisions import contest, neutral, recipes, scene, ways
+from bench.collisions import contest, neutral, recipes, references, scene, ways
 from bench.collisions.examples import kicks
+from bench.collisions.recipes import Kicks, Recipe
 from bench.collisions.ways import way
 from synth.dsp.measures import relative_error
 
@@ -33,6 +34,7 @@ def test_the_numbers_of_a_scene_are_those_of_its_terms(name):
 
 #: what a quick run of another method than the reference's must reach over the first window, from a rate where it does
 QUICK = {
+    "no-contact": (Kicks(1, 1001), 1e-6),
     "tanpura": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.1), 0.01),
     "two-close": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.1), 0.01),
     "moving": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.05), 0.05),
@@ -52,7 +54,10 @@ QUICK = {
 def test_another_method_says_the_same(name):
     """Velocity-level impacts against position-level contact, waves against modes: at rates that take a second at most."""
     chosen, most = QUICK[name]
-    u = ways.run(name, chosen).u[:, 0]
+    if isinstance(chosen, Kicks):
+        u, _ = kicks.solve(scene.numbers_of(name) | {"samples": 4411}, chosen.factor, chosen.modes)
+    else:
+        u = ways.run(name, chosen).u[:, 0]
     assert relative_error(u, scene.reference(name).u[: u.size]) < most
 
 
@@ -73,6 +78,36 @@ def test_references_are_confirmed(name):
     assert [each["what"] for each in record["independent"]] == list(recipe.independent)
     for own, other in zip(record["uncertainty"], record["confirmed"], strict=True):
         assert other is not None and other < max(0.02, own)
+
+
+def test_the_scene_without_collision_is_the_tanpura_without_its_point():
+    """The same string and pluck, so that its errors can be taken off those of `tanpura`; the loss law is in its terms."""
+    alone, over = ways.tables_of("no-contact"), ways.tables_of("tanpura")
+    for key in ("string", "initial", "run"):
+        assert alone[key] == over[key], key
+    assert alone["obstacle"]["positions_m"] == []
+    assert alone["string"]["viscoelastic_loss"] > 0 and alone["string"]["thermoelastic_q_inverse"] > 0
+
+
+def test_only_the_scene_asked_for_is_written(tmp_path, monkeypatch):
+    """The numbers and references of all others keep every byte, also those that this machine would round differently."""
+    for part in ("scenes", "references"):
+        (tmp_path / part).mkdir()
+    for name in ("cabannes", "forty-modes"):
+        text = (scene.SCENES / f"{name}.toml").read_text(encoding="utf-8")
+        (tmp_path / "scenes" / f"{name}.toml").write_text(text, encoding="utf-8")
+        (tmp_path / "scenes" / f"{name}.json").write_text("kept", encoding="utf-8")
+        (tmp_path / "references" / f"{name}.npz").write_bytes(b"kept")
+    (tmp_path / "references" / "references.json").write_text('{"forty-modes": {"kept": 1}}', encoding="utf-8")
+    quick = Recipe(way("exact-hold", 16, 40, residual_compliance=False), {"fewer": way("exact-hold", 1, 20)}, {})
+    monkeypatch.setitem(recipes.RECIPES, "cabannes", quick)
+    references.make(["cabannes"], tmp_path / "out", lambda words: None, tmp_path)
+    assert (tmp_path / "scenes" / "forty-modes.json").read_text(encoding="utf-8") == "kept"
+    assert (tmp_path / "references" / "forty-modes.npz").read_bytes() == b"kept"
+    found = scene.records(tmp_path)
+    assert found["forty-modes"] == {"kept": 1} and found["cabannes"]["modes"] == 40
+    assert scene.numbers_of("cabannes", tmp_path)["name"] == "cabannes"
+    assert scene.reference("cabannes", tmp_path).u.size == scene.scene("cabannes").samples
 
 
 def test_free_flight_of_the_example_is_exact():

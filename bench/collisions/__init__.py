@@ -9,7 +9,7 @@ entries/    scores of solvers: this program's schemes, Siconos, anybody's who se
 examples/   a solver of some sixty lines that reads a scene, runs it and writes a run to be scored
 
 `scene`, `runfile`, `score`, `suspicion`, `resample` and `report` need NumPy and this package's measures alone; `neutral`,
-`ways`, `recipes`, `references`, `contest` and `siconos` run the program. docs/collisions.md describes all of it.
+`ways`, `recipes`, `references`, `blind`, `contest` and `siconos` run the program. docs/collisions.md describes all of it.
 """
 
 from __future__ import annotations

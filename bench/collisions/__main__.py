@@ -3,6 +3,7 @@
     python -m bench.collisions list                           # the scenes
     python -m bench.collisions score RUN.npz …                # a table; --json FILE, --markdown FILE, --entry FILE too
     python -m bench.collisions references [SCENE …]           # made again by their recipes; stopped, it goes on where it was
+    python -m bench.collisions blind DIR --seed N             # new scenes at random, references kept apart from them
     python -m bench.collisions run [SCENE …]                  # all schemes here into entries/jawari.json, on one core
     python -m bench.collisions siconos                        # runs of Siconos, where JAWARI_REFERENCE has them
     python -m bench.collisions page                           # the tables of docs/collisions.md, of all entries
@@ -22,12 +23,14 @@ from typing import Any
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
 
 from bench import REPOSITORY
-from bench.collisions import ContestError, entries, report, runfile, scene
+from bench.collisions import FOLDER, ContestError, entries, report, runfile, scene
 from bench.collisions.score import score
 from synth.files.targets import Named, check_apart, check_target, write_text
 
 OUT = REPOSITORY / "out" / "collisions"
 OURS = "jawari.json"
+#: scenes of one drawing
+_MOST_BLIND = 100
 
 
 def say(text: str) -> None:
@@ -44,6 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     scoring = commands.add_parser("score", help="score runs: plain .npz files of displacement")
     scoring.add_argument("runs", nargs="+", type=Path, metavar="RUN.npz")
     scoring.add_argument("--scene", metavar="NAME", help="of runs that do not say of which scene they are")
+    scoring.add_argument("--blind", type=Path, metavar="DIR", help="runs of the blind scenes of this folder")
     scoring.add_argument("--json", type=Path, metavar="FILE", help="write every figure there")
     scoring.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables there; they are printed anyway")
     scoring.add_argument("--entry", type=Path, metavar="FILE", help="write a file of scores to be sent, with what follows")
@@ -55,6 +59,10 @@ def _parser() -> argparse.ArgumentParser:
     scoring.add_argument("--machine", default="", metavar="WORDS", help="of an entry: the processor that the cost is of")
     making = commands.add_parser("references", help="make references again")
     making.add_argument("scenes", nargs="*", metavar="SCENE")
+    drawing = commands.add_parser("blind", help="draw blind scenes into a new folder: scenes/, references/, manifest.json")
+    drawing.add_argument("folder", type=Path, metavar="DIR")
+    drawing.add_argument("--seed", type=int, required=True, metavar="N", help="the same seed draws the same scenes")
+    drawing.add_argument("--scenes", type=int, default=5, metavar="K", help="how many scenes (default 5)")
     running = commands.add_parser("run", help="entries of this program's schemes")
     running.add_argument("scenes", nargs="*", metavar="SCENE")
     theirs = commands.add_parser("siconos", help="score the runs of Siconos in JAWARI_REFERENCE")
@@ -76,12 +84,15 @@ def scored(options: argparse.Namespace) -> int:
     check_apart([Named("RUN", path) for path in options.runs], outputs)
     for target in outputs:
         check_target(target.path)
+    folder = options.blind or FOLDER
+    if options.blind and options.entry:
+        raise ContestError("--entry: the tables have no blind scenes; write the scores with --json")
     found, faults = [], []
     for path in options.runs:
         try:
             data = runfile.read(path)
             name = runfile.scene_of(path, data, options.scene)
-            facts, reference = scene.scene(name), scene.reference(name)
+            facts, reference = scene.scene(name, folder), scene.reference(name, folder)
             found.append(score(runfile.brought(path, data, facts, reference), facts, reference))
         except ContestError as error:
             text = str(error)
@@ -100,9 +111,10 @@ def scored(options: argparse.Namespace) -> int:
     text = report.of_scores(found)
     if options.json:
         records = [{"file": str(each.run.path), **each.record} for each in found]
-        write_text(
-            options.json, json.dumps({"benchmark": scene.VERSION, "scores": records}, indent=1, ensure_ascii=False) + "\n"
-        )
+        about: dict[str, Any] = {"benchmark": scene.VERSION}
+        if options.blind:
+            about["manifest"] = scene.digest(folder / scene.MANIFEST.name)
+        write_text(options.json, json.dumps(about | {"scores": records}, indent=1, ensure_ascii=False) + "\n")
     if options.markdown:
         write_text(options.markdown, text)
     print(text, end="")
@@ -141,11 +153,9 @@ def run(options: argparse.Namespace) -> int:
     here = machine.here()
     pin()
     path = options.out / OURS
-    if path.is_file() and set(names) != set(scene.names()) and entries.read(path)["machine"] != here.words:
-        raise ContestError(f"{path}: is of another machine; run all scenes, not {', '.join(names)} alone")
     for name in names:
         records = contest.entered(name, scene.scene(name), scene.reference(name), options.rounds, options.budget, say)
-        entries.write(path, _head(here.words), entries.merged(path, records))
+        entries.merge(path, _head(here.words), records)
     say(str(path))
     return 0
 
@@ -167,6 +177,19 @@ def siconos(options: argparse.Namespace) -> int:
         _head(here.words) | {"name": "jawari, on measured modes", "made_by": head["made_by"]},
         ours,
     )
+    return 0
+
+
+def blind(options: argparse.Namespace) -> int:
+    """Blind scenes in a new folder."""
+    from bench.collisions import blind as drawing
+
+    if options.seed < 0 or not 1 <= options.scenes <= _MOST_BLIND:
+        raise ContestError(f"--seed must be 0 or more and --scenes 1 to {_MOST_BLIND}, got {options.seed}, {options.scenes}")
+    folder = options.folder
+    drawing.draw(folder, options.seed, options.scenes, OUT, say)
+    print(*scene.names(folder), sep="\n")
+    say(f"hand out {folder / 'scenes'} and {folder / scene.MANIFEST.name}; keep {folder / 'references'} to score with")
     return 0
 
 
@@ -194,10 +217,12 @@ def main() -> int:
         if options.command == "references":
             from bench.collisions import references
 
-            references.make_all(_known(options.scenes, scene.names()), OUT, say)
+            references.make(_known(options.scenes, scene.names()), OUT, say)
             return 0
         if options.command == "page":
             return page()
+        if options.command == "blind":
+            return blind(options)
         if options.rounds < 0 or not options.budget > 0:
             raise ContestError("--rounds must be 0 or more and --budget more than 0 s")
         return run(options) if options.command == "run" else siconos(options)

@@ -14,6 +14,8 @@ from synth.files.targets import write_text
 ENTRIES = FOLDER / "entries"
 #: of a file of scores
 _HEAD = {"benchmark": int, "name": str, "made_by": str, "source": str, "machine": str, "scores": list}
+#: where scores come from, said once for the whole file; a score that comes from elsewhere says both itself
+ORIGIN = ("machine", "source")
 _FIGURES = ("e", "uncertainty", "windows_s")
 
 
@@ -36,6 +38,9 @@ def checked(path: Path, found: Any) -> dict[str, Any]:
             raise ContestError(f"{where}: 'scene' must be one of {', '.join(sorted(known))}, got {scene!r:.40}")
         if not isinstance(record.get("scheme"), str):
             raise ContestError(f"{where}: 'scheme' must say by which scheme, got {record.get('scheme')!r:.40}")
+        for key in ORIGIN:
+            if not isinstance(record.get(key, ""), str):
+                raise ContestError(f"{where}: {key!r} must be str, got {record[key]!r:.40}; leave it out or name it")
         if "does_not_apply" in record or record.get("blown_up"):
             continue
         for key in _FIGURES:
@@ -90,8 +95,24 @@ def write(path: Path, head: dict[str, Any], scores: list[dict[str, Any]]) -> Non
     write_text(path, text + ',\n "scores": [\n  ' + ",\n  ".join(lines) + "\n ]\n}\n")
 
 
-def merged(path: Path, records: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The scores of a file with those of the scenes that `records` have replaced by them, scenes from the alphabet."""
+def merge(path: Path, head: dict[str, Any], records: list[dict[str, Any]]) -> None:
+    """Replaces the scores of some scenes in a file by `records`, which come from where `head` says. The file keeps its own
+    origin as long as scores of that origin are left in it; until then the new scores carry theirs."""
     anew = {record["scene"] for record in records}
-    kept = [record for record in read(path)["scores"] if record["scene"] not in anew] if path.is_file() else []
-    return sorted(kept + records, key=lambda record: record["scene"])
+    kept: list[dict[str, Any]] = []
+    if path.is_file():
+        before = read(path)
+        kept = [record for record in before["scores"] if record["scene"] not in anew]
+        if any(not record.keys() & set(ORIGIN) for record in kept):
+            if any(head[key] != before[key] for key in ORIGIN):
+                records = [record | {key: head[key] for key in ORIGIN} for record in records]
+            head = head | {key: before[key] for key in ORIGIN}
+        else:
+            kept = [_of_here(record, head) for record in kept]
+    write(path, head, sorted(kept + records, key=lambda record: record["scene"]))
+
+
+def _of_here(record: dict[str, Any], head: dict[str, Any]) -> dict[str, Any]:
+    """A score without its own origin where that is the head's."""
+    same = all(record.get(key) == head[key] for key in ORIGIN)
+    return {key: value for key, value in record.items() if not (same and key in ORIGIN)}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.collisions import VERSION
-from bench.collisions.scene import OUTSIDE, SCENES
+from bench.collisions.scene import path_of
 from bench.collisions.ways import tables_of
 
 EQUATION = (
@@ -20,6 +20,7 @@ EQUATION = (
 )
 RIGID = "rigid: 0 <= u(x_c) - height_c, force_c >= 0, one of the two 0; a point gives nothing back (restitution 0)"
 ELASTIC_WALL = "force per length stiffness_n_m2 * max(0, height(x) - u(x)), without loss"
+NO_CONTACT = "no contact: no forces"
 RIGID_WALL = "rigid all along, elastic: what hits it leaves with the opposite velocity (restitution 1)"
 
 
@@ -29,15 +30,15 @@ def words_of(path: Path) -> str:
     return " ".join(re.sub(r"^# ?", "", line).strip() for line in head.splitlines())
 
 
-def numbers(name: str, path: Path | None = None) -> dict[str, Any]:
-    """The numbers of a scene, SI units, lists in the order of modes or points."""
+def numbers(named: str | Path) -> dict[str, Any]:
+    """The numbers of a scene (`path_of`), SI units, lists in the order of modes or points."""
     from synth.research.case import Case
     from synth.research.scene import Scene
     from synth.solver import driver
 
-    given = tables_of(name)
+    path, given = path_of(named), tables_of(named)
     mark, run, obstacle = given["benchmark"], given["run"], given["obstacle"]
-    tables = tables_of(name)
+    tables = tables_of(named)
     rate = float(tables.pop("benchmark")["rate_hz"])
     tables["run"] |= {"internal_rate_hz": rate, "output_rate_hz": rate}
     wall = "wall" in obstacle
@@ -49,18 +50,16 @@ def numbers(name: str, path: Path | None = None) -> dict[str, Any]:
     string = scene.string
     found: dict[str, Any] = {
         "benchmark": VERSION,
-        "name": name,
+        "name": path.stem,
         "title": mark["title"],
-        "description": words_of(
-            (OUTSIDE if path is None and not (SCENES / f"{name}.toml").exists() else SCENES) / f"{name}.toml"
-        ),
+        "description": words_of(path),
         "equation": EQUATION,
         "length_m": string.length_m,
         "tension_n": string.tension_n,
         "linear_density_kg_m": string.linear_density_kg_m,
         "bending_stiffness_n_m2": string.bending_stiffness_n_m2,
         "modes_are_the_string": bool(mark.get("modes_are_the_string", False)),
-        "contact_law": RIGID,
+        "contact_law": RIGID if wall or len(scene.eta) else NO_CONTACT,
     }
     if wall:
         table = obstacle["wall"]

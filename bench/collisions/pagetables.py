@@ -25,7 +25,7 @@ def parts() -> dict[str, str]:
         "version": f"Version {VERSION}: {len(names())} scenes, {size / 1e6:.1f} MB with references and entries.",
         "references": report.references_table(),
         "summary": report.summary_table(found, scenes),
-        "machines": "\n".join(f"- {each['name']}: {each['machine']}; {each['source']}" for each in found_entries),
+        "machines": report.origins(found_entries),
         "refused": report.not_applied({name: found[name] for name in scenes}),
         "scores": "\n".join(
             f"### {facts_of(numbers_of(name)).title}\n\n`{name}`\n\n{report.scene_table(found[name])}" for name in scenes

@@ -54,7 +54,17 @@ def _tanpura() -> Recipe:
     return Recipe(plain.reference, plain.checks, plain.independent | others)
 
 
+def _no_contact() -> Recipe:
+    """Free flight is exact at every rate: what is left is the modes that are not there."""
+    return Recipe(
+        _hold(16, 2001),
+        {"half the rate": _hold(8, 2001), "1001 modes": _hold(16, 1001)},
+        {"exact flight in NumPy (examples/kicks.py), 1001 modes": Kicks(1, 1001)},
+    )
+
+
 RECIPES: dict[str, Recipe] = {
+    "no-contact": _no_contact(),
     "tanpura": _tanpura(),
     "bass": _rigid_points(384, 1401, 384),
     "bass-hard": _rigid_points(384, 1401, 384),
@@ -102,6 +112,8 @@ RECIPES: dict[str, Recipe] = {
         exact=True,
     ),
 }
+#: of every blind scene
+BLIND = _rigid_points(384, 2001, 768)
 #: scenes on modes that others publish; made where their files are, and never kept in the repository
 OUTSIDE_RECIPES: dict[str, Recipe] = {
     "tanpura-measured": _rigid_points(384, 1001, 768),

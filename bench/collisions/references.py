@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench import REPOSITORY
-from bench.collisions import recipes, scene, ways
+from bench.collisions import FOLDER, recipes, scene, ways
 from bench.collisions.examples import kicks
 from bench.collisions.neutral import numbers, text_of
 from bench.collisions.resample import interpolated
@@ -30,13 +30,13 @@ _RATIOS = (48 / 44.1, 1.5, 96 / 44.1, 192 / 44.1, 384 / 44.1)
 
 
 def _computed(
-    name: str, chosen: ways.Way | recipes.Kicks, keep: int, out: Path, say: Callable[[str], None]
+    named: str | Path, chosen: ways.Way | recipes.Kicks, keep: int, out: Path, say: Callable[[str], None]
 ) -> dict[str, Any]:
     """{"u": (n,), "impulse": …} of a scene in a way; from `out` where it has been made by the same sources."""
-    path = scene.SCENES / f"{name}.toml"
-    fixed = scene.digest(path if path.exists() else scene.OUTSIDE / path.name)
+    path = scene.path_of(named)
+    name = path.stem
     spec = {
-        "scene": fixed,
+        "scene": scene.digest(path),
         "way": type(chosen).__name__,
         **(chosen._asdict() if isinstance(chosen, tuple) else asdict(chosen)),
     }
@@ -51,10 +51,10 @@ def _computed(
             file.unlink()  # half a file of a machine that stopped
     if isinstance(chosen, recipes.Kicks):
         say(f"{name}: examples/kicks.py, {chosen.factor} steps a sample, {chosen.modes} modes")
-        found: dict[str, Any] = {"u": kicks.solve(numbers(name), chosen.factor, chosen.modes)[0]}
+        found: dict[str, Any] = {"u": kicks.solve(numbers(named), chosen.factor, chosen.modes)[0]}
     else:
         say(f"{name}: {chosen.label}, {chosen.factor} steps a sample, {chosen.modes} modes")
-        result = ways.run(name, chosen, keep)
+        result = ways.run(named, chosen, keep)
         found = {"u": result.u[:, 0]}
         if chosen.scheme != "wall":  # whose rows of forces would be the same run once more
             found["impulse"] = np.array(result.contact_force[1:].sum() * (result.t[1] - result.t[0]))
@@ -75,11 +75,13 @@ def _compared(u: np.ndarray, ref: np.ndarray, facts: scene.SceneFacts) -> dict[s
     }
 
 
-def made(name: str, recipe: recipes.Recipe, out: Path, say: Callable[[str], None]) -> tuple[dict[str, Any], np.ndarray]:
-    """(record, u (samples,) float32) of a scene's reference."""
-    facts = scene.facts_of(numbers(name))
+def made(
+    named: str | Path, recipe: recipes.Recipe, out: Path, say: Callable[[str], None]
+) -> tuple[dict[str, Any], np.ndarray]:
+    """(record, u (samples,) float32) of the reference of a scene (`path_of`)."""
+    facts = scene.facts_of(numbers(named))
     rate = facts.rate_hz
-    found = _computed(name, recipe.reference, _KEPT, out, say)
+    found = _computed(named, recipe.reference, _KEPT, out, say)
     fine = found["u"]
     exact = fine[::_KEPT]
     u = exact.astype(np.float32)
@@ -87,7 +89,7 @@ def made(name: str, recipe: recipes.Recipe, out: Path, say: Callable[[str], None
     def all_of(which: dict[str, Any]) -> list[dict[str, Any]]:
         rows = []
         for words, chosen in which.items():
-            compared = _compared(_computed(name, chosen, 1, out, say)["u"], exact, facts)
+            compared = _compared(_computed(named, chosen, 1, out, say)["u"], exact, facts)
             rows.append({"what": words, "internal_rate_hz": rate * chosen.factor, "modes": chosen.modes, **compared})
         return rows
 
@@ -116,22 +118,31 @@ def made(name: str, recipe: recipes.Recipe, out: Path, say: Callable[[str], None
     return record, u
 
 
-def make_all(only: list[str], out: Path, say: Callable[[str], None]) -> None:
-    """Scenes as numbers, references, manifest, written into this folder; `only` the references of these scenes, or all."""
-    for name in scene.names():
-        write_text(scene.SCENES / f"{name}.json", text_of(numbers(name)))
-    path = scene.REFERENCES / "references.json"
+def write(name: str, record: dict[str, Any], u: np.ndarray, folder: Path) -> None:
+    """A scene as numbers and its reference, written into the folder; the files of all other scenes stay as they are."""
+    write_text(folder / "scenes" / f"{name}.json", text_of(numbers(folder / "scenes" / f"{name}.toml")))
+    path = folder / "references" / "references.json"
+    path.parent.mkdir(exist_ok=True)
     records = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    scene.REFERENCES.mkdir(exist_ok=True)
-    for name, recipe in recipes.RECIPES.items():
-        if only and name not in only:
-            continue
-        records[name], u = made(name, recipe, out, say)
-        say(f"{name}: uncertainty {records[name]['uncertainty']}, confirmed to {records[name]['confirmed']}")
-        write_whole(scene.REFERENCES / f"{name}.npz", lambda file, u=u: np.savez_compressed(file, u=u))  # type: ignore[misc]
-        ordered = {known: records[known] for known in recipes.RECIPES if known in records}
-        write_text(path, json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
-    write_text(scene.MANIFEST, json.dumps(scene.manifest(), indent=1) + "\n")
+    records[name] = record
+    write_whole(path.with_name(f"{name}.npz"), lambda file: np.savez_compressed(file, u=u))
+    known = [each for each in recipes.RECIPES if each in records]
+    ordered = {each: records[each] for each in [*known, *(records.keys() - recipes.RECIPES.keys())]}
+    write_text(path, json.dumps(ordered, indent=1, ensure_ascii=False) + "\n")
+
+
+def seal(folder: Path) -> None:
+    """The manifest of a folder of scenes and references, of its files as they are now."""
+    write_text(folder / scene.MANIFEST.name, json.dumps(scene.manifest(folder), indent=1) + "\n")
+
+
+def make(names: list[str], out: Path, say: Callable[[str], None], folder: Path = FOLDER) -> None:
+    """The scenes of these names as numbers, their references, and the manifest, written into the folder."""
+    for name in names:
+        record, u = made(folder / "scenes" / f"{name}.toml", recipes.RECIPES[name], out, say)
+        say(f"{name}: uncertainty {record['uncertainty']}, confirmed to {record['confirmed']}")
+        write(name, record, u, folder)
+    seal(folder)
 
 
 def outside(name: str, out: Path, say: Callable[[str], None]) -> tuple[scene.SceneFacts, scene.Reference, dict[str, Any]]:

@@ -129,6 +129,23 @@ def _who(record: dict[str, Any], entry: dict[str, Any]) -> str:
     return record["scheme"] if solver in ("jawari", "NumPy") else f"{solver}: {record['scheme']}"
 
 
+def origins(entries: list[dict[str, Any]]) -> str:
+    """A line for each entry: its machine and source; one more for the scenes that ran on another machine or version."""
+    lines = []
+    for entry in entries:
+        own = (entry["machine"], entry["source"])
+        found: dict[tuple[str, str], list[str]] = {own: []}
+        for record in entry["scores"]:
+            origin = (record.get("machine", own[0]), record.get("source", own[1]))
+            scenes = found.setdefault(origin, [])
+            if record["scene"] not in scenes:
+                scenes.append(record["scene"])
+        for origin, scenes in found.items():
+            of = "" if origin == own else ", " + ", ".join(f"`{name}`" for name in scenes)
+            lines.append(f"- {entry['name']}{of}: {'; '.join(origin)}")
+    return "\n".join(lines)
+
+
 def by_scene(entries: list[dict[str, Any]]) -> dict[str, list[tuple[str, dict[str, Any]]]]:
     """(who, record) of every entry by scene, in their order."""
     found: dict[str, list[tuple[str, dict[str, Any]]]] = {}

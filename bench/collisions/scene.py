@@ -19,14 +19,22 @@ SCENES, OUTSIDE, REFERENCES = FOLDER / "scenes", FOLDER / "outside", FOLDER / "r
 MANIFEST = FOLDER / "manifest.json"
 
 
-def names() -> list[str]:
-    """Of the scenes that are whole in this folder, from the alphabet."""
-    return sorted(path.stem for path in SCENES.glob("*.toml"))
+def names(folder: Path = FOLDER) -> list[str]:
+    """Of the scenes that are whole in the folder, from the alphabet."""
+    return sorted(path.stem for path in (folder / SCENES.name).glob("*.toml"))
 
 
 def outside_names() -> list[str]:
     """Of those whose modes others publish."""
     return sorted(path.stem for path in OUTSIDE.glob("*.toml"))
+
+
+def path_of(named: str | Path) -> Path:
+    """The .toml of a scene of this folder, or of one outside, by its name; of a scene elsewhere its path is the name."""
+    if isinstance(named, Path):
+        return named
+    path = SCENES / f"{named}.toml"
+    return path if path.exists() else OUTSIDE / path.name
 
 
 def digest(path: Path) -> str:
@@ -35,29 +43,41 @@ def digest(path: Path) -> str:
     return hashlib.sha256(data if path.suffix == ".npz" else data.replace(b"\r\n", b"\n")).hexdigest()
 
 
-def fixed_files() -> list[Path]:
+def fixed_files(folder: Path = FOLDER) -> list[Path]:
     """What a version of the benchmark is: scenes in both forms, references and how far they stand."""
-    return sorted([*SCENES.iterdir(), *OUTSIDE.iterdir(), *REFERENCES.iterdir()])
+    parts = [folder / part.name for part in (SCENES, OUTSIDE, REFERENCES)]
+    return sorted(path for part in parts if part.is_dir() for path in part.iterdir())
 
 
-def manifest() -> dict[str, Any]:
-    """{"version": …, "files": {path in this folder: hash}} of what is here now."""
-    files = {path.relative_to(FOLDER).as_posix(): digest(path) for path in fixed_files()}
+def manifest(folder: Path = FOLDER) -> dict[str, Any]:
+    """{"version": …, "files": {path in the folder: hash}} of what is there now."""
+    files = {path.relative_to(folder).as_posix(): digest(path) for path in fixed_files(folder)}
     return {"version": VERSION, "files": files}
 
 
 @cache
-def _promised() -> dict[str, str]:
-    return dict(json.loads(MANIFEST.read_text(encoding="utf-8"))["files"])
+def _promised(folder: Path) -> dict[str, str]:
+    path = folder / MANIFEST.name
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        version, files = found["version"], dict(found["files"])
+    except OSError as error:
+        raise ContestError(f"{path}: {error.strerror}; name the whole folder of the scenes") from None
+    except (ValueError, KeyError, TypeError):
+        raise ContestError(f"{path}: is no list of a benchmark's files; take the one that came with the scenes") from None
+    if version != VERSION:
+        raise ContestError(f"{path}: is of version {version!r:.20} of the benchmark, this is {VERSION}; use that one")
+    return files
 
 
-def check(path: Path) -> None:
-    """Raises ContestError where a file is not that of this version."""
-    name = path.relative_to(FOLDER).as_posix()
+def check(path: Path, folder: Path = FOLDER) -> None:
+    """Raises ContestError where a file is not the one that the folder's manifest names."""
+    name = path.relative_to(folder).as_posix()
     if not path.is_file():
-        raise ContestError(f"{path} does not exist; take the benchmark's folder whole")
-    if _promised().get(name) != digest(path):
-        raise ContestError(f"{path} is not that of version {VERSION} of the benchmark; scores by it would say nothing")
+        raise ContestError(f"{path} does not exist; take the folder whole")
+    if _promised(folder).get(name) != digest(path):
+        of = f"that of version {VERSION} of the benchmark" if folder == FOLDER else f"the one that {MANIFEST.name} names"
+        raise ContestError(f"{path} is not {of}; scores by it would say nothing")
 
 
 @dataclass(frozen=True)
@@ -103,21 +123,21 @@ def facts_of(numbers: dict[str, Any]) -> SceneFacts:
 
 
 @cache
-def numbers_of(name: str) -> dict[str, Any]:
+def numbers_of(name: str, folder: Path = FOLDER) -> dict[str, Any]:
     """NAME.json of a scene. Raises ContestError for a name that is none and for a file that was changed."""
-    known = names()
+    known = names(folder)
     if name not in known:
         near = perhaps(name, known)
-        raise ContestError(f"scene {name!r:.60}{near} is not one of {', '.join(known)}")
-    path = SCENES / f"{name}.json"
-    check(SCENES / f"{name}.toml")
-    check(path)
+        raise ContestError(f"scene {name!r:.60}{near} is not one of {', '.join(known) or f'those in {folder}: it has none'}")
+    path = folder / SCENES.name / f"{name}.json"
+    check(path.with_suffix(".toml"), folder)
+    check(path, folder)
     return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
-def scene(name: str) -> SceneFacts:
+def scene(name: str, folder: Path = FOLDER) -> SceneFacts:
     """What a scorer needs of a scene; raises as `numbers_of`."""
-    return facts_of(numbers_of(name))
+    return facts_of(numbers_of(name, folder))
 
 
 @dataclass(frozen=True)
@@ -149,17 +169,17 @@ def reference_of(record: dict[str, Any], u: np.ndarray) -> Reference:
 
 
 @cache
-def records() -> dict[str, dict[str, Any]]:
+def records(folder: Path = FOLDER) -> dict[str, dict[str, Any]]:
     """references.json: how every reference was made and how far it stands."""
-    path = REFERENCES / "references.json"
-    check(path)
+    path = folder / REFERENCES.name / "references.json"
+    check(path, folder)
     return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
 @cache
-def reference(name: str) -> Reference:
+def reference(name: str, folder: Path = FOLDER) -> Reference:
     """The reference of a scene; raises ContestError where it was changed."""
-    path = REFERENCES / f"{name}.npz"
-    check(path)
+    path = folder / REFERENCES.name / f"{name}.npz"
+    check(path, folder)
     with np.load(path, allow_pickle=False) as data:
-        return reference_of(records()[name], data["u"])
+        return reference_of(records(folder)[name], data["u"])

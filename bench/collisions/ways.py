@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.collisions import ContestError
-from bench.collisions.scene import OUTSIDE, SCENES
+from bench.collisions.scene import OUTSIDE, path_of
 
 
 @dataclass(frozen=True)
@@ -54,25 +54,24 @@ def reference_folder() -> Path | None:
     return Path(given) if given and (Path(given) / "authors_data.npz").is_file() else None
 
 
-def tables_of(name: str) -> dict[str, Any]:
-    """The tables of a scene, of those outside too. Raises ContestError where the authors' files are not there."""
-    path = SCENES / f"{name}.toml"
-    outside = not path.exists()
-    tables = tomllib.loads((OUTSIDE / path.name if outside else path).read_text(encoding="utf-8"))
-    if outside:
+def tables_of(named: str | Path) -> dict[str, Any]:
+    """The tables of a scene (`path_of`). Raises ContestError where the authors' files are not there."""
+    path = path_of(named)
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    if path.parent == OUTSIDE:
         folder = reference_folder()
         if folder is None:
             raise ContestError(
-                f"scene {name!r}: needs the files of the paper's authors; name their folder in JAWARI_REFERENCE"
+                f"scene {path.stem!r}: needs the files of the paper's authors; name their folder in JAWARI_REFERENCE"
             )
         for table in (tables["string"]["measured"], tables["initial"]):
             table["file"] = str(folder / table["file"])
     return tables
 
 
-def case_of(name: str, chosen: Way, keep: int = 1) -> dict[str, Any]:
+def case_of(named: str | Path, chosen: Way, keep: int = 1) -> dict[str, Any]:
     """The tables of `synth.simulate` for a scene in a certain way, rows at `keep` times the scene's rate."""
-    tables = tables_of(name)
+    tables = tables_of(named)
     rate = tables.pop("benchmark")["rate_hz"]
     run = tables["run"]
     run |= {"internal_rate_hz": float(rate * chosen.factor), "output_rate_hz": float(rate * keep), "modes": chosen.modes}
@@ -80,8 +79,9 @@ def case_of(name: str, chosen: Way, keep: int = 1) -> dict[str, Any]:
         run["duration_s"] = chosen.duration_s
     tables["scheme"] = {"name": chosen.scheme, **dict(chosen.table)}
     start = tables["initial"]
-    if name == "pressed":  # the static shape that the scene says, not that of fewer modes
-        numbers = json.loads((SCENES / f"{name}.json").read_text(encoding="utf-8"))
+    path = path_of(named)
+    if path.stem == "pressed":  # the static shape that the scene says, not that of fewer modes
+        numbers = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         start = tables["initial"] = {"shape": "modes", "q": numbers["q0_m_sqrt_m"]}
     if chosen.nudge:
         if "q" in start:
@@ -105,8 +105,8 @@ def spacing_end(to_m: float, spacing_m: float) -> float:
     return spacing_m * int(np.floor(to_m / spacing_m + 1e-9))
 
 
-def run(name: str, chosen: Way, keep: int = 1) -> Any:
+def run(named: str | Path, chosen: Way, keep: int = 1) -> Any:
     """`synth.Result` of a scene. Raises `synth.CaseError` where the scheme does not take it."""
     import synth
 
-    return synth.simulate(case_of(name, chosen, keep))
+    return synth.simulate(case_of(named, chosen, keep))

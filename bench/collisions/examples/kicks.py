@@ -30,7 +30,7 @@ def solve(scene, factor, modes=None):
         return np.sqrt(2 / scene["length_m"]) * np.sin(np.outer(x, (keep + 1) * np.pi / scene["length_m"]))
 
     shapes, out, mu = phi(x), phi([scene["output_m"]])[0], scene["linear_density_kg_m"]
-    spring = 1.0 / (np.linalg.norm(shapes @ shapes.T, 2) / mu * dt**2)
+    spring = 1.0 / (np.linalg.norm(shapes @ shapes.T, 2) / mu * dt**2) if x.size else 0.0
     if wall and wall["stiffness_n_m2"]:
         spring = wall["stiffness_n_m2"] * (x[1] - x[0])
     root = np.sqrt(np.array(omega**2 - sigma**2, dtype=complex))  # imaginary where a mode is overdamped
@@ -48,7 +48,7 @@ def solve(scene, factor, modes=None):
             part = min(1.0, max(0.0, (step * dt - ramp["start_s"]) / ramp["duration_s"]))
             top = top + ramp["displacement_m"] * 0.5 * (1 - np.cos(np.pi * part))
         depth = top - shapes @ q
-        if depth.max() > 0.0:  # half a kick before, half behind the flight: two halves meet here
+        if depth.max(initial=0.0) > 0.0:  # half a kick before, half behind the flight: two halves meet here
             v = v + pull @ np.maximum(depth, 0.0) * (0.5 if step == 0 else 1.0)
         q, v = qq * q + s * v, vq * q + vv * v
     return u, time.process_time() - started
