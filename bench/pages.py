@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -126,7 +127,8 @@ OF_NOTES = tuple(
     for preset, notes in NOTES.items()
     for quality in QUALITIES
 )
-SHORT = (_TANPURA, _BASS, _MANY, _BASSLINE)
+_NAIVE = Line("the same model in a plain Numba loop, mode after mode", ("tanpura-kernel/by the naive loop",), "×")
+SHORT = (_TANPURA, _NAIVE, _BASS, _MANY, _BASSLINE)
 #: every figure that a page shows by its name
 SHOWN = frozenset(name for line in (*TARGETS, *BLOCKS, *OF_NOTES) for name in line.names if not line.spread)
 
@@ -170,6 +172,26 @@ def chosen(runs: Sequence[Run]) -> list[Run]:
     return [run for _, run in best.values()]
 
 
+def newest_whole(runs: Sequence[Run]) -> Run:
+    """The figures of one version on one machine, of all precisions: of those with the most rows of `SHORT` the newest."""
+    versions: dict[tuple[Any, ...], Run] = {}
+    for run in runs:
+        key = run.machine.same, run.commit or run.version
+        before = versions.pop(key, run)
+        versions[key] = replace(run, figures={**before.figures, **run.figures})
+    return max(enumerate(versions.values()), key=lambda each: (_complete(each[1]), each[1].date, each[0]))[1]
+
+
+def _complete(run: Run) -> int:
+    return sum(line.cell(run) != "–" for line in SHORT)
+
+
+def _short(run: Run) -> str:
+    rows = [[line.what, line.aim, line.cell(run)] for line in SHORT]
+    column = f"{run.machine.short}, version {run.version}"
+    return table(["× real time, one core (bold: misses its aim)", "aim", column], rows)
+
+
 def _rows(lines: Sequence[Line], runs: Sequence[Run], head: str, aims: bool) -> str:
     rows = [[line.what, *([line.aim] if aims else []), *(line.cell(run) for run in runs)] for line in lines]
     return table([head, *(["aim"] if aims else []), *(run.column for run in runs)], rows)
@@ -206,7 +228,7 @@ def parts(runs: Sequence[Run]) -> dict[Path, dict[str, str]]:
             "blocks": _rows(BLOCKS, some, "worst block, part of its time, one core; 64, 128 and 256 frames", False),
             "notes": _rows(OF_NOTES, some, "× real time of one string, from the pluck on", False),
         },
-        README: {"speed": _rows(SHORT, some, "× real time, one core (bold: misses its aim)", True)},
+        README: {"speed": _short(newest_whole(runs))},
     }
 
 

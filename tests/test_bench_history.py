@@ -149,6 +149,21 @@ def test_of_a_machine_the_newest_whole_run_is_shown() -> None:
         pages.parts([])
 
 
+def test_readme_shows_one_version_on_one_machine_beside_a_plain_loop() -> None:
+    """The two precisions of a version are one column; figures of other versions and machines are never beside them."""
+    loop = {"tanpura-kernel": {"median": 1300.0}, "tanpura-kernel/by the naive loop": {"median": 150.0}}
+    bass = {"bass-note/E1/64": {"median": 300.0}}
+    old = replace(run_of(XEON, "aaa", "2026-01-01"), figures={**loop, **bass})
+    double = replace(run_of(EPYC, "bbb", "2026-01-02"), version="0.9", figures=loop)
+    single = replace(run_of(EPYC, "bbb", "2026-01-02", precision="float32"), version="0.9", figures=bass)
+    piece = run_of(EPYC, "ccc", "2026-01-03", tanpura_kernel=1.0)
+    table = pages.parts([old, double, single, piece])[pages.README]["speed"]
+    head, _, *rows = table.strip().splitlines()
+    assert head.endswith("| aim | EPYC 2.6 GHz, version 0.9 |")
+    assert rows[0].endswith("| ≥ 400 × | 1300 × |") and "plain Numba loop" in rows[1] and rows[1].endswith("| 150 × |")
+    assert rows[2].endswith("| ≥ 150 × | 300 to 300 × |") and len(rows) == len(pages.SHORT)
+
+
 def test_every_aim_has_a_figure_that_a_page_shows_and_notes_are_those_of_the_presets() -> None:
     shown = {*pages.SHOWN, "bass-note/E1/64", "decay/tanpura/C2/standard/cpu"}
     for pattern, aim in aims.AIMS.items():
