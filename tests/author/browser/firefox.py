@@ -151,14 +151,22 @@ class Firefox:
         return until(holds)
 
     def place(self, selector: str) -> tuple[float, float]:
-        """The middle of the first such element to be seen, scrolled into view, as soon as there is one [px]."""
+        """The middle of the first such element to be seen, scrolled into view, once it stays there [px]."""
         return tuple(
             self.until(
                 lambda: self.script(
-                    """const seen = [...document.querySelectorAll(arguments[0])].find((each) => each.checkVisibility());
-                    seen?.scrollIntoView({block: "nearest", inline: "nearest"});
-                    const box = seen?.getBoundingClientRect();
-                    return box && [box.x + box.width / 2, box.y + box.height / 2];""",
+                    """const frame = () => new Promise((done) => requestAnimationFrame(done));
+                    const middle = () => {
+                      const seen = [...document.querySelectorAll(arguments[0])].find((each) => each.checkVisibility());
+                      seen?.scrollIntoView({block: "nearest", inline: "nearest"});
+                      const box = seen?.getBoundingClientRect();
+                      return box && [box.x + box.width / 2, box.y + box.height / 2];
+                    };
+                    const before = middle();
+                    await frame();
+                    await frame();
+                    const now = middle();
+                    return before && now && before[0] === now[0] && before[1] === now[1] ? now : null;""",
                     selector,
                 )
             )

@@ -215,9 +215,13 @@ def state(page: Page) -> Any:
 
 
 def set_value(page: Page, path: str, value: float) -> None:
-    """Type a number into the control of a path, as a person does."""
-    field = page.field(path)
-    field.send_keys(Keys.CONTROL, "a", Keys.NULL, f"{value}\n")
+    """Type a number into the control of a path, as a person does; again where the page has replaced the field in between."""
+
+    def typed() -> bool:
+        page.field(path).send_keys(Keys.CONTROL, "a", Keys.NULL, f"{value}\n")
+        return True
+
+    page.until(typed)
 
 
 def floats(text: str) -> np.ndarray:
