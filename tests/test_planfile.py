@@ -102,7 +102,7 @@ def test_a_broken_plan_says_where(tmp_path: Path, was: str, now: str, words: str
     with pytest.raises(PlanError) as told:
         parse(text.replace(was, now, 1), "mine.plan")
     assert str(told.value).startswith("mine.plan: ") and words in str(told.value)
-    assert "make it anew with `synth plan PRESET --measure-plan`" in str(told.value) and "\n" not in str(told.value)
+    assert "make it again with `synth plan PRESET --measure-plan`" in str(told.value) and "\n" not in str(told.value)
     (tmp_path / "mine.toml").write_text(PRESET.format(string="", displacement="3.0", rest=""))
     (tmp_path / "mine.plan").write_text(text.replace(was, now, 1))
     with pytest.raises(PresetError, match=r"mine\.plan"):
