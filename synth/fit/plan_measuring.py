@@ -364,11 +364,15 @@ def _shifted(way: Articulation, farther: float) -> dict[str, float]:
 
 def _seen(alone: Preset) -> Preset:
     """The preset with its string's displacement in the first direction as its output, and nothing left to chance."""
-    output = alone.output.model_copy(update={"kind": "displacement", "position": SEEN_AT, "gain_db": 0.0})
-    changed: dict[str, object] = {"output": output, "body": type(alone.body)(), "effect": (), "hand": Hand()}
-    changed["articulations"] = {}
+    changed: dict[str, object] = {"hand": Hand(), "articulations": {}}
     changed["pluck"] = alone.pluck.model_copy(update={"roughness_um": 0.0})
     if alone.polarisation is not None:
         changed["polarisation"] = alone.polarisation.model_copy(update={"heard": 0.0})
     table = alone.string[0].model_copy(update={"gain_db": 0.0})
-    return alone.model_copy(update={**changed, "string": (table,)})
+    return as_displacement(alone).model_copy(update={**changed, "string": (table,)})
+
+
+def as_displacement(preset: Preset) -> Preset:
+    """A preset whose output is the displacement at SEEN_AT of the length from the saddle, without body and effects."""
+    output = preset.output.model_copy(update={"kind": "displacement", "position": SEEN_AT, "gain_db": 0.0})
+    return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})

@@ -9,11 +9,11 @@ import numpy as np
 
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import distances
-from synth.fit.plan_measuring import SEEN_AT
+from synth.fit.plan_measuring import as_displacement
 from synth.host.batch import played_as
 from synth.instrument.articulations import NORMAL
 from synth.instrument.plan import PRECISIONS
-from synth.instrument.preset import Body, Preset, list_presets, playable_notes
+from synth.instrument.preset import Preset, list_presets, playable_notes
 from synth.midi.events import NOTE_ON, make_events
 
 RATE_HZ, SECONDS = 44100, 3.0
@@ -66,8 +66,7 @@ def measured(
     played = played_as(preset, articulation, 0)
     if isinstance(played, str):
         raise ValueError(played)
-    output = preset.output.model_copy(update={"kind": "displacement", "position": SEEN_AT, "gain_db": 0.0})
-    seen = played[1].model_copy(update={"output": output, "body": Body(), "effect": ()})
+    seen = as_displacement(played[1])
     double, single = (_engine(seen, quality, precision, notes) for precision in PRECISIONS)
     for note in notes:
         for velocity in velocities:
