@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import soxr
 
-from contact_truths.notes import RATE_HZ, Truth, drawn, noisy
+from contact_truths.misleading import Misleading
+from contact_truths.notes import RATE_HZ, drawn, noisy
 from synth.fit.contact_model import ContactModel, Stroke
 from synth.instrument.preset import load_preset
 
@@ -15,9 +16,9 @@ from synth.instrument.preset import load_preset
 _STEPS, _SECONDS, _SILENCE_S = 1000.0, 3.2, 0.02
 
 
-def two_points(seed: int) -> tuple[np.ndarray, Truth]:
+def two_points(seed: int) -> Misleading:
     """A recording over a second point at 0.3 to 0.8 of the distance, from 1 µm above to 4 µm below the line from the edge to
-    the end, and the truth of its edge. The forward model makes it, on a finer grid than the fit's: presets space points
+    the end, and what is known of its edge. The forward model makes it, on a finer grid than the fit's: presets space points
     evenly."""
     rng = np.random.default_rng(seed)
     model = ContactModel.of_preset(load_preset("tanpura"), 0)
@@ -30,4 +31,5 @@ def two_points(seed: int) -> tuple[np.ndarray, Truth]:
     truth = replace(truth, distance_m=distance, height_m=height)
     stroke = Stroke(height, distance, truth.position, truth.amplitude_m, truth.draw_s, inner=inner)
     x = soxr.resample(model.sound(stroke, grid, _SECONDS).frames, grid.rate_hz, RATE_HZ)
-    return noisy(np.concatenate([np.zeros(round(_SILENCE_S * RATE_HZ)), x - x.mean()]), truth.snr_db, seed), truth
+    recording = noisy(np.concatenate([np.zeros(round(_SILENCE_S * RATE_HZ)), x - x.mean()]), truth.snr_db, seed)
+    return recording, "tanpura", 0, truth

@@ -27,6 +27,11 @@ AIM = {"height": 0.3, "distance": 0.3, "position": 0.01}
 AIM_NUISANCE = {"height": 0.8, "distance": 0.4, "position": 0.02}
 
 
+#: recordings that are no plain note of a preset, by their case; that of the set `foreign` is not one of the misleading
+TWO_POINTS = "two points"
+_MADE = {**CASES, TWO_POINTS: two_points}
+
+
 class Job(NamedTuple):
     """One row: its key, set, and arguments."""
 
@@ -70,7 +75,7 @@ def _misleading() -> list[Job]:
 
 
 def _foreign() -> list[Job]:
-    return [Job(f"foreign {seed}", "foreign", None, "two points", seed) for seed in range(5500, 5514)]
+    return [Job(f"foreign {seed}", "foreign", None, TWO_POINTS, seed) for seed in range(5500, 5514)]
 
 
 def _frets() -> list[Job]:
@@ -102,12 +107,10 @@ def run(job: Job) -> dict[str, Any]:
     if job.of == "frets":
         return fretted.run(job.seed, job.case)
     row: dict[str, Any] = {"key": job.key, "set": job.of, "case": job.case}
-    if job.of == "foreign":
-        preset, string, (recording, truth) = "tanpura", 0, two_points(job.seed)
-    elif job.truth is not None:
+    if job.truth is not None:
         recording, preset, string, truth = sound(job.truth), job.truth.preset, job.truth.string, job.truth
     else:
-        recording, preset, string, truth = CASES[job.case](job.seed)
+        recording, preset, string, truth = _MADE[job.case](job.seed)
     began, wall = time.process_time(), time.perf_counter()
     try:
         # as `fit_contact`, with the dictionary kept from note to note
