@@ -66,7 +66,7 @@ WAYS: dict[str, Way] = {
     "synth render": _NAME,
     "synth render --rest": _NAME,
     "synth simulate": _NAME,
-    "tools/bench": _FIGURE,
+    "tools/bench --publish": _FIGURE,
     "tools/bench --only cold": _FIGURE,
     "tools/speed-error": _FIGURE,
     "tools/wheel": _FIGURE,
