@@ -6,6 +6,7 @@ come first, so that none is left for the end while other cores have nothing to d
 
 import os
 import signal
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -88,7 +89,29 @@ LONGEST = (
 )
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all", action="store_true", help="run the tests marked slow, too; tests that are named always run")
+
+
+def _everything(config: pytest.Config) -> bool:
+    """Whether slow tests run, too. A worker is told; it takes all files for named ones."""
+    told = getattr(config, "workerinput", None)
+    if told is not None:
+        return bool(told["everything"])
+    return config.getoption("all") or config.args_source is pytest.Config.ArgsSource.ARGS
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Tell a worker of pytest-xdist."""
+    node.workerinput["everything"] = _everything(node.config)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not _everything(config):
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
     places = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.nodeid.partition("::")[0], len(LONGEST)))
 

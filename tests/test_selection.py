@@ -1,0 +1,52 @@
+"""Which tests run: those marked slow only with --all, or where their file or they themselves are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import LONGEST
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFTEST = "from tests.conftest import pytest_addoption, pytest_collection_modifyitems, pytest_configure_node\n"
+INI = f"""
+[pytest]
+testpaths = some
+pythonpath = {ROOT}
+addopts = --import-mode=importlib
+markers = slow: long
+"""
+TESTS = """
+import pytest
+
+def test_quick():
+    pass
+
+@pytest.mark.slow
+def test_long():
+    pass
+"""
+
+
+@pytest.fixture
+def folder(pytester: pytest.Pytester) -> pytest.Pytester:
+    pytester.makeini(INI)
+    pytester.makeconftest(CONFTEST)
+    (pytester.mkdir("some") / "test_some.py").write_text(TESTS)
+    return pytester
+
+
+@pytest.mark.parametrize("workers", ["0", "1"])
+@pytest.mark.parametrize("words, passed", [([], 1), (["--all"], 2), (["some/test_some.py"], 2)])
+def test_slow_tests_run_where_they_are_asked_for(
+    folder: pytest.Pytester, words: list[str], passed: int, workers: str
+) -> None:
+    done = folder.runpytest_subprocess("-n", workers, *words)
+    done.assert_outcomes(passed=passed)
+
+
+def test_the_longest_files_are_there() -> None:
+    assert [name for name in LONGEST if not (ROOT / name).is_file()] == []
