@@ -61,6 +61,9 @@ OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
 ROLLING_VELOCITIES = (15, 20, 30, 35, 50, 64, 90, 105)
 #: output's place from the saddle, as a share of the open length: that of the calibration's scenes
 SEEN_AT = 0.01
+#: gain of that output [dB]: 10 µm are full scale, as loud as the preset; a string sleeps and its modes rest by their level in
+#: the output, and without the gain a soft note of a few µm would end within the seconds that are compared
+SEEN_GAIN_DB = 100.0
 
 #: measure → error
 Figures = dict[str, float]
@@ -153,7 +156,7 @@ class OneString:
             engine.reset()
             out = np.zeros((begin + round(self.seconds * RATE_HZ), 2))
             engine.process(make_events([(0, NOTE_ON, 0, note, stroke.velocity)]), out)
-            yield note, out[begin:, 0].copy()
+            yield note, in_metres(out[begin:, 0])
 
     def references(self, notes: list[int], stroke: Stroke) -> dict[int, Judged]:
         """Converged runs of notes, made once."""
@@ -372,7 +375,13 @@ def _seen(alone: Preset) -> Preset:
     return as_displacement(alone).model_copy(update={**changed, "string": (table,)})
 
 
-def as_displacement(preset: Preset) -> Preset:
-    """A preset whose output is the displacement at SEEN_AT of the length from the saddle, without body and effects."""
-    output = preset.output.model_copy(update={"kind": "displacement", "position": SEEN_AT, "gain_db": 0.0})
+def as_displacement(preset: Preset, at: float = SEEN_AT) -> Preset:
+    """A preset whose output is the displacement at a share of the length from the saddle, without body and effects, in units
+    that `in_metres` turns into metres."""
+    output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": SEEN_GAIN_DB})
     return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})
+
+
+def in_metres(out: np.ndarray) -> np.ndarray:
+    """The displacement [m] that an output of `as_displacement` stands for; any shape."""
+    return out / 10 ** (SEEN_GAIN_DB / 20.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import distances
-from synth.fit.plan_measuring import as_displacement
+from synth.fit.plan_measuring import as_displacement, in_metres
 from synth.host.batch import played_as
 from synth.instrument.articulations import NORMAL
 from synth.instrument.plan import PRECISIONS
@@ -84,11 +84,11 @@ def _engine(preset: Preset, quality: str, precision: str, notes: Sequence[int]) 
 
 
 def _displacement(engine: Engine, note: int, velocity: int, seconds: float) -> np.ndarray:
-    """(frames,) of a note that begins at once and is not let go."""
+    """(frames,) [m] of a note that begins at once and is not let go."""
     engine.reset()
     out = np.zeros((round(seconds * RATE_HZ), 2))
     engine.process(make_events([(0, NOTE_ON, 0, note, velocity)]), out)
-    return out[:, 0]
+    return in_metres(out[:, 0])
 
 
 def everything(preset: Preset) -> Iterator[Rounded]:

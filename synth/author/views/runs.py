@@ -13,6 +13,7 @@ from synth.author.views.tape import RATE_HZ
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import ONSET_S
+from synth.fit.plan_measuring import as_displacement, in_metres
 from synth.instrument.compile import Position
 from synth.instrument.preset import BridgeObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
@@ -54,7 +55,7 @@ def run(
     if preset.coupled:
         return _run_together(preset, place, velocity, seconds, quality, rate_hz, internal_rate_hz, go_on)
     engine = Engine(
-        [place.preset, _seen(place.preset)],
+        [place.preset, as_displacement(place.preset, _seen_at(place.preset))],
         quality=quality,
         internal_rate_hz=internal_rate_hz,
         limiter=False,
@@ -77,7 +78,7 @@ def run(
     late = engine.latency_samples
     string = engine.compiled[0].strings[0]
     position = next(p for p in string.positions if p.fret == place.fret)
-    return Run(stems[0, late:, 0], stems[1, late:, 0], position, string.draw_s)
+    return Run(stems[0, late:, 0], in_metres(stems[1, late:, 0]), position, string.draw_s)
 
 
 def _run_together(
@@ -113,13 +114,6 @@ def _run_together(
 
 def _seen_at(preset: Preset) -> float:
     return SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
-
-
-def _seen(preset: Preset) -> Preset:
-    """The preset with the string's displacement as its output, on ends that do not move, and no effects."""
-    at = _seen_at(preset)
-    output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": 0.0})
-    return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})
 
 
 def differences(mine: Run, reference: Run, rate_hz: float = RATE_HZ) -> dict[str, float | None]:
