@@ -584,7 +584,7 @@ def test_a_string_clamped_between_finger_and_point(tail):
     if tail == "none":
         assert result.contact_force.max() > 2500.0
         assert PASSIVE_TO < result.largest_energy_rise < 10.0 * rounded_forces(case, result)
-        assert len(told) == 1 and "energy too much: a finger presses" in told[0] and 'take tail = "static"' in told[0]
+        assert len(told) == 1 and ": a finger clamps the string on a point" in told[0] and 'set tail = "static"' in told[0]
         assert "forces of 2.7e+03 N" in told[0] and "\n" not in told[0]
     else:
         assert result.contact_force.max() < 1.0

@@ -168,7 +168,7 @@ def test_arguments_that_cannot_be_are_refused_at_once(named: dict, said: str) ->
 def test_nothing_asked_for_is_nothing() -> None:
     assert list(render_notes("tanpura", [])) == []
     (found,) = render_notes(None, [(48, 80)])
-    assert found.error == "preset is missing: name one for the note, or one for all"
+    assert found.error == "preset is missing: give one for the note, or one for all notes"
 
 
 def own_threads() -> list[threading.Thread]:

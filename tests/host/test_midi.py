@@ -70,7 +70,7 @@ def test_tracks_of_format_2_play_one_after_the_other_at_their_own_tempo() -> Non
 def test_a_note_without_an_end_ends_with_the_file() -> None:
     result = song(header() + track((0, on(60)), (480, on(64)), (0, off(64)), end=480))
     assert rows(result)[-1] == (48000, NOTE_OFF, 60)
-    assert result.warnings == ("1 note has no end: ended with the file",)
+    assert result.warnings == ("1 note has no note-off and ends with the file",)
 
 
 def test_a_note_on_of_velocity_0_is_a_note_off() -> None:
@@ -148,7 +148,7 @@ def test_notes_are_counted_by_channel_and_program() -> None:
 def test_a_long_rest_at_the_end_is_left_out() -> None:
     result = song(header() + track((0, on(60)), (480, off(60)), end=0x0FFFFFFF))
     assert result.length_s == pytest.approx(0.5, abs=1e-12)
-    assert "rest is left out" in result.warnings[0]
+    assert "silence is left out" in result.warnings[0]
 
 
 def test_a_tempo_of_zero_is_passed_over() -> None:
@@ -162,7 +162,7 @@ def test_a_song_of_nothing(data: bytes) -> None:
     result = song(data)
     assert len(result.events) == 0
     assert result.length_s == 0.0
-    assert "there are no notes in it" in result.warnings
+    assert "the file has no notes" in result.warnings
 
 
 def test_times_are_midos(tmp_path) -> None:
@@ -335,7 +335,7 @@ def test_a_minute_of_rest_at_the_end_is_meant() -> None:
     assert song(header() + track((0, on(60)), (480, off(60)), end=60 * second)).length_s == pytest.approx(60.5, abs=1e-9)
     cut = song(header() + track((0, on(60)), (480, off(60)), end=60 * second + 1))
     assert cut.length_s == pytest.approx(0.5, abs=1e-12)
-    assert cut.warnings == ("it ends 60 s after its last event: that rest is left out",)
+    assert cut.warnings == ("it ends 60 s after its last event: that silence is left out",)
 
 
 def test_of_a_take_the_order_stays() -> None:

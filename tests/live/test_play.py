@@ -384,7 +384,7 @@ def test_devices_are_listed(jack_server, tmp_path) -> None:
 
 WRONG = [
     (["--device", "0", "--jack"], "give one of them"),
-    (["--measure-latency", "--record", "x.wav"], "--measure-latency plays by itself"),
+    (["--measure-latency", "--record", "x.wav"], "--measure-latency plays its own notes"),
     (["--record", "x.mp3"], "must be a .wav file, got 'x.mp3'"),
     (["--block", "8"], "from 16 to 4096, got '8'"),
     (["--latency", "tiny"], "(or low or high), got 'tiny'"),
@@ -394,7 +394,7 @@ WRONG = [
     (["--cc", "74=pluck.colour"], "pluck.colour"),
     (["--map", "1"], "not CHANNEL=PRESET"),
     (["--duration", "0"], "got '0'"),
-    (["--keys"], "--keys: standard input is no terminal"),
+    (["--keys"], "--keys: standard input is not a terminal"),
 ]
 
 
