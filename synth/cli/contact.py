@@ -64,7 +64,7 @@ def check(options: argparse.Namespace) -> None:
             raise ValueError(f"one recording at a time, got {len(options.recording)}; several go with --contact")
         return
     if options.preset is None:
-        raise ValueError("--contact needs a preset for the string and the bridge: give it with -p")
+        raise ValueError("--contact needs a preset for the string and the bridge: name it with -p")
     if options.pitch is not None:
         raise ValueError(
             "--pitch cannot be combined with --contact, which takes the pitch from the preset's string; leave it out"

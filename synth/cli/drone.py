@@ -120,7 +120,7 @@ def _drone(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device and --jack are two different outputs: give only one of them")
+        raise ValueError("--device and --jack are two different outputs: give one of them")
     if options.output is not None:
         for name in ("device", "jack", "record"):
             if getattr(options, name) is not None:

@@ -113,7 +113,7 @@ def add(commands: Any) -> None:
 def _play(options: argparse.Namespace) -> int:
     # What can be judged without loading anything comes first.
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device and --jack are two different outputs: give only one of them")
+        raise ValueError("--device and --jack are two different outputs: give one of them")
     if options.measure_latency and (options.play or options.record):
         raise ValueError("--measure-latency plays its own notes: leave out --play and --record")
     if options.record is not None and not options.record.lower().endswith(".wav"):

@@ -346,7 +346,7 @@ class Session(Uncopied):
             casting = parts.cast_live(choice, song=casting)
         if not casting.parts:
             notes = f"{song.notes} note{'' if song.notes == 1 else 's'}"
-            raise ValueError(f"{settings.song}: no channel of its {notes} has a preset; choose one with --map")
+            raise ValueError(f"{settings.song}: nothing to play ({notes}, no channel with a preset); choose one with --map")
         return casting, song, headroom_db
 
     @property

@@ -103,7 +103,7 @@ BAD = {
     "controller 7 must be at most 127, got 200": Note(48, controllers=((7, 200),)),
     "C-1 is not played: outside C2-C3": Note(0, 80, 0.1),
     "preset 'no-such-preset' is not one of": Note(48, preset="no-such-preset"),
-    "articulation 'pizzicato' is none of tanpura; it has none": Note(48, articulation="pizzicato"),
+    "tanpura has no articulation 'pizzicato'; its articulations: none": Note(48, articulation="pizzicato"),
 }
 
 

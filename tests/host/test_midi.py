@@ -313,9 +313,9 @@ def test_a_song_of_more_than_a_day_is_refused_where_it_gets_too_long(division: i
     inside = track((0, slow), (0, on(60)), *_far(last, off(60)))
     assert song(header(division=division) + inside).events["frame"][-1] == pytest.approx(day * 48000, rel=3e-4)
     beyond = header(1, 2, division) + track((0, slow)) + track((0, on(60)), (1, off(60)), *_far(2 * last, on(62)))
-    with pytest.raises(MidiError, match=rf"longer than 24 h in track 2 at tick {2 * last + 1}, which is (48|47.99) h"):
+    with pytest.raises(MidiError, match=rf"exceeds 24 h in track 2 at tick {2 * last + 1}, (48|47\.99) h after"):
         song(beyond)
-    with pytest.raises(MidiError, match="longer than 24 h"):
+    with pytest.raises(MidiError, match="exceeds 24 h"):
         song(beyond, until_s=day + 1.0)
     begun = song(beyond, until_s=5.0)
     assert rows(begun)[:2] == [(0, NOTE_ON, 60), (round(16.777215 / division * 48000), NOTE_OFF, 60)]
@@ -355,7 +355,7 @@ def _far(ticks: int, message: bytes) -> list[tuple[int, bytes]]:
 def test_the_longest_times_that_a_file_can_hold() -> None:
     """Without a word of NumPy, and what can be played of it is at its frames."""
     data = header(division=1) + track((0, tempo(0xFFFFFF)), (0, on(60)), *[((1 << 28) - 1, on(61))] * 3000)
-    with pytest.raises(MidiError, match=r"in track 1 at tick 268435455, which is 1\.251e\+06 h"):
+    with pytest.raises(MidiError, match=r"in track 1 at tick 268435455, 1\.251e\+06 h"):
         song(data)
     assert song(data, until_s=1.0).events["frame"].min() == 0
 

@@ -319,7 +319,7 @@ def test_devices_that_are_not_there_or_refuse(jack_server, tmp_path) -> None:
     record = ["--record", "take.wav"]
     refused(synth(server, tmp_path, "play", "--device", "organ", *record), tmp_path, "--device 'organ'", "0 system")
     refused(synth(server, tmp_path, "play", "--device", "77", *record), tmp_path, "--device '77'")
-    refused(synth(server, tmp_path, "play", "-r", "96000", *record), tmp_path, "refuses 96000 Hz", "--rate 44100")
+    refused(synth(server, tmp_path, "play", "-r", "96000", *record), tmp_path, "does not support 96000 Hz", "--rate 44100")
     refused(synth(server, tmp_path, "play", "-r", "96000", "--jack", *record), tmp_path, "44100 Hz", "--rate")
     none = synth(None, tmp_path, "play", "--jack", *record)
     refused(none, tmp_path, "no JACK server answers", "start one, like jackd -d", "without --jack")
