@@ -92,7 +92,7 @@ CASES = {
 }
 
 #: a height of the wall and one of the string, each possible: the message names what they are, not which is wrong
-BETWEEN_TWO = "the start must lie over the wall, got 0.92"
+BETWEEN_TWO = "the string must start above the wall, got 0.92"
 
 
 def numbers(table, path=()):

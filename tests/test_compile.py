@@ -208,7 +208,9 @@ def test_nothing_is_as_wide_as_the_string(table, key, what):
         string = STRING.format(name="S", notes="C7", more="").replace("length_m = 0.9", "length_m = 0.05")
         return parse_preset(f'format = 2\nname = "x"\n{string}{text}', "x")
 
-    with pytest.raises(PresetError, match=rf"x: string S: {table}\.{key} must be at most the string's 50 mm, got 60; "):
+    with pytest.raises(
+        PresetError, match=rf"x: string S: {table}\.{key} must be at most 50 mm, the string's length, got 60"
+    ):
         compile_preset(short(60), quality="draft")
     assert len(compile_preset(short(50), quality="draft").strings) == 1
 

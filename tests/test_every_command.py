@@ -98,7 +98,7 @@ def _overwriting() -> Iterator[Cell]:
         return Cell(command, "output is input", arguments, 2, says, **more)
 
     raw = ["--format", "raw"]
-    yield cell("render", ["render", "s.mid", "-o", "s.mid", *raw], r"-o s\.mid would overwrite midi s\.mid, which is read")
+    yield cell("render", ["render", "s.mid", "-o", "s.mid", *raw], r"-o s\.mid would overwrite midi s\.mid, which is an")
     yield cell("render", ["render", "s.mid", "-o", "./s.mid", *raw])
     yield cell("render", ["render", "s.mid", "-o", "link.wav"], link=("link.wav", "s.mid"))
     yield cell("render", ["render", "s.mid", "-o", "link.wav"], link=("link.wav", "s.mid"), hard=True)
@@ -110,12 +110,12 @@ def _overwriting() -> Iterator[Cell]:
     # a stem is called after its channel and preset
     stem = "ch01-my.raw"
     yield cell("render", ["render", stem, "-p", "my.toml", "--stems", ".", *raw], "stem", link=(stem, "s.mid"))
-    yield cell("render", ["render", "s.mid", "-p", "my.toml", "--stems", ".", "-o", stem, *raw], "are one file")
+    yield cell("render", ["render", "s.mid", "-p", "my.toml", "--stems", ".", "-o", stem, *raw], "are the same file")
     yield cell("drone", ["drone", "-p", "my.toml", "-o", "my.toml", *raw])
     yield cell("drone", ["drone", "-p", "my.toml", "--record", "my.wav"], "strings my.toml would overwrite preset")
     yield cell("play", ["play", "-p", "my.toml", "--record", "link.wav"], link=("link.wav", "my.toml"))
     yield cell("play", ["play", "--play", "s.mid", "--record", "s.wav"], "take s.mid would overwrite song s.mid")
-    yield cell("play", ["play", "--record", "two.wav"], "are one file", link=("two.wav", "two.mid"))
+    yield cell("play", ["play", "--record", "two.wav"], "are the same file", link=("two.wav", "two.mid"))
     yield cell("fit", ["fit", "note.wav", "-p", "my.toml", "-o", "note.wav"])
     yield cell("fit", ["fit", "note.wav", "-p", "my.toml", "-o", "link.toml"], link=("link.toml", "note.wav"))
     yield cell("fit", ["fit", "note.wav", "-p", "my.toml", "-o", "link.toml"], link=("link.toml", "my.toml"), hard=True)

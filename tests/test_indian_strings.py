@@ -309,11 +309,15 @@ def test_a_curved_bridge_falls_away_from_the_string() -> None:
             "",
             r"string\.1\.sympathetic: .*give \[\[body\.mode\]\]",
         ),
-        ('notes = "C4"', 'notes = "C4-D4"', r"string\.1: sympathetic is of one string, got notes C4-D4; give one note"),
+        ('notes = "C4"', 'notes = "C4-D4"', r"string\.1: sympathetic applies to a single string, got notes C4-D4; give one"),
         ("sympathetic = true", "sympathetic = true\nfrets = 2", r"string\.1: frets has no meaning for a sympathetic string"),
         ("sympathetic = true", 'sympathetic = true\nsounds = "C5"', r"string\.1: sounds has no meaning"),
-        ("frets = 0", "frets = 3", r"string\.2\.frets must be at most the 2 of the neck, got 3"),
-        ("bridge_points = 1", "bridge_points = 4", r"string\.2\.bridge_points must be at most the 3 of the bridge, got 4"),
+        ("frets = 0", "frets = 3", r"string\.2\.frets must be at most 2, the number that the neck has"),
+        (
+            "bridge_points = 1",
+            "bridge_points = 4",
+            r"string\.2\.bridge_points must be at most 3, the number that the bridge has",
+        ),
         ("points = 3", "points = 0", r"obstacle\.points: .*got 0"),
     ],
 )

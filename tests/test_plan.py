@@ -213,7 +213,7 @@ def test_walls_that_cannot_be_planned():
     with pytest.raises(ValueError, match="quality must be one of draft, standard, fine, reference, got 'best'"):
         plan_wall(string(), 1e6, quality="best", rate_hz=44100.0)
     for stiffness in (0.0, -1.0, float("inf"), float("nan")):
-        with pytest.raises(ValueError, match="a wall can be planned for a stiffness > 0"):
+        with pytest.raises(ValueError, match="the stiffness of a planned wall must be finite and > 0"):
             plan_wall(string(), stiffness, quality="fine", rate_hz=44100.0)
 
 

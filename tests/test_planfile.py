@@ -208,9 +208,9 @@ def test_what_is_said_of_a_plan() -> None:
     other = make(displacement="2").with_measured(plan(preset))
     assert "the plan beside the preset was measured for another version of it" in describe_plan(other)["text"]
     stroke = make(rest="[articulations.near]\ncontroller = 20\nposition = 0.05").with_measured(plan(preset))
-    assert "does not know all of its strokes" in describe_plan(stroke)["text"]
+    assert "does not cover all of its strokes" in describe_plan(stroke)["text"]
     draft = describe_plan(preset.with_measured(plan(preset)), quality="draft")["text"]
-    assert "of these, nothing less keeps the promise with a margin" in draft
+    assert "no cheaper plan keeps the promise with a margin" in draft
     for options in ({"quality": "reference"}, {"scheme": "moreau-jean"}, {"internal_rate_hz": 44100.0}):
         assert "law" not in describe_plan(preset, **options)["text"]
 

@@ -457,7 +457,7 @@ def test_the_shortest_preset() -> None:
         ('"mine"', '"mine"\ntags = ["buzz", "steel", "buzz"]', r"tags: has 'buzz' twice"),
         ('"mine"', f'"mine"\ntags = {[f"t{i}" for i in range(17)]}', r"tags: .*at most 16"),
         ('"C3"', '"H3"', r"string\.0\.notes: must be one note"),
-        ('"C3"', '"C4-C3"', r"string\.0: notes must rise, got C4-C3"),
+        ('"C3"', '"C4-C3"', r"string\.0: notes must go from low to high, got C4-C3"),
         ('"C3"', "300", r"string\.0\.notes: .*between 0 and 127, got 300"),
         ('"C3"', "true", r"string\.0\.notes: must be one note"),
         ("0.9", "0", r"string\.0\.length_m: must lie between 0\.02 and 5, got 0"),

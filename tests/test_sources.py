@@ -23,7 +23,7 @@ def test_a_file(tmp_path: Path) -> None:
     path.write_bytes(b"abc")
     assert read_bytes(path, 3, "thing") == read_file(path, 3, "thing") == b"abc"
     for read in (read_bytes, read_file):
-        with pytest.raises(ValueError, match="x: larger than 0 MB, which no thing is"):
+        with pytest.raises(ValueError, match="x: larger than 0 MB, the limit for a thing"):
             read(path, 2, "thing")
         with pytest.raises(FileNotFoundError):
             read(tmp_path / "y", 2, "thing")
@@ -36,7 +36,7 @@ def test_a_pipe_is_read_to_its_end_or_refused(tmp_path: Path) -> None:
     writer.start()
     assert read_bytes(pipe, 3, "thing") == b"abc"
     writer.join()
-    with pytest.raises(ValueError, match="pipe: is a pipe, no regular file"):  # and nobody writes to it now
+    with pytest.raises(ValueError, match="pipe: is a pipe, not a regular file"):  # and nobody writes to it now
         read_file(pipe, 3, "thing")
 
 
@@ -44,7 +44,7 @@ def test_a_link(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b"abc")
     (tmp_path / "link").symlink_to(tmp_path / "x")
     assert read_file(tmp_path / "link", 3, "thing") == b"abc"
-    with pytest.raises(ValueError, match="link: is a link, no regular file"):
+    with pytest.raises(ValueError, match="link: is a link, not a regular file"):
         read_file(tmp_path / "link", 3, "thing", follow=False)
 
 
@@ -60,7 +60,7 @@ def test_what_changes_between_two_looks(tmp_path: Path, monkeypatch: pytest.Monk
         return opened(name, flags)
 
     monkeypatch.setattr(os, "open", replaced)
-    with pytest.raises(ValueError, match="x: is a pipe, no regular file"):
+    with pytest.raises(ValueError, match="x: is a pipe, not a regular file"):
         read_file(path, 3, "thing")
 
 
@@ -88,9 +88,9 @@ def test_presets_come_through_pipes(arguments: list[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["presets", "show", "/dev/zero"], "/dev/zero: larger than 1 MB, which no preset is"),
-        (["presets", "check", "/dev/zero"], "/dev/zero: larger than 1 MB, which no preset is"),
-        (["render", "/dev/zero", "-o", "x.wav"], "/dev/zero: larger than 256 MB, which no MIDI file is"),
+        (["presets", "show", "/dev/zero"], "/dev/zero: larger than 1 MB, the limit for a preset"),
+        (["presets", "check", "/dev/zero"], "/dev/zero: larger than 1 MB, the limit for a preset"),
+        (["render", "/dev/zero", "-o", "x.wav"], "/dev/zero: larger than 256 MB, the limit for a MIDI file"),
         (["presets", "show", "."], "'.' is not one of"),
         (["presets", "show", "nothing.toml"], "nothing.toml does not exist"),
     ],

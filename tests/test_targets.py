@@ -152,7 +152,7 @@ def test_a_directory_that_goes_meanwhile(tmp_path: Path) -> None:
             path.unlink()
         folder.rmdir()
 
-    with pytest.raises(FileNotFoundError, match="its directory is gone; make it again"):
+    with pytest.raises(FileNotFoundError, match="its directory no longer exists; make it again"):
         write_whole(folder / "a", leave)
 
 
@@ -187,7 +187,7 @@ def test_what_is_one_file(tmp_path: Path, monkeypatch) -> None:
         with pytest.raises(ValueError, match="would overwrite"):
             check_apart([Named("in", "a")], [Named("out", other)])
     for one, other in (("new", "./new"), ("dangling", "new"), ("folder/x", "there/x")):
-        with pytest.raises(ValueError, match="are one file"):
+        with pytest.raises(ValueError, match="are the same file"):
             check_apart([], [Named("out", one), Named("other", other)])
     check_apart([Named("in", "a"), Named("in", "none")], [Named("out", "b"), Named("out", "A"), Named("out", "folder/a")])
     check_apart([Named("in", "/dev/null")], [Named("out", "/dev/null"), Named("out", "/dev/null"), Named("out", "-")])
@@ -195,7 +195,7 @@ def test_what_is_one_file(tmp_path: Path, monkeypatch) -> None:
 
 def test_a_folder_that_knows_no_capitals(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("synth.files.targets._knows_no_case", lambda folder: True)
-    with pytest.raises(ValueError, match="are one file"):
+    with pytest.raises(ValueError, match="are the same file"):
         check_apart([], [Named("out", tmp_path / "Take.wav"), Named("other", tmp_path / "take.WAV")])
     monkeypatch.undo()
     check_apart([], [Named("out", tmp_path / "Take.wav"), Named("other", tmp_path / "take.WAV")])
@@ -221,7 +221,7 @@ def test_a_recording_that_cannot_get_its_name_stays(tmp_path: Path) -> None:
     whole = Whole(tmp_path / "take.wav", kept=True)
     os.write(whole.open(), b"music")
     (tmp_path / "take.wav").mkdir()
-    with pytest.raises(IsADirectoryError, match=r"it is left as .*\.take\.wav\."):
+    with pytest.raises(IsADirectoryError, match=r"the data are kept in .*\.take\.wav\."):
         whole.commit()
     (left,) = tmp_path.glob(".take.wav.*.part")
     assert left.read_bytes() == b"music"

@@ -221,7 +221,7 @@ def test_a_wall_is_planned_as_it_was_measured() -> None:
         (127, 2, "wall"), (255, 4, "wall"), (511, 16, "wall"), (1023, 31, "wall")
     ]  # fmt: skip
     assert [plan_wall(string, 1e9, quality=quality, rate_hz=44100.0).modes for quality in WALL] == [255, 511, 1023, 2047]
-    with pytest.raises(ValueError, match="rigid one does not converge"):
+    with pytest.raises(ValueError, match="rigid wall does not converge"):
         plan_wall(string, math.inf, quality="fine", rate_hz=44100.0)
 
 

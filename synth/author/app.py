@@ -359,7 +359,7 @@ class App:
         fields = await Fields.of(request)
         text = fields.get("text", str)
         if len(text) > MOST_BYTES:
-            raise Refused(413, f"text: larger than {MOST_BYTES >> 20} MB, which no preset is")
+            raise Refused(413, f"text: larger than {MOST_BYTES >> 20} MB, the limit for a preset")
         return await self._opened(self.documents.bring_in, fields.get("filename", str), text)
 
     async def _state(self, request: Request) -> Response:

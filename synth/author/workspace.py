@@ -53,7 +53,7 @@ class Workspace:
         if target.suffix != SUFFIX or not _readable(target.stem):
             raise ValueError(f"{name}: leads to {target.name}, which is no preset's file; rename that to end in {SUFFIX}")
         if target.exists() and (kind := kind_of(target.stat().st_mode)) is not None:
-            raise ValueError(f"{name}: is {kind}, no regular file; copy what it holds into one")
+            raise ValueError(f"{name}: is {kind}, not a regular file; copy its contents into one")
         return target
 
     def files(self) -> Iterator[tuple[Path, str | None]]:
@@ -134,7 +134,7 @@ def check_regular(path: Path) -> None:
     except FileNotFoundError:
         return
     if kind is not None:
-        why = f"is {kind}, no regular file; move it away, or save under another name"
+        why = f"is {kind}, not a regular file; move it away, or save under another name"
         raise FileExistsError(errno.EEXIST, why, str(path))
 
 

@@ -60,7 +60,7 @@ class Patients:
                 return Finding(*json.loads(line.removeprefix(_MARK)))
         code = process.returncode
         how = f"signal {-code}" if code < 0 else f"code {code}"
-        return Finding(NOT_TRIED, f"a library of the system ended the checkup ({how})", "reinstall the system's library")
+        return Finding(NOT_TRIED, f"a system library crashed during the check ({how})", "reinstall that library")
 
     def __exit__(self, *_: Any) -> None:
         for process in self._running.values():

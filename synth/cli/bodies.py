@@ -55,7 +55,7 @@ def _fit(options: argparse.Namespace) -> int:
         raise ValueError(f"{options.mobility}: {error}") from None
     told = body_report(found)
     if measured.ignored:
-        told["warnings"].append(f"columns that are no mobility: {', '.join(measured.ignored)}")
+        told["warnings"].append(f"columns ignored, as they are not mobilities: {', '.join(measured.ignored)}")
     text = body_toml(told, options.mobility)
     if options.output is not None:
         write_text(options.output, text)

@@ -63,9 +63,9 @@ def rendering() -> Finding:
         import numba
 
         if numba.jit(nopython=True)(lambda x: x + 1)(1) != 2:
-            raise ArithmeticError("it computes wrong")
+            raise ArithmeticError("it computes wrong results")
     except Exception as error:
-        return Finding(MISSING, f"Numba compiles nothing here: {' '.join(str(error).split())}", again)
+        return Finding(MISSING, f"Numba cannot compile here: {' '.join(str(error).split())}", again)
     from synth.instrument.preset import list_presets
 
     try:
@@ -93,7 +93,7 @@ def kernels() -> Finding:
     if missing == all_there_are:
         return Finding(OK, "the first start compiles them, once on this machine; takes ½ to 2 minutes")
     folder = os.environ.get("NUMBA_CACHE_DIR") or kernel_cache.cache_folder()
-    more = f", but for {missing} that have not been needed yet" if missing else ""
+    more = f", except {missing} not needed so far" if missing else ""
     return Finding(OK, f"compiled and kept in {folder}{more}")
 
 
@@ -163,10 +163,10 @@ def midi() -> Finding:
     if not system:
         if "not installed" in why_none:
             return _missing(why_none.partition(";")[0], LIVE)
-        remedies = {"linux": "modprobe snd-seq, as root; MIDI of a JACK server is heard by synth play --jack without it"}
+        remedies = {"linux": "modprobe snd-seq, as root; synth play --jack receives JACK MIDI without it"}
         return _missing(why_none.partition(" (")[0], remedies.get(sys.platform, "restart the system's MIDI service"))
     names = ports.port_names()
-    return Finding(OK, f"{system}: {', '.join(names) or 'no input yet; one that is plugged in later is heard'}")
+    return Finding(OK, f"{system}: {', '.join(names) or 'no input yet; one plugged in later is found'}")
 
 
 def jack() -> Finding:
@@ -179,7 +179,7 @@ def jack() -> Finding:
     except DeviceError as reason:
         if "no JACK server" in str(reason):
             remedy = (
-                "only for --jack: start one (QjackCtl, jackd -d alsa), or have PipeWire be one (pw-jack synth play --jack)"
+                "only for --jack: start one (QjackCtl, jackd -d alsa), or let PipeWire be one (pw-jack synth play --jack)"
             )
             return _missing(str(reason).partition(" (")[0], remedy)
         return _missing(reason)
@@ -189,7 +189,7 @@ def jack() -> Finding:
 def pipewire() -> Finding:
     """Whether PipeWire runs, and may stand in for JACK."""
     if not sys.platform.startswith("linux"):
-        return Finding(NOT_TRIED, "is for Linux")
+        return Finding(NOT_TRIED, "only on Linux")
     folder = next((os.environ[name] for name in ("PIPEWIRE_RUNTIME_DIR", "XDG_RUNTIME_DIR") if os.environ.get(name)), None)
     remote = os.environ.get("PIPEWIRE_REMOTE") or "pipewire-0"
     path = remote if os.path.isabs(remote) else os.path.join(folder or f"/run/user/{os.getuid()}", remote)
@@ -198,7 +198,7 @@ def pipewire() -> Finding:
             probe.connect(path)
         except OSError:
             return Finding(
-                MISSING, "does not answer", "not needed where other sound works; else systemctl --user start pipewire"
+                MISSING, "does not answer", "not needed if sound works otherwise; else systemctl --user start pipewire"
             )
     if shutil.which("pw-jack") is None:
         return Finding(OK, "runs; for `pw-jack synth play --jack` install pipewire-jack")

@@ -64,9 +64,11 @@ def check(options: argparse.Namespace) -> None:
             raise ValueError(f"one recording at a time, got {len(options.recording)}; several go with --contact")
         return
     if options.preset is None:
-        raise ValueError("--contact needs a preset for string and bridge: name it with -p")
+        raise ValueError("--contact needs a preset for the string and the bridge: name it with -p")
     if options.pitch is not None:
-        raise ValueError("--pitch does not go with --contact, where the preset's string tells the pitch; leave it out")
+        raise ValueError(
+            "--pitch cannot be combined with --contact, which takes the pitch from the preset's string; leave it out"
+        )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -77,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     preset = parse_preset(text, options.preset)
     if isinstance(preset.obstacle, FretsObstacle):
         if not options.experimental:
-            raise ValueError(f"obstacle of {preset.name} is frets, whose fit is experimental: add --experimental, or name a "
+            raise ValueError(f"{preset.name} has frets, whose fit is experimental: add --experimental, or name a "
                              "preset that has a bridge, such as tanpura")  # fmt: skip
         from synth.cli import frets
 
@@ -85,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     if options.experimental:
         raise ValueError(f"--experimental is for frets, and {preset.name} has none: leave it out")
     if options.amplitude is not None and len(options.amplitude) > 1:
-        raise ValueError(f"over a bridge --amplitude is that of the first recording, got {len(options.amplitude)} of them")
+        raise ValueError(f"over a bridge, give one --amplitude (of the first recording), got {len(options.amplitude)}")
     return _bridge(options, text, preset)
 
 

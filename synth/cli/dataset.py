@@ -101,7 +101,8 @@ def _fill(options: argparse.Namespace, written: Any, items: Any, output: str) ->
     speed = f", {told.made / told.wall_s:.1f} a second" if told.made else ", nothing was missing"
     lines = [f"{output}: {told.items} items, {told.seconds / 3600.0:.2f} h, {told.made} made in {told.wall_s:.1f} s{speed}"]
     if told.errors:
-        lines.append(f"  {told.errors} items failed: `error` of {output}/index.parquet and README.md say why")
+        failed = f"{told.errors} item{'' if told.errors == 1 else 's'} failed"
+        lines.append(f"  {failed}: see `error` in {output}/index.parquet, and README.md")
     _say(options, vars(told), lines)
     return _FAULTY if told.errors == told.items else 0
 
@@ -127,7 +128,7 @@ def _forecast(options: argparse.Namespace, written: Any, items: Any) -> int:
             *[f"  failed: {error}" for error in found.errors],
         ]
         empty = found.empty
-    lines += [f"  {name} is empty: there are too few groups for it; see split.group_by" for name in empty]
+    lines += [f"  {name} is empty: too few groups; see split.group_by" for name in empty]
     _say(options, told, lines)
     return 0
 
@@ -165,7 +166,7 @@ def _regenerate(options: argparse.Namespace) -> int:
         row = known[made.key]
         same = (made.row.get("sha256"), made.row["error"]) == (row["sha256"], row["error"])
         told[made.key] = same
-        lines.append(f"{made.key}: {'the same' if same else 'ANOTHER SOUND'}, sha256 {made.row.get('sha256')}")
+        lines.append(f"{made.key}: {'the same' if same else 'DIFFERENT SOUND'}, sha256 {made.row.get('sha256')}")
     _say(options, told, lines)
     return 0 if all(told.values()) else _FAULTY
 
@@ -177,13 +178,11 @@ def _verify(options: argparse.Namespace) -> int:
     with ItemsLine(not options.quiet and not options.json and sys.stderr.isatty()) as line:
         found = verify(SetFolder(options.recipe), options.verify, progress=line.items)
     lines = [
-        f"{options.recipe}: {found.items} items checked, {len(found.faults)} faults",
+        f"{options.recipe}: {found.items} items checked, {len(found.faults)} fault{'' if len(found.faults) == 1 else 's'}",
         *(f"  {each}" for each in found.faults),
     ]
     if found.other_code:
-        lines.append(
-            "  made by other code than this program's (dataset.json): other bits need not be a fault of the data set"
-        )
+        lines.append("  made by another version of the program (dataset.json): different bits may come from that")
     _say(options, vars(found), lines)
     return _FAULTY if found.faults else 0
 

@@ -120,13 +120,13 @@ def _drone(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device belongs to PortAudio, --jack is another output: give one of them")
+        raise ValueError("--device and --jack are two different outputs: give one of them")
     if options.output is not None:
         for name in ("device", "jack", "record"):
             if getattr(options, name) is not None:
-                raise ValueError(f"--{name} belongs to live playing; leave it out, or -o")
+                raise ValueError(f"--{name} is for live playing; leave out either it or -o")
     elif options.format is not None:
-        raise ValueError("--format belongs to a file; give -o FILE, or leave it out")
+        raise ValueError("--format needs a file; give -o FILE, or leave it out")
     if options.record is not None and not options.record.lower().endswith(".wav"):
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
     check_strings(options)
@@ -250,7 +250,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
         drone = Drone(strings, cycle, session.rate_hz, duration_s=options.duration, fade_s=_fade(options))
         keys = TanpuraKeys(drone, line.say, stop.ask)
         session.add_player(DronePlayer(drone, terminal, keys))
-        line.say(f"{strings_text(drone)}, a cycle of {cycle.cycle_s:.2f} s, jiva {drone.jiva_um:g} µm; Ctrl-C ends")
+        line.say(f"{strings_text(drone)}, a cycle of {cycle.cycle_s:.2f} s, jiva {drone.jiva_um:g} µm; Ctrl-C stops")
         if terminal.is_one:
             line.say(keys.help)
         session.run(stop)

@@ -77,11 +77,11 @@ def _rates(text: str) -> tuple[int, ...]:
 
 def _export(options: argparse.Namespace) -> int:
     if options.all and options.presets:
-        raise ValueError("--all takes the presets that come with the program; give either it or presets")
+        raise ValueError("--all exports all built-in presets; give either --all or presets")
     if not options.all and not options.presets:
         raise ValueError("give a preset to export, or --all (`synth presets` lists them)")
     if options.install and options.output is not None:
-        raise ValueError("--install chooses the place; leave -o out")
+        raise ValueError("--install chooses the folder itself; leave -o out")
     from synth.plugin import bundle
 
     bundle.require_system()
@@ -147,14 +147,14 @@ def _formats(options: argparse.Namespace) -> tuple[str, ...]:
         if by_name is None:
             what = "-o" if options.output is not None else "the plugin"
             raise ValueError(
-                f"--format says what kind {what} is to be: {', '.join(FORMATS)} or all"
+                f"the format of {what} is missing: give --format {', '.join(FORMATS)} or all"
                 + ("" if options.output is not None else "; or --install puts all three where music programs look")
             )
         return (by_name,)
     if options.format == "all":
         if by_name is not None:
-            raise ValueError(f"with --format all, -o is a name without an ending, got {os.fspath(options.output)!r}")
+            raise ValueError(f"with --format all, -o must be a name without extension, got {os.fspath(options.output)!r}")
         return FORMATS
     if by_name not in (None, options.format):
-        raise ValueError(f"-o {options.output} ends like {by_name}, and --format is {options.format}; change one of them")
+        raise ValueError(f"-o {options.output} is named as {by_name}, but --format is {options.format}; change one of them")
     return (options.format,)

@@ -23,7 +23,7 @@ def run(options: argparse.Namespace, text: str, preset: Preset) -> int:
             raise ValueError(f"--{name} is for bridges, not for frets; leave it out: {remedy}")
     if options.amplitude is None:
         raise ValueError(
-            "over frets the action is told by amplitudes: give --amplitude once for each recording, in their order"
+            "over frets, the fit needs the amplitudes: give --amplitude once for each recording, in the same order"
         )
     reason = missing_for_contact()
     if reason is not None:

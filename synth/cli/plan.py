@@ -91,11 +91,13 @@ def _measured(preset: Preset, name: str) -> Preset:
     path = preset_path(name)
     if path.resolve().parent == preset_folder().resolve():
         raise ValueError(
-            f"--measure-plan {name}: belongs to the program and is already measured; for your own, start with "
+            f"--measure-plan {name}: is built in and already measured; for one of your own, start with "
             f"`synth presets show {name} > mine.toml`"
         )
     if is_special(path):
-        raise ValueError(f"--measure-plan {name}: is no file that a plan could lie beside; give a preset's file")
+        raise ValueError(
+            f"--measure-plan {name}: not a regular file, so no plan can be stored beside it; give a preset file"
+        )
     check_target(path_of(path))
     with ProgressLine(sys.stderr.isatty()) as line:
 

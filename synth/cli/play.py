@@ -113,9 +113,9 @@ def add(commands: Any) -> None:
 def _play(options: argparse.Namespace) -> int:
     # What can be judged without loading anything comes first.
     if options.device is not None and options.jack is not None:
-        raise ValueError("--device belongs to PortAudio, --jack is another output: give one of them")
+        raise ValueError("--device and --jack are two different outputs: give one of them")
     if options.measure_latency and (options.play or options.record):
-        raise ValueError("--measure-latency plays by itself: leave --play and --record out")
+        raise ValueError("--measure-latency plays its own notes: leave out --play and --record")
     if options.record is not None and not options.record.lower().endswith(".wav"):
         raise ValueError(f"--record must be a .wav file, got {options.record!r}")
     keys = options.keys
@@ -128,7 +128,7 @@ def _play(options: argparse.Namespace) -> int:
             keys = not options.play and not options.measure_latency and Keyboard.available() and sys.stderr.isatty()
             song_keys = bool(options.play)
         elif not Keyboard.available():
-            raise ValueError("--keys: standard input is no terminal in the foreground; run it there or connect MIDI")
+            raise ValueError("--keys: standard input is not a terminal in the foreground; run it there or connect MIDI")
         else:
             song_keys = bool(options.play)
 
@@ -190,13 +190,13 @@ def _play(options: argparse.Namespace) -> int:
     stop = Stop()
     with asked_by_signals(stop) as begin, Session(settings, line, begin) as session:
         if options.measure_latency:
-            line.say("measuring; Ctrl-C breaks off")
+            line.say("measuring; Ctrl-C stops")
             measured = session.measure_latency(stop)
             if measured is None:
                 raise KeyboardInterrupt
             _print(options, measured.as_dict(), measured.lines())
             return 0
-        line.say("playing; Ctrl-C ends")
+        line.say("playing; Ctrl-C stops")
         session.run(stop)
     assert session.report is not None
     _print(options, session.report.as_dict(), session.report.lines())

@@ -134,7 +134,7 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace, scheduler: R
             counts = conduct(opened, folder, workers, scheduler, options.retry_failed, options.prune, told, warn)
     except BaseException:
         if last is not None:
-            warn(f"{folder}: {last.done} of {last.total} rows are kept; the same command goes on")
+            warn(f"{folder}: {last.done} of {last.total} rows are kept; the same command continues")
         raise
     pictures = []
     if options.plot:
@@ -185,9 +185,9 @@ def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     draws = [block.draw for block in opened.study.blocks if block.draw is not None and block.draw.sampler == "sobol"]
     for draw in draws:
         if draw.count & (draw.count - 1):
-            print(f"sobol: {draw.count} is no power of two; its samples are then less even")
+            print(f"sobol: {draw.count} is not a power of two, so the samples are less even")
     if whole is None:
-        print("time: not known before rows have been computed; --dry-run tries some")
+        print("time: unknown until some rows have been computed; --dry-run tries a few")
     else:
         print(f"time: about {duration(whole)} on {workers} workers, {mean:.3g} s a row")
     if faults:

@@ -58,7 +58,8 @@ class DroneReport:
         """The closing line."""
         peak = "silent" if self.peak_dbfs is None else f"peak {self.peak_dbfs:.1f} dBFS"
         where = "standard output" if self.output == "-" else self.output
-        limiter = f", limiter took off up to {self.limiter_reduction_db:.1f} dB" if self.limiter_reduction_db >= 0.05 else ""
+        reduced = self.limiter_reduction_db
+        limiter = f", limiter reduced peaks by up to {reduced:.1f} dB" if reduced >= 0.05 else ""
         return (
             f"{where}: {self.length_s:.1f} s, {self.strokes} strokes, {peak}, {self.realtime_factor:.1f}× real time{limiter}"
         )

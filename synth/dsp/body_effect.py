@@ -47,7 +47,9 @@ def _make(body: Any, rate_hz: float) -> Made:
 def _at_rest(made: Made, channels: int) -> State:
     sides, rows, resonances = made.coefficients.shape
     if channels != sides:
-        raise ValueError(f"this body has {sides} channel{'' if sides == 1 else 's'}, got {channels}; it belongs to a part")
+        raise ValueError(
+            f"this body has {sides} channel{'' if sides == 1 else 's'}, got a signal with {channels}; use it in a part"
+        )
     return allocate(State, {"rows": sides * rows, "resonances": resonances, "PIECE": _PIECE})
 
 

@@ -75,20 +75,20 @@ def limiter_problem(state: LimiterState, ceiling: float) -> str | None:
         if not 0 <= value <= most:
             return f"the {name} must lie between 0 and {most}, got {value}"
     if not np.isfinite(state.delay).all():
-        return "the delay holds what is not finite"
+        return "the delay holds samples that are not finite"
     for reductions in (state.required, state.released, state.levels):
         wrong = reductions[~((reductions >= 0.0) & (reductions < 1.0))]
         if wrong.size:
             return f"reductions must lie between 0 and 1, got {wrong[0]:g}"
     for ringed in (state.required, state.released):
         if not np.array_equal(ringed[:WINDOW], ringed[WINDOW:]):
-            return "a ring of reductions is not written twice"
+            return "the two copies of a ring of reductions differ"
     # frame k from now leaves from the delay at place + k; it came LOOKAHEAD − k frames ago, and so did its reduction
     k = np.arange(LOOKAHEAD)
     over = np.abs(state.delay[(place + k) % LOOKAHEAD]).max(axis=1) > ceiling
     known = state.required[(ring + 1 + k) % WINDOW] > 0.0
     if (over & ~known).any() or (over.any() and active < WINDOW):
-        return "the delay holds what is above the ceiling, and no reduction for it"
+        return "the delay holds samples above the ceiling without a reduction for them"
     return None
 
 

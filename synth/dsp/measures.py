@@ -118,7 +118,9 @@ def third_octave_distance(u: ArrayLike, ref: ArrayLike, rate_hz: float, *, floor
     u, ref = _pair(_signal("u", u), _signal("ref", ref))
     edges = min(20000.0, 0.5 * rate_hz) * 2.0 ** (np.arange(-24, 1) / 3.0)
     if u.size < rate_hz / (edges[1] - edges[0]):
-        raise ValueError(f"u must last {1.0 / (edges[1] - edges[0]):.2g} s at least, got {u.size / rate_hz:.2g} s")
+        raise ValueError(
+            f"u must last at least {1.0 / (edges[1] - edges[0]):.2g} s, got {u.size / rate_hz:.2g} s; compare longer signals"
+        )
     level_u, level_ref = band_levels_db(u, rate_hz, edges), band_levels_db(ref, rate_hz, edges)
     floor = level_ref.max() + floor_db
     return float(np.sqrt(np.mean((np.maximum(level_u, floor) - np.maximum(level_ref, floor)) ** 2)))

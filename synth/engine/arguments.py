@@ -102,9 +102,9 @@ def rate(rate_hz: Any) -> float:
 def presets(parts: Any) -> tuple[Preset, ...]:
     """The presets of an engine's parts, each itself, by name or by file. Raises TypeError, ValueError or OSError."""
     if isinstance(parts, Preset | str | os.PathLike) or not isinstance(parts, Sequence):
-        raise TypeError(f"parts must be a list of presets, got {_shown(parts)}; put it as [load_preset(…)]")
+        raise TypeError(f"parts must be a list of presets, got {_shown(parts)}; wrap it in a list: [load_preset(…)]")
     if not parts:
-        raise ValueError("an engine needs at least one preset, parts is empty")
+        raise ValueError("parts must hold at least one preset, got none; give [load_preset(…)]")
     for p, part in enumerate(parts):
         if not isinstance(part, Preset | str | os.PathLike):
             raise TypeError(
@@ -125,7 +125,7 @@ def precision(name: Any, scheme: str) -> str | None:
     if name is not None and name not in PRECISIONS:
         raise ValueError(f"precision must be one of {', '.join(PRECISIONS)}, or None for the planned one, got {name!r}")
     if name == FLOAT32 and scheme != "exact-hold":
-        raise ValueError(f"precision float32 is exact-hold's, got {scheme}; leave one of the two out")
+        raise ValueError(f"precision float32 needs scheme exact-hold, got {scheme}; leave out one of the two")
     return name
 
 
@@ -145,21 +145,21 @@ def program_map(given: Any, parts: int) -> np.ndarray:
         raise ValueError(f"program_map must be (16, 128), got {array.shape}")
     if array.min() < -1 or array.max() >= parts:
         wrong = array.min() if array.min() < -1 else array.max()
-        raise ValueError(f"program_map names part {wrong}, there are {parts}, counted from 0; −1 stands for none")
+        raise ValueError(f"program_map must hold part numbers from 0 to {parts - 1}, or −1 for no part, got {wrong}")
     return array.astype(np.int64)
 
 
 def a_function(name: str, given: Any) -> Any:
     """A plain function that is to be compiled. Raises TypeError."""
     if not isinstance(given, FunctionType):
-        raise TypeError(f"{name} must be a plain function, which the engine compiles, got {_shown(given)}")
+        raise TypeError(f"{name} must be a plain Python function, so that the engine can compile it, got {_shown(given)}")
     return given
 
 
 def effects(given: Any) -> tuple[EffectTable, ...]:
     """Effects of the mix. Raises TypeError."""
     if not isinstance(given, Sequence) or not all(isinstance(each, EffectTable) for each in given):
-        raise TypeError(f"mix_effects must be a list of settings of effects, got {_shown(given)}")
+        raise TypeError(f"mix_effects must be a list of effect settings, got {_shown(given)}")
     return tuple(given)
 
 

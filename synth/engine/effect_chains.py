@@ -68,7 +68,9 @@ class Chains:
         last = [(link, _make(link, rate_hz)) for link in of_mix]
         self.mix_latency = sum(link.effect.latency(made) for link, made in last)
         if self.mix_latency > MOST_LATENCY:
-            raise ValueError(f"effects of the mix must be at most {MOST_LATENCY} frames late, got {self.mix_latency}")
+            raise ValueError(
+                f"the mix effects may add up to {MOST_LATENCY} frames of latency, got {self.mix_latency}; leave one out"
+            )
         #: of all parts alike
         self.part_latency = max(late, default=0)
         self.placed: list[Placed] = []

@@ -75,7 +75,7 @@ def check_binding(controller: int, identity: str, low: float | None, high: float
         raise ValueError(f"a controller must lie between 0 and 127, got {controller}")
     if controller in NOT_TO_BE_BOUND:
         raise ValueError(
-            f"controller {controller} cannot be bound: it keeps its own meaning, as do 0, 6, 32, 38, 64, 96-101 and 120-127"
+            f"controller {controller} cannot be bound: 0, 6, 32, 38, 64, 96-101 and 120-127 keep their standard meaning"
         )
     if identity not in INDEX_OF:
         raise ValueError(f"no live parameter {identity!r}; there are {', '.join(INDEX_OF)}")
@@ -95,7 +95,7 @@ def bound_rows(bindings: Bindings, parts: Sequence[Preset]) -> list[tuple[int, i
         for part, identity, low, high in rows:
             ends = check_binding(controller, identity, low, high)
             if part is not None and not 0 <= part < len(parts):
-                raise ValueError(f"controller {controller} is bound to part {part}, there are {len(parts)}")
+                raise ValueError(f"controller {controller} is bound to part {part}, but parts go from 0 to {len(parts) - 1}")
             index = INDEX_OF[identity]
             those = [
                 p

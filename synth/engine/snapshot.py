@@ -80,19 +80,23 @@ def unpack(data: bytes, like: Mapping[str, np.ndarray], origin: bytes) -> dict[s
         raise TypeError(f"a state is the bytes that get_state gives, got {type(data).__name__}")
     data = bytes(data)
     if data[: len(_EARLIER)] == _EARLIER:
-        raise ValueError("the state was saved by an earlier version; play to where it was, and save it again")
+        raise ValueError("the state was saved by an earlier version; play up to the same point and save it again")
     if len(data) < _HEAD + _DIGEST or data[: len(MAGIC)] != MAGIC:
-        raise ValueError(f"not a state of this engine: {len(data)} bytes that get_state did not give")
+        raise ValueError(f"not a state of this engine: {len(data)} bytes that get_state did not write")
     version = int.from_bytes(data[len(MAGIC) : len(MAGIC) + 4], "little")
     if data[-_DIGEST:] != _digest(data[:-_DIGEST]):
-        raise ValueError("not a state of this engine: its checksum is wrong, it was cut off or changed; save it again")
+        raise ValueError(
+            "not a state of this engine: its checksum is wrong, as the data were truncated or altered; save it again"
+        )
     if version != VERSION:
         raise ValueError(f"the state has version {version}, this program reads {VERSION}; save it again")
     if data[len(MAGIC) + 4 : len(MAGIC) + 4 + _ORIGIN] != origin:
         raise ValueError("the state comes from other presets, rate or quality; prepare the engine in the same way")
     waiting = int.from_bytes(data[_HEAD - 8 : _HEAD], "little")
     if waiting > MOST_EVENTS:
-        raise ValueError(f"not a state of this engine: {waiting} events wait in it, at most {MOST_EVENTS} can")
+        raise ValueError(
+            f"not a state of this engine: it holds {waiting} pending events, and at most {MOST_EVENTS} are possible"
+        )
     shapes = {name: (waiting,) if name == "pending" else array.shape for name, array in like.items()}
     sizes = {name: int(np.prod(shape)) * like[name].dtype.itemsize for name, shape in shapes.items()}
     wanted = _HEAD + sum(sizes.values()) + _DIGEST

@@ -41,7 +41,7 @@ LEAST = float(np.finfo(np.float64).tiny)
 _LOUDEST = 1.27**2
 _ROUNDING = 1e-9
 _LEAST_INTEGER, _MOST_INTEGER = -(1 << 63), (1 << 63) - 1
-OF_ANOTHER_STRING = "{label} is {value}, which is of another string"
+OF_ANOTHER_STRING = "{label} is {value}, which belongs to another string"
 
 
 class Words(NamedTuple):
@@ -141,9 +141,9 @@ def limits_of(
 def _time(here: _Layout) -> Iterator[Limit]:
     yield Limit(here.of("counters"), 0, MOST_COUNT)
     now, produced = here.counter(layout.NOW), here.counter(layout.PRODUCED)
-    said = "counters: {value} frames are computed, which are no whole quanta of " + str(QUANTUM)
+    said = "counters: {value} computed frames are not a multiple of " + str(QUANTUM)
     yield Limit(produced, 0, MOST_COUNT, multiple=QUANTUM, said=said)
-    said = "counters: {value} frames are computed, {high} given out; there must be fewer than " + f"{QUANTUM} between"
+    said = "counters: {value} frames computed, {high} delivered; the difference must be less than " + f"{QUANTUM}"
     yield Limit(produced, -QUANTUM, 0, above=now, below=now, said=said)
     yield Limit(here.of("meters"), 0.0, MOST)
     yield Limit(here.of("unplayed"), 0, MOST_COUNT)
@@ -181,7 +181,7 @@ def _channels(here: _Layout) -> Iterator[Limit]:
             for left, right in _runs(of_zones[low]):
                 master = of_zones[low][left]
                 where = (Where(lower, low, high), Where(upper, left, right))
-                said = "channels.master are not those of the zones: {label} is {value}"
+                said = "channels.master does not match the MPE zones: {label} is {value}"
                 yield Limit(here.of("channels", "master", channel), master, master, where=where, said=said)
     yield Limit(here.of("tuning"), -MOST_RETUNING, MOST_RETUNING)
 
@@ -258,7 +258,8 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
     yield Limit(here.of("sounding", "finger_steps"), 1, most, where=fingered)
     steps = here.of("sounding", "finger_steps")
     yield Limit(here.of("sounding", "finger_step"), 0, -1, below=steps, where=fingered)
-    yield Limit(here.of("sounding", "flying"), 0, 0, where=fingered, said="{label} of a string under a finger")
+    said = "{label} is {value}, but the string is under a finger"
+    yield Limit(here.of("sounding", "flying"), 0, 0, where=fingered, said=said)
 
 
 def own_models(bank: Bank) -> tuple[np.ndarray, np.ndarray]:
@@ -266,7 +267,7 @@ def own_models(bank: Bank) -> tuple[np.ndarray, np.ndarray]:
     rows = [np.flatnonzero(bank.models["string"] == s) for s in range(bank.strings.size)]
     for row in rows:
         if row.max() - row.min() + 1 != row.size:
-            raise ValueError("the models of a string must stand together")
+            raise ValueError("the models of a string must be adjacent")
     return np.array([row.min() for row in rows]), np.array([row.max() for row in rows])
 
 
@@ -288,7 +289,8 @@ def _of_strings(
         yield Limit(counts[MOVING], 0, most)
         for number, high in ((CLOCK, MOST_COUNT), (CERTAIN, 1), (FREE, 1)):
             yield Limit(counts[number], 0, high)
-        yield Limit(counts[FREE], 1, 1, where=(awake, flying, fresh), said=f"sounding.flying[{s}] of a string not free")
+        said = f"sounding.flying[{s}] is set, but the string is not free of contact"
+        yield Limit(counts[FREE], 1, 1, where=(awake, flying, fresh), said=said)
         for number in range(first[s], last[s] + 1):
             model = Where(here.of("sounding", "model", s), number, number)
             yield Limit(counts[MOVING], 1, int(bank.models["n"][number]), where=(awake, model))
@@ -296,11 +298,11 @@ def _of_strings(
             # an output at the output rate needs a bus there, and an engine whose strings fly
             exact = strings.models[number].law == EXACT_HOLD
             if not (bank.strings["direct_bus"][s] >= 0 and settings.economy and exact):
-                said = "{label} of a string that cannot fly"
+                said = "{label} is {value}, but the string cannot run at the output rate"
                 yield Limit(here.of("sounding", "flying", s), 0, 0, where=(awake, model), said=said)
                 faded = here.of("sounding", "fade_at", s)
                 yield Limit(here.of("sounding", "fade_to", s), 0, 0, below=faded, where=(awake, model), said=said)
-        said = f"{{label}} of string {s}, whose responses are its model's"
+        said = f"{{label}} is {{value}}, but string {s} uses its model's responses"
         yield Limit(here.of("string.due", "", mine.due), 0, 0, where=(awake, plain, fresh), said=said)
         fingered = (awake, Where(here.of("sounding", "phase", s), layout.WAIT + 1, layout.TOUCHED))
         said = f"{{label}} of string {s}, under a finger, must be at least {{low}}, got {{value}}"
@@ -334,17 +336,18 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
         awake, idle = (here.of("sounding", field, mine) for field in ("awake", "idle"))
         if instrument["body"] >= 0:
             first = here.of("sounding", "awake", mine[0])
-            said = "sounding.awake of strings that share a bridge differ"
+            said = "sounding.awake differs between strings that share a bridge"
             yield Limit(awake, 0, 0, above=first, below=first, said=said)
-            yield Limit(idle, 0, 0, below=awake, said="sounding.idle of a string that is not awake")
+            yield Limit(idle, 0, 0, below=awake, said="{label} is {value}, but the string is not awake")
             continue
         alone = here.of("sounding", "idle", mine[~seconds])
-        yield Limit(alone, 0, 0, said="sounding.idle of a string that shares no bridge")
+        yield Limit(alone, 0, 0, said="{label} is {value}, but the string shares no bridge")
         for s in mine[seconds]:
             first, across = here.of("sounding", "awake", s - 1), here.of("sounding", "awake", s)
-            yield Limit(across, 0, 0, above=first, below=first, said="sounding.awake of a string's directions differ")
+            said = "sounding.awake differs between the two directions of a string"
+            yield Limit(across, 0, 0, above=first, below=first, said=said)
             own = here.of("sounding", "idle", s)
-            yield Limit(own, 0, 0, above=across, below=across, said="sounding.idle of a second direction that is awake")
+            yield Limit(own, 0, 0, above=across, below=across, said="{label} is {value}, but this second direction is awake")
     flat = {name.removeprefix("end."): np.arange(array.size) for name, array in arrays.items() if name.startswith("end.")}
     room = {name: np.arange(array.size) for name, array in strings.bridges.room.items()}
     for place, s in enumerate(strings.bridges.strings):
@@ -355,7 +358,7 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
         yield Limit(here.of("end.counts", "", strings.bridges.ends.item(place, flat | room).counts), least, most)
         # such strings go by whole frames, and so do their fingers: what is left of one could not be gone through otherwise
         fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.TOUCHED),)
-        frame, said = int(bank.strings["factor"][s]), "{label} is {value}, which are no whole frames"
+        frame, said = int(bank.strings["factor"][s]), "{label} is {value}, which is not a whole number of frames"
         for field in ("finger_steps", "finger_step"):
             yield Limit(here.of("sounding", field, s), 0, MOST_COUNT, where=fingered, multiple=frame, said=said)
     for name in arrays:
@@ -383,7 +386,8 @@ def _boards(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, np
             yield Limit(here.of(mine["numbers"], "", SPEAKING), LEAST, MOST, where=where, said=said)
     free = [s for s in range(arrays["sounding"].size) if s not in on_boards]
     if free:
-        yield Limit(here.of("sounding", "slide", free), 0.0, 0.0, said="{label} of a string that has no board under it")
+        said = "{label} is {value}, but the string has no board under it"
+        yield Limit(here.of("sounding", "slide", free), 0.0, 0.0, said=said)
 
 
 def _parts(here: _Layout, settings: Settings, strings: int, defaults: np.ndarray) -> Iterator[Limit]:
@@ -415,7 +419,7 @@ def _parts(here: _Layout, settings: Settings, strings: int, defaults: np.ndarray
 
 
 def _events(here: _Layout, waiting: tuple[int, int]) -> Iterator[Limit]:
-    said = "counters: {value} events wait, {high} are there"
+    said = "counters: {value} pending events are announced, {high} are stored"
     yield Limit(here.counter(layout.PENDING), *waiting, said=said)
     places = np.arange(waiting[1])
     of_queue = here.of("pending", "frame", places)

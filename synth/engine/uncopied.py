@@ -12,6 +12,6 @@ class Uncopied:
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         raise TypeError(
-            f"{type(self).__name__} cannot be copied or pickled, it holds what belongs to this process (addresses, threads "
-            f"or a device); {self.REMEDY}"
+            f"{type(self).__name__} cannot be copied or pickled: it holds addresses, threads or a device of this "
+            f"process; {self.REMEDY}"
         )

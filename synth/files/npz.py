@@ -20,7 +20,7 @@ def read_npz(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         except OSError:
             raise
         except MemoryError:
-            raise ValueError(f"{path} cannot be read as .npz: it says that it holds more than the memory does") from None
+            raise ValueError(f"{path} cannot be read as .npz: its header asks for more memory than there is") from None
         except Exception as error:  # a flipped byte may be met by zipfile, zlib, struct, tokenize or ast
             reason = " ".join(str(error).split()) or type(error).__name__
             raise ValueError(f"{path} cannot be read as .npz: {reason}") from None

@@ -30,7 +30,7 @@ def kind_of(mode: int) -> str | None:
     """What a file of this mode is, if it is no regular file."""
     if stat.S_ISREG(mode):
         return None
-    return next((words for test, words in _KINDS if test(mode)), "no regular file")
+    return next((words for test, words in _KINDS if test(mode)), "something else")
 
 
 def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:
@@ -62,10 +62,10 @@ def _at_most(file: BinaryIO, count: int) -> bytes:
 def _refuse(mode: int, path: str | os.PathLike[str]) -> None:
     kind = kind_of(mode)
     if kind is not None:
-        raise ValueError(f"{Path(path).name}: is {kind}, no regular file; copy what it holds into one")
+        raise ValueError(f"{Path(path).name}: is {kind}, not a regular file; copy its contents into one")
 
 
 def _checked(data: bytes, name: str, most: int, what: str) -> bytes:
     if len(data) > most:
-        raise ValueError(f"{name}: larger than {most >> 20} MB, which no {what} is")
+        raise ValueError(f"{name}: larger than {most >> 20} MB, the limit for a {what}; check the name")
     return data

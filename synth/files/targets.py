@@ -23,7 +23,7 @@ from synth.files import unfinished
 _REMEDIES = {
     errno.ENOSPC: "make room there or write elsewhere",
     errno.EDQUOT: "your quota is used up: make room or write elsewhere",
-    errno.EFBIG: "a limit of the file system or of the shell (ulimit -f) lets it not grow further",
+    errno.EFBIG: "it has reached a size limit of the file system or the shell (ulimit -f)",
     errno.ENAMETOOLONG: "give it a shorter name",
 }
 
@@ -58,7 +58,7 @@ def open_special(path: str | os.PathLike[str]) -> FileIO:
         except OSError as error:
             if error.errno != errno.ENXIO:
                 raise
-            print(f"synth: {os.fspath(path)}: waiting for a program that reads this pipe; Ctrl-C ends", file=sys.stderr)
+            print(f"synth: {os.fspath(path)}: waiting for a program to read this pipe; Ctrl-C stops", file=sys.stderr)
         else:
             os.set_blocking(handle, True)
             return FileIO(handle, "wb")  # closed and opened again, the reader would see the end between
@@ -87,7 +87,7 @@ def check_folder(target: Path, folder: Path) -> None:
     if not folder.is_dir():
         raise FileNotFoundError(f"{target}: there is no directory {folder}; make it first")
     if os.stat(folder).st_nlink == 0:
-        raise FileNotFoundError(f"{target}: the directory {folder} has been deleted; go to another")
+        raise FileNotFoundError(f"{target}: the directory {folder} has been deleted; change to another")
     if not os.access(folder, os.W_OK):
         raise PermissionError(f"{target}: the directory {folder} cannot be written to; choose another")
 
@@ -102,11 +102,11 @@ def check_apart(inputs: Iterable[Named], outputs: Iterable[Named]) -> None:
         for other, theirs in read:
             if mine & theirs:
                 raise ValueError(
-                    f"{_titled(each)} would overwrite {_titled(other)}, which is read: give the output another name"
+                    f"{_titled(each)} would overwrite {_titled(other)}, which is an input: give the output another name"
                 )
         for other, theirs in written:
             if mine & theirs:
-                raise ValueError(f"{_titled(other)} and {_titled(each)} are one file: give one of them another name")
+                raise ValueError(f"{_titled(other)} and {_titled(each)} are the same file: give one of them another name")
         written.append((each, mine))
 
 
@@ -165,7 +165,7 @@ def told(error: OSError, path: str | os.PathLike[str]) -> OSError:
     assert error.errno is not None
     why = os.strerror(error.errno)
     if error.errno == errno.ENOENT and not os.path.isdir(os.path.dirname(path) or os.curdir):
-        why = "its directory is gone; make it again and repeat"
+        why = "its directory no longer exists; make it again and retry"
     elif error.errno in _REMEDIES:
         why = f"{why}; {_REMEDIES[error.errno]}"
     return OSError(error.errno, why, "standard output" if str(path) == "-" else os.fspath(path))
@@ -249,7 +249,7 @@ class Whole:
             if self._kept:
                 left, self.partial = self.partial, None
                 if left is not None and left.exists():
-                    raise OSError(error.errno, f"{error.strerror}; it is left as {left}", self.path) from None
+                    raise OSError(error.errno, f"{error.strerror}; the data are kept in {left}", self.path) from None
             raise
         finally:
             self.discard()

@@ -79,7 +79,7 @@ def sound_alone(
         look()
     check_played(engine, events)
     if not (np.isfinite(out.max(initial=0.0)) and np.isfinite(out.min(initial=0.0))):  # nan is the largest there is
-        raise RuntimeError("the engine gave a number that is not finite")
+        raise RuntimeError("the engine produced a sample that is not finite; please report this")
     return out[latency:].astype(dtype, copy=False)
 
 
@@ -90,6 +90,6 @@ def check_played(engine: Engine, events: np.ndarray) -> None:
         raise ValueError(f"{midi_to_note(told.unplayed[0].note)} is not played: {told.unplayed[0].reason}")
     if not told.notes and (events["kind"] == NOTE_ON).any():
         key = int(events["a"][events["kind"] == NOTE_ON][0])
-        raise ValueError(f"{midi_to_note(key)} is a key that switches articulations, and sounds nothing")
+        raise ValueError(f"{midi_to_note(key)} is an articulation key and makes no sound; give a note of the strings")
     if told.silenced:
         raise RuntimeError("the motion of a string blew up and was silenced")

@@ -206,7 +206,7 @@ class AudioWriter:
         samples = self._quantize(block)
         self._bytes_left -= samples.size * _BYTES_PER_SAMPLE[self._bit_depth]
         if self._bytes_left < 0:
-            raise ValueError(f"{self.path}: more than a WAV file holds (4 GB); render a part, or as FLAC")
+            raise ValueError(f"{self.path}: a WAV file holds at most 4 GB; render a shorter part, or write FLAC")
         if self._sound is not None:
             import soundfile
 

@@ -194,7 +194,7 @@ class _Making:
     def _loaded(self, chosen: str | Preset | None) -> Preset | str:
         """The preset, or why there is none."""
         if chosen is None:
-            return "preset is missing: name one for the note, or one for all"
+            return "preset is missing: give one for the note, or one for all notes"
         name = chosen if isinstance(chosen, str) else getattr(chosen, "name", repr(chosen))
         try:
             found = parts.load_presets([name], (), None if isinstance(chosen, str) else {name: chosen})
@@ -263,7 +263,7 @@ def played_as(preset: Preset | str, articulation: str, kind: int) -> tuple[int, 
     if articulation not in preset.articulations:
         there = ", ".join(preset.articulations) or "none"
         known = perhaps(articulation, preset.articulations)
-        return f"articulation {articulation!r} is none of {preset.name}{known}; it has {there}"
+        return f"{preset.name} has no articulation {articulation!r}{known}; its articulations: {there}"
     return kind, parts.Part(0, preset.name, articulations=(articulation,), notes=0).played(preset)
 
 

@@ -35,7 +35,7 @@ CONTROLLERS: dict[int, ControllerWords] = {
     100: ControllerWords(
         "registered parameter, fine", "Chooses what data entry sets: with 101 at 0, 0 bend range, 6 MPE zone."
     ),
-    101: ControllerWords("registered parameter", "Chooses what data entry sets; 0 for all that there are."),
+    101: ControllerWords("registered parameter", "Chooses what data entry sets, together with 100; only 0 has a meaning."),
     120: ControllerWords("all sound off", "Silences the channel at once, without a click."),
     121: ControllerWords(
         "reset all controllers",

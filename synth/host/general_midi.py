@@ -79,7 +79,7 @@ _FLUTE = "an air jet: the harp plays its notes"
 _LEAD = "an oscillator: the jawari harp's buzz is nearest to its many partials"
 _PAD = "electronic sound that swells: the harp plays its notes, which die away"
 _EFFECT = "an electronic effect: the harp plays its notes"
-_DRUM = "a drum with some pitch: a bass string, the lowest there is, plays its notes"
+_DRUM = "a drum with some pitch: the lowest bass string plays its notes"
 _NOISE = "a noise without pitch: a bass string plays its notes, which is a thump at most"
 
 #: of programs 0…127

@@ -119,7 +119,7 @@ def render(
     mpe = bool(settings.get("mpe", False))
     if is_phrase(song):
         if channels:
-            raise ValueError("channels are those of a song; the notes of a phrase name their presets themselves")
+            raise ValueError("channels apply to a song only; in a phrase, give each note its preset")
         phrase = phrase_of(cast("Note | Sequence[Any]", song), rate_hz)
         for channel, (own, articulation) in phrase.voices.items():
             if articulation:
@@ -153,7 +153,7 @@ def render(
 def _loaded(preset: str | os.PathLike[str] | Preset | None, articulation: str) -> Preset:
     """The preset whose articulation a note asks for."""
     if preset is None:
-        raise ValueError(f"articulation {articulation!r} is one of a preset: name one for the note, or one for all")
+        raise ValueError(f"articulation {articulation!r} needs a preset: give one for the note, or one for all notes")
     if not isinstance(preset, str | os.PathLike):
         return preset
     named = os.fspath(preset)

@@ -152,7 +152,7 @@ def render(
                 piece = piece * gain
             loudest = float(np.abs(piece).max())
             if not np.isfinite(loudest):
-                raise RuntimeError(f"the engine gave a number that is not finite at {song_at / rate_hz:.2f} s")
+                raise RuntimeError(f"the engine produced a sample that is not finite at {song_at / rate_hz:.2f} s")
             peak = max(peak, loudest)
             sink.write(piece)
             written += high - low

@@ -162,9 +162,9 @@ class RenderReport:
         elif self.limiter_reduction_db is None:
             limiter = "limiter off"
         elif self.limiter_reduction_db >= 0.05:
-            limiter = f"limiter took off up to {self.limiter_reduction_db:.1f} dB"
+            limiter = f"limiter reduced peaks by up to {self.limiter_reduction_db:.1f} dB"
         else:
-            limiter = "limiter at rest"
+            limiter = "limiter not needed"
         where = self.output if self.output not in (None, "-") else ", ".join(self.stems) or "standard output"
         if self.output is None and self.silent_stems and not self.stems:
             where = "no stems"
@@ -204,7 +204,7 @@ class RenderReport:
             details.append(f"  {lowered}; --bit-depth float keeps their level")
         if self.silent_stems:
             verb = "is" if len(self.silent_stems) == 1 else "are"
-            details.append(f"  no stem of {', '.join(self.silent_stems)}, which {verb} silent")
+            details.append(f"  no stem for {', '.join(self.silent_stems)}, which {verb} silent")
         return closing + details
 
 
@@ -462,8 +462,8 @@ def _span(settings: RenderSettings, song: Song) -> offline.Span:
     )
     if span.end > LONGEST_RENDER_S * settings.rate_hz:
         raise ValueError(
-            f"{settings.midi}: to render up to {span.end / settings.rate_hz / 3600.0:.1f} h is more than the "
-            f"{LONGEST_RENDER_S / 3600.0:.0f} h that one render may last; give an earlier --end"
+            f"{settings.midi}: the render would end at {span.end / settings.rate_hz / 3600.0:.1f} h, beyond the limit of "
+            f"{LONGEST_RENDER_S / 3600.0:.0f} h; give an earlier --end"
         )
     return span
 

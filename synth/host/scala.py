@@ -129,7 +129,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
     """Reads a .kbm file. Raises ScalaError."""
     lines = [line for line in _lines(path) if line[1]]
     if len(lines) < 7:
-        raise ScalaError(f"{path}: a keyboard mapping begins with seven numbers, {len(lines)} are there; give a .kbm file")
+        raise ScalaError(f"{path}: a keyboard mapping begins with seven numbers, got {len(lines)}; give a .kbm file")
     names = ("the map's size", "the first key", "the last key", "the middle key", "the reference key")
     ranges = ((0, 128), (0, 127), (0, 127), (0, 127), (0, 127))
     size, first, last, middle, reference = (
@@ -144,7 +144,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
         raise ScalaError(f"{path}, line {number}: the reference frequency must be 1 to 20000 Hz, got {text!r}")
     octave_degree = _integer(path, *lines[6], "the octave's degree", 0, 4096)
     if last < first:
-        raise ScalaError(f"{path}: the last key ({last}) is below the first ({first}); exchange them")
+        raise ScalaError(f"{path}: the last key ({last}) is below the first ({first}); swap them")
     mapping: list[int | None] = []
     for number, text in lines[7 : 7 + size]:
         silent = text.split()[0].lower() == "x"

@@ -81,7 +81,7 @@ class Sound(NDArrayOperatorsMixin):
         kind = np.dtype(self.samples.dtype if dtype is None else dtype)
         if kind != self.samples.dtype:
             if copy is False:
-                raise ValueError(f"samples are {self.samples.dtype}; as {kind} they are a copy")
+                raise ValueError(f"samples are {self.samples.dtype}, and {kind} needs a copy; leave copy=False out")
             return self.samples.astype(kind)
         return self.samples.copy() if copy else self.samples
 
@@ -152,9 +152,10 @@ class Sound(NDArrayOperatorsMixin):
             for start in range(0, len(self.samples), _COPY_FRAMES):
                 writer.write(self.samples[start : start + _COPY_FRAMES])
         if writer.clipped:
+            samples = f"{writer.clipped} sample{'' if writer.clipped == 1 else 's'}"
             warnings.warn(
-                f"{name}: {writer.clipped} samples lay above full scale and were clipped; lower gain_db, keep the limiter "
-                'or take bit_depth="float"',
+                f"{name}: {samples} exceeded full scale and clipped; lower gain_db, keep the limiter or use "
+                'bit_depth="float"',
                 stacklevel=2,
             )
 

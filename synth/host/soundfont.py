@@ -56,10 +56,10 @@ def _check(path: str) -> None:
         head = file.read(12)
         size = os.fstat(file.fileno()).st_size
     if head[:4] != b"RIFF" or head[8:] != b"sfbk":
-        raise ValueError(f"{path}: is not a SoundFont; give a file .sf2 or .sf3")
+        raise ValueError(f"{path}: not a SoundFont; give a .sf2 or .sf3 file")
     whole = 8 + int.from_bytes(head[4:8], "little")
     if size < whole:
-        raise ValueError(f"{path}: holds {size} of the {whole} bytes of a SoundFont; give a file that is whole")
+        raise ValueError(f"{path}: the SoundFont is cut off ({size} of {whole} bytes); get a complete copy of it")
 
 
 @contextmanager
@@ -82,7 +82,7 @@ class SoundFont:
 
     def __init__(self, path: str, rate_hz: int) -> None:
         if Path(path).is_dir():
-            raise IsADirectoryError(f"{path}: is a directory; --rest needs a SoundFont, a file .sf2 or .sf3")
+            raise IsADirectoryError(f"{path}: is a directory; --rest needs a SoundFont, a .sf2 or .sf3 file")
         _check(path)
         self.path = path
         self._made: Any = None

@@ -88,7 +88,7 @@ def _rising(value: tuple[int, int] | None) -> tuple[int, int] | None:
         return None
     low, high = value
     if not 1 <= low <= high <= 127:
-        raise ValueError(f"must be two velocities of 1 to 127 that rise, got {list(value)}")
+        raise ValueError(f"must be two velocities from 1 to 127, the lower first, got {list(value)}")
     return value
 
 
@@ -136,7 +136,7 @@ class Articulation(Table):
         if self.stroke != "throw":
             for field in ("mass_g", "speed_m_s", "stiffness_n_mm"):
                 if getattr(self, field) != type(self).model_fields[field].default:
-                    raise ValueError(f'{field} is of what is thrown: it needs stroke = "throw"; leave it out')
+                    raise ValueError(f'{field} needs stroke = "throw"; set that, or leave it out')
         if self.harmonic and self.touch is None:
             raise ValueError(
                 "harmonic needs a touch, whose place the note decides; give touch = { place, resistance, lift_ms }"

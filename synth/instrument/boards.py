@@ -76,7 +76,8 @@ def on_board(shape: BoardObstacle, opened: String, semitones: int, wanted_hz: fl
         length *= ratio
         if not 0.0 < opened.length_m - length:
             raise ValueError(
-                f"board has no place for {wanted_hz:g} Hz, which is below what the fingertip makes of the open string"
+                f"board cannot stop the string at {wanted_hz:g} Hz: the fingertip at the nut already sounds higher; "
+                "tune the note higher"
             )
     place = opened.length_m - length
     if place > board.end_m:
@@ -105,7 +106,7 @@ def board_plan(
     assert isinstance(shape, BoardObstacle)
     if scheme != "exact-hold":
         raise PresetError(
-            f"{preset.name}: a board has impulses between exact flights and takes no scheme, got {scheme}; leave it out, or "
+            f"{preset.name}: a board has a contact law of its own, got scheme {scheme}; leave the scheme out, or "
             "take another obstacle"
         )
     plan = plan_wall(opened.with_length(speaking_m), 1e6 * shape.stiffness_n_mm2, quality=quality, rate_hz=rate_hz)

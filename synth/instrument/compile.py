@@ -249,7 +249,9 @@ def _refuse_wider_than_string(preset: Preset, length_m: float) -> None:
         widths["output.aperture_mm"] = preset.output.aperture_mm
     for field, width_mm in widths.items():
         if width_mm is not None and width_mm > 1e3 * length_m:
-            raise ValueError(f"{field} must be at most the string's {1e3 * length_m:g} mm, got {width_mm:g}; take less")
+            raise ValueError(
+                f"{field} must be at most {1e3 * length_m:g} mm, the string's length, got {width_mm:g}; reduce it"
+            )
 
 
 def open_string(preset: Preset, table: StringTable, note: int, note_hz: np.ndarray | None = None) -> tuple[String, Obstacle]:
@@ -311,8 +313,8 @@ def with_sawari(preset: Preset, note: int, frets: Obstacle) -> Obstacle:
     x, first = 1e-3 * shape.sawari_distance_mm, frets.positions_m[0]
     if x >= first:
         raise ValueError(
-            f"obstacle.sawari_distance_mm must be less than the {1e3 * first:.4g} mm from nut to first fret, got "
-            f"{1e3 * x:g}; take less"
+            f"obstacle.sawari_distance_mm must be less than {1e3 * first:.4g} mm, from nut to first fret, got "
+            f"{1e3 * x:g}; reduce it"
         )
     return Obstacle((x, *frets.positions_m), (-1e-6 * at_note(shape.sawari_um, note), *frets.heights_m))
 
@@ -525,12 +527,12 @@ def compile_string(
         soft = isinstance(preset.obstacle, PointContacts) and preset.obstacle.layer is not None
         if soft and scheme != "exact-hold":
             raise PresetError(
-                f"{preset.name}: obstacle.layer: soft contacts are exact-hold's, got {scheme}; leave one of the two out"
+                f"{preset.name}: obstacle.layer: soft contacts need exact-hold, got {scheme}; leave out one of the two"
             )
         if preset.coupled:  # in steps that divide a block of frames evenly
             if scheme != "exact-hold":
                 raise PresetError(
-                    f"{preset.name}: strings that share a body are exact-hold's, got {scheme}; leave body.mode out"
+                    f"{preset.name}: strings that share a body need exact-hold, got {scheme}; leave out one of the two"
                 )
             steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
             internal_rate_hz = steps * rate_hz
@@ -812,5 +814,5 @@ def _why_by_law(preset: Preset) -> str:
     if known.version != VERSION or not now <= {each.fingerprint for each in known.strings}:
         return f"{law}: the plan beside the preset was measured for another version of it; --measure-plan makes a new one"
     if not known.strokes.issuperset(strokes(preset)):
-        return f"{law}: the plan beside the preset does not know all of its strokes; --measure-plan makes a new one"
-    return f"{law}: of these, nothing less keeps the promise with a margin"
+        return f"{law}: the plan beside the preset does not cover all of its strokes; --measure-plan makes a new one"
+    return f"{law}: no cheaper plan keeps the promise with a margin"

@@ -7,7 +7,7 @@ from typing import Any
 
 #: by pydantic's names of errors
 WORDS = {
-    "extra_forbidden": "no such key; the reference in the documentation has all tables and their keys",
+    "extra_forbidden": "no such key; the reference in the documentation lists all tables and keys",
     "missing": "missing",
     "string_pattern_mismatch": "must be lower-case letters, digits and hyphens",
     "int_from_float": "must be a whole number",

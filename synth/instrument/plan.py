@@ -268,8 +268,8 @@ def plan_wall(string: String, stiffness: float, *, quality: str, rate_hz: float)
         raise ValueError(f"quality must be one of {', '.join(WALL)}, got {quality!r}")
     if not (stiffness > 0.0 and math.isfinite(stiffness)):
         raise ValueError(
-            f"a wall can be planned for a stiffness > 0 N/m², got {stiffness}: a rigid one does not converge; "
-            "give rate and modes"
+            f"the stiffness of a planned wall must be finite and > 0 N/m², got {stiffness}; a rigid wall does not "
+            "converge: give rate and modes"
         )
     nodes, angle, error = WALL[quality]
     intervals = string.length_m / (nodes * foundation_length(stiffness, string))

@@ -126,11 +126,13 @@ class StringTable(Table):
     @model_validator(mode="after")
     def _consistent(self) -> StringTable:
         if self.notes[1] < self.notes[0]:
-            raise ValueError(f"notes must rise, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}")
+            raise ValueError(
+                f"notes must go from low to high, got {midi_to_note(self.notes[0])}-{midi_to_note(self.notes[1])}"
+            )
         for key, given in (("sympathetic", self.sympathetic), ("sounds", self.sounds is not None)):
             if given and self.notes[0] != self.notes[1]:
                 low, high = (midi_to_note(note) for note in self.notes)
-                raise ValueError(f"{key} is of one string, got notes {low}-{high}; give one note")
+                raise ValueError(f"{key} applies to a single string, got notes {low}-{high}; give one note")
         for key in ("sounds", "frets"):
             if self.sympathetic and getattr(self, key) is not None:
                 raise ValueError(f"{key} has no meaning for a sympathetic string, which no key plays: leave it out")
@@ -141,12 +143,12 @@ class StringTable(Table):
         if (self.core_diameter_mm is None) != (self.winding_diameter_mm is None):
             raise ValueError("a wound string has both core_diameter_mm and winding_diameter_mm")
         if self.axial_stiffness_n is not None and not self.tension_modulation:
-            raise ValueError("axial_stiffness_n needs tension_modulation = true, which alone uses it; give both or neither")
+            raise ValueError("axial_stiffness_n has an effect only with tension_modulation = true; give both or neither")
         if self.tension_modulation and self.axial_stiffness_n is None:
             if self.youngs_modulus_gpa is None:
                 raise ValueError(
-                    "tension_modulation needs how much the string resists stretching: give axial_stiffness_n, or "
-                    "youngs_modulus_gpa in the place of inharmonicity"
+                    "tension_modulation needs the string's resistance to stretching: give axial_stiffness_n, or "
+                    "youngs_modulus_gpa in place of inharmonicity"
                 )
             moduli = self.youngs_modulus_gpa
             if min(moduli.values() if isinstance(moduli, dict) else (moduli,)) <= 0.0:
@@ -213,7 +215,8 @@ class PointsObstacle(Table):
     def _same_length(self) -> PointsObstacle:
         if len(self.positions_mm) != len(self.heights_mm):
             raise ValueError(
-                f"positions_mm and heights_mm must be of one length, got {len(self.positions_mm)} and {len(self.heights_mm)}"
+                "positions_mm and heights_mm must have the same length, got "
+                f"{len(self.positions_mm)} and {len(self.heights_mm)}"
             )
         for point, (before, after) in enumerate(pairwise(self.positions_mm), start=2):
             if after <= before:
@@ -510,7 +513,9 @@ class Preset(Table):
     @model_validator(mode="after")
     def _pressure_moves_a_bridge(self) -> Preset:
         if self.mapping.pressure_um != 0.0 and not isinstance(self.obstacle, BridgeObstacle):
-            raise ValueError('mapping.pressure_um moves a bridge: it needs obstacle.kind = "bridge"')
+            raise ValueError(
+                'mapping.pressure_um needs obstacle.kind = "bridge", as it moves the bridge; leave it out otherwise'
+            )
         return self
 
     @model_validator(mode="after")
@@ -518,11 +523,11 @@ class Preset(Table):
         along = [number for number, table in enumerate(self.string) if table.sympathetic]
         if along and not self.body.mode:
             raise ValueError(
-                f"string.{along[0]}.sympathetic: a string rings with others by the bridge that they share; "
+                f"string.{along[0]}.sympathetic: a sympathetic string needs a bridge shared with others; "
                 "give [[body.mode]], or leave sympathetic out"
             )
         if len(along) == len(self.string):
-            raise ValueError("string: all strings are sympathetic, and no key plays one; leave sympathetic out of some")
+            raise ValueError("string: all strings are sympathetic, and no key plays one; leave sympathetic out for some")
         return self
 
     @model_validator(mode="after")
@@ -532,7 +537,9 @@ class Preset(Table):
             for key, most, whose in (("frets", fret_count(self), "the neck"), ("bridge_points", points, "the bridge")):
                 given = getattr(table, key)
                 if given is not None and given > most:
-                    raise ValueError(f"string.{number}.{key} must be at most the {most} of {whose}, got {given}; take fewer")
+                    raise ValueError(
+                        f"string.{number}.{key} must be at most {most}, the number that {whose} has, got {given}; take fewer"
+                    )
         return self
 
     @model_validator(mode="after")
@@ -542,14 +549,14 @@ class Preset(Table):
                 'output.kind = "body" and [[body.mode]] need each other: strings that share a body are heard through it'
             )
         if self.body.mode and self.body.resonance:
-            raise ValueError("body.resonance filters strings whose ends do not move: leave it out beside [[body.mode]]")
+            raise ValueError("body.resonance is for strings with fixed ends: leave it out beside [[body.mode]]")
         return self
 
     @model_validator(mode="after")
     def _a_board_is_under_strings_of_their_own(self) -> Preset:
         if isinstance(self.obstacle, BoardObstacle) and self.body.mode:
             raise ValueError(
-                'obstacle.kind = "board" takes strings whose ends do not move, got [[body.mode]]; leave one of them out'
+                'obstacle.kind = "board" needs strings with fixed ends, got [[body.mode]]; leave out one of the two'
             )
         for number, table in enumerate(self.string):
             if isinstance(self.obstacle, BoardObstacle) and table.tension_modulation:
@@ -572,8 +579,8 @@ class Preset(Table):
     def _friction_needs_two_directions(self) -> Preset:
         if isinstance(self.obstacle, PointContacts) and self.obstacle.friction > 0.0 and self.polarisation is None:
             raise ValueError(
-                "obstacle.friction holds back a string that moves along its contacts, got "
-                f"{self.obstacle.friction:g} without [polarisation]: give that table, or leave friction out"
+                f"obstacle.friction needs a string that moves in two directions, got {self.obstacle.friction:g} without "
+                "[polarisation]: give that table, or leave friction out"
             )
         return self
 
@@ -594,7 +601,7 @@ class Preset(Table):
             )
         if not self.coupled and isinstance(self.obstacle, PointContacts) and self.obstacle.friction > 0.0:
             raise ValueError(
-                f"obstacle.friction is that of strings that share a body, got {self.obstacle.friction:g}; "
+                f"obstacle.friction needs strings that share a body, got {self.obstacle.friction:g}; "
                 "give [[body.mode]], or leave it out"
             )
         return self

@@ -26,5 +26,5 @@ def kind_of(table: Any, what: str) -> str:
     """The kind that a table of the file names. Raises ValueError where it names none."""
     kind = table.get("kind")
     if not isinstance(kind, str):
-        raise ValueError(f"missing; it says which {what} it is" if kind is None else f"must be text, got {kind!r}")
+        raise ValueError(f"missing; it names the kind of {what}" if kind is None else f"must be text, got {kind!r}")
     return kind

@@ -29,7 +29,7 @@ class Ear:
         try:
             self._card = playback(self._client)[:2]
             if not self._card:
-                raise DeviceError("the JACK server has no sound card to listen to")
+                raise DeviceError("the JACK server has no sound card to measure")
             self.rate_hz = int(self._client.samplerate)
             self.latency_s = port_latency(self._client.get_port_by_name(self._card[0])) / self.rate_hz
             self._inputs = [self._client.inports.register(f"in_{number}") for number in range(len(self._card))]
@@ -40,7 +40,7 @@ class Ear:
             self._client.activate()
         except library().JackError as error:  # a signal that comes meanwhile makes the server's answer fail
             self._client.close()
-            raise DeviceError(f"the JACK server takes no client that listens: {error}") from None
+            raise DeviceError(f"the JACK server refuses the client that measures: {error}") from None
         except BaseException:
             self._client.close()
             raise

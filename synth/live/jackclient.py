@@ -136,7 +136,7 @@ class JackOutput(Uncopied):
     def start(self) -> None:
         """Sound from the next period on. Raises DeviceError where the server has gone."""
         if not self.alive:
-            raise DeviceError(f"{self.name}: the JACK server has ended; start it and try again")
+            raise DeviceError(f"{self.name}: the JACK server has stopped; start it and try again")
         self._state.words[jc.FIRST] = -1
         self._state.words[jc.PLAYING] = 1
         _ = self.latency_s
@@ -178,7 +178,7 @@ def open_output(
     Raises DeviceError for a server or port that is not there, another rate than the engine's, and what is not installed.
     """
     if deck.ahead_frames:
-        raise DeviceError("JACK asks for every period when it is due: leave out the blocks rendered ahead")
+        raise DeviceError("JACK cannot play blocks rendered ahead: leave --ahead out")
     client = open_client(name, server)
     if client.samplerate != deck.rate_hz:
         rate = client.samplerate
@@ -190,7 +190,7 @@ def open_output(
         output = JackOutput(deck, client, parts)
     except library().JackError as error:
         client.close()
-        raise DeviceError(f"the JACK server does not take what {client_name} needs: {error}") from None
+        raise DeviceError(f"the JACK server refuses the ports of {client_name}: {error}") from None
     try:
         wanted = list(playback(client)[:2]) if connect is True else list(connect or ())
         if len(wanted) == 1:
@@ -264,7 +264,7 @@ def _connect(client: Any, source: str, destination: str) -> None:
         client.connect(source, destination)
     except jack.JackError as error:
         there = ", ".join(port.name for port in client.get_ports()) or "none"
-        raise DeviceError(f"JACK does not connect {source} to {destination}: {error}; ports: {there}") from None
+        raise DeviceError(f"JACK cannot connect {source} to {destination}: {error}; its ports: {there}") from None
 
 
 def _address(pointer: Any) -> int:
@@ -274,7 +274,7 @@ def _address(pointer: Any) -> int:
 def _set(jack: Any, what: str, client: Any, kind: str, compiled: Any, argument: Any) -> None:
     set_callback = getattr(jack._lib, f"jack_set_{what}")
     if set_callback(client._ptr, jack._ffi.cast(kind, compiled.address), argument) != 0:
-        raise DeviceError(f"{client.name}: the JACK server does not take a {what.replace('_', ' ')}")
+        raise DeviceError(f"{client.name}: the JACK server refuses the {what.replace('_', ' ')}; restart it")
 
 
 @cache

@@ -82,7 +82,7 @@ def open_client(name: str, server: str | None) -> Any:
                 f"no JACK server answers (name: {shown}): start one, like jackd -d alsa or QjackCtl, or with PipeWire begin "
                 "the command with pw-jack; without --jack the default output is used"
             ) from None
-        raise DeviceError(f"the JACK server {shown!r} takes no client {name!r}: {status}") from None
+        raise DeviceError(f"the JACK server {shown!r} refuses the client {name!r}: {status}") from None
 
 
 def playback(client: Any) -> tuple[str, ...]:

@@ -205,9 +205,7 @@ def measure(
     if stop.wait(0.0):
         return None
     if not moved:
-        raise ValueError(
-            f"none of {PLUCKS} plucks of {midi_to_note(note)} was heard; does the device run? see synth devices"
-        )
+        raise ValueError(f"none of {PLUCKS} plucks of {midi_to_note(note)} was heard; check the device with synth devices")
     device = float(output.latency_s) * rate_hz
     total = Span.of([frames + device for frames in moved], rate_hz)
     card = ear.latency_s * rate_hz if ear is not None and recorded else None

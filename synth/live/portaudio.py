@@ -111,7 +111,7 @@ class PortAudioOutput(Uncopied):
             with silenced():
                 self._stream.start()
         except _library().PortAudioError as error:
-            raise DeviceError(f"{self.name}: the audio output does not start: {_reason(error)}") from None
+            raise DeviceError(f"{self.name}: the audio output could not be started: {_reason(error)}") from None
         self._started = True
 
     def stop(self) -> None:
@@ -212,7 +212,7 @@ def _refusal(sd: Any, found: dict[str, Any], name: str, channels: int, rate_hz: 
     if not takes(rate_hz):
         rates = [str(rate) for rate in RATES_HZ if takes(rate)]
         if rates:
-            return f"{name}: refuses {rate_hz:g} Hz; it takes --rate {', '.join(rates)}"
+            return f"{name}: does not support {rate_hz:g} Hz; use --rate {', '.join(rates)}"
     return f"{name}: cannot be opened at {rate_hz:g} Hz: {_reason(error)}; see synth devices"
 
 

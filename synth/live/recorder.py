@@ -194,7 +194,7 @@ class Recorder(Uncopied):
 
     def _complain(self, path: str, problem: Exception) -> None:
         reason = getattr(problem, "strerror", None) or str(problem) or "the disk is full?"
-        self._say(f"{path}: recording ends here, playing goes on ({reason})")
+        self._say(f"{path}: recording stopped, playing continues ({reason})")
 
     def _close_sound(self) -> None:
         sound, self._sound = self._sound, None
@@ -221,7 +221,9 @@ class Recorder(Uncopied):
         except OSError as problem:
             self._say(f"{take.path}: the take could not be kept ({problem.strerror or problem})")
         if take.left_out:
-            self._say(f"{take.path}: {take.left_out} events that MIDI cannot say are left out")
+            self._say(
+                f"{take.path}: {take.left_out} event{'' if take.left_out == 1 else 's'} left out that MIDI cannot express"
+            )
 
     def _discard(self) -> None:
         """Nothing has been played: a file of that name, from before, stays what it is."""
@@ -264,9 +266,9 @@ class Recorder(Uncopied):
         if not lost:
             return
         name = self._sound.path if self._sound is not None else self._take.path if self._take is not None else "recording"
-        missing = [f"{self._lost} frames of sound, silent in the file"] if self._lost else []
-        missing += [f"{lost - self._lost} events"] if lost > self._lost else []
-        self._say(f"{name}: the disk was too slow: {' and '.join(missing)} are missing")
+        missing = [f"{self._lost} frames of sound (silence in the file)"] if self._lost else []
+        missing += [f"{lost - self._lost} event{'' if lost - self._lost == 1 else 's'}"] if lost > self._lost else []
+        self._say(f"{name}: the disk was too slow and lost {' and '.join(missing)}")
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -59,7 +59,8 @@ class LiveReport:
         xruns = f"{self.xruns} xrun{'' if self.xruns == 1 else 's'}"
         late = self.late_ours + self.late_machine
         if late:
-            xruns += f" ({self.late_ours} of {late} late block{'' if late == 1 else 's'} ours, the others the machine's)"
+            blocks = f"{late} late block{'' if late == 1 else 's'}"
+            xruns += f" ({blocks}: {self.late_ours} by this program, {self.late_machine} by the machine)"
         lines = [
             f"played {clock_text(self.played_s)}, {notes}, {xruns}, load {100.0 * self.load_median:.0f} % in the median, "
             f"{100.0 * self.load_worst:.0f} % at worst"
@@ -68,18 +69,19 @@ class LiveReport:
             lines.append(f"  the server asked for blocks of {self.block} frames, not {self.block_asked}")
         if self.stalls:
             times = "once" if self.stalls == 1 else f"{self.stalls} times"
-            lines.append(f"  the output asked for sound more than two blocks late {times}: there it may have had a gap")
+            lines.append(f"  the output asked for sound more than two blocks late {times}; the sound may have gaps there")
         lines += [f"  not played: {e['count']} × {e['note']} ({e['part']}): {e['reason']}" for e in self.unplayed[:12]]
         if self.stolen:
-            lines.append(f"  {self.stolen} sounding strings were cut short for new notes (see --polyphony)")
+            cut = "string was cut short for a new note" if self.stolen == 1 else "strings were cut short for new notes"
+            lines.append(f"  {self.stolen} sounding {cut} (see --polyphony)")
         if self.silenced:
-            lines.append(
-                f"  {self.silenced} times the motion of a string blew up and was silenced; take --scheme exact-hold"
-            )
+            often = "once" if self.silenced == 1 else f"{self.silenced} times"
+            lines.append(f"  the motion of a string blew up and was silenced {often}; use --scheme exact-hold")
         if self.events_lost:
-            lines.append(f"  {self.events_lost} events were lost: too many came at a time")
+            events = "event was" if self.events_lost == 1 else "events were"
+            lines.append(f"  {self.events_lost} {events} lost: too many arrived at once")
         if self.recording_lost:
-            lines.append(f"  the recording lacks {self.recording_lost} frames or events: the disk was too slow")
+            lines.append(f"  the disk was too slow: the recording lacks frames or events ({self.recording_lost})")
         if self.files:
             lines.append(f"  written: {', '.join(self.files)}")
         return lines

@@ -338,13 +338,15 @@ class Session(Uncopied):
         headroom_db = parts.headroom_db(song, casting)
         for channel, count in casting.left_out.items():
             if channel not in settings.channel_presets:
+                notes = f"{count} note{'' if count == 1 else 's'}"
                 self._line.say(
-                    f"channel {channel + 1} (percussion) is left out: {count} notes; --map {channel + 1}=PRESET plays it"
+                    f"channel {channel + 1} (percussion) is left out: {notes}; --map {channel + 1}=PRESET plays it"
                 )
         if self._listens:
             casting = parts.cast_live(choice, song=casting)
         if not casting.parts:
-            raise ValueError(f"{settings.song}: there is nothing to play in it; its notes: {song.notes}")
+            notes = f"{song.notes} note{'' if song.notes == 1 else 's'}"
+            raise ValueError(f"{settings.song}: nothing to play ({notes}, no channel with a preset); choose one with --map")
         return casting, song, headroom_db
 
     @property
@@ -494,9 +496,7 @@ class Session(Uncopied):
             if system:
                 loop = latency.loopback(f"{self._output.name}:midi_in" if jack else "jawari", system)
             send = loop.send_message if loop is not None else None
-            path = (
-                f"{system} MIDI port" if loop is not None else "the program itself (there is no MIDI system to loop through)"
-            )
+            path = f"{system} MIDI port" if loop is not None else "the program itself (no MIDI system for a loopback)"
             return latency.measure(self.deck, self.engine, self._output, stop, send, path, ear)
         finally:
             gc.unfreeze()
@@ -583,10 +583,10 @@ class Session(Uncopied):
             return
         self._sparing = sparing
         if not sparing:
-            self._line.say("the load is bearable again: all strings ring as long as they do")
+            self._line.say("the load is normal again: all strings ring out in full")
             return
-        kept = "; a take rendered again will have all of them" if self._settings.record is not None else ""
-        self._line.say(f"the load is high: the faintest strings that nobody holds are let die away{kept}")
+        kept = "; rendering the take restores them" if self._settings.record is not None else ""
+        self._line.say(f"the load is high: the faintest released strings are damped{kept}")
 
     def _fade(self, stop: Stop) -> None:
         """Lets go of all notes and turns the level down, both as events, so that a recorded take has them, too."""
@@ -624,9 +624,7 @@ class Session(Uncopied):
             from synth.live import portaudio
 
             if portaudio.abandoned():
-                self._line.say(
-                    f"{name}: the audio output has not come back: PortAudio cannot leave it; start synth play again"
-                )
+                self._line.say(f"{name}: the audio output has not come back: PortAudio cannot close it; restart synth play")
                 return False
         reason = "it does not answer"
         deadline = time.monotonic() + RETRY_S

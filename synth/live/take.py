@@ -47,7 +47,7 @@ def division_of(rate_hz: int) -> tuple[int, int]:
         if rate_hz % part == 0 and rate_hz // part < 1 << 15:
             return rate_hz // part, 1_000_000 // part
     raise ValueError(
-        f"a take cannot be kept at {rate_hz} Hz: a MIDI file has no tick as long as a frame; take 44100 or 48000"
+        f"a take cannot be recorded at {rate_hz} Hz: no MIDI tick has the length of a frame; use 44100 or 48000 Hz"
     )
 
 
@@ -133,7 +133,7 @@ class TakeFile:
         """Writes over the end of track, and the end of track behind it."""
         assert self._file is not None, "the take is not open"
         if self._at + len(body) > _MOST_BYTES:
-            raise OSError(f"{self.path}: more events than a MIDI file holds (4 GB)")
+            raise OSError(f"{self.path}: the take exceeds the 4 GB that a MIDI file can hold")
         try:
             _write(self._file, body + _END_OF_TRACK, self._at)
             self._at += len(body)

@@ -38,7 +38,7 @@ def events_from_mido(
         later = float(message.time) if absolute else now + float(message.time)
         if not now <= later <= LATEST_S:
             raise ValueError(
-                f"message {number} must come at or after the one before ({now:g} s) and within {LATEST_S:g} s, "
+                f"the time of message {number} must lie between that of the previous one ({now:g} s) and {LATEST_S:g} s, "
                 f"got {later:g} s"
             )
         now = later
@@ -68,7 +68,7 @@ def song_from(source: Any, rate_hz: int, mpe: bool = False) -> tuple[str, Song]:
         if source.dtype != EVENT or source.ndim != 1:
             raise TypeError(f"events must be a one-dimensional EVENT array, got shape {source.shape} of {source.dtype}")
         if source.size and (source["frame"][0] < 0 or (np.diff(source["frame"]) < 0).any()):
-            raise ValueError("events must ascend from frame 0 on; sort them by their frame")
+            raise ValueError("events must be sorted by frame, from 0 on; sort them or correct their frames")
         events, length_s = source, (int(source["frame"][-1]) / rate_hz if source.size else 0.0)
     elif isinstance(source, Iterable) and not isinstance(source, bytes | bytearray):
         messages = list(source)
@@ -85,7 +85,7 @@ def bytes_of(file: mido.MidiFile) -> bytes:
     try:
         file.save(file=out)
     except (ValueError, TypeError, AttributeError, OverflowError, KeyError) as error:
-        raise smf.MidiError(f"this MidiFile cannot be a file ({error}); look at its times and messages") from None
+        raise smf.MidiError(f"this MidiFile cannot be saved ({error}); check its times and messages") from None
     except Exception as error:  # struct.error, for one
-        raise smf.MidiError(f"this MidiFile cannot be a file ({error}); look at its header") from None
+        raise smf.MidiError(f"this MidiFile cannot be saved ({error}); check its header") from None
     return out.getvalue()

@@ -212,7 +212,7 @@ def _why_none(apis: Sequence[int]) -> str:
         _JACK: "no JACK server answers python-rtmidi",
         4: "Windows MM does not answer",
     }
-    return " and ".join(reasons[api] for api in apis) or "python-rtmidi is built without the backend"
+    return " and ".join(reasons[api] for api in apis) or "python-rtmidi was built without this MIDI system"
 
 
 def _jack_socket() -> str | None:
@@ -380,7 +380,7 @@ class MidiInputs:
                 self._say(f"{self._system.name} is back")
                 self._open_virtual()
         elif not self._system.alive:
-            self._say(f"the {self._system.name} server has ended; MIDI waits for it to come back")
+            self._say(f"the {self._system.name} server has stopped; MIDI resumes when it is back")
             for port in self._all():
                 self._drop(port)
             self._system.close()
@@ -399,7 +399,7 @@ class MidiInputs:
                 continue
             held = port.stream.held
             self._drop(port)
-            self._say(f"MIDI port gone: {_plain(port.name)}" + (", what it held is let go" if held else ""))
+            self._say(f"MIDI port gone: {_plain(port.name)}" + (", its notes were released" if held else ""))
         for number, name in left:
             if self._wants(name):
                 self._open_port(name, number)
@@ -439,7 +439,7 @@ class MidiInputs:
             with silenced():
                 client = self._system.open_virtual(self._virtual_name)
         except self._system.errors as problem:
-            self._say(f"no MIDI port of its own: {problem}")
+            self._say(f"no MIDI port offered to other programs: {problem}")
             return
         if client is not None:
             port = _Port(f"{self._virtual_name} (virtual)", client, MidiStream(self._sink, self._channel))

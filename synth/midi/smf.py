@@ -108,7 +108,7 @@ def parse(data: bytes) -> MidiFile:
         raise MidiError(f"broken header (length {header_length}, at least 6 is needed); export the file again")
     form, promised, division = _u16(data, 8), _u16(data, 10), _u16(data, 12)
     if form > 2:
-        raise MidiError(f"MIDI file format {form} is not known (0, 1 and 2 are); export the file as format 1")
+        raise MidiError(f"MIDI file format {form} is not supported (0, 1 and 2 are); export the file as format 1")
     per_quarter, per_second = _division(division)
 
     warnings: list[str] = []
@@ -128,7 +128,9 @@ def parse(data: bytes) -> MidiFile:
             raise MidiError(f"broken at byte {position}: no chunk begins there; export the file again")
         position = end
     if data[position : position + 4] == b"MTrk":
-        warnings.append(f"the header promises {promised} tracks, more follow: those are left out")
+        warnings.append(
+            f"the header promises {promised} track{'' if promised == 1 else 's'}, but more follow: they are ignored"
+        )
     return MidiFile(form, per_quarter, per_second, tracks, warnings)
 
 
@@ -167,7 +169,7 @@ def _division(division: int) -> tuple[int | None, float | None]:
     if frames not in SMPTE_FRAMES_PER_SECOND or ticks_per_frame == 0:
         raise MidiError(
             f"broken header (SMPTE time with {frames} frames per second, {ticks_per_frame} ticks per frame; "
-            "24, 25, 29 or 30 frames and at least 1 tick are possible); export the file again"
+            "it must be 24, 25, 29 or 30 frames and at least 1 tick); export the file again"
         )
     return None, SMPTE_FRAMES_PER_SECOND[frames] * ticks_per_frame
 

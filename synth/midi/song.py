@@ -110,10 +110,11 @@ def song_from_file(file: MidiFile, rate_hz: int, mpe: bool = False, until_s: flo
         seconds += [start_s + time_s, np.full(len(offs), start_s + end_s)]
         start_s += end_s
     if endless:
-        warnings.append(f"{endless} note{'s have' if endless > 1 else ' has'} no end: ended with the file")
+        notes = f"{endless} notes have no note-off and end" if endless > 1 else "1 note has no note-off and ends"
+        warnings.append(f"{notes} with the file")
     events = np.concatenate(pieces) if pieces else np.zeros(0, EVENT)
     if not (events["kind"] == NOTE_ON).any():
-        warnings.append("there are no notes in it")
+        warnings.append("the file has no notes")
     if len(events):
         played_s = np.minimum(np.concatenate(seconds), LONGEST_SONG_S)
         events["frame"] = np.rint(played_s * rate_hz).astype(np.int64)
@@ -168,8 +169,8 @@ def _too_long(tracks: list[Track], time_s: np.ndarray, tick: np.ndarray, of_file
     place = next((k for k, track in enumerate(tracks) if at in track.ticks or any(at == each[1] for each in track.sysex)), 0)
     number = next((k for k, track in enumerate(of_file, start=1) if track is tracks[place]), 1)
     return MidiError(
-        f"the song gets longer than {hours:.0f} h in track {number} at tick {at}, which is {time_s[first] / 3600.0:.4g} h "
-        "after its beginning: correct the times or the tempo there, or render it up to an earlier --end"
+        f"the song exceeds {hours:.0f} h in track {number} at tick {at}, {time_s[first] / 3600.0:.4g} h after its start; "
+        "correct the times or the tempo there, or render it up to an earlier --end"
     )
 
 
@@ -212,7 +213,7 @@ class _Clock:
             changes = [change for track in tracks for change in track.tempos]
             changes.sort(key=lambda change: change[0])
             if any(us == 0 for _, us in changes):
-                warnings.append("a tempo of 0 µs per quarter note is passed over")
+                warnings.append("a tempo of 0 µs per quarter note is ignored")
             tempos = [(0, DEFAULT_TEMPO_US * scale)] + [(at, us * scale) for at, us in changes if us > 0]
         self._tick = np.array([at for at, _ in tempos], dtype=np.int64)
         self._seconds_per_tick = np.array([each for _, each in tempos])
@@ -322,7 +323,7 @@ def _end_s(clock: _Clock, tracks: list[Track], tick: np.ndarray, warnings: list[
     end_s = float(clock.seconds(ends)[0])
     last_s = float(clock.seconds(tick[-1:])[0]) if len(tick) else 0.0
     if end_s > last_s + LONGEST_REST_AT_END_S:
-        warnings.append(f"it ends {end_s - last_s:.0f} s after its last event: that rest is left out")
+        warnings.append(f"it ends {end_s - last_s:.0f} s after its last event: that silence is left out")
         return last_s
     return end_s
 

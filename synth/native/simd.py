@@ -27,8 +27,8 @@ def _lanes() -> tuple[int, int]:
         wanted, _, short = asked.partition("-")
         if wanted not in ("2", "4", "8") or (short and not short.isdecimal()):
             raise ValueError(
-                f"JAWARI_LANES must be 2, 4 or 8, or such as 8-64 (half as many up to 64 modes), got {asked!r}; "
-                "unset it to have the processor's own"
+                f"JAWARI_LANES must be 2, 4 or 8, or of the form 8-64 (half as many for up to 64 modes), got {asked!r}; "
+                "unset it for the processor's default"
             )
         return int(wanted), int(short or 0) if wanted != "2" else 0
     of_level = {"x86-64-v4": 8, "x86-64-v3": 4}.get(os.environ.get("NUMBA_CPU_NAME", ""))

@@ -239,11 +239,11 @@ def make_model(
     if substeps != int(substeps) or substeps < 1:
         raise ValueError(f"substeps must be a whole number >= 1, got {substeps}; 1 leaves the step whole")
     if substeps > 1 and law != EXACT_HOLD:
-        raise ValueError(f"substeps are exact-hold's, got {substeps} for a Moreau–Jean law; raise its rate instead")
+        raise ValueError(f"substeps need exact-hold, got {substeps} for a Moreau–Jean law; raise the rate instead")
     layers = np.zeros((3, 0)) if layers is None else np.ascontiguousarray(layers, dtype=np.float64)
     if layers.shape[1] and (substeps > 1 or law != EXACT_HOLD or step):
         raise ValueError(
-            "contacts with a soft layer are exact-hold's, in whole steps; raise its rate instead of its substeps"
+            "contacts with a soft layer need exact-hold with substeps 1; raise the rate instead of the substeps"
         )
     omega, sigma, shapes, eta, out_shapes = (
         np.ascontiguousarray(a, dtype=np.float64) for a in (omega, sigma, shapes, eta, out_shapes)

@@ -57,7 +57,7 @@ def energy_warning(
         return None
     return (
         f"{scheme} with restitution {restitution:g} can gain energy below about {safe / 1e6:.3g} MHz; "
-        f"{option} {multiple_hz * math.ceil(safe / multiple_hz):.10g} is safer, and slow"
+        f"{option} {multiple_hz * math.ceil(safe / multiple_hz):.10g} is safer but slow"
     )
 
 
@@ -69,8 +69,8 @@ def rise_warning(scheme: str, rise: float) -> str | None:
     if not scheme.startswith("moreau-jean") or not rise > PASSIVE_TO:
         return None
     return (
-        f"a step of {scheme} gained {rise:.1e} of the energy: at this rate the string holds no more than it began with, "
-        "but single steps may gain; exact-hold never does"
+        f"one step of {scheme} raised the energy by {rise:.1e} of itself: at this rate the string never exceeds its initial "
+        "energy, but single steps may gain; exact-hold never gains"
     )
 
 
@@ -89,6 +89,6 @@ def clamping_warning(rise: float, force_n: float) -> str | None:
     if not rise > PASSIVE_TO:
         return None
     return (
-        f"a step held {rise:.1e} of the energy too much: a finger presses the string on to a point, the modes leave it no "
-        f'way round, and forces of {force_n:.3g} N are rounded; take tail = "static", more modes, or a lower stiffness_n_m'
+        f"one step raised the energy by {rise:.1e} of itself: a finger clamps the string on a point, and forces of "
+        f'{force_n:.3g} N are rounded; set tail = "static", or use more modes or a lower stiffness_n_m'
     )

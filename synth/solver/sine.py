@@ -29,7 +29,7 @@ class Sine(NamedTuple):
 def make_sine(n: int, dense: bool | None = None) -> Sine:
     """The transform for n intervals of the grid, n ≥ 2; `dense` forces the matrix, or the FFT where n allows."""
     if n < 2:
-        raise ValueError(f"intervals of the modal grid must be >= 2, got {n}")
+        raise ValueError(f"the modal grid must have at least 2 intervals, got {n}")
     k = np.arange(n)
     half = np.sin(np.pi * k / n)
     if dense is None:

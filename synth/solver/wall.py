@@ -419,7 +419,9 @@ def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = T
     """
     depth = float((problem.eta - problem.shapes @ problem.q).max())
     if depth > 1e-9 * max(float(np.abs(problem.q).max()), 1e-6):
-        raise ValueError(f"the start must lie over the wall, got {depth:g} m below it; lower the wall or raise the string")
+        raise ValueError(
+            f"the string must start above the wall, got {depth:g} m below it; lower the wall or raise the string"
+        )
     return _make_run(problem, wall, ledger, contact_rows)
 
 

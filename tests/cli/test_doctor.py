@@ -194,7 +194,7 @@ def test_a_checkup_that_hangs_is_given_up_and_one_that_crashes_is_told(monkeypat
         assert patients.finding("fine") == Finding(OK, "fine")
         for name in ("crashes", "is silent"):
             found = patients.finding(name)
-            assert found.verdict == NOT_TRIED and "ended the checkup" in found.what and found.remedy
+            assert found.verdict == NOT_TRIED and "crashed during the check" in found.what and found.remedy
     with apart.Patients(["hangs"], 0.2) as patients:
         found = patients.finding("hangs")
         process = patients._running["hangs"]

@@ -91,7 +91,7 @@ def test_a_pipe_without_a_reader_is_waited_for_aloud(tmp_path: Path) -> None:
         program = subprocess.Popen(
             [sys.executable, "-c", text, str(pipe)], stderr=errors, cwd=Path(__file__).parents[2]
         )  # fmt: skip
-        assert until(lambda: b"waiting for a program that reads this pipe" in said.read_bytes(), "nothing is said")
+        assert until(lambda: b"waiting for a program to read this pipe" in said.read_bytes(), "nothing is said")
         assert pipe.read_bytes() == b"sound"
         assert program.wait() == 0
 

@@ -168,14 +168,14 @@ def test_a_state_is_looked_at_before_it_is_gone_on_from():
     for k in range(10):
         lim.limit(*quiet, 0.9, release, np.full((17 + k, 2), 0.1))
     quiet.delay[5, 1] = 1.5
-    assert "no reduction for it" in lim.limiter_problem(quiet, 0.9)
+    assert "without a reduction for them" in lim.limiter_problem(quiet, 0.9)
     for name, place, value, said in (
         ("counters", 0, lim.LOOKAHEAD, "place in the delay"),
         ("counters", 1, lim.LOOKAHEAD + 1, "place in the rings"),
         ("counters", 2, -1, "frames until release"),
         ("levels", 0, 1.0, "reductions must lie between 0 and 1"),
         ("required", 3, np.nan, "reductions must lie between 0 and 1"),
-        ("released", 3, 0.5, "not written twice"),
+        ("released", 3, 0.5, "two copies of a ring of reductions differ"),
         ("delay", 3, np.inf, "not finite"),
     ):
         broken = lim.limiter_state(2)

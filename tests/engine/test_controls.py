@@ -208,7 +208,7 @@ def test_pressure_of_the_bass_is_heard_in_cents():
 
 
 def test_pressure_on_the_bridge_needs_one():
-    with pytest.raises(PresetError, match=r"pressure_um moves a bridge: it needs obstacle.kind"):
+    with pytest.raises(PresetError, match=r"pressure_um needs obstacle.kind"):
         preset("wrong", steel("G2"), more="pressure_um = 5.0")
 
 
@@ -406,7 +406,7 @@ def test_controllers_that_cannot_be_bound(controller):
     [
         ("nonsense", "no live parameter 'nonsense'; there are output.gain, "),
         ("obstacle.height", r"which no part has \(free\)"),
-        ([(1, "output.gain", None, None)], "bound to part 1, there are 1"),
+        ([(1, "output.gain", None, None)], "bound to part 1, but parts go from 0 to 0"),
         ([(None, "pluck.width", 0.0, 5.0)], "pluck.width must lie between 0.5 and 50, got 0"),
         ([(None, "pluck.width", math.nan, 5.0)], "pluck.width must lie between"),
     ],

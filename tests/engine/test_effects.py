@@ -84,10 +84,10 @@ def test_effects_of_the_mix_stand_before_the_limiter_and_stems_before_them():
     out = play(plain, NOTES, 6040, stems=stems)
     delayed = play(made, NOTES, 6040, stems=late)
     assert np.array_equal(delayed[40:], out[:-40]) and np.array_equal(late[:, 40:], stems[:, :-40])
-    with pytest.raises(ValueError, match=f"effects of the mix must be at most {MOST_LATENCY} frames late, got 264"):
+    with pytest.raises(ValueError, match=f"the mix effects may add up to {MOST_LATENCY} frames of latency, got 264"):
         engine(FREE, limiter=True, mix_effects=[table.model_copy(update={"late_frames": 200})])
     for wrong in ("tremor", [TREMOR], 5):
-        with pytest.raises(TypeError, match="mix_effects must be a list of settings of effects"):
+        with pytest.raises(TypeError, match="mix_effects must be a list of effect settings"):
             engine(FREE, mix_effects=wrong)
 
 

@@ -472,7 +472,7 @@ def test_arguments_are_checked():
         Engine([FREE], max_polyphony=0)
     with pytest.raises(ValueError, match="program_map must be"):
         Engine([FREE], np.zeros((16, 127), int))
-    with pytest.raises(ValueError, match="names part 1"):
+    with pytest.raises(ValueError, match="program_map must hold part numbers from 0 to 0, or −1 for no part, got 1"):
         Engine([FREE], np.ones((16, 128), int))
     with pytest.raises(ValueError, match="scheme"):
         Engine([FREE], scheme="leapfrog").prepare(44100.0)

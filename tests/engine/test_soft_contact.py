@@ -143,7 +143,7 @@ def test_layers_that_cannot_be_are_refused(tables: str, said: str) -> None:
 
 
 def test_another_scheme_is_refused() -> None:
-    with pytest.raises(PresetError, match=r"obstacle\.layer: soft contacts are exact-hold's, got moreau-jean"):
+    with pytest.raises(PresetError, match=r"obstacle\.layer: soft contacts need exact-hold, got moreau-jean"):
         engine(BRIDGE, scheme="moreau-jean")
 
 

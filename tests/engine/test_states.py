@@ -69,7 +69,7 @@ def test_foreign_and_broken_states_are_refused():
         made.set_state(b"PK\x03\x04" + bytes(1000))
     with pytest.raises(ValueError, match=f"version 7, this program reads {snapshot.VERSION}"):
         made.set_state(sealed(mine, len(snapshot.MAGIC), (7).to_bytes(4, "little")))
-    with pytest.raises(ValueError, match="events wait in it, at most"):
+    with pytest.raises(ValueError, match="pending events, and at most"):
         made.set_state(sealed(mine, snapshot._HEAD - 8, b"\xff" * 8))
     for wrong in ("a state", None, 5, np.zeros(3)):
         with pytest.raises(TypeError, match="a state is the bytes that get_state gives"):
@@ -83,15 +83,15 @@ def test_foreign_and_broken_states_are_refused():
     ("name", "index", "field", "value", "said"),
     [
         ("sounding", (0,), "model", 10**6, r"sounding.model\[0\] must lie between 0 and"),
-        ("sounding", (0,), "model", 1, r"sounding.model\[0\] is 1, which is of another string"),
+        ("sounding", (0,), "model", 1, r"sounding.model\[0\] is 1, which belongs to another string"),
         ("sounding", (0,), "channel", 16, r"sounding.channel\[0\] must lie between 0 and 15, got 16"),
         ("sounding", (0,), "phase", 7, r"sounding.phase\[0\] must lie between 0 and 6"),
         ("sounding", (0,), "row_to", 64, r"sounding.row_to\[0\] must lie between 0 and 0"),
         ("sounding", (0,), "hand", np.nan, r"sounding.hand\[0\] must lie between"),
         ("sounding", (1,), "finger_steps", 2**60, r"sounding.finger_steps\[1\] must lie between 1 and"),
-        ("channels", (3,), "master", 4, "channels.master are not those of the zones"),
-        ("counters", (layout.NOW,), None, 10**15, "frames are computed"),
-        ("counters", (layout.PENDING,), None, 1, "1 events wait, 0 are there"),
+        ("channels", (3,), "master", 4, "channels.master does not match the MPE zones"),
+        ("counters", (layout.NOW,), None, 10**15, "frames computed"),
+        ("counters", (layout.PENDING,), None, 1, "1 pending events are announced, 0 are stored"),
         ("string.q", (0,), None, np.nan, r"string.q\[0\] must lie between"),
         ("string.counts", (MOVING,), None, 0, r"string.counts\[0\] must lie between 1 and"),
         ("string.counts", (MOVING,), None, 10**6, r"string.counts\[0\] must lie between 0 and"),
@@ -114,12 +114,12 @@ def test_each_number_of_a_state_is_looked_at(name, index, field, value, said):
 @pytest.mark.parametrize(
     ("name", "index", "field", "value", "said"),
     [
-        ("sounding", (2,), "awake", 0, "sounding.awake of strings that share a bridge differ"),
+        ("sounding", (2,), "awake", 0, "sounding.awake differs between strings that share a bridge"),
         ("sounding", (0,), "idle", 2, r"sounding.idle\[0\] must lie between 0 and 1, got 2"),
-        ("sounding", (5,), "idle", 1, "sounding.idle of a string that shares no bridge"),
-        ("sounding", (1,), "model", 0, r"sounding.model\[1\] is 0, which is of another string"),
-        ("sounding", (0,), "pending_model", 3, r"sounding.pending_model\[0\] is 3, which is of another string"),
-        ("sounding", (0,), "finger_step", 1, r"sounding.finger_step\[0\] is 1, which are no whole frames"),
+        ("sounding", (5,), "idle", 1, r"sounding.idle\[5\] is 1, but the string shares no bridge"),
+        ("sounding", (1,), "model", 0, r"sounding.model\[1\] is 0, which belongs to another string"),
+        ("sounding", (0,), "pending_model", 3, r"sounding.pending_model\[0\] is 3, which belongs to another string"),
+        ("sounding", (0,), "finger_step", 1, r"sounding.finger_step\[0\] is 1, which is not a whole number of frames"),
         ("end.counts", (0,), None, 2, r"end.counts\[0\] must lie between 0 and 1, got 2"),
         ("end.counts", (1,), None, 1000, r"end.counts\[1\] must lie between 0 and \d\d?, got 1000"),
         ("end.counts", (2,), None, -1, r"end.counts\[2\] must lie between 0 and 1, got -1"),
@@ -137,7 +137,7 @@ def test_each_number_of_strings_that_share_a_bridge_is_looked_at(name, index, fi
 
 
 def test_an_idle_string_is_awake():
-    refuses(engine(SHARED), "sounding", (0,), "idle", 1, r"sounding\.idle of a string that is not awake")
+    refuses(engine(SHARED), "sounding", (0,), "idle", 1, r"sounding\.idle\[0\] is 1, but the string is not awake")
 
 
 def test_broken_states_are_refused_or_no_harm():

@@ -243,7 +243,7 @@ def test_two_directions_decay_apart() -> None:
         ({"more": ONE_WAY}, 'output.kind = "body" and \\[\\[body.mode\\]\\] need each other'),
         (
             {"output": HEARD, "more": ONE_WAY + "[[body.resonance]]\nfrequency_hz = 800\nq = 5\ngain_db = 6\n"},
-            "body.resonance filters strings",
+            "body.resonance is for strings with fixed ends",
         ),
         ({"output": HEARD, "more": ONE_WAY.replace("mass_kg = 0.6", "mass_kg = 0")}, "body.mode.0.mass_kg"),
         ({"output": HEARD, "more": ONE_WAY.replace("shape = [1.0]", "shape = [0]", 1)}, "shape must move the bridge"),
@@ -257,7 +257,7 @@ def test_bodies_that_cannot_be_are_refused(tables: dict, said: str) -> None:
 
 
 def test_another_scheme_is_refused() -> None:
-    with pytest.raises(PresetError, match=r"open: strings that share a body are exact-hold's, got moreau-jean; "):
+    with pytest.raises(PresetError, match=r"open: strings that share a body need exact-hold, got moreau-jean; "):
         engine(OPEN, scheme="moreau-jean")
 
 

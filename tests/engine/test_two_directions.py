@@ -216,7 +216,7 @@ def test_a_state_goes_on():
 
 @pytest.mark.parametrize(
     "field, value, said",
-    [("awake", 0, "directions differ"), ("idle", 0, "second direction")],
+    [("awake", 0, "differs between the two directions"), ("idle", 0, "second direction")],
 )
 def test_a_state_whose_directions_differ_is_refused(field, value, said):
     made = engine(ACROSS)
@@ -229,7 +229,7 @@ def test_a_state_whose_directions_differ_is_refused(field, value, said):
 def test_what_has_no_meaning_is_refused():
     with pytest.raises(PresetError, match=r"polarisation\.heard has no meaning"):
         preset("no", wound("A1", 20.9), output='kind = "body"', more="[polarisation]\nheard = 0.2\n" + SHARED_MODE)
-    with pytest.raises(PresetError, match=r"friction is that of strings that share a body"):
+    with pytest.raises(PresetError, match=r"friction needs strings that share a body"):
         preset("no", wound("A1", 20.9), obstacle=NECK_OBSTACLE + "\nfriction = 0.2", more="[polarisation]\n")
     board = 'kind = "board"\naction_12th_mm = 4.0\nrelief_mm = 0.3\nlength_mm = 620'
     with pytest.raises(PresetError, match=r"polarisation: .*board"):

@@ -83,7 +83,7 @@ def test_neither_the_recording_nor_a_device_is_replaced(capsys, tmp_path, record
     before = Path(recording).read_bytes()
     for source, target in ((recording, recording), (recording, str(linked)), (str(named), str(named))):
         assert cli.main(["fit", source, "-p", "tanpura", "-o", target]) == 2
-        assert capsys.readouterr().err.strip().endswith("which is read: give the output another name")
+        assert capsys.readouterr().err.strip().endswith("which is an input: give the output another name")
     assert Path(recording).read_bytes() == named.read_bytes() == before and linked.is_symlink()
 
     pipe = tmp_path / "pipe"

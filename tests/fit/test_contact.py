@@ -344,10 +344,10 @@ def test_the_command_says_what_does_not_go(capsys, tmp_path, recording: np.ndarr
         ([str(path), "--amplitude", "3"], "--amplitude goes with --contact"),
         ([str(path), str(path)], "one recording at a time, got 2"),
         ([str(path), "--contact"], "name it with -p"),
-        ([str(path), "--contact", "-p", "tanpura", "--pitch", "98"], "--pitch does not go with --contact"),
-        ([str(path), "--contact", "-p", "fretted-bass"], "is frets, whose fit is experimental: add --experimental"),
+        ([str(path), "--contact", "-p", "tanpura", "--pitch", "98"], "--pitch cannot be combined with --contact"),
+        ([str(path), "--contact", "-p", "fretted-bass"], "has frets, whose fit is experimental: add --experimental"),
         ([str(path), "--contact", "-p", "tanpura", "--string", "Sa 1"], "must be string 1's"),
-        ([str(path), "--contact", "-p", "tanpura", "--picture", str(path)], "which is read: give the output another name"),
+        ([str(path), "--contact", "-p", "tanpura", "--picture", str(path)], "which is an input: give the output another"),
         ([str(path), "--contact", "-p", "tanpura", "--pluck-at", "0.9"], "must be a number from 0.02 to 0.5"),
     ):
         try:

@@ -152,7 +152,7 @@ def test_the_command_says_what_does_not_go(capsys, tmp_path: Path, recordings) -
         ([path, *frets], "give --amplitude once for each recording"),
         ([path, path, *frets, "--amplitude", "2"], "for each of the 2 recordings, got 1"),
         ([path, *frets, "--amplitude", "2", "--open", path], "--open is for bridges"),
-        ([path, "--contact", "-p", "tanpura", "--amplitude", "2", "--amplitude", "3"], "of the first recording, got 2"),
+        ([path, "--contact", "-p", "tanpura", "--amplitude", "2", "--amplitude", "3"], "(of the first recording), got 2"),
     ):
         assert cli.main(["fit", *arguments]) == 2
         lines = capsys.readouterr().err.splitlines()

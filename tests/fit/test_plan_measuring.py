@@ -135,7 +135,7 @@ def test_measuring_that_is_interrupted_leaves_nothing(monkeypatch: pytest.Monkey
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (None, "--measure-plan tanpura: belongs to the program and is already measured"),
+        (None, "--measure-plan tanpura: is built in and already measured"),
         (
             PRESET.replace('kind = "bridge"', 'kind = "none" #').replace("distance_mm", "#").replace("jiva_um", "#"),
             "on ends at rest",

@@ -286,7 +286,7 @@ def test_a_wav_file_is_full_at_four_gigabytes(tmp_path, monkeypatch) -> None:
         writer.write(noise(200))
         writer.write(noise(100))
     assert soundfile.info(tmp_path / "x.wav").frames == 300
-    with pytest.raises(ValueError, match=r"y\.wav: more than a WAV file holds \(4 GB\)"):
+    with pytest.raises(ValueError, match=r"y\.wav: a WAV file holds at most 4 GB"):
         with AudioWriter(tmp_path / "y.wav", RATE_HZ) as writer:
             writer.write(noise(301))
     assert os.listdir(tmp_path) == ["x.wav"]

@@ -103,7 +103,7 @@ BAD = {
     "controller 7 must be at most 127, got 200": Note(48, controllers=((7, 200),)),
     "C-1 is not played: outside C2-C3": Note(0, 80, 0.1),
     "preset 'no-such-preset' is not one of": Note(48, preset="no-such-preset"),
-    "articulation 'pizzicato' is none of tanpura; it has none": Note(48, articulation="pizzicato"),
+    "tanpura has no articulation 'pizzicato'; its articulations: none": Note(48, articulation="pizzicato"),
 }
 
 
@@ -168,7 +168,7 @@ def test_arguments_that_cannot_be_are_refused_at_once(named: dict, said: str) ->
 def test_nothing_asked_for_is_nothing() -> None:
     assert list(render_notes("tanpura", [])) == []
     (found,) = render_notes(None, [(48, 80)])
-    assert found.error == "preset is missing: name one for the note, or one for all"
+    assert found.error == "preset is missing: give one for the note, or one for all notes"
 
 
 def own_threads() -> list[threading.Thread]:

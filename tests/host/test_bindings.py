@@ -30,7 +30,7 @@ def test_bindings_are_read():
         ("74=output.gain:1", "is not CONTROLLER=PARAMETER"),
         ("74=output.gain:1:2:3", "is not CONTROLLER=PARAMETER"),
         ("74=loudness", "--cc '74=loudness': no live parameter 'loudness'; there are output.gain, pluck.position"),
-        ("64=output.gain", "--cc '64=output.gain': controller 64 cannot be bound: it keeps its own meaning"),
+        ("64=output.gain", "--cc '64=output.gain': controller 64 cannot be bound: 0, 6, 32"),
         ("128=output.gain", "a controller must lie between 0 and 127, got 128"),
         ("74=output.gain:low:high", "low:high must be two numbers"),
         ("74=output.gain:0:5", "output.gain must lie between 0 and 4, got 5"),

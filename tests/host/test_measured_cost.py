@@ -16,7 +16,7 @@ def test_figures_belong_together() -> None:
 
 
 def test_what_cannot_be_played_cannot_be_measured() -> None:
-    with pytest.raises(PresetError, match="exact-hold's"):
+    with pytest.raises(PresetError, match="need exact-hold"):
         measure_cost(
             load_preset("steel-guitar"), quality="draft", rate_hz=44100.0, scheme="moreau-jean", internal_rate_hz=None
         )

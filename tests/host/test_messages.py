@@ -85,9 +85,9 @@ def test_every_kind_of_message() -> None:
     ("messages", "rate_hz", "error", "words"),
     [
         ([b"\x90\x3c\x40"], 44100, TypeError, "message 0 must be one of mido's, got bytes"),
-        ([mido.Message("clock", time=-1)], 44100, ValueError, "message 0 must come at or after"),
-        ([mido.Message("clock", time=float("nan"))], 44100, ValueError, "message 0 must come"),
-        ([mido.Message("clock", time=1e12)], 44100, ValueError, "within 86400 s"),
+        ([mido.Message("clock", time=-1)], 44100, ValueError, "the time of message 0 must lie between"),
+        ([mido.Message("clock", time=float("nan"))], 44100, ValueError, "the time of message 0 must lie"),
+        ([mido.Message("clock", time=1e12)], 44100, ValueError, "and 86400 s, got"),
         ([], 0, ValueError, "rate_hz must be > 0"),
     ],
 )
@@ -106,12 +106,12 @@ def _cannot(**_: object) -> None:
         (3, TypeError, "a song must be a file's name"),
         (b"MThd", TypeError, "a song must be a file's name"),
         (np.zeros(3), TypeError, "EVENT array"),
-        (make_events([(5, NOTE_ON, 0, 60, 1), (3, NOTE_OFF, 0, 60, 1)]), ValueError, "must ascend"),
-        (make_events([(-1, NOTE_ON, 0, 60, 1)]), ValueError, "must ascend from frame 0 on"),
+        (make_events([(5, NOTE_ON, 0, 60, 1), (3, NOTE_OFF, 0, 60, 1)]), ValueError, "must be sorted by frame"),
+        (make_events([(-1, NOTE_ON, 0, 60, 1)]), ValueError, "must be sorted by frame, from 0 on"),
         (make_events([(0, NOTE_ON, 0, 60, 1)])[None], TypeError, r"one-dimensional EVENT array, got shape \(1, 1\)"),
-        (SimpleNamespace(tracks=[], save=_cannot), MidiError, r"cannot be a file \(no room\); look at its header"),
+        (SimpleNamespace(tracks=[], save=_cannot), MidiError, r"cannot be saved \(no room\); check its header"),
         (mido.MidiFile(ticks_per_beat=0), MidiError, "0 ticks per quarter"),
-        (mido.MidiFile(ticks_per_beat=10**6), MidiError, "cannot be a file"),
+        (mido.MidiFile(ticks_per_beat=10**6), MidiError, "cannot be saved"),
     ],
 )
 def test_what_is_no_song(source: object, error: type, words: str) -> None:
@@ -211,7 +211,7 @@ WHERE_MIDO_ERRS = {
         lambda file: file.length > 1e9, "a length of more than four bytes in the message at byte 22",
     ),
     "no ticks": (header(division=0) + track((0, on(60)), (9, off(60))), "length", "0 ticks per quarter note"),
-    "a format that there is not": (header(7) + track((0, on(60))), lambda file: file.type == 7, "format 7 is not known"),
+    "a format that there is not": (header(7) + track((0, on(60))), lambda file: file.type == 7, "format 7 is not supported"),
     "a file that is cut off": (
         (header() + track((0, on(60)), (48, off(60))))[:-6], EOFError, r"cut off inside track 1 of 1 \(after 28 bytes\)",
     ),

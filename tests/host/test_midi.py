@@ -70,7 +70,7 @@ def test_tracks_of_format_2_play_one_after_the_other_at_their_own_tempo() -> Non
 def test_a_note_without_an_end_ends_with_the_file() -> None:
     result = song(header() + track((0, on(60)), (480, on(64)), (0, off(64)), end=480))
     assert rows(result)[-1] == (48000, NOTE_OFF, 60)
-    assert result.warnings == ("1 note has no end: ended with the file",)
+    assert result.warnings == ("1 note has no note-off and ends with the file",)
 
 
 def test_a_note_on_of_velocity_0_is_a_note_off() -> None:
@@ -148,7 +148,7 @@ def test_notes_are_counted_by_channel_and_program() -> None:
 def test_a_long_rest_at_the_end_is_left_out() -> None:
     result = song(header() + track((0, on(60)), (480, off(60)), end=0x0FFFFFFF))
     assert result.length_s == pytest.approx(0.5, abs=1e-12)
-    assert "rest is left out" in result.warnings[0]
+    assert "silence is left out" in result.warnings[0]
 
 
 def test_a_tempo_of_zero_is_passed_over() -> None:
@@ -162,7 +162,7 @@ def test_a_song_of_nothing(data: bytes) -> None:
     result = song(data)
     assert len(result.events) == 0
     assert result.length_s == 0.0
-    assert "there are no notes in it" in result.warnings
+    assert "the file has no notes" in result.warnings
 
 
 def test_times_are_midos(tmp_path) -> None:
@@ -313,9 +313,9 @@ def test_a_song_of_more_than_a_day_is_refused_where_it_gets_too_long(division: i
     inside = track((0, slow), (0, on(60)), *_far(last, off(60)))
     assert song(header(division=division) + inside).events["frame"][-1] == pytest.approx(day * 48000, rel=3e-4)
     beyond = header(1, 2, division) + track((0, slow)) + track((0, on(60)), (1, off(60)), *_far(2 * last, on(62)))
-    with pytest.raises(MidiError, match=rf"longer than 24 h in track 2 at tick {2 * last + 1}, which is (48|47.99) h"):
+    with pytest.raises(MidiError, match=rf"exceeds 24 h in track 2 at tick {2 * last + 1}, (48|47\.99) h after"):
         song(beyond)
-    with pytest.raises(MidiError, match="longer than 24 h"):
+    with pytest.raises(MidiError, match="exceeds 24 h"):
         song(beyond, until_s=day + 1.0)
     begun = song(beyond, until_s=5.0)
     assert rows(begun)[:2] == [(0, NOTE_ON, 60), (round(16.777215 / division * 48000), NOTE_OFF, 60)]
@@ -335,7 +335,7 @@ def test_a_minute_of_rest_at_the_end_is_meant() -> None:
     assert song(header() + track((0, on(60)), (480, off(60)), end=60 * second)).length_s == pytest.approx(60.5, abs=1e-9)
     cut = song(header() + track((0, on(60)), (480, off(60)), end=60 * second + 1))
     assert cut.length_s == pytest.approx(0.5, abs=1e-12)
-    assert cut.warnings == ("it ends 60 s after its last event: that rest is left out",)
+    assert cut.warnings == ("it ends 60 s after its last event: that silence is left out",)
 
 
 def test_of_a_take_the_order_stays() -> None:
@@ -355,7 +355,7 @@ def _far(ticks: int, message: bytes) -> list[tuple[int, bytes]]:
 def test_the_longest_times_that_a_file_can_hold() -> None:
     """Without a word of NumPy, and what can be played of it is at its frames."""
     data = header(division=1) + track((0, tempo(0xFFFFFF)), (0, on(60)), *[((1 << 28) - 1, on(61))] * 3000)
-    with pytest.raises(MidiError, match=r"in track 1 at tick 268435455, which is 1\.251e\+06 h"):
+    with pytest.raises(MidiError, match=r"in track 1 at tick 268435455, 1\.251e\+06 h"):
         song(data)
     assert song(data, until_s=1.0).events["frame"].min() == 0
 

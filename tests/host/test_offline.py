@@ -246,7 +246,7 @@ def test_the_place_of_a_number_that_is_not_finite() -> None:
             out[:] = np.inf if self.blocks else 0.0
             self.blocks.append(len(out))
 
-    with pytest.raises(RuntimeError, match=r"a number that is not finite at 0\.25 s"):
+    with pytest.raises(RuntimeError, match=r"a sample that is not finite at 0\.25 s"):
         render(Broken(latency=50), notes(), Span(0, 900, 0, False), RATE_HZ, Sink(), block=300)
 
 

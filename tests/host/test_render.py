@@ -151,7 +151,7 @@ def test_keys_that_a_tuning_leaves_silent_are_reported(tmp_path, song, engine) -
 def test_a_song_beyond_all_measure_is_refused(tmp_path, engine) -> None:
     path = tmp_path / "long.mid"
     path.write_bytes(header(division=1) + track((0, on(60)), (0x0FFFFFF, off(60))))
-    with pytest.raises(ValueError, match=r"long\.mid: the song gets longer than 24 h in track 1 .* up to an earlier --end"):
+    with pytest.raises(ValueError, match=r"long\.mid: the song exceeds 24 h in track 1 .* up to an earlier --end"):
         render_file(RenderSettings(str(path), str(tmp_path / "x.wav")))
     assert not (tmp_path / "x.wav").exists()
     report = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), end_s=0.25))
@@ -236,12 +236,12 @@ def test_silent_parts_have_no_stem(tmp_path, song, engine, bits: str) -> None:
     report = render_file(settings)
     assert os.listdir(folder) == ["ch01-jawari-harp.wav"] and report.stems == [str(folder / "ch01-jawari-harp.wav")]
     assert report.silent_stems == ["ch02-jawari-harp"]
-    assert report.lines()[-1] == "  no stem of ch02-jawari-harp, which is silent"
+    assert report.lines()[-1] == "  no stem for ch02-jawari-harp, which is silent"
     assert report.lines()[0].startswith(f"{folder / 'ch01-jawari-harp.wav'}: ")
     engine.process = lambda events, out, stems: (out.fill(0.0), stems.fill(0.0))
     nothing = render_file(replace(settings, stems=str(tmp_path / "none")))
     assert nothing.lines()[0].startswith("no stems: ") and not (tmp_path / "none").exists()
-    assert nothing.lines()[-1] == "  no stem of ch01-jawari-harp, ch02-jawari-harp, which are silent"
+    assert nothing.lines()[-1] == "  no stem for ch01-jawari-harp, ch02-jawari-harp, which are silent"
     assert sorted(os.listdir(tmp_path)) == ["s", "song.mid"]
 
 
@@ -313,13 +313,13 @@ def test_the_closing_lines(tmp_path, song, engine) -> None:
     def line(**changed: object) -> str:
         return replace(report, **{"output": "x.wav", "realtime_factor": None, "channels": []} | changed).lines()[0]
 
-    assert line() == "x.wav: 0.1 s, peak -2.1 dBFS, 2 strings, 2 notes (all played), limiter at rest"
+    assert line() == "x.wav: 0.1 s, peak -2.1 dBFS, 2 strings, 2 notes (all played), limiter not needed"
     assert line(strings=1, notes=1, realtime_factor=3.26).startswith(
         "x.wav: 0.1 s, peak -2.1 dBFS, 3.3× real time, 1 string, 1 note (all played), "
     )
-    assert line(notes=0, peak_dbfs=None) == "x.wav: 0.1 s, silent, 2 strings, 0 notes, limiter at rest"
-    assert line(limiter_reduction_db=0.04).endswith(", limiter at rest")
-    assert line(limiter_reduction_db=0.05).endswith(", limiter took off up to 0.1 dB")
+    assert line(notes=0, peak_dbfs=None) == "x.wav: 0.1 s, silent, 2 strings, 0 notes, limiter not needed"
+    assert line(limiter_reduction_db=0.04).endswith(", limiter not needed")
+    assert line(limiter_reduction_db=0.05).endswith(", limiter reduced peaks by up to 0.1 dB")
     assert line(limiter_reduction_db=None).endswith(", limiter off")
     assert line(output="-").startswith("standard output: ") and line(output=None, stems=["a", "b"]).startswith("a, b: ")
     lost = [{"count": 2, "reason": SILENT_KEY}, {"count": 1, "reason": "another"}]
@@ -400,7 +400,7 @@ def test_a_folder_of_stems_that_cannot_be_completed_is_taken_away(tmp_path, song
 
 
 def test_a_render_of_more_than_a_day_is_refused(tmp_path, song, engine) -> None:
-    with pytest.raises(ValueError, match=r"song\.mid: to render up to 24\.5 h is more than the 24 h that one"):
+    with pytest.raises(ValueError, match=r"song\.mid: the render would end at 24\.5 h, beyond the limit of 24 h"):
         render_file(RenderSettings(song, str(tmp_path / "x.wav"), end_s=24.5 * 3600.0))
     assert job._span(RenderSettings(song, None, end_s=24 * 3600.0), SimpleNamespace(length_s=1.0)).end == 24 * 3600 * 44100
 

@@ -245,11 +245,11 @@ def test_what_is_no_soundfont(tmp_path: Path, band: str, made: str, capfd: pytes
     for name, error, words in (
         ("none.sf2", FileNotFoundError, r"none\.sf2"),
         (".", IsADirectoryError, "is a directory; --rest needs a SoundFont"),
-        (band, ValueError, r"band\.mid: is not a SoundFont; give a file \.sf2 or \.sf3"),
+        (band, ValueError, r"band\.mid: not a SoundFont; give a \.sf2 or \.sf3 file"),
         (
             "cut.sf2",
             ValueError,
-            rf"cut\.sf2: holds 3000 of the {len(whole)} bytes of a SoundFont; give a file that is whole",
+            rf"cut\.sf2: the SoundFont is cut off \(3000 of {len(whole)} bytes\); get a complete copy",
         ),
         ("bad.sf2", ValueError, r"bad\.sf2: FluidSynth cannot read this SoundFont; give another"),
     ):

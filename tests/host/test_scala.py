@@ -109,7 +109,7 @@ def test_many_octaves_a_key_stay_numbers(write) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("12\n0\n127\n", "begins with seven numbers, 3 are there"),
+        ("12\n0\n127\n", "begins with seven numbers, got 3"),
         ("12\n0\n200\n60\n69\n440\n12\n", "the last key must be 0 to 127, got 200"),
         ("12\n0\n127\n60\n69\nloud\n12\n", "the reference frequency must be 1 to 20000 Hz, got 'loud'"),
         ("2\n0\n127\n60\n61\n440\n7\n0\nx\n", "the reference key 61 is not mapped"),
@@ -153,7 +153,7 @@ def test_the_ends_of_what_a_mapping_may_say(write) -> None:
         ("0\n0\n127\n60\n69\n20001\n12\n", "line 6: the reference frequency must be"),
         ("0\n0\n127\n60\n69\n440\n4097\n", "line 7: the octave's degree must be 0 to 4096, got 4097"),
         ("2\n0\n127\n60\n60\n440\n1\n0\n4097\n", "line 9: a degree must be 0 to 4096, got 4097"),
-        ("0\n0\n127\n60\n69\n440\n", "begins with seven numbers, 6 are there"),
+        ("0\n0\n127\n60\n69\n440\n", "begins with seven numbers, got 6"),
     ):
         with pytest.raises(ScalaError, match=problem):
             note_frequencies(scale, write("bad.kbm", text))

@@ -242,7 +242,7 @@ def test_a_server_that_ends_is_noticed_and_closing_does_not_hang(jack_server: St
             said, complaint = process.communicate(timeout=patience_s())
         finally:
             process.kill()
-        assert said.splitlines() == ["jawari: the JACK server has ended; start it and try again", "closed"]
+        assert said.splitlines() == ["jawari: the JACK server has stopped; start it and try again", "closed"]
         assert process.returncode == 0 and complaint == ""
 
 
@@ -280,7 +280,7 @@ def test_stopping_stops_the_stream_and_starting_goes_on(jack_server: StartServer
             output.close()
         assert not output.alive and output.latency_s == 0.0
         output.stop()
-        with pytest.raises(DeviceError, match="has ended"):
+        with pytest.raises(DeviceError, match="has stopped"):
             output.start()
 
 

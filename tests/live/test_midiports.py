@@ -395,7 +395,7 @@ def test_a_port_that_vanishes_lets_go_and_is_heard_again_when_it_is_back(keys: K
     keys("close", "keys")
     until(lambda: not inputs.connected, meanwhile=inputs.poll)
     assert kept.plain()[4:] == [(NOTE_OFF, 0, 60, 64), (CONTROL, 0, 64, 0)]
-    assert said[-1] == "MIDI port gone: keys:keys, what it held is let go"
+    assert said[-1] == "MIDI port gone: keys:keys, its notes were released"
     keys("open", "other")
     inputs.poll()
     assert inputs.connected == []
@@ -477,7 +477,7 @@ def test_a_server_that_ends_is_noticed_and_heard_again_when_it_is_back(jack_serv
         first.kill(signal.SIGKILL)
         sender.end()
         inputs.poll()
-        assert said[-1] == "the JACK server has ended; MIDI waits for it to come back"
+        assert said[-1] == "the JACK server has stopped; MIDI resumes when it is back"
         assert kept.plain()[1:] == [(NOTE_OFF, 0, 60, 64)]
         inputs.poll()
         second = jack_server(sync=True)

@@ -319,7 +319,7 @@ def test_devices_that_are_not_there_or_refuse(jack_server, tmp_path) -> None:
     record = ["--record", "take.wav"]
     refused(synth(server, tmp_path, "play", "--device", "organ", *record), tmp_path, "--device 'organ'", "0 system")
     refused(synth(server, tmp_path, "play", "--device", "77", *record), tmp_path, "--device '77'")
-    refused(synth(server, tmp_path, "play", "-r", "96000", *record), tmp_path, "refuses 96000 Hz", "--rate 44100")
+    refused(synth(server, tmp_path, "play", "-r", "96000", *record), tmp_path, "does not support 96000 Hz", "--rate 44100")
     refused(synth(server, tmp_path, "play", "-r", "96000", "--jack", *record), tmp_path, "44100 Hz", "--rate")
     none = synth(None, tmp_path, "play", "--jack", *record)
     refused(none, tmp_path, "no JACK server answers", "start one, like jackd -d", "without --jack")
@@ -384,7 +384,7 @@ def test_devices_are_listed(jack_server, tmp_path) -> None:
 
 WRONG = [
     (["--device", "0", "--jack"], "give one of them"),
-    (["--measure-latency", "--record", "x.wav"], "--measure-latency plays by itself"),
+    (["--measure-latency", "--record", "x.wav"], "--measure-latency plays its own notes"),
     (["--record", "x.mp3"], "must be a .wav file, got 'x.mp3'"),
     (["--block", "8"], "from 16 to 4096, got '8'"),
     (["--latency", "tiny"], "(or low or high), got 'tiny'"),
@@ -394,7 +394,7 @@ WRONG = [
     (["--cc", "74=pluck.colour"], "pluck.colour"),
     (["--map", "1"], "not CHANNEL=PRESET"),
     (["--duration", "0"], "got '0'"),
-    (["--keys"], "--keys: standard input is no terminal"),
+    (["--keys"], "--keys: standard input is not a terminal"),
 ]
 
 

@@ -117,7 +117,7 @@ def test_a_rate_that_the_server_does_not_run_at(jack_server: StartServer) -> Non
     )
     listed, rate, name, number = done.stdout.splitlines()
     assert "JACK" in listed
-    assert "refuses 48000 Hz; it takes --rate 44100" in rate
+    assert "does not support 48000 Hz; use --rate 44100" in rate
     assert "'nowhere': no such audio output; there are: " in name and "system" in name
     assert "'99': no such audio output" in number
     assert done.stderr == ""

@@ -218,7 +218,7 @@ def test_events_that_are_missing_are_said(tmp_path: Path) -> None:
     with Recorder(deck, tmp_path / "take.wav", None, RATE_HZ, say=said.append):
         deck.play(1000)
         deck.recording_lost = 7
-    assert len(said) == 1 and said[0].endswith("take.wav: the disk was too slow: 7 events are missing")
+    assert len(said) == 1 and said[0].endswith("take.wav: the disk was too slow and lost 7 events")
 
 
 def test_where_nothing_was_played_an_earlier_take_stays(tmp_path: Path) -> None:
@@ -250,7 +250,7 @@ def test_sound_that_is_lost_is_silence_and_what_follows_stands_in_its_place(tmp_
     recorded, _ = soundfile.read(tmp_path / "take.wav")
     assert np.array_equal(recorded, sound[LATENCY:])
     assert read_song(tmp_path / "take.mid", RATE_HZ).events["frame"].tolist() == [90_000, 142_000, 142_000]
-    assert len(said) == 1 and "52000 frames of sound, silent in the file are missing" in said[0]
+    assert len(said) == 1 and "lost 52000 frames of sound (silence in the file)" in said[0]
 
 
 def test_a_deck_whose_sound_is_not_taken_in_time(tmp_path: Path, monkeypatch) -> None:
@@ -325,7 +325,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path: Path) -> None
         process.kill()
         process.communicate()
     assert alive
-    assert any(re.match(r".*take\.wav: recording ends here, playing goes on", line) for line in said), said
+    assert any(re.match(r".*take\.wav: recording stopped, playing continues", line) for line in said), said
     assert "going\n" in said
     samples, _ = soundfile.read(tmp_path / "take.wav")
     assert 16_000 < len(samples) < 17_000
@@ -371,7 +371,7 @@ print(recorder.kept)
     assert (tmp_path / "take.wav").read_bytes() == b"from before"
     assert {path.name for path in tmp_path.iterdir()} == {"take.wav", "take.mid"}
     lines = done.stdout.splitlines()
-    assert "take.wav: recording ends here, playing goes on (File too large" in lines[0] and "take.wav" not in lines[-1], done
+    assert "take.wav: recording stopped, playing continues (File too large" in lines[0] and "take.wav" not in lines[-1], done
 
 
 def test_a_take_whose_disk_is_full_ends_at_an_event(tmp_path: Path) -> None:

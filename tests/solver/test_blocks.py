@@ -300,7 +300,7 @@ def test_an_unknown_width_is_refused():
         text=True,
         timeout=patience_s(),
     )
-    assert done.returncode != 0 and "JAWARI_LANES must be 2, 4 or 8, or such as 8-64" in done.stderr
+    assert done.returncode != 0 and "JAWARI_LANES must be 2, 4 or 8, or of the form 8-64" in done.stderr
 
 
 def test_what_a_force_undoes_is_asked_again():

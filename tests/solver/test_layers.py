@@ -175,5 +175,5 @@ def test_divided_steps_and_other_laws_are_refused() -> None:
     model = build(string, 8, 1e-5, [0.45], [-1e-4])
     layers = np.array([[1e4], [0.0], [1e-4]])
     for changed in ({"substeps": 2}, {"law": EXACT_HOLD + 1}):
-        with pytest.raises(ValueError, match="soft layer are exact-hold's, in whole steps"):
+        with pytest.raises(ValueError, match="soft layer need exact-hold with substeps 1"):
             model.but(layers=layers, **changed)

@@ -210,7 +210,7 @@ def test_a_precision_that_there_is_not_is_refused():
         ValueError, match=r"precision must be one of float64, float32, or None for the planned one, got 'half'"
     ):
         Engine([load_preset("tanpura")], precision="half")
-    with pytest.raises(ValueError, match="precision float32 is exact-hold's, got moreau-jean; leave one of the two out"):
+    with pytest.raises(ValueError, match="precision float32 needs scheme exact-hold, got moreau-jean; leave out one"):
         Engine([load_preset("tanpura")], precision="float32", scheme="moreau-jean")
 
 
