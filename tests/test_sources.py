@@ -36,7 +36,7 @@ def test_a_pipe_is_read_to_its_end_or_refused(tmp_path: Path) -> None:
     writer.start()
     assert read_bytes(pipe, 3, "thing") == b"abc"
     writer.join()
-    with pytest.raises(ValueError, match="pipe: is a pipe, no regular file"):  # and nobody writes to it now
+    with pytest.raises(ValueError, match="pipe: is a pipe, not a regular file"):  # and nobody writes to it now
         read_file(pipe, 3, "thing")
 
 
@@ -44,7 +44,7 @@ def test_a_link(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b"abc")
     (tmp_path / "link").symlink_to(tmp_path / "x")
     assert read_file(tmp_path / "link", 3, "thing") == b"abc"
-    with pytest.raises(ValueError, match="link: is a link, no regular file"):
+    with pytest.raises(ValueError, match="link: is a link, not a regular file"):
         read_file(tmp_path / "link", 3, "thing", follow=False)
 
 
@@ -60,7 +60,7 @@ def test_what_changes_between_two_looks(tmp_path: Path, monkeypatch: pytest.Monk
         return opened(name, flags)
 
     monkeypatch.setattr(os, "open", replaced)
-    with pytest.raises(ValueError, match="x: is a pipe, no regular file"):
+    with pytest.raises(ValueError, match="x: is a pipe, not a regular file"):
         read_file(path, 3, "thing")
 
 

@@ -256,7 +256,7 @@ def test_a_scheduler_with_certificates(
         with dask.config.set({f"distributed.comm.tls.{name}": str(pem / file) for name, file in files.items()}):
             assert len(sweeping.sweep(path, tmp_path / "configured", scheduler=address)) == 4
         other = certificates(pem / "other.pem", pem / "other.pem")
-        with pytest.raises(OSError, match=r"none answers at tls://.*check the address, the certificates"):
+        with pytest.raises(OSError, match=r"nothing answers at tls://.*check the address, the certificates"):
             clusters.Dask({}, 1, Remote(address, other), wait_s=2)
 
 

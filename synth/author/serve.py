@@ -79,7 +79,7 @@ def workspace_of(preset: str | None, folder: str | None) -> tuple[Workspace, str
     if preset is not None and (preset.endswith(SUFFIX) or Path(preset).is_file()):
         file = Path(preset)
         if file.exists() and (kind := kind_of(file.stat().st_mode)) is not None:
-            raise ValueError(f"{preset}: is {kind}, no regular file; copy what it holds into one")
+            raise ValueError(f"{preset}: is {kind}, not a regular file; copy its content into one")
         if not file.is_file():
             raise ValueError(f"preset file {preset} does not exist")
         if folder is not None and Path(folder).resolve() != file.resolve().parent:
@@ -109,7 +109,7 @@ def serve(
         try:
             listening.bind((LOOPBACK, port))
         except OSError as error:
-            raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from None
+            raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any free port") from None
         port = listening.getsockname()[1]
         opened.enter_context(workspace.alone())
         documents = Documents(workspace)

@@ -45,7 +45,7 @@ def card(recipe: Recipe, rows: Sequence[dict[str, Any]], state: dict[str, Any], 
         f"# {title}",
         "",
         *([recipe.description.strip(), ""] if recipe.description.strip() else []),
-        "Computed sound of plucked and struck strings that collide with what lies under them: "
+        "Computed sounds of plucked and struck strings that collide with the obstacles under them: "
         f"{len(good)} items, {hours:.3f} h, "
         f"{sum(row['size'] for row in good) / 1e6:.1f} MB of FLAC ({sound.channels} channel{'s' * (sound.channels > 1)}, "
         f"{sound.bit_depth} bits, {sound.rate_hz} Hz), quality `{sound.quality}`.",

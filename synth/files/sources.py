@@ -30,7 +30,7 @@ def kind_of(mode: int) -> str | None:
     """What a file of this mode is, if it is no regular file."""
     if stat.S_ISREG(mode):
         return None
-    return next((words for test, words in _KINDS if test(mode)), "no regular file")
+    return next((words for test, words in _KINDS if test(mode)), "a special file")
 
 
 def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:
@@ -62,7 +62,7 @@ def _at_most(file: BinaryIO, count: int) -> bytes:
 def _refuse(mode: int, path: str | os.PathLike[str]) -> None:
     kind = kind_of(mode)
     if kind is not None:
-        raise ValueError(f"{Path(path).name}: is {kind}, no regular file; copy what it holds into one")
+        raise ValueError(f"{Path(path).name}: is {kind}, not a regular file; copy its content into one")
 
 
 def _checked(data: bytes, name: str, most: int, what: str) -> bytes:

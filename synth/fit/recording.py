@@ -81,7 +81,7 @@ def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
         if path.is_dir():
             raise IsADirectoryError(f"{file}: is a directory; give a recording in it")
         if not path.is_file():
-            raise ValueError(f"{file}: is a device or a pipe, which cannot be searched; give a WAV or FLAC file")
+            raise ValueError(f"{file}: is a device or a pipe, in which the fit cannot seek; give a WAV or FLAC file")
     try:
         with soundfile.SoundFile(os.fsencode(file) if isinstance(file, str) and os.name != "nt" else file) as sound:
             _check_rate(sound.samplerate)
@@ -147,7 +147,7 @@ def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64
     warnings = []
     most = round(MOST_S * rate_hz)
     if len(array) > most:
-        warnings.append(f"only the first {MOST_S:g} s of {len(array) / rate_hz:.3g} s are looked at")
+        warnings.append(f"only the first {MOST_S:g} s of {len(array) / rate_hz:.3g} s are used")
         array = array[:most]
     x = np.asarray(array, dtype=np.float64)
     if not np.all(np.isfinite(x)):

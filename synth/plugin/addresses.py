@@ -70,7 +70,7 @@ class Memory:
         """
         held = array if content is None else content
         if held.nbytes != array.nbytes or not array.flags.c_contiguous:
-            raise ValueError("an array must be contiguous, and what it begins with as large")
+            raise ValueError("an array must be contiguous, and its initial content must have the same size")
         key = array.ctypes.data, array.nbytes
         if array.nbytes == 0 or key in self._known:
             return

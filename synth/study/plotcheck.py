@@ -39,7 +39,7 @@ def ending_fault(name: str) -> str | None:
 def too_many(curves: int, what: str) -> str:
     """Why so many curves are not drawn. what: what they differ in."""
     return (
-        f"{what}: {curves} curves are not told apart, at most {MOST_CURVES} are; choose rows with where, or colour by a "
+        f"{what}: {curves} curves cannot be told apart, at most {MOST_CURVES} can; choose rows with where, or colour by a "
         "column of numbers"
     )
 

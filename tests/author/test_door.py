@@ -128,7 +128,7 @@ def test_another_user_is_refused(monkeypatch: pytest.MonkeyPatch, caplog: pytest
         table = tmp_path / "tcp"
         table.write_text(rows[0] + " ".join(columns) + "\n")
         monkeypatch.setattr(door, "TABLES", (table,))
-        assert closed.opens(closed.code, client, server) == "this page is another user's"
+        assert closed.opens(closed.code, client, server) == "this page belongs to another user"
         assert "was refused" in caplog.text
         assert "not known" in str(closed.opens(closed.code, ("127.0.0.1", 1), server))
         monkeypatch.undo()

@@ -350,7 +350,7 @@ def test_two_on_one_folder(serve: Serve, folder: Path) -> None:
     doc.set("title", "Of the first")
     autosave = folder / ".mine.toml.autosave"
     until(autosave.is_file)
-    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: .*another `synth author` works in this folder"):
+    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: .*another `synth author` is using this folder"):
         Server(folder, "mine.toml")
     assert autosave.is_file() and doc.state["dirty"]
     server.end(signal.SIGKILL)  # and then it is free
@@ -533,7 +533,7 @@ def test_an_open_document_whose_file_becomes_something_else(
         before = file.lstat()
         for asked in (lambda: doc.do("save", 400, force=True), lambda: doc.do("reload", 400)):
             error = asked()["error"]
-            assert "mine.toml: is a" in error and "no regular file" in error
+            assert "mine.toml: is a" in error and "not a regular file" in error
         assert doc.do("save", 409)["reason"] == "changed-on-disk"
         assert (file.lstat().st_mode, file.lstat().st_ino) == (before.st_mode, before.st_ino)
         left = folder / ".mine.toml.autosave"
@@ -572,7 +572,7 @@ def test_an_autosave_that_is_no_file(serve: Serve, folder: Path, make: Callable[
 )
 def test_a_command_line_that_names_no_file(folder: Path, make: Callable[[Path], object], words: str) -> None:
     make(folder / "odd.toml")
-    with pytest.raises(RuntimeError, match=f"exit code 2: synth: error: odd.toml: {words}, no regular file"):
+    with pytest.raises(RuntimeError, match=f"exit code 2: synth: error: odd.toml: {words}, not a regular file"):
         Server(folder, "odd.toml")
     with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: --folder .*: there is no such directory"):
         Server(folder, "--folder", "/dev/null")

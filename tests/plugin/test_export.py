@@ -159,7 +159,10 @@ def test_installed_it_lies_where_hosts_look(export: Export) -> None:
         (["sitarr", "-f", "clap"], "preset 'sitarr' is not one of"),
         (["broken.toml", "-f", "clap"], "broken.toml"),
         (["mine.toml", "-f", "clap", "-o", "mine.toml"], "would overwrite preset mine.toml"),
-        (["tanpura", "-f", "lv2", "-o", "others"], "others: holds song.mid, which belongs to no plugin of ours"),
+        (
+            ["tanpura", "-f", "lv2", "-o", "others"],
+            "others: holds song.mid, which does not belong to a plugin of this program",
+        ),
         (["tanpura", "-f", "vst3", "-o", "mine.toml"], "is a file, and a plugin of the format vst3 is a folder"),
         (["tanpura", "-f", "clap", "-o", "others"], "others: is a directory"),
         (["tanpura", "-f", "clap", "--tuning", "none.scl"], "none.scl"),
