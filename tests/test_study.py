@@ -712,7 +712,7 @@ def test_a_colour_of_many_numbers_is_a_scale(kind: str, more: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("plot", "told"),
     [
-        ('x = "scheme"', "plot.0.x: 'scheme' is not of numbers"),
+        ('x = "scheme"', "plot.0.x: 'scheme' does not hold numbers"),
         ('x = "peek"', "plot.0.x: the table will have no 'peek' (perhaps peak?)"),
         ('x = "peak"\ncolour = "sceme"', "plot.0.colour: the table will have no 'sceme'"),
         ('x = "peak"\nwhere = { skeme = "exact-hold" }', "plot.0.where.skeme: the table will have no such column"),

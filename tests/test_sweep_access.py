@@ -266,12 +266,12 @@ def test_a_scheduler_with_certificates(
         (["--insecure"], "--insecure is for a scheduler; give --scheduler"),
         (["--tls-ca", "x"], "--tls-ca is for a scheduler; give --scheduler"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-key", "x"], "--tls-key needs --tls-ca and --tls-cert"),
-        (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "x", "--tls-cert", "{cert}"], "--tls-ca: x is no file"),
+        (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "x", "--tls-cert", "{cert}"], "--tls-ca: x is not a file"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "{text}", "--tls-cert", "{both}"], "{text} has no certificate"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{cert}"], "--tls-cert: {cert} have no"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{cert}", "--tls-key", "{other}"],
          "--tls-cert, --tls-key: {cert} and {other} have no certificate and its key"),
-        (["--scheduler", "tcp://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{both}"], "begin with tls://, got tcp"),
+        (["--scheduler", "tcp://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{both}"], "begins with tls://, got tcp"),
     ],
 )  # fmt: skip
 def test_certificates_that_cannot_be_taken_are_named(

@@ -64,7 +64,7 @@ def card(recipe: Recipe, rows: Sequence[dict[str, Any]], state: dict[str, Any], 
             ),
         ),
         "",
-        f"Groups are what has the same {', '.join(f'`{key}`' for key in recipe.split.group_by)}; "
+        f"Groups are items with the same {', '.join(f'`{key}`' for key in recipe.split.group_by)}; "
         f"{shared} groups are in two splits.",
         "",
         "## What is played",
@@ -138,7 +138,7 @@ def _level(recipe: Recipe, rows: Sequence[dict[str, Any]]) -> str:
         how = f"Each item has a peak of {level.normalize_dbfs:g} dBFS"
     return (
         f"{how}; {lowered} would have gone beyond {level.ceiling_dbfs:g} dBFS and were lowered to it (`lowered`). "
-        "Nothing is clipped; `gain_db` says what was added."
+        "Nothing is clipped; `gain_db` is the gain that was applied."
     )
 
 

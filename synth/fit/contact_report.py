@@ -84,7 +84,7 @@ def facts(fit: ContactFit) -> list[list[str]]:
             found.append([f"Amplitude{which}", said, "assuming one height for all notes"])
         found.append(
             [
-                f"Left{which}",
+                f"Residual{which}",
                 f"{note.spread_db:.1f} dB rms, loss {note.loss:.3f}",
                 "difference between recording and model, over all bands",
             ]

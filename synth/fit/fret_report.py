@@ -43,8 +43,12 @@ def facts(fit: FretFit) -> list[list[str]]:
     percent = 100.0 * AMPLITUDE_KNOWN
     found = [
         ["Action", f"{fit.action_mm:.3f} ± {fit.half_mm:.3f} mm", f"open string over fret {fit.counted_at}"],
-        ["of it the fit", f"± {fit.fit_half_mm:.3f} mm", "without the uncertainty of the amplitudes"],
-        ["for each percent", f"{fit.valley_mm:.3f} mm", f"of all amplitudes; ± {percent:g} % are in the interval"],
+        ["Interval of the fit", f"± {fit.fit_half_mm:.3f} mm", "without the uncertainty of the amplitudes"],
+        [
+            "Change per percent",
+            f"{fit.valley_mm:.3f} mm",
+            f"of all amplitudes; ± {percent:g} % are included in the interval",
+        ],
         ["Bracket", f"{fit.low_mm:.2f} to {fit.high_mm:.2f} mm", "judging only by which strokes touch"],
         ["Plucked at", f"{fit.position:.4f} of L", "as given" if fit.position_known else "from the softest stroke"],
     ]

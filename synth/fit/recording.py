@@ -177,7 +177,7 @@ def refuse_slow(x: NDArray[np.float64], rate_hz: float) -> None:
     hz = top * rate_hz / (2 * x.size)
     if hz < 0.75 * LOWEST_HZ and tone > 0.8 * power.sum() and top >= width:
         raise FitRefused(
-            f"what sounds lies at {hz:.3g} Hz, below the pitches that can be fitted, {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz; "
+            f"the sound lies at {hz:.3g} Hz, below the pitches that can be fitted, {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz; "
             "check the sample rate, or record a plucked string"
         )
 

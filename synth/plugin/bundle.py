@@ -33,7 +33,7 @@ def require_system() -> None:
     """ValueError where plugins cannot be made: so far they are for Linux on x86-64."""
     if not (sys.platform.startswith("linux") and platform.machine() in ("x86_64", "AMD64")):
         raise ValueError(
-            f"plugins are made on and for Linux on x86-64, and this is {platform.system()} on {platform.machine()}: "
+            f"plugins can be made only on Linux on x86-64, and this is {platform.system()} on {platform.machine()}: "
             "`synth render` and `synth play` work here"
         )
 

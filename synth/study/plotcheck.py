@@ -56,7 +56,7 @@ def _faults(plot: PlotTable, study: Study, rows: list[dict[str, Any]]) -> Iterat
         if columns is not None and name not in columns:
             yield f"{key}: the table will have no {name!r}{perhaps(name, columns)}; it has {', '.join(columns)}"
         elif key in ("x", "y") and name in parameters and not _are_numbers([row.get(name) for row in rows]):
-            yield f"{key}: {name!r} is not of numbers; take another column"
+            yield f"{key}: {name!r} does not hold numbers; choose another column"
     for name in plot.where:
         if columns is not None and name not in columns:
             yield f"where.{name}: the table will have no such column{perhaps(name, columns)}"

@@ -111,7 +111,7 @@ def test_a_contact_fit_is_cancelled(server: Server) -> None:
     until(lambda: doc.server.get(f"/api/jobs/{job}")["progress"] > 0.0)
     assert server.client.delete(f"/api/jobs/{job}").status_code == 200
     assert ended(doc, job)["state"] == "cancelled"
-    assert "fitted nothing" in doc.do("apply-fit", 409, job=job)["error"]
+    assert "no fit to apply" in doc.do("apply-fit", 409, job=job)["error"]
 
 
 @pytest.mark.parametrize(

@@ -154,7 +154,7 @@ def test_installed_it_lies_where_hosts_look(export: Export) -> None:
         (["tanpura", "-f", "vst3", "-o", "x.clap"], "ends like clap, and --format is vst3"),
         (["tanpura", "-f", "all", "-o", "x.clap"], "a name without an ending"),
         (["tanpura", "-f", "clap", "--rates", "44100,many"], "--rates: must be sample rates from 8000 to 384000 Hz"),
-        (["tanpura", "-f", "clap", "--name", "My Tanpura"], "small letters, digits and hyphens"),
+        (["tanpura", "-f", "clap", "--name", "My Tanpura"], "lower-case letters, digits and hyphens"),
         (["tanpura", "-f", "clap", "-o", "nowhere/x.clap"], "there is no directory nowhere"),
         (["sitarr", "-f", "clap"], "preset 'sitarr' is not one of"),
         (["broken.toml", "-f", "clap"], "broken.toml"),
@@ -219,7 +219,7 @@ def test_names_of_any_letters(export: Export) -> None:
 def test_where_plugins_are_not_made_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("platform.machine", lambda: "arm64")
     monkeypatch.setattr("platform.system", lambda: "Darwin")
-    with pytest.raises(ValueError, match="for Linux on x86-64, and this is Darwin on arm64"):
+    with pytest.raises(ValueError, match="only on Linux on x86-64, and this is Darwin on arm64"):
         bundle.require_system()
 
 
