@@ -130,7 +130,7 @@ def test_another_user_is_refused(monkeypatch: pytest.MonkeyPatch, caplog: pytest
         monkeypatch.setattr(door, "TABLES", (table,))
         assert closed.opens(closed.code, client, server) == "this page belongs to another user"
         assert "was refused" in caplog.text
-        assert "not known" in str(closed.opens(closed.code, ("127.0.0.1", 1), server))
+        assert "is unknown" in str(closed.opens(closed.code, ("127.0.0.1", 1), server))
         monkeypatch.undo()
         assert closed.opens("", client, server) and closed.opens(closed.code + "x", client, server)
         assert closed.opens("é\udcff", client, server)

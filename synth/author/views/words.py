@@ -371,7 +371,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "jiva_um": Words(
             "Thread (jiva)",
             "How high the thread lifts the string off the bridge. At 0 the string rests on it and buzzes most; at "
-            "a few µm the contact opens and closes every period; beyond 20 only hard plucks touch; below 0 the "
+            "a few µm the contact opens and closes every period; above 20 only hard plucks touch; below 0 the "
             "string is pressed down and the buzz dies.",
             "µm",
             (0.0, 30.0),
