@@ -49,8 +49,8 @@ def main() -> int:
     )
     parser.add_argument("--short", action="store_true", help="fewer rounds, settings and notes")
     parser.add_argument("--only", metavar="WORD", help="benchmarks with the word in their name (as pytest's -k)")
-    parser.add_argument("--against", metavar="COMMIT", help="what that commit takes, measured in turn with this tree")
-    parser.add_argument("--record", action="store_true", help="also put the figures into bench/history.jsonl")
+    parser.add_argument("--against", metavar="COMMIT", help="also measure that commit, in turn with this tree")
+    parser.add_argument("--record", action="store_true", help="also append the figures to bench/history.jsonl")
     parser.add_argument(
         "--publish",
         action="store_true",
@@ -60,9 +60,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, metavar="DIR", help="default out/bench")
     options = parser.parse_args()
     if options.publish and (options.short or options.only):
-        parser.error("--publish is for a whole run: leave out --short and --only, or take --record, then --pages")
+        parser.error("--publish needs a whole run: leave out --short and --only, or take --record, then --pages")
     if options.record and options.short:
-        parser.error("--record is for all rounds: leave out --short")
+        parser.error("--record needs all rounds: leave out --short")
     if options.pages and (options.publish or options.record or options.short or options.only or options.against):
         parser.error("--pages measures nothing: leave out the other options")
     try:

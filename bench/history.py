@@ -88,7 +88,7 @@ def read(path: Path = HISTORY) -> list[Run]:
         try:
             runs.append(_run(line))
         except ValueError as error:
-            raise ValueError(f"{path}, line {number}: {error}; mend the line, or take it from git again") from None
+            raise ValueError(f"{path}, line {number}: {error}; correct the line, or restore it from git") from None
     return runs
 
 

@@ -83,7 +83,7 @@ _BASS = Line(
 )
 _MANY = Line("64 tanpura strings at `standard`, all sounding and touching, 1 core", ("many-strings/1",), "×")
 _BASSLINE = Line(
-    "worst block of a bass line, 64, 128 and 256 frames, part of its time", tuple(f"block/bassline/{f}" for f in FRAMES)
+    "worst block of a bass line, 64, 128 and 256 frames, share of its time", tuple(f"block/bassline/{f}" for f in FRAMES)
 )
 TARGETS = (
     _TANPURA,
@@ -92,11 +92,11 @@ TARGETS = (
         ("tanpura-kernel/by the plain loop", "tanpura-kernel/by the naive loop"), "×",
     ),
     Line(
-        "times that the block kernel is faster than the one-step kernel, one contact, 137 modes; 1001 modes",
+        "speed-up of the block kernel over the one-step kernel, one contact, 137 modes; 1001 modes",
         ("several-steps/press_blocks/137", "several-steps/press_blocks/1001"),
     ),
     Line(
-        "free flight with output, part of the machine's peak of multiply-adds, 137 modes; 1001 modes",
+        "free flight with output, share of the machine's peak multiply-add rate, 137 modes; 1001 modes",
         ("free-flight/137", "free-flight/1001"),
     ),
     Line(
@@ -112,14 +112,14 @@ TARGETS = (
     _MANY,
     Line("the same, 2 cores", ("many-strings/2",), "×"),
     Line(
-        "their worst block of 128 frames, part of its time, 1 core; 2 cores",
+        "worst block of these strings, 128 frames, share of its time, 1 core; 2 cores",
         ("many-strings/1/block-128", "many-strings/2/block-128"),
     ),
     Line(
-        "many notes at once, part of cores × the bare engine, jawari-harp on 1 core, 2 cores; fretted-bass likewise",
+        "many notes at once, share of cores × the bare engine, jawari-harp on 1 core, 2 cores; fretted-bass likewise",
         tuple(f"batch/{preset}/{threads}" for preset in ("jawari-harp", "fretted-bass") for threads in (1, 2)),
     ),
-    Line("last second of a 60 s decay, mode-steps, part of the first second's", ("decay/tanpura/C2/standard/mode-steps",)),
+    Line("last second of a 60 s decay, mode-steps, share of the first second's", ("decay/tanpura/C2/standard/mode-steps",)),
 )  # fmt: skip
 BLOCKS = tuple(Line(what, tuple(f"block/{scene}/{frames}" for frames in FRAMES)) for scene, what in SCENES.items())
 OF_NOTES = tuple(
@@ -225,7 +225,7 @@ def parts(runs: Sequence[Run]) -> dict[Path, dict[str, str]]:
         SPEED: {
             "machine": _machines(some),
             "targets": _rows(TARGETS, some, "what (×: times real time)", True),
-            "blocks": _rows(BLOCKS, some, "worst block, part of its time, one core; 64, 128 and 256 frames", False),
+            "blocks": _rows(BLOCKS, some, "worst block, share of its time, one core; 64, 128 and 256 frames", False),
             "notes": _rows(OF_NOTES, some, "× real time of one string, from the pluck on", False),
         },
         README: {"speed": _short(newest_whole(runs))},

@@ -83,7 +83,7 @@ GOOD = json.loads(run_of(XEON, "aaa", tanpura_kernel=1314.0).line())
 def test_a_line_that_is_none_is_named(tmp_path: Path, line: str, said: str) -> None:
     path = tmp_path / "history.jsonl"
     path.write_text(f"{json.dumps(GOOD)}\n{line}\n", encoding="utf-8")
-    with pytest.raises(ValueError, match="mend the line, or take it from git again") as caught:
+    with pytest.raises(ValueError, match="correct the line, or restore it from git") as caught:
         history.read(path)
     assert str(caught.value).startswith(f"{path}, line 2: ") and said in str(caught.value)
 
@@ -242,9 +242,9 @@ def test_a_machine_is_what_the_system_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--publish", "--only", "peak"], "--publish is for a whole run"),
-        (["--publish", "--short"], "--publish is for a whole run"),
-        (["--record", "--short"], "--record is for all rounds"),
+        (["--publish", "--only", "peak"], "--publish needs a whole run"),
+        (["--publish", "--short"], "--publish needs a whole run"),
+        (["--record", "--short"], "--record needs all rounds"),
         (["--pages", "--record"], "--pages measures nothing"),
     ],
 )

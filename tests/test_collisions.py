@@ -137,7 +137,7 @@ def test_the_horizon_is_when_they_part():
         (lambda u: 1e6 * u, "µm for m"),
         (lambda u: u / 1000, "divided by 1000"),
         (lambda u: 3 * u, "3 times the reference"),
-        (lambda u: -u, "the sign is turned"),
+        (lambda u: -u, "the sign is reversed"),
         (lambda u: np.concatenate([np.full(7, u[0]), u[:-7]]), "7 samples of the reference too late"),
         (lambda u: np.concatenate([u[5:], np.zeros(5)]), "5 samples of the reference too early"),
         (np.zeros_like, "zero throughout"),
@@ -164,7 +164,7 @@ def test_a_run_that_ends_early_is_scored_as_far_as_it_goes():
     reference = scene.reference("tanpura")
     found = scored(copy("tanpura", u=reference.u[:20_000]), "tanpura")
     assert found.e == [0.0, 0.0, None] and found.lsd_db is None
-    assert "ends before the scene does" in report.of_scores([found])
+    assert "ends before the end of the scene" in report.of_scores([found])
     # the last instant may be left out, as ranges do
     assert scored(copy(u=scene.reference(NAME).u[:-1])).e == [0.0, 0.0]
 

@@ -197,7 +197,7 @@ def _odd() -> Iterator[Cell]:
         yield Cell("simulate", "odd names", ["simulate", "-onone.npz", "--", "none-" + toml[-200:]], 2, "")
     name = ODD["unicode"] + ".toml"
     yield Cell("author", "odd names", ["author", name, "--no-browser"], 0, "http://")
-    yield Cell("author", "odd names", ["author", ODD["not UTF-8"] + ".toml", "--no-browser"], 2, "is no name for")
+    yield Cell("author", "odd names", ["author", ODD["not UTF-8"] + ".toml", "--no-browser"], 2, "is not a valid name")
     # an encoding that knows few letters is no reason to fail
     ascii_only = {"how": {"encoding": "ascii"}}
     yield Cell("render", "odd names", RENDER, 0, r"\\xd7 real time", ("out.wav",), **ascii_only)

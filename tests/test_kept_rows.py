@@ -61,5 +61,5 @@ def test_rows_depend_on_the_rooms_that_their_study_names() -> None:
     wrong["base"] |= {"rooms": ["cellar"]}
     with pytest.raises(StudyError, match=r"base\.rooms: synth has no room 'cellar'"):
         Addresses(read_study(wrong)[0], folder)
-    with pytest.raises(StudyError, match="rooms says what a function's rows depend on"):
+    with pytest.raises(StudyError, match="rooms tells which modules a function's rows depend on"):
         read_study({"base": {"case": "bass", "rooms": ["dsp"]}, "measures": ["rms"]})

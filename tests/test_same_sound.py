@@ -127,7 +127,7 @@ def test_what_fails_is_different_and_what_base_does_not_know_is_new(tmp_path: Pa
         return Answer({"name": "scene"}, came, words, 0.0, path)
 
     assert judged(answer(DONE), answer(DONE)) == (EQUAL, "", ())
-    assert judged(answer(UNKNOWN, "no preset 'lute'"), answer(DONE)) == (NEW, "BASE does not know it: no preset 'lute'", ())
+    assert judged(answer(UNKNOWN, "no preset 'lute'"), answer(DONE)) == (NEW, "BASE does not have it: no preset 'lute'", ())
     for then, now in ((DONE, FAILED), (FAILED, DONE), (DONE, UNKNOWN), (UNKNOWN, UNKNOWN), (FAILED, FAILED)):
         verdict, words, _ = judged(answer(then, "why"), answer(now, "why"))
         assert verdict == DIFFERS and "why" in words

@@ -163,7 +163,7 @@ def test_a_reference_follows_what_is_asked_and_not_how() -> None:
         ({"grid": {"x": 3}}, "grid.x: "),
         ({"grid": {"x": [1, 1]}}, "grid.x has 1 twice"),
         ({"zip": {"a": [1, 2], "b": [1]}}, "lists of one length, got a 2, b 1"),
-        ({"grid": {"modes": [1]}, "set": {"run.modes": 2}}, "say the same"),
+        ({"grid": {"modes": [1]}, "set": {"run.modes": 2}}, "set the same parameter"),
         ({"measures": ["loudnes"]}, "no measure 'loudnes'"),
         ({"measures": ["e"]}, "e compares with a reference"),
         ({"measures": [{"measure": "peak", "options": {"side": 1}}]}, "has no option 'side'; it has output"),
@@ -171,7 +171,7 @@ def test_a_reference_follows_what_is_asked_and_not_how() -> None:
         ({"base": {}}, "base: missing"),
         ({"base": {"case": "tanpura", "preset": "tanpura"}}, "give one of case, preset and call"),
         ({"colour": "red"}, "colour: no such key"),
-        ({"draw": {"count": 4, "seed": 1, "parameters": {"x": {"uniform": [2, 1]}}}}, "from less to more"),
+        ({"draw": {"count": 4, "seed": 1, "parameters": {"x": {"uniform": [2, 1]}}}}, "must rise"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_key(change: dict[str, Any], told: str) -> None:
@@ -257,7 +257,7 @@ def test_a_changed_study_computes_what_is_new_and_keeps_the_old(place: Path, tmp
     told: list[str] = []
     sweeping.sweep(study, tmp_path / "s", workers=0, prune=True, say=told.append)
     assert len(list(sweeping.read_rows(tmp_path / "s"))) == 2 and told == [
-        f"2 rows that are not asked for left {tmp_path / 's'}"
+        f"removed from {tmp_path / 's'}: 2 rows that the study does not ask for"
     ]
 
 
@@ -272,14 +272,14 @@ def test_another_program_computes_anew_and_says_so(place: Path, tmp_path: Path, 
     sweeping.sweep(study, tmp_path / "s", workers=0, say=told.append, told=counts.append)
     assert counts[-1].computed == 2 and "2 rows" in told[0] and "another version" in told[0]
     monkeypatch.setattr("synth.study.work.running.versions", lambda: versions | {"numpy": "other"})
-    with pytest.raises(ValueError, match=r"a worker computes with another program: .* has numpy other instead of"):
+    with pytest.raises(ValueError, match=r"a worker runs other versions: .* has numpy other instead of"):
         sweeping.sweep(called("nap", [7], base={"set": {"seconds": 0}}), tmp_path / "s", workers=0)
 
 
 def test_two_at_one_folder_and_folders_of_others(place: Path, tmp_path: Path) -> None:
     study = called("nap", [1], base={"set": {"seconds": 0}})
     with Folder(tmp_path / "s"):
-        with pytest.raises(BlockingIOError, match=rf"s: process {os.getpid()} on .* is at work there; wait for it"):
+        with pytest.raises(BlockingIOError, match=rf"s: process {os.getpid()} on .* is working there; wait for it"):
             sweeping.sweep(study, tmp_path / "s", workers=0)
     sweeping.sweep(study, tmp_path / "s", workers=0)
     (tmp_path / "other").mkdir()
@@ -458,7 +458,7 @@ def test_an_interrupted_sweep_keeps_what_it_has(tmp_path: Path) -> None:
 def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
     from synth.study import clusters
 
-    with pytest.raises(OSError, match=r"--scheduler: none answers at tcp://127.0.0.1:9"):
+    with pytest.raises(OSError, match=r"--scheduler: nothing answers at tcp://127.0.0.1:9"):
         clusters.Dask({}, 1, Remote("tcp://127.0.0.1:9"), wait_s=2)
 
 
@@ -487,10 +487,10 @@ def test_an_edit_reaches_what_a_process_has_loaded(tmp_path: Path, monkeypatch: 
     (tmp_path / "d.txt").write_text("b")
     assert found() == [4, 5, "b", "b"]
     told = running.prepare(begun)
-    assert isinstance(told, running.Stale) and "edited_rows.py than the study was begun with" in told
+    assert isinstance(told, running.Stale) and "edited_rows.py than the study was started with" in told
     opened = sweeping.open_study(study)
     opened.addresses.head.update(begun)
-    with pytest.raises(OSError, match=r"a worker .* has another .*edited_.*\.py than the study was begun with"):
+    with pytest.raises(OSError, match=r"a worker .* has another .*edited_.*\.py than the study was started with"):
         sweeping.conduct(opened, tmp_path / "t", 0, None)
     opened = sweeping.open_study(study)
     (tmp_path / "edited_help.py").unlink()
@@ -549,7 +549,7 @@ def test_what_a_function_returns_ruins_no_folder(tmp_path: Path, monkeypatch: py
     sweeping.sweep(study, tmp_path / "s", workers=0, told=counts.append)
     assert counts[-1].computed == 0
     for name in ("key", "time.x"):
-        with pytest.raises(StudyError, match=f"parameter '{name}': rows have a column of this name already"):
+        with pytest.raises(StudyError, match=f"parameter '{name}': rows already have a column of this name"):
             read_study({"base": {"call": "a:b"}, "grid": {name: [1]}})
     assert columns.rows_of(columns.table([{"a": 10**400}, {"a": 1}])) == [{"a": 10**400}, {"a": 1}]
 
@@ -712,13 +712,13 @@ def test_a_colour_of_many_numbers_is_a_scale(kind: str, more: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("plot", "told"),
     [
-        ('x = "scheme"', "plot.0.x: 'scheme' is not of numbers"),
+        ('x = "scheme"', "plot.0.x: 'scheme' does not hold numbers"),
         ('x = "peek"', "plot.0.x: the table will have no 'peek' (perhaps peak?)"),
         ('x = "peak"\ncolour = "sceme"', "plot.0.colour: the table will have no 'sceme'"),
         ('x = "peak"\nwhere = { skeme = "exact-hold" }', "plot.0.where.skeme: the table will have no such column"),
         ('x = "peak"\nfile = "a.jpg"', "plot.0.file: must end in .png, .svg or .pdf, got 'a.jpg'"),
-        ('x = "peak"\nmarker = "initial.displacement_m"', "plot.0.marker: 60 curves are not told apart, at most 40"),
-        ('x = "peak"\ncolour = "scheme"\nmarker = "initial.displacement_m"', "plot.0.colour: 120 curves are not told"),
+        ('x = "peak"\nmarker = "initial.displacement_m"', "plot.0.marker: 60 curves cannot be told apart, at most 40"),
+        ('x = "peak"\ncolour = "scheme"\nmarker = "initial.displacement_m"', "plot.0.colour: 120 curves cannot be told"),
     ],
 )
 def test_pictures_that_cannot_be_drawn_are_refused_before_a_row(

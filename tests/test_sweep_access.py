@@ -256,7 +256,7 @@ def test_a_scheduler_with_certificates(
         with dask.config.set({f"distributed.comm.tls.{name}": str(pem / file) for name, file in files.items()}):
             assert len(sweeping.sweep(path, tmp_path / "configured", scheduler=address)) == 4
         other = certificates(pem / "other.pem", pem / "other.pem")
-        with pytest.raises(OSError, match=r"none answers at tls://.*check the address, the certificates"):
+        with pytest.raises(OSError, match=r"nothing answers at tls://.*check the address, the certificates"):
             clusters.Dask({}, 1, Remote(address, other), wait_s=2)
 
 
@@ -266,12 +266,12 @@ def test_a_scheduler_with_certificates(
         (["--insecure"], "--insecure is for a scheduler; give --scheduler"),
         (["--tls-ca", "x"], "--tls-ca is for a scheduler; give --scheduler"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-key", "x"], "--tls-key needs --tls-ca and --tls-cert"),
-        (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "x", "--tls-cert", "{cert}"], "--tls-ca: x is no file"),
+        (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "x", "--tls-cert", "{cert}"], "--tls-ca: x is not a file"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "{text}", "--tls-cert", "{both}"], "{text} has no certificate"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{cert}"], "--tls-cert: {cert} have no"),
         (["--scheduler", "tls://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{cert}", "--tls-key", "{other}"],
          "--tls-cert, --tls-key: {cert} and {other} have no certificate and its key"),
-        (["--scheduler", "tcp://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{both}"], "begin with tls://, got tcp"),
+        (["--scheduler", "tcp://127.0.0.1:1", "--tls-ca", "{cert}", "--tls-cert", "{both}"], "begins with tls://, got tcp"),
     ],
 )  # fmt: skip
 def test_certificates_that_cannot_be_taken_are_named(

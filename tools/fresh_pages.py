@@ -262,6 +262,6 @@ def follow_fresh(quick: bool, only: str = "") -> Iterator[tuple[str, str | None]
     try:
         for command in dict.fromkeys(each for page in PAGES for each in commands(page.read_text("utf-8"))):
             if only in command:
-                yield command, fresh.run(command) if command in WAYS else "tools/fresh_pages.py does not say how it is run"
+                yield command, fresh.run(command) if command in WAYS else "tools/fresh_pages.py has no rule for running it"
     finally:
         fresh.close()

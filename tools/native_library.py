@@ -24,10 +24,12 @@ NOT_SANITIZED = ("--ignore=tests/plugin/test_library.py", "--deselect=tests/plug
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="tools/native", description="builds and tries the native library")
+    parser = argparse.ArgumentParser(prog="tools/native", description="Builds and tests the native library.")
     parser.add_argument("folder", nargs="?", type=Path, help="where to put the library")
-    parser.add_argument("--sanitize", action="store_true", help="run the tests of plugins with a C part that is watched")
-    parser.add_argument("--time", action="store_true", help="say how long it takes to build, to load and to take up a state")
+    parser.add_argument(
+        "--sanitize", action="store_true", help="run the plugin tests with address and undefined-behaviour sanitizers"
+    )
+    parser.add_argument("--time", action="store_true", help="print the time to build, to load and to restore a state")
     parser.add_argument("--aarch64", action="store_true", help="play with kernels for AArch64, under qemu (needs ziglang)")
     given, more = parser.parse_known_args()
     from synth.plugin.library import build

@@ -46,32 +46,36 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("list", help="the scenes")
     scoring = commands.add_parser("score", help="score runs: plain .npz files of displacement")
     scoring.add_argument("runs", nargs="+", type=Path, metavar="RUN.npz")
-    scoring.add_argument("--scene", metavar="NAME", help="of runs that do not say of which scene they are")
-    scoring.add_argument("--blind", type=Path, metavar="DIR", help="runs of the blind scenes of this folder")
-    scoring.add_argument("--json", type=Path, metavar="FILE", help="write every figure there")
-    scoring.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables there; they are printed anyway")
-    scoring.add_argument("--entry", type=Path, metavar="FILE", help="write a file of scores to be sent, with what follows")
-    scoring.add_argument("--name", default="", metavar="WORDS", help="of an entry: the solver")
-    scoring.add_argument("--made-by", default="", metavar="WORDS", help="of an entry: who ran it")
+    scoring.add_argument("--scene", metavar="NAME", help="scene of runs that do not name theirs")
+    scoring.add_argument("--blind", type=Path, metavar="DIR", help="score runs of the blind scenes in this folder")
+    scoring.add_argument("--json", type=Path, metavar="FILE", help="write all figures to this file")
     scoring.add_argument(
-        "--source", default="", metavar="WORDS", help="of an entry: where solver and settings are to be found"
+        "--markdown", type=Path, metavar="FILE", help="write the tables to this file, too; they are always printed"
     )
-    scoring.add_argument("--machine", default="", metavar="WORDS", help="of an entry: the processor that the cost is of")
+    scoring.add_argument(
+        "--entry", type=Path, metavar="FILE", help="write a file of scores to submit, described by the options below"
+    )
+    scoring.add_argument("--name", default="", metavar="WORDS", help="for --entry: name of the solver")
+    scoring.add_argument("--made-by", default="", metavar="WORDS", help="for --entry: who ran it")
+    scoring.add_argument("--source", default="", metavar="WORDS", help="for --entry: where to find solver and settings")
+    scoring.add_argument(
+        "--machine", default="", metavar="WORDS", help="for --entry: the processor on which the cost was measured"
+    )
     making = commands.add_parser("references", help="make references again")
     making.add_argument("scenes", nargs="*", metavar="SCENE")
     drawing = commands.add_parser("blind", help="draw blind scenes into a new folder: scenes/, references/, manifest.json")
     drawing.add_argument("folder", type=Path, metavar="DIR")
     drawing.add_argument("--seed", type=int, required=True, metavar="N", help="the same seed draws the same scenes")
     drawing.add_argument("--scenes", type=int, default=5, metavar="K", help="how many scenes (default 5)")
-    running = commands.add_parser("run", help="entries of this program's schemes")
+    running = commands.add_parser("run", help="run this program's schemes and write their entries")
     running.add_argument("scenes", nargs="*", metavar="SCENE")
     theirs = commands.add_parser("siconos", help="score the runs of Siconos in JAWARI_REFERENCE")
     for each in (running, theirs):
         each.add_argument(
-            "--rounds", type=int, default=2, metavar="N", help="so many timings more of everything (default 2)"
+            "--rounds", type=int, default=2, metavar="N", help="number of further timings of every run (default 2)"
         )
         each.add_argument("--budget", type=float, default=10.0, metavar="SEC", help="longest run (default 10 s)")
-        each.add_argument("--out", type=Path, default=entries.ENTRIES, metavar="DIR", help="where files of scores are")
+        each.add_argument("--out", type=Path, default=entries.ENTRIES, metavar="DIR", help="folder of the files of scores")
     commands.add_parser("page", help="write the tables of docs/collisions.md")
     return parser
 
@@ -103,7 +107,7 @@ def scored(options: argparse.Namespace) -> int:
         head = {"name": options.name, "made_by": options.made_by, "source": options.source, "machine": options.machine}
         missing = [f"--{key.replace('_', '-')}" for key, value in head.items() if not value.strip()]
         if missing:
-            raise ContestError(f"--entry: an entry says what it is of; give {', '.join(missing)}")
+            raise ContestError(f"--entry: an entry needs a description; give {', '.join(missing)}")
         for each in found:
             if "scheme" not in each.run.words:
                 raise ContestError(f"{each.run.path}: has no 'scheme', the words of its row in the table; write it")

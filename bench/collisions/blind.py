@@ -78,7 +78,7 @@ def draw(folder: Path, seed: int, count: int, out: Path, say: Callable[[str], No
                 break
         if kept < count:
             raise ContestError(
-                f"{folder}: only {kept} of {_DRAWS * count} draws have a reference that stands; try another --seed"
+                f"{folder}: only {kept} of {_DRAWS * count} draws have a reliable reference; try another --seed"
             )
         references.seal(made)
         if folder.is_dir():
@@ -90,7 +90,7 @@ def _fault(record: dict[str, Any]) -> str:
     """Why a scene cannot be judged by its reference; empty where it can."""
     own, other = record["uncertainty"][0], record["confirmed"][0]
     if own > STANDS:
-        return f"its reference stands to {own:.2g} only"
+        return f"the uncertainty of its reference is {own:.2g}"
     if other is None or other > STANDS:
         return f"another method differs from its reference by {'NaN' if other is None else format(other, '.2g')}"
     return "" if record["impulse_n_s"] else "the string touches nothing"

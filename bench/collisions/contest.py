@@ -59,7 +59,7 @@ def ways_of(found: dict[str, Any]) -> list[Way | Kicks | tuple[str, str]]:
         reason = "holds the string on rigid points; the board is elastic"
         chosen += [(name, reason) for name in ("exact-hold", "Moreau–Jean, printed", "Moreau–Jean, filtered")]
     elif finite:
-        reason = "stands for modes that are left out; here none are"
+        reason = "represents modes left out of the computation; here there are none"
         chosen += [("exact-hold + lumped tail", reason), ("exact-hold + R", reason)]
     else:
         add("exact-hold", few if wall else _FACTORS)
@@ -78,11 +78,11 @@ def ways_of(found: dict[str, Any]) -> list[Way | Kicks | tuple[str, str]]:
         pairs = ((2, 127), (4, 255), (8, 511), (16, 511), (32, 1023)) if elastic else ((1, 255), (2, 511), (4, 1023))
         chosen += [way("wall", factor, modes, restitution=1.0) for factor, modes in pairs]
     else:
-        chosen.append(("wall", "knows a wall, not points"))
+        chosen.append(("wall", "computes strings over a wall, not over points"))
     ideal = found["bending_stiffness_n_m2"] == 0.0 and not wall
-    chosen += [way("waveguide", 4, 10)] if ideal else [("waveguide", "knows an ideal string over points")]
+    chosen += [way("waveguide", 4, 10)] if ideal else [("waveguide", "computes only ideal strings over points")]
     for closed in ("cabannes", "flat-wall"):
-        chosen.append((closed, "is the reference" if found["name"] == closed else "is the closed form of one scene"))
+        chosen.append((closed, "is the reference" if found["name"] == closed else "is the closed form of another scene"))
     chosen += [Kicks(factor, 255 if wall else _modes_below_half(found, factor)) for factor in _KICKS_AT]
     return chosen
 
@@ -126,7 +126,7 @@ def entered(
         if label in refused:
             continue
         if label in last and last[label][0] * steps / last[label][1] > budget_s:
-            say(f"{name}: {label}, {one.factor} steps a sample: over the budget of {budget_s:g} s, left out")
+            say(f"{name}: {label}, {one.factor} steps a sample: left out, over the budget of {budget_s:g} s")
             continue
         about = {
             "solver": "NumPy" if isinstance(one, Kicks) else "jawari",

@@ -28,7 +28,7 @@ def checked(path: Path, found: Any) -> dict[str, Any]:
             raise ContestError(f"{path}: {key!r} must be {kind.__name__}, got {found.get(key)!r:.40}")
     if found["benchmark"] != VERSION:
         raise ContestError(
-            f"{path}: is of version {found['benchmark']} of the benchmark, this is {VERSION}; score the runs anew"
+            f"{path}: is of version {found['benchmark']} of the benchmark, this is {VERSION}; score the runs again"
         )
     known = {*names(), *outside_names()}
     for number, record in enumerate(found["scores"], 1):
@@ -37,7 +37,7 @@ def checked(path: Path, found: Any) -> dict[str, Any]:
             scene = record.get("scene") if isinstance(record, dict) else record
             raise ContestError(f"{where}: 'scene' must be one of {', '.join(sorted(known))}, got {scene!r:.40}")
         if not isinstance(record.get("scheme"), str):
-            raise ContestError(f"{where}: 'scheme' must say by which scheme, got {record.get('scheme')!r:.40}")
+            raise ContestError(f"{where}: 'scheme' must name the scheme, got {record.get('scheme')!r:.40}")
         for key in ORIGIN:
             if not isinstance(record.get(key, ""), str):
                 raise ContestError(f"{where}: {key!r} must be str, got {record[key]!r:.40}; leave it out or name it")

@@ -52,8 +52,8 @@ def scorer_table() -> str:
     head += [f"the motion itself at {ratio * 44.1:.4g}/44.1" for ratio in ratios]
     words = (
         "e over the whole of the reference: a copy of its samples; the band-limited curve through them, sampled at another "
-        "rate, as the scorer interpolates it back; and its motion with all that lies above half the rate, sampled so "
-        "without a filter. The last is added to the uncertainty of a run at such a rate; between, the next lower one counts."
+        "rate, as the scorer interpolates it back; and its motion, with everything above half that rate, sampled without "
+        "a filter. The last is added to the uncertainty of a run at such a rate; between two rates the lower one counts."
     )
     return f"{words}\n\n{report.table(head, lines)}"
 

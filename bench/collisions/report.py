@@ -31,7 +31,7 @@ def of_scores(scores: list[Score]) -> str:
     for name in dict.fromkeys(score.scene.name for score in scores):
         here = [score for score in scores if score.scene.name == name]
         windows = here[0].scene.windows_s
-        head = ["run", *(f"e, {_seconds(w)}" for w in windows), "± of the last", "LSD, dB", "goes with it until"]
+        head = ["run", *(f"e, {_seconds(w)}" for w in windows), "± of the last", "LSD, dB", "follows the reference until"]
         head += ["penetration", "energy rise", "impulse", "cost"]
         lines = []
         for score in here:
@@ -58,10 +58,10 @@ def of_scores(scores: list[Score]) -> str:
             notes = list(score.suspicions)
             if not score.run.picked:
                 notes.append(
-                    f"{score.run.rate_hz:g} Hz, interpolated: that alone may make e = {number(max(score.run.floor))}"
+                    f"{score.run.rate_hz:g} Hz, interpolated: this alone can cause e = {number(max(score.run.floor))}"
                 )
             if any(e is None for e in score.e):
-                notes.append("ends before the scene does")
+                notes.append("ends before the end of the scene")
             if score.pull_n:
                 notes.append(f"its contacts pull, with up to {number(score.pull_n)} N")
             parts += [f"- {score.run.path.name}: {note}" for note in notes]
@@ -95,7 +95,7 @@ def references_table() -> str:
         "uncertainty of e",
         "checked by itself",
         "another method: e by window",
-        "stands until",
+        "valid until",
     ]
     return table(head, lines)
 
@@ -166,7 +166,7 @@ def scene_table(rows: list[tuple[str, dict[str, Any]]]) -> str:
     k, window = _window(only)
     rates = sorted({r["internal_rate_hz"] for r in only if r.get("internal_rate_hz")})
     head = [f"e over {_seconds(window)}", *(f"{hz / 1e3:.4g} kHz" if hz < 1e6 else f"{hz / 1e6:.3g} MHz" for hz in rates)]
-    head += [f"best, ≤ {cost:g} s/s" for cost in COSTS] + ["goes with it until"]
+    head += [f"best, ≤ {cost:g} s/s" for cost in COSTS] + ["follows the reference until"]
     lines = []
     for who in dict.fromkeys(who for who, record in rows if "does_not_apply" not in record):
         here = [record for name, record in rows if name == who and "does_not_apply" not in record]

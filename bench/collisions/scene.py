@@ -64,7 +64,7 @@ def _promised(folder: Path) -> dict[str, str]:
     except OSError as error:
         raise ContestError(f"{path}: {error.strerror}; name the whole folder of the scenes") from None
     except (ValueError, KeyError, TypeError):
-        raise ContestError(f"{path}: is no list of a benchmark's files; take the one that came with the scenes") from None
+        raise ContestError(f"{path}: is not a list of a benchmark's files; use the one that came with the scenes") from None
     if version != VERSION:
         raise ContestError(f"{path}: is of version {version!r:.20} of the benchmark, this is {VERSION}; use that one")
     return files

@@ -34,7 +34,7 @@ def suspicions(u: np.ndarray, ref: np.ndarray) -> list[str]:
             return after < _PART * before and after < _FITS
 
         if gain < 0.0 and explains(_e(-a, b)):
-            found.append("the sign is turned: up is positive, away from the obstacle")
+            found.append("the sign is reversed: up is positive, away from the obstacle")
         elif gain != 0.0 and explains(_e(a / gain, b)):
             unit = next((words for factor, words in _UNITS.items() if abs(np.log(abs(gain) / factor)) < 0.3), None)
             what = f"{unit}?" if unit else "is u the displacement in metres, at the output point?"

@@ -332,7 +332,9 @@ class App:
         try:
             return self.documents[request.path_params["doc"]]
         except KeyError:
-            raise Refused(404, "no such document: it belongs to an earlier run of the program; open it again") from None
+            raise Refused(
+                404, "there is no such document: it belongs to an earlier run of the program; open the preset again"
+            ) from None
 
     async def _told(self, document: Document, work: Callable[..., Any], *arguments: Any, **options: Any) -> Response:
         """Change a document, beside the event loop, which sends the sound; tell every tab of it, and answer."""
@@ -495,7 +497,7 @@ class App:
         document = self._document(request)
         job = self._a_job((await Fields.of(request)).get("job", str))
         if job.state != "done" or not isinstance(job.made, FittedString | FittedContact):
-            raise Refused(409, "this job has fitted nothing")
+            raise Refused(409, "this job has no fit to apply; fit a recording first")
         if job.made.doc != document.id:
             raise Refused(409, "this was fitted to another preset; fit the recording again")
         try:
@@ -521,9 +523,9 @@ class App:
         document = self._document(request)
         job = self._a_job((await Fields.of(request)).get("job", str))
         if job.state != "done" or not isinstance(job.made, PlanOf):
-            raise Refused(409, "this job has measured no plan")
+            raise Refused(409, "this job has no plan to keep; measure one first")
         if job.made.doc != document.id:
-            raise Refused(409, "this was measured of another preset; measure its plan again")
+            raise Refused(409, "this plan was measured for another preset; measure it again")
         return await self._told(document, document.keep_plan, job.made.plan)
 
     def _a_job(self, key: str) -> Job:

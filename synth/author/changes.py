@@ -34,7 +34,7 @@ def check_text(text: str, origin: str) -> None:
         size = len(text.encode())
     except UnicodeEncodeError as error:
         letter = f"U+{ord(text[error.start]):04X}"
-        raise PresetError(f"{origin}: {letter} is half a character, which no file can hold; take it out") from None
+        raise PresetError(f"{origin}: {letter} is half of a surrogate pair, which a file cannot hold; remove it") from None
     if size > MOST_BYTES:
         raise PresetError(f"{origin}: {size} bytes; a preset has at most {MOST_BYTES}: shorten its lists or remarks")
 

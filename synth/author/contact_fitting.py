@@ -23,7 +23,7 @@ _FITTED = ("jiva_um", "distance_mm", "distance_ratio", "action_12th_mm")
 #: what the command line advises, in the words of the page
 _WORDS = (
     (
-        "choose another --string, or give a note of it that touches nothing: --open",
+        "choose another --string, or give a note of this string that touches nothing: --open",
         "choose another string, or tune this one",
     ),
     ("check -p and --string", "check the preset and the string"),
@@ -121,6 +121,6 @@ def _amplitude_words(fit: ContactFit) -> str:
     """On what the height is for, in a sentence; over frets there is none."""
     if "height" not in fit.values:
         return ""
-    whose = "as you say" if fit.amplitude_known else "the preset's hardest pluck"
+    whose = "as you entered" if fit.amplitude_known else "the preset's hardest pluck"
     amplitude = f"{1e3 * fit.amplitude_m:.3g} mm"
-    return f"A sound of unknown gain tells height over amplitude only; this height is for {amplitude}, {whose}."
+    return f"A recording of unknown gain gives only height over amplitude; this height is for {amplitude}, {whose}."

@@ -59,8 +59,8 @@ class Waiting:
         self._ends[transport] = asyncio.get_running_loop().call_later(WAITING_S, self._close, transport)
         if len(self._ends) > MOST_WAITING:
             LOG.warning(
-                "more than %d connections wait without a request: the oldest are closed; perhaps another user of this "
-                "machine opens them",
+                "more than %d connections wait without a request: the oldest are closed; another user of this machine "
+                "may be opening them",
                 MOST_WAITING,
             )
             self._close(next(iter(self._ends)))

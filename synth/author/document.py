@@ -93,7 +93,7 @@ def current(text: str, origin: str) -> tuple[str, list[str]]:
     document = tomlkit.parse(text)
     words = migrate(document, origin)
     return tomlkit.dumps(document), [
-        f"read as format {version} and brought to format {FORMAT}, which is what saving writes: {'; '.join(words)}"
+        f"read as format {version} and converted to format {FORMAT}, in which it will be saved: {'; '.join(words)}"
     ]
 
 
@@ -355,7 +355,7 @@ class Document:
     def check_plan_place(self) -> None:
         """Raises Conflict or OSError where no plan can lie beside the preset's file, as it has none."""
         if self.file is None:
-            raise Conflict("no-file", f"{self.name} has no file yet that a plan could lie beside: save it under a name")
+            raise Conflict("no-file", f"{self.name} has no file yet to keep a plan beside: save it under a name")
         check_regular(path_of(self.file))
 
     def keep_plan(self, plan: MeasuredPlan) -> None:
@@ -451,7 +451,7 @@ class Document:
         still there."""
         with self._lock:
             if self._offer() is None:
-                raise Conflict("nothing", f"there is nothing to recover of {self.name}")
+                raise Conflict("nothing", f"there are no unsaved changes to recover of {self.name}")
             path = self._offers[-1]
             if take:
                 self.set_text(read_text(path), "recover")

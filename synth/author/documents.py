@@ -193,7 +193,7 @@ class Documents:
         try:
             return work(document)
         except Exception:
-            LOG.exception("%s: cannot be looked after", document.name)
+            LOG.exception("%s: cannot be autosaved or checked for changes", document.name)
             return False
 
 

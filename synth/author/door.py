@@ -45,13 +45,13 @@ class Door:
         if not self.knows(code):
             return "wrong door"
         if self.used or time.monotonic() - self._made > OPEN_S:
-            return "this address opens once, soon after the start"
+            return "this address works once, soon after the start"
         owner = None if client is None or server is None else owner_of(client, server)
         if owner is None and TABLES[0].exists():
-            return "it is not known whose process asks"
+            return "the user who sends this request is unknown"
         if owner is not None and owner != os.getuid():
-            LOG.warning("user %d of this machine has tried to open the page and was refused", owner)
-            return "this page is another user's"
+            LOG.warning("user %d of this machine tried to open the page and was refused", owner)
+            return "this page belongs to another user"
         self.used, self.unsure = True, owner is None
         return None
 

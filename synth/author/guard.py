@@ -87,7 +87,7 @@ class Guard:
         if len(hosts) != 1 or hosts[0].lower() not in self._hosts:
             return f"this server answers to {' and '.join(self._hosts)} only", False
         if any(origin.lower() != f"http://{hosts[0].lower()}" for origin in headers.get("origin", [])):
-            return "requests of other pages are refused", False
+            return "requests from other pages are refused", False
         at_door = scope["type"] == "http" and scope["path"] == "/" and scope["method"] in ("GET", "HEAD")
         query = parse_qs(scope["query_string"].decode("latin-1")) if at_door else {}
         if asked := query.get("token", []):
@@ -108,14 +108,14 @@ class Guard:
         if why is not None and self._door.used and self._door.unsure and self._door.knows(code):
             self._page = secrets.token_urlsafe(32).encode()
             self._door = None
-            LOG.warning("the page was opened twice, perhaps by another user: nobody is let in but by the address above")
+            LOG.warning("the page was opened twice, perhaps by another user: only the address above gives access now")
         return why
 
     def _by_cookie(self, headers: dict[str, list[str]]) -> str | None:
         """Why a request is refused by what its headers show, or None."""
         sites = headers.get("sec-fetch-site", [])
         if any(site not in OWN_SITE for site in sites):
-            return "requests of other pages are refused"
+            return "requests from other pages are refused"
         tokens = [value[7:] for value in headers.get("authorization", []) if value[:7].lower() == "bearer "]
         cookies = []
         for line in headers.get("cookie", []):
@@ -132,7 +132,7 @@ class Guard:
         if not any(_same(each, self._page) for each in cookies):
             return f"wrong token: {PRINTED}"
         if not sites and not headers.get("origin"):  # both are checked above
-            return "the cookie counts only with a browser's word on where the request comes from"
+            return "the cookie is valid only in a request whose browser says where it comes from"
         return None
 
     async def _refuse(self, scope: Any, reason: str, send: Any) -> None:

@@ -109,7 +109,7 @@ def serve(
         try:
             listening.bind((LOOPBACK, port))
         except OSError as error:
-            raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from None
+            raise OSError(f"--port {port}: {error.strerror}; give another, or 0 for any free port") from None
         port = listening.getsockname()[1]
         opened.enter_context(workspace.alone())
         documents = Documents(workspace)

@@ -33,7 +33,7 @@ class Workspace:
         except FileNotFoundError:
             raise ValueError("the current directory has been deleted: go to another, or give --folder") from None
         if not self.folder.is_dir():
-            raise ValueError(f"--folder {folder}: there is no such directory; make it first")
+            raise ValueError(f"--folder {folder}: there is no such directory; create it first")
 
     def file(self, name: str) -> Path:
         """The path of a preset file (`name` with or without .toml), there or not; of a new one a name is asked for that any
@@ -42,8 +42,8 @@ class Workspace:
         path = self.folder / f"{stem}{SUFFIX}"
         if not _readable(stem) or not (_writable(stem) or os.path.lexists(path)):
             raise ValueError(
-                f"{name!r} is no name for a preset's file: letters, digits, space, . _ - only, and no folders, at most "
-                f"{MOST_NAME} bytes"
+                f"{name!r} is not a valid name of a preset file: use letters, digits, space, . _ - only, no folders, at "
+                f"most {MOST_NAME} bytes"
             )
         if not os.path.lexists(path):
             path = path.with_name(unicodedata.normalize("NFC", path.name))
@@ -51,7 +51,7 @@ class Workspace:
         if target.parent != self.folder:
             raise ValueError(f"{name}: leads out of {self.folder}; copy the file into it")
         if target.suffix != SUFFIX or not _readable(target.stem):
-            raise ValueError(f"{name}: leads to {target.name}, which is no preset's file; rename that to end in {SUFFIX}")
+            raise ValueError(f"{name}: leads to {target.name}, which is not a preset file; rename that to end in {SUFFIX}")
         if target.exists() and (kind := kind_of(target.stat().st_mode)) is not None:
             raise ValueError(f"{name}: is {kind}, not a regular file; copy its contents into one")
         return target
@@ -78,7 +78,7 @@ class Workspace:
         try:
             if not locks.taken(handle):
                 raise OSError(
-                    f"{self.folder}: another `synth author` works in this folder; open the preset on its page, or end it"
+                    f"{self.folder}: another `synth author` is using this folder; open the preset on its page, or quit it"
                 )
             tidy(self.folder)
             yield

@@ -82,7 +82,7 @@ def alternatives(given: Any, *, whole: bool = False) -> Alternatives:
     """Of what stands in a file; see the module's description. whole: only whole numbers. Raises ValueError."""
     if isinstance(given, list | tuple):
         if not given:
-            raise ValueError("must hold at least one value, got an empty list; leave the key out for what is usual")
+            raise ValueError("must hold at least one value, got an empty list; leave the key out for the default")
         if len(given) > MOST_VALUES:
             raise ValueError(f"must hold at most {MOST_VALUES} values, got {len(given)}")
         return Alternatives(tuple(_plain(each, whole) for each in given))

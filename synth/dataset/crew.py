@@ -234,7 +234,7 @@ class Crew:
             self._stillborn += 1
             if self._stillborn > MOST_STILLBORN:
                 raise ChildProcessError(
-                    f"workers end as they begin (exit code {dead.process.exitcode}); in a program of your own make data "
+                    f"workers end at once (exit code {dead.process.exitcode}); in a program of your own make data "
                     "sets under if __name__ == '__main__'"
                 )
         self._workers[number] = _Worker(self._written)

@@ -45,7 +45,7 @@ def card(recipe: Recipe, rows: Sequence[dict[str, Any]], state: dict[str, Any], 
         f"# {title}",
         "",
         *([recipe.description.strip(), ""] if recipe.description.strip() else []),
-        "Computed sound of plucked and struck strings that collide with what lies under them: "
+        "Computed sounds of plucked and struck strings that collide with the obstacles under them: "
         f"{len(good)} items, {hours:.3f} h, "
         f"{sum(row['size'] for row in good) / 1e6:.1f} MB of FLAC ({sound.channels} channel{'s' * (sound.channels > 1)}, "
         f"{sound.bit_depth} bits, {sound.rate_hz} Hz), quality `{sound.quality}`.",
@@ -64,7 +64,7 @@ def card(recipe: Recipe, rows: Sequence[dict[str, Any]], state: dict[str, Any], 
             ),
         ),
         "",
-        f"Groups are what has the same {', '.join(f'`{key}`' for key in recipe.split.group_by)}; "
+        f"Groups are items with the same {', '.join(f'`{key}`' for key in recipe.split.group_by)}; "
         f"{shared} groups are in two splits.",
         "",
         "## What is played",
@@ -138,7 +138,7 @@ def _level(recipe: Recipe, rows: Sequence[dict[str, Any]]) -> str:
         how = f"Each item has a peak of {level.normalize_dbfs:g} dBFS"
     return (
         f"{how}; {lowered} would have gone beyond {level.ceiling_dbfs:g} dBFS and were lowered to it (`lowered`). "
-        "Nothing is clipped; `gain_db` says what was added."
+        "Nothing is clipped; `gain_db` is the gain that was applied."
     )
 
 

@@ -140,4 +140,4 @@ def read_rows(path: Path, names: Sequence[str] | None = None) -> list[dict[str, 
     try:
         return pq.read_table(path, columns=None if names is None else list(names)).to_pylist()
     except pa.ArrowInvalid as error:
-        raise ValueError(f"{path}: not a Parquet file that can be read: {str(error).splitlines()[0]}") from None
+        raise ValueError(f"{path}: cannot be read as a Parquet file: {str(error).splitlines()[0]}") from None

@@ -257,12 +257,14 @@ def _files(pattern: str, written: Written) -> tuple[str, ...]:
     folder = written.folder
     if any(letter in pattern for letter in "*?["):
         if Path(pattern).is_absolute():
-            raise RecipeError(f"files: {pattern!r} must count from the recipe's folder, to be searched")
+            raise RecipeError(f"files: {pattern!r} must be relative to the recipe's folder, to be searched")
         found = sorted(path.relative_to(folder).as_posix() for path in folder.glob(pattern) if path.is_file())
     else:
         found = [pattern] if written.path(pattern).is_file() else []
     if not found:
-        raise RecipeError(f"files: there is no file {pattern!r} in {folder}; correct the name, which counts from there")
+        raise RecipeError(
+            f"files: there is no file {pattern!r} in {folder}; correct the name, which is relative to that folder"
+        )
     return tuple(found)
 
 

@@ -99,7 +99,7 @@ def read_labels(path: Path, row: Mapping[str, Any]) -> dict[str, np.ndarray]:
     import zarr
 
     if not path.is_dir():
-        raise FileNotFoundError(f"{path}: there are no labels; the data set is not whole")
+        raise FileNotFoundError(f"{path}: there are no labels; the data set is incomplete")
     root = zarr.open_group(str(path), mode="r")
     found = {}
     for sort, names in SIZES.items():

@@ -45,7 +45,7 @@ def pack(samples: np.ndarray, sound: Sound, level: Level, seed: int) -> Packed:
     heard = np.empty((len(samples), sound.channels))
     loudest = _heard(samples, heard)
     if not np.isfinite(loudest):
-        raise ValueError("the sound holds numbers that are not finite")
+        raise ValueError("the sound contains NaN or infinite numbers")
     gain = db_to_gain(level.gain_db)
     if level.normalize_dbfs is not None and loudest > 0.0:
         gain = db_to_gain(level.normalize_dbfs) / loudest
@@ -134,7 +134,7 @@ def decode(flac: bytes) -> tuple[np.ndarray, int]:
             kind = "int16" if file.subtype == "PCM_16" else "int32"
             return file.read(dtype=kind, always_2d=True), file.samplerate
     except soundfile.LibsndfileError as error:
-        raise ValueError(f"not a FLAC file that can be read: {error}") from None
+        raise ValueError(f"cannot be read as a FLAC file: {error}") from None
 
 
 def digest(pcm: np.ndarray) -> str:

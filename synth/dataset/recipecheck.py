@@ -24,7 +24,9 @@ def checked_items(written: Written) -> Items:
         lines = str(error).splitlines()
     lines += [f"{written.origin}: {line}" for line in _faults(written, [] if items is None else items.sources)]
     if items is not None and items.size > MOST_ITEMS:
-        lines.append(f"{written.origin}: makes {items.size} items, at most {MOST_ITEMS} can be: make several data sets")
+        lines.append(
+            f"{written.origin}: makes {items.size} items, more than the {MOST_ITEMS} allowed: make several data sets"
+        )
     if lines or items is None:
         raise RecipeError("\n".join(dict.fromkeys(lines)))
     return items
@@ -45,7 +47,7 @@ def _faults(written: Written, sources: Sequence[Source]) -> Iterator[str]:
     names = [table.name for table in recipe.phrases]
     for name in names:
         if names.count(name) > 1:
-            yield f"phrases: two are called {name!r}; give one of them another name"
+            yield f"phrases: two are called {name!r}; rename one of them"
 
 
 def _faults_of(table: Played, recipe: Recipe, presets: Presets) -> Iterator[str]:

@@ -98,7 +98,7 @@ class Keys:
         if gone:
             raise ValueError(
                 f"plays {midi_to_note(there[0])}-{midi_to_note(there[-1])} and not {midi_to_note(gone[0])}; "
-                'name other notes, or a range such as "C2-C5", of which it plays what it can'
+                'name other notes, or a range such as "C2-C5", of which it plays the notes it can'
             )
         ranged = {note for low, high in self.ranges for note in there if low <= note <= high}
         return tuple(sorted(ranged | set(self.single)))
@@ -118,7 +118,7 @@ def _keys(given: Any) -> Keys:
         else:
             single.append(_note(each))
     if not single and not ranges:
-        raise ValueError('must hold at least one note, got an empty list; "all" is all that a preset plays')
+        raise ValueError('must hold at least one note, got an empty list; "all" means all notes that a preset plays')
     return Keys(tuple(dict.fromkeys(single)), tuple(ranges))
 
 
@@ -299,7 +299,7 @@ class Recipe(Table):
         if self.labels.wanted and (self.phrases or self.midi):
             raise ValueError(
                 "labels: the motion of strings is recorded for single notes, got [[phrases]] or [[midi]] beside; "
-                "make a data set of its own of them"
+                "put those into a data set of their own"
             )
         return self
 

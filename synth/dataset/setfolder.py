@@ -97,7 +97,9 @@ class SetFolder:
                 raise ValueError(f"{self / STATE}: format {found['format']} is newer than what this program reads")
             return dict(found)
         except FileNotFoundError:
-            raise ValueError(f"{self.path}: no data set is there ({STATE} is missing); give the folder of one") from None
+            raise ValueError(
+                f"{self.path}: is not the folder of a data set ({STATE} is missing); give the folder of one"
+            ) from None
         except (KeyError, TypeError, json.JSONDecodeError) as error:
             raise ValueError(f"{self / STATE}: cannot be read ({error}); make the data set again") from None
 
@@ -115,7 +117,7 @@ class SetFolder:
             others = [name for name in others if not name.endswith(".part")]
             if others:
                 raise ValueError(
-                    f"{self.path}: contains other files ({others[0]}); name a folder that is empty or not there"
+                    f"{self.path}: contains other files ({others[0]}); name a folder that is empty or does not exist"
                 )
         check_folder(self.path, self.path.parent)
         with naming(self.path):
@@ -157,14 +159,14 @@ class SetFolder:
         remedy = f"name another folder with -o, or remove {self.path}"
         if before["recipe"] != state["recipe"]:
             changed = _differences((self / RECIPE).read_bytes(), written.text)
-            raise ValueError(f"{self.path}: holds a data set of another recipe ({changed}); {remedy}")
+            raise ValueError(f"{self.path}: contains a data set made from another recipe ({changed}); {remedy}")
         gone = [name for name, digest in state["sources"].items() if before["sources"].get(name) != digest]
         if gone or set(before["sources"]) != set(state["sources"]):
             names = ", ".join(gone or sorted(set(before["sources"]) ^ set(state["sources"])))
             raise ValueError(f"{self.path}: was started with another {names}; {remedy}")
         if not self.whole and before["versions"]["code"] != state["versions"]["code"]:
             raise ValueError(
-                f"{self.path}: was started by other code (jawari {before['versions']['jawari']}, "
+                f"{self.path}: was started with other code (jawari {before['versions']['jawari']}, "
                 f"{before['versions']['code'][:12]}; this is {__version__}, {state['versions']['code'][:12]}): the items "
                 f"of one data set come from one version; go on with that one, {remedy}"
             )

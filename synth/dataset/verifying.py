@@ -50,7 +50,7 @@ def verify(
     no whole data set."""
     if not (folder / INDEX).is_file():
         folder.state()
-        raise ValueError(f"{folder.path}: is not whole yet ({INDEX} is missing); run synth dataset again, which goes on")
+        raise ValueError(f"{folder.path}: is not complete yet ({INDEX} is missing); run synth dataset again to continue")
     rows = read_rows(folder / INDEX)
     faults = list(_of_all(folder, rows))
     chosen = random.Random(seed).sample(rows, min(count, len(rows)))
@@ -73,7 +73,7 @@ def _of_all(folder: SetFolder, rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     if len(rows) != state["items"]:
         yield f"{INDEX}: has {len(rows)} rows, {STATE} says {state['items']}"
     if len({row["key"] for row in rows}) != len(rows):
-        yield f"{INDEX}: has keys twice"
+        yield f"{INDEX}: contains duplicate keys"
     split_of: dict[str, str] = {}
     for row in rows:
         if split_of.setdefault(row["group"], row["split"]) != row["split"]:
@@ -104,13 +104,13 @@ def _of_one(folder: SetFolder, row: dict[str, Any], made: Made) -> Iterator[str]
     pcm, rate_hz = decode(flac)
     again, _ = decode(made.flac)
     if digest(pcm) != row["sha256"]:
-        yield "its sound is not that of the index (sha256)"
+        yield "its sound does not match the index (sha256)"
     if len(pcm) != row["frames"] or abs(len(pcm) / rate_hz - row["seconds"]) > 1e-9:
         yield f"has {len(pcm)} frames at {rate_hz} Hz, {row['frames']} are in the index"
     if not np.array_equal(pcm, again):
-        yield "is another sound when made again"
+        yield "has a different sound when made again"
     if {name: value for name, value in row.items() if name not in PLACES and value is not None} != said:
-        yield "its JSON does not say what the index says"
+        yield "its JSON does not match the index"
     versions = {"version", "code"}
     for name, value in made.row.items():
         if name not in versions and value != row[name]:
@@ -118,7 +118,7 @@ def _of_one(folder: SetFolder, row: dict[str, Any], made: Made) -> Iterator[str]
     if row.get("labels"):
         kept = read_labels(folder / row["labels"], row)
         if set(kept) != set(made.labels):
-            yield "has other labels when made again"
+            yield "has different labels when made again"
         for name in set(kept) & set(made.labels):
             if not np.array_equal(kept[name], made.labels[name], equal_nan=made.labels[name].dtype.kind == "f"):
-                yield f"its labels {name} are others when made again"
+                yield f"its labels {name} differ when made again"

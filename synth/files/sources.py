@@ -30,7 +30,7 @@ def kind_of(mode: int) -> str | None:
     """What a file of this mode is, if it is no regular file."""
     if stat.S_ISREG(mode):
         return None
-    return next((words for test, words in _KINDS if test(mode)), "something else")
+    return next((words for test, words in _KINDS if test(mode)), "a special file")
 
 
 def read_bytes(path: str | os.PathLike[str], most: int, what: str) -> bytes:

@@ -136,7 +136,9 @@ def _checked(measured: Mobility) -> list[str]:
     for (i, j), y in measured.components.items():
         within = np.count_nonzero(np.abs(y) < 3.0 * _noise(y)) / y.size
         if within > 0.1:
-            warnings.append(f"y{i}{j} lies within its noise in {100 * within:.0f} % of the rows, where levels tell nothing")
+            warnings.append(
+                f"y{i}{j} lies within its noise in {100 * within:.0f} % of the rows, where its levels are meaningless"
+            )
         if i != j:
             continue
         negative = np.count_nonzero(y.real < 0.0) / y.size
@@ -144,7 +146,7 @@ def _checked(measured: Mobility) -> list[str]:
         if power > NEGATIVE:
             raise MobilityRefused(
                 f"the real part of y{i}{j} must be positive, as no body gives energy, got negative in "
-                f"{100 * negative:.0f} % of the band; turn the sign of the force or of the velocity, or check "
+                f"{100 * negative:.0f} % of the band; reverse the sign of the force or of the velocity, or check "
                 "that it is a mobility (velocity per force)"
             )
         if negative > 0.05:

@@ -48,5 +48,6 @@ def refuse_holes(note: Note) -> None:
     if share > MOST_HOLES:
         raise FitRefused(
             f"the recording has holes in its spectrum ({100.0 * share:.1f} % of it falls silent for moments, at most "
-            f"{100.0 * MOST_HOLES:g} %), as a codec of few bits leaves them; give the uncompressed recording (WAV or FLAC)"
+            f"{100.0 * MOST_HOLES:g} %), as a codec at a low bit rate leaves them; give the uncompressed recording "
+            "(WAV or FLAC)"
         )

@@ -149,7 +149,7 @@ class _Fitting:
         search, seen = self.search, self.seen
         if int(seen.used.sum()) < 8:
             raise FitRefused(
-                f"only {int(seen.used.sum())} bands of the note stand out of the noise; record it louder, or nearer"
+                f"only {int(seen.used.sum())} bands of the note rise above the noise; record it louder, or closer"
             )
         first = seen.first(seen.bands.windows(search.first_s))
         points, powers, driven = search.dictionary(seen.bands, lambda share: self.done(0.3 * share))
@@ -354,7 +354,7 @@ class _Fitting:
                 better = f"a curved bridge of {radius:g} m" if points > 2 else "a bridge of two points"
                 raise FitRefused(
                     f"{better} explains the sound better than one of a point (loss {theirs:.3f}, {loss:.3f} with a point); "
-                    "give the preset's bridge more points, or another preset"
+                    "give the preset's bridge more points, or use another preset"
                 )
             if theirs <= max(_AS_WELL * loss, loss + _AS_WELL_LOSS):
                 found.append((other - lifted, theirs / loss))
@@ -394,7 +394,7 @@ class _Fitting:
         if theirs < min(_RIVAL * loss, MOST_LOSS):
             raise FitRefused(
                 f"the recording is overdriven: a note behind a soft limit explains it better (loss {theirs:.3f}, {loss:.3f} "
-                "without); record it at a lower level, without an amplifier, a saturation or a limiter"
+                "without); record it at a lower level, without an amplifier, saturation or a limiter"
             )
 
     def _told(self, point: Real, others: list[Real], free: float, rivals: Sequence[tuple[Real, float]] = ()) -> NoteFit:

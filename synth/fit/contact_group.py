@@ -96,7 +96,7 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
             which = "the note" if len(found) == 1 else f"note {number}"
             raise FitRefused(
                 f"{which} must be string {index}'s, {wanted:.4g} Hz within {RETUNED:g} cents, got {hz:.4g} Hz; choose "
-                "another --string, or give a note of it that touches nothing: --open"
+                "another --string, or give a note of this string that touches nothing: --open"
             )
     beside = float(np.median([cents(hz, wanted) for hz in found]))
     if abs(beside) <= IN_TUNE:
@@ -185,7 +185,7 @@ def fit_contact(
     for number, each in enumerate(joined):
         warnings += [f"{_numbered(number, count)}{words}" for words in each.warnings]
     if model.shape.points > 1:
-        warnings.append("of a curved bridge the search often misses: an answer is a guess that wants a second note to agree")
+        warnings.append("on curved bridges the search often misses: confirm this answer with a second note")
     values = {name: each for name, each in joined[0].values.items() if name in ("height", "distance")}
     return ContactFit(preset, index, model, tuple(joined), values, amplitude, amplitude_m is not None, tuple(warnings))
 

@@ -68,7 +68,7 @@ def facts(fit: ContactFit) -> list[list[str]]:
     found: list[list[str]] = []
     length = 1e3 * fit.length_m
     each, jiva = fit.values["height"], 1e3 * fit.amplitude_m
-    tip = "thread over bridge for each mm of the pluck: all of it that a sound tells"
+    tip = "thread over bridge for each mm of the pluck: a sound tells no more than this ratio"
     found.append(["Height over amplitude", _of(each, 1e3, "µm per mm", 2), tip])
     whose = "given" if fit.amplitude_known else "the preset's"
     tip = f"at an amplitude of {jiva:.3g} mm ({whose})"
@@ -80,10 +80,14 @@ def facts(fit: ContactFit) -> list[list[str]]:
         if "position" in note.values:
             found.append([f"Plucked at{which}", _of(note.values["position"], 1.0, "of L", 4), "from the end at the bridge"])
         if len(fit.notes) > 1:
-            said = "not told" if math.isnan(ratio) else f"{ratio:.3g} × the first"
-            found.append([f"Amplitude{which}", said, "as one height for all notes has it"])
+            said = "unknown" if math.isnan(ratio) else f"{ratio:.3g} × the first"
+            found.append([f"Amplitude{which}", said, "assuming one height for all notes"])
         found.append(
-            [f"Left{which}", f"{note.spread_db:.1f} dB rms, loss {note.loss:.3f}", "bands of recording beside model"]
+            [
+                f"Residual{which}",
+                f"{note.spread_db:.1f} dB rms, loss {note.loss:.3f}",
+                "difference between recording and model, over all bands",
+            ]
         )
     return found
 

@@ -230,13 +230,13 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
     if stretch.spread_cents > _MOST_SPREAD_CENTS or len(low) < 4:
         raise FitRefused(
             f"the partials of {f0_hz:.4g} Hz are not those of a string: they lie {stretch.spread_cents:.0f} cents (rms) "
-            f"beside f0·n·√(1 + Bn²), {len(low)} of the first {JUDGED} stand out; record one plucked string"
+            f"off f0·n·√(1 + Bn²), {len(low)} of the first {JUDGED} stand out; record one plucked string"
         )
     far = [p.number for p in low if abs(_off(stretch, p)) > _MOST_SPREAD_CENTS]
     if len(far) > 2:
         raise FitRefused(
-            f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents beside the series of {f0_hz:.4g} Hz: "
-            "these are not one string's; record one plucked string, the others damped"
+            f"{_listed(far)} more than {_MOST_SPREAD_CENTS:g} cents off the series of {f0_hz:.4g} Hz: "
+            "they do not come from one string; record one plucked string, the others damped"
         )
     lasting = [p for p in strong if p.decay <= LN_1000 / _LONGEST_T60_S]
     if len(lasting) > len(strong) // 2:
@@ -244,8 +244,8 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
     good = [p for p in low if p.steady]
     if len(good) < _FEW and stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
         raise FitRefused(
-            f"only {len(good)} of the first {JUDGED} partials of {f0_hz:.4g} Hz fall steadily, and their frequencies do not "
-            "tell a string's inharmonicity; record one plucked string, louder"
+            f"only {len(good)} of the first {JUDGED} partials of {f0_hz:.4g} Hz decay steadily, and their frequencies "
+            "do not show a string's inharmonicity; record one plucked string, louder"
         )
 
 
@@ -255,28 +255,28 @@ def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pl
     missing = sorted(set(range(1, JUDGED + 1)) - {p.number for p in low})
     if missing:
         words.append(
-            f"{_listed(missing)} too weak to be measured, or another sound lies there: the laws tell pitch and decay"
+            f"{_listed(missing)} too weak to be measured, or masked by another sound: pitch and decay follow the laws"
         )
     unsteady = [p.number for p in low if not p.steady]
     if unsteady:
-        words.append(f"{_listed(unsteady)} without one decay time: what is given depends on where it is read")
+        words.append(f"{_listed(unsteady)} without a single decay time: the value given depends on where it is read")
     beating = [p.number for p in low if p.steady and not p.single]
     if beating:
-        words.append(f"{_listed(beating)} not a single exponential (beating, or a decay in stages): the average is taken")
+        words.append(f"{_listed(beating)} not a single exponential (beating, or decay in stages): the average is used")
     beside = [p.number for p in low if abs(_off(stretch, p)) > LAW_CENTS]
     if beside:
         words.append(
-            f"{_listed(beside)} more than {LAW_CENTS:g} cents beside f0·n·√(1 + Bn²): the ends or the body move them"
+            f"{_listed(beside)} more than {LAW_CENTS:g} cents off f0·n·√(1 + Bn²): the ends or the body shift the pitch"
         )
     if losses.spread > _LOSS_SPREAD:
-        words.append(f"decay rates lie {100.0 * losses.spread:.0f} % (rms) beside the loss law: the body takes its share")
+        words.append(f"decay rates lie {100.0 * losses.spread:.0f} % (rms) off the loss law: the body absorbs energy, too")
     if stretch.inharmonicity < 3.0 * stretch.inharmonicity_error:
         words.append(f"inharmonicity is hardly above its error of {stretch.inharmonicity_error:.1g}")
     if pluck is None or not pluck.determined:
-        words.append("the levels of the partials do not tell where it was plucked")
+        words.append("the levels of the partials do not show where the string was plucked")
     elif pluck.spread_db > CLEAR_DB:
         words.append(
-            f"levels lie {pluck.spread_db:.0f} dB (rms) beside those of a pluck: with an electric pickup the place found "
+            f"levels lie {pluck.spread_db:.0f} dB (rms) off those of a pluck: with an electric pickup, the position found "
             "may be the pickup's"
         )
     if explained < 0.8:

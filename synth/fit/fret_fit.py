@@ -175,7 +175,7 @@ class _Fitting:
         first = first_linear(self.model, self.heard[softest], self.amplitudes[softest], self.position, self._pulse(0.0, 0.3))
         if first.compared.loss > SOFTEST:
             raise FitRefused(
-                f"recording {softest + 1}, the softest, must touch no fret, and no such stroke explains it (loss "
+                f"recording {softest + 1}, the softest, must not touch any fret, but no such stroke explains it (loss "
                 f"{first.compared.loss:.2f}, at most {SOFTEST:g}): record a softer one, or say with --pluck-at where it was "
                 "plucked"
             )
@@ -185,18 +185,18 @@ class _Fitting:
             hands[i], losses[i] = next_linear(self.model, self.heard[i], self.amplitudes[i], first)
             touches[i] = True if losses[i] > TOUCHES else False if losses[i] < TOUCHES_NOT else None
             if touches[i] is None:
-                self.warnings.append(f"recording {i + 1} may touch or not; it is left out")
+                self.warnings.append(f"recording {i + 1} may or may not touch a fret; it is left out")
         low, high = self._bracket(touches, hands, first)
         touching = [i for i in self.order if touches[i]]
-        said = f"between about {low:.2f} and {high:.2f} mm by which strokes touch"
+        said = f"between about {low:.2f} and {high:.2f} mm, judging by which strokes touch"
         if len(touching) < SEARCHED:
             raise FitRefused(
                 f"the action lies {said}: for a number {SEARCHED} recordings must touch the frets, got {len(touching)}; "
-                "record more a little above where buzz begins"
+                "record more, a little above the onset of buzz"
             )
         chosen = touching[:SEARCHED]
         if len(touching) > SEARCHED:
-            self.warnings.append("of the strokes that touch the two softest are searched for")
+            self.warnings.append("only the two softest of the strokes that touch are used")
         least = {i: self._searched(i, first, low, high, n) for n, i in enumerate(chosen)}
         self._refuse(least, said)
         return self._told(preset, index, first, least, touches, losses, low, high)
@@ -222,8 +222,8 @@ class _Fitting:
             )
         if low > high:
             raise FitRefused(
-                f"the recordings contradict each other: one touches nothing, so that the action exceeds {low:.2f} mm, and "
-                f"one touches, so that it is below {high:.2f} mm; check the amplitudes"
+                f"the recordings contradict each other: one touches nothing, so the action exceeds {low:.2f} mm, but "
+                f"another touches, so the action is below {high:.2f} mm; check the amplitudes"
             )
         return low, high
 
@@ -237,8 +237,8 @@ class _Fitting:
         if found.loss > MOST_LOSS:
             raise FitRefused(
                 f"recording {i + 1}: no stroke over such frets explains it (loss {found.loss:.2f}, at most {MOST_LOSS:g}); "
-                f"the action lies between about {low:.2f} and {high:.2f} mm by which strokes touch. Hard strikes are "
-                "chaotic: record softer ones, and check amplitudes and the place of plucking"
+                f"the action lies between about {low:.2f} and {high:.2f} mm, judging by which strokes touch. Hard strikes "
+                "are chaotic: record softer ones, and check amplitudes and the place of plucking"
             )
         return found
 
@@ -246,7 +246,7 @@ class _Fitting:
         (a, one), (b, other) = found.items()
         if abs(one.action_mm - other.action_mm) > AGREED_MM:
             raise FitRefused(
-                f"the recordings must be of one action, got {one.action_mm:.2f} mm in recording {a + 1} and "
+                f"the recordings must agree on one action, got {one.action_mm:.2f} mm in recording {a + 1} and "
                 f"{other.action_mm:.2f} mm in recording {b + 1} (it lies {said}); check their amplitudes"
             )
 

@@ -43,13 +43,17 @@ def facts(fit: FretFit) -> list[list[str]]:
     percent = 100.0 * AMPLITUDE_KNOWN
     found = [
         ["Action", f"{fit.action_mm:.3f} ± {fit.half_mm:.3f} mm", f"open string over fret {fit.counted_at}"],
-        ["of it the fit", f"± {fit.fit_half_mm:.3f} mm", "without what the amplitudes may be off"],
-        ["for each percent", f"{fit.valley_mm:.3f} mm", f"of all amplitudes; ± {percent:g} % are in the interval"],
-        ["Bracket", f"{fit.low_mm:.2f} to {fit.high_mm:.2f} mm", "by which strokes touch alone"],
+        ["Interval of the fit", f"± {fit.fit_half_mm:.3f} mm", "without the uncertainty of the amplitudes"],
+        [
+            "Change per percent",
+            f"{fit.valley_mm:.3f} mm",
+            f"of all amplitudes; ± {percent:g} % are included in the interval",
+        ],
+        ["Bracket", f"{fit.low_mm:.2f} to {fit.high_mm:.2f} mm", "judging only by which strokes touch"],
         ["Plucked at", f"{fit.position:.4f} of L", "as given" if fit.position_known else "from the softest stroke"],
     ]
     for number, each in enumerate(fit.strokes, start=1):
-        words = {True: "touches", False: "touches nothing", None: "not told"}[each.touches]
+        words = {True: "touches", False: "touches nothing", None: "unclear"}[each.touches]
         if each.minimum is not None:
             words += f", action {each.minimum.action_mm:.3f} mm, loss {each.minimum.loss:.3f}"
         found.append([f"Stroke {number}", f"{each.amplitude_mm:.4g} mm: {words}", "amplitude as given"])

@@ -69,7 +69,7 @@ def find_series(note: Note, expected_hz: float | None = None, *, moved_cents: fl
     if best is None:
         refuse_slow(note.samples, note.rate_hz)
         hint = "" if expected_hz is None else f" near {expected_hz:.4g} Hz"
-        raise FitRefused(f"no pitch is found{hint}: the spectrum has no series of partials; record a single plucked string")
+        raise FitRefused(f"no pitch was found{hint}: the spectrum has no series of partials; record a single plucked string")
     _refuse_second_note(peaks, best, moved_cents)
     return best
 

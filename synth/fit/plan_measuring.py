@@ -289,8 +289,8 @@ def measured_strings(preset: Preset) -> list[OneString]:
     """The strings of a preset that meet something, each kind once. Raises PresetError where plans are not measured."""
     if not plannable(preset):
         raise PresetError(
-            f"{preset.name}: a plan is measured of strings on ends at rest over rigid points, which this preset has not; "
-            "the law plans it"
+            f"{preset.name}: a plan can be measured only for strings with rigid ends over rigid points, "
+            "which this preset does not have; the law plans it"
         )
     found: dict[str, OneString] = {}
     for _, _, alone in single_strings(preset):

@@ -81,7 +81,7 @@ def read_recording(file: str | BinaryIO) -> tuple[NDArray[np.float64], int]:
         if path.is_dir():
             raise IsADirectoryError(f"{file}: is a directory; give a recording in it")
         if not path.is_file():
-            raise ValueError(f"{file}: is a device or a pipe, which cannot be searched; give a WAV or FLAC file")
+            raise ValueError(f"{file}: is a device or a pipe, in which the fit cannot seek; give a WAV or FLAC file")
     try:
         with soundfile.SoundFile(os.fsencode(file) if isinstance(file, str) and os.name != "nt" else file) as sound:
             _check_rate(sound.samplerate)
@@ -147,7 +147,7 @@ def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64
     warnings = []
     most = round(MOST_S * rate_hz)
     if len(array) > most:
-        warnings.append(f"only the first {MOST_S:g} s of {len(array) / rate_hz:.3g} s are looked at")
+        warnings.append(f"only the first {MOST_S:g} s of {len(array) / rate_hz:.3g} s are used")
         array = array[:most]
     x = np.asarray(array, dtype=np.float64)
     if not np.all(np.isfinite(x)):
@@ -177,7 +177,7 @@ def refuse_slow(x: NDArray[np.float64], rate_hz: float) -> None:
     hz = top * rate_hz / (2 * x.size)
     if hz < 0.75 * LOWEST_HZ and tone > 0.8 * power.sum() and top >= width:
         raise FitRefused(
-            f"what sounds lies at {hz:.3g} Hz, below the pitches that can be fitted, {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz; "
+            f"the sound lies at {hz:.3g} Hz, below the pitches that can be fitted, {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz; "
             "check the sample rate, or record a plucked string"
         )
 

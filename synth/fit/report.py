@@ -61,7 +61,7 @@ def report(fit: Fit) -> dict[str, Any]:
 
 def _facts(fit: Fit, note: str, beside: float) -> list[list[str]]:
     pluck = fit.pluck
-    where = "not told by the levels"
+    where = "not clear from the levels"
     if pluck is not None and pluck.determined:
         where = f"{pluck.position:.3f} ± {pluck.error:.3f} of L"
     low, high = fit.partials[0], fit.partials[:JUDGED][-1]
@@ -73,15 +73,19 @@ def _facts(fit: Fit, note: str, beside: float) -> list[list[str]]:
             "partial n sounds at n·f0·√(1 + B·n²)",
         ],
         [f"T60 of partial {low.number}", f"{low.t60_s:.2f} s", f"time to −60 dB at {low.hz:.0f} Hz"],
-        [f"T60 of partial {high.number}", f"{high.t60_s:.2f} s", f"time to −60 dB at {high.hz:.0f} Hz: how bright it stays"],
+        [
+            f"T60 of partial {high.number}",
+            f"{high.t60_s:.2f} s",
+            f"time to −60 dB at {high.hz:.0f} Hz: how long it stays bright",
+        ],
         [
             "Viscoelastic loss",
             f"{fit.losses.viscoelastic_loss:.3g}",
-            "loss angle of the material; makes high partials short",
+            "loss angle of the material; shortens high partials",
         ],
         ["Thermoelastic 1/Q", f"{fit.losses.thermoelastic_q_inverse:.3g}", "loss in proportion to frequency"],
-        ["Plucked at", where, "distance from the nearer end; levels alone do not tell which end"],
-        ["Signal over noise", f"{fit.snr_db:.0f} dB", "level of the partials above what lies between them"],
+        ["Plucked at", where, "distance from the nearer end; the levels do not show which end that is"],
+        ["Signal over noise", f"{fit.snr_db:.0f} dB", "level of the partials above the noise between them"],
     ]
 
 

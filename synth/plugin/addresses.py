@@ -70,7 +70,7 @@ class Memory:
         """
         held = array if content is None else content
         if held.nbytes != array.nbytes or not array.flags.c_contiguous:
-            raise ValueError("an array must be contiguous, and what it begins with as large")
+            raise ValueError("an array must be contiguous, and its initial content must have the same size")
         key = array.ctypes.data, array.nbytes
         if array.nbytes == 0 or key in self._known:
             return
@@ -109,13 +109,13 @@ class Memory:
     def image(self, function_at: Callable[[int], str | None]) -> Image:
         """All of it; `function_at` names the compiled function at an address.
 
-        Raises ValueError for an address that leads nowhere, and for a word that nobody declared to be one.
+        Raises ValueError for an address that points nowhere, and for a word that nobody declared to be one.
         """
         order = sorted(range(len(self._pieces)), key=lambda i: self._pieces[i].address)
         starts = np.array([self._pieces[i].address for i in order], np.int64)
         ends = np.array([self._pieces[i].address + len(self._pieces[i].content) for i in order], np.int64)
         if (ends[:-1] > starts[1:]).any():
-            raise ValueError("two arrays lie on each other: one of them should be a part of the other, and not be added")
+            raise ValueError("two arrays overlap: declare one of them as a part of the other, instead of adding it")
         functions: list[str] = []
         relocations: list[tuple[int, int, int, int]] = []
         regions = [bytearray(self._ends[region]) for region in (CONSTANT, CORE, THREAD)]
@@ -135,9 +135,11 @@ class Memory:
                         functions.append(name)
                     to, target = TO_FUNCTION, functions.index(name)
                 else:
-                    raise ValueError(f"word {word} of an array of region {piece.region} leads nowhere")
+                    raise ValueError(f"word {word} of an array of region {piece.region} points nowhere")
                 if piece.region == CONSTANT:
-                    raise ValueError("what is constant lies at other places in every process, and must not hold addresses")
+                    raise ValueError(
+                        "constant arrays lie at different addresses in every process, and must not contain addresses"
+                    )
                 relocations.append((offset + 8 * word, target, piece.region, to))
             nearest = np.searchsorted(starts, words, side="right") - 1
             if ((nearest >= 0) & (words < ends[nearest])).any() or any(function_at(int(word)) for word in np.unique(words)):

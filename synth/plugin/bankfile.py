@@ -197,10 +197,10 @@ def bank(
     TypeError for what is of another kind.
     """
     if sys.byteorder != "little":
-        raise ValueError("banks are made on little-endian machines")
+        raise ValueError("banks can be made on little-endian machines only")
     about = describe(presets, name, () if drone is None else drone.parameters())
     if drone is not None and list(presets) != [drone.strings.preset]:
-        raise ValueError("a bank with a drone holds its preset alone")
+        raise ValueError("a bank with a drone must hold the drone's preset alone")
     rates = sorted({arguments.rate(rate) for rate in rates_hz})
     if not 1 <= len(rates) <= MOST_RATES:
         raise ValueError(f"a bank is made for 1 to {MOST_RATES} sample rates, got {len(rates)}")
@@ -580,7 +580,7 @@ def recipe_of(path: Path) -> tuple[int, recipe.Recipe]:
     begin = int.from_bytes(whole[-16:-8], "little") if whole[-8:] == library.FOOT else 0
     data = whole[begin:]
     if len(data) < HEADER.itemsize or data[: len(MAGIC)] != MAGIC:
-        raise ValueError(f"{path}: holds no bank; export it again")
+        raise ValueError(f"{path}: does not contain a bank; export it again")
     header = np.frombuffer(data, HEADER, 1)[0]
     if header["version"] != VERSION:
         raise ValueError(f"{path}: its bank is of version {header['version']}, this program's {VERSION}; export it again")

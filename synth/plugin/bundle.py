@@ -33,7 +33,7 @@ def require_system() -> None:
     """ValueError where plugins cannot be made: so far they are for Linux on x86-64."""
     if not (sys.platform.startswith("linux") and platform.machine() in ("x86_64", "AMD64")):
         raise ValueError(
-            f"plugins are made on and for Linux on x86-64, and this is {platform.system()} on {platform.machine()}: "
+            f"plugins can be made only on Linux on x86-64, and this is {platform.system()} on {platform.machine()}: "
             "`synth render` and `synth play` work here"
         )
 
@@ -57,7 +57,7 @@ def check(kind: str, path: Path) -> None:
     if path.is_symlink() or (path.exists() and not path.is_dir()):
         raise FileExistsError(f"{path}: is a file, and a plugin of the format {kind} is a folder; give another name")
     if path.is_dir() and (other := _foreign(kind, path)) is not None:
-        raise FileExistsError(f"{path}: holds {other}, which belongs to no plugin of ours; give another name")
+        raise FileExistsError(f"{path}: holds {other}, which does not belong to a plugin of this program; give another name")
 
 
 def write(kind: str, path: Path, library: bytes, description: Description, same: Path | None = None) -> Path:

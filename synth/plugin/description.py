@@ -75,7 +75,9 @@ def describe(presets: Sequence[Preset], name: str | None = None, own: Sequence[O
     if name is None:
         name = names[0] if len(names) == 1 else "collection"
     if not NAME_PATTERN.fullmatch(name):
-        raise ValueError(f"a plugin's name is made of small letters, digits and hyphens (at most 64), got {name!r}")
+        raise ValueError(
+            f"a plugin's name must consist of lower-case letters, digits and hyphens (at most 64), got {name!r}"
+        )
     described = tuple(
         DescribedPreset(preset.name, title, _one_line(preset.description), *playable_range(preset))
         for preset, title in zip(presets, _titles(presets), strict=True)

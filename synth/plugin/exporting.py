@@ -98,7 +98,7 @@ def export(
         note_hz, silent = playable_frequencies(wanted.tuning, wanted.keyboard)
         if silent.any():
             raise ValueError(
-                f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin cannot; map every key, or retune it "
+                f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin does not support; map every key, or retune it "
                 "in the music program (MTS)"
             )
     from synth.plugin import bankfile, library, python_record, shelf

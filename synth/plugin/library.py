@@ -165,6 +165,8 @@ def _run(command: Sequence[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         wrong = (
-            [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["it says nothing"]
+            [line for line in done.stderr.splitlines() if "error" in line]
+            or done.stderr.splitlines()
+            or ["it gave no reason"]
         )
         raise BuildError(f"{command[0]} could not make the library: {wrong[0].strip()}")

@@ -106,7 +106,7 @@ def _of_effect(placed: Placed) -> Iterator[Limit]:
             first, second = (ring._replace(places=places) for places in np.split(ring.places, [WINDOW]))
             yield Limit(second, 0.0, 0.0, above=first, below=first)
     elif any(rest.dtype.kind == "i" for rest in placed.at_rest):
-        raise ValueError(f"a state of the effect {placed.effect.kind} can be looked at in Python only")
+        raise ValueError(f"a state of the effect {placed.effect.kind} is accessible in Python only")
 
 
 def _words(placed: Placed, name: str) -> Words:

@@ -42,7 +42,7 @@ def rebuild(plugin: Path, checksum: int, rate_hz: float, out: Path, settings: It
 
     found, recipe = bankfile.recipe_of(plugin)
     if found != checksum:
-        raise ValueError("the plugin's file was replaced since it was loaded; load the plugin again")
+        raise ValueError("the plugin's file was replaced after it was loaded; load the plugin again")
     values: dict[str, dict[str, float]] = {preset.name: {} for preset in recipe.presets}
     for each in settings:
         place, _, value = each.partition("=")

@@ -77,11 +77,11 @@ def retargeted(text: str) -> tuple[Any, Any]:
     text = re.sub(r"^target triple = .*$", f'target triple = "{TRIPLE}"', text, flags=re.MULTILINE)
     text = re.sub(r"^declare [^\n]*@llvm\.x86\.[^\n]*$", "", text, flags=re.MULTILINE)
     if other := re.search(r"@llvm\.x86\.atomic\.sub\.cc\.i64\([^)]*i32 (?!4\))(\d+)\)", text):
-        raise ValueError(f"the kernels ask after a subtraction for condition {other[1]}, where only 4, equal, is known here")
+        raise ValueError(f"the kernels test condition {other[1]} after a subtraction, but only 4, equal, is supported here")
     for name, instead in _INSTEAD.items():
         text = text.replace(f"@{name}(", f"@jawari.{name.split('.', 3)[-1]}(") + instead
     if left := re.search(r"@(llvm\.x86\.[\w.]+)", text):
-        raise ValueError(f"the kernels use {left[1]}, for which there is nothing on AArch64 here; see {__name__}")
+        raise ValueError(f"the kernels use {left[1]}, which has no replacement for AArch64; see {__name__}")
     module = llvm.parse_assembly(text)
     module.verify()
     return module, machine

@@ -26,7 +26,9 @@ def native_library(say: Callable[[str], None] | None = None) -> Path:
         if path.is_file() and not prebuilt.unfit(path) and library.sources_of(path) == library.sources_version():
             return path
     if os.environ.get("JAWARI_NATIVE", "") not in ("", "0"):  # what lies there may be anything: it is not written over
-        raise library.BuildError(f"JAWARI_NATIVE={path} is no native library of these sources; unset it to have one built")
+        raise library.BuildError(
+            f"JAWARI_NATIVE={path} is not a native library of these sources; unset it to have one built"
+        )
     place = prebuilt.places()[-1]
     with naming(place.parent):
         place.parent.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

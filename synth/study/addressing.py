@@ -73,7 +73,7 @@ class Addresses:
             found = sorted(self._folder.glob(pattern)) if not Path(pattern).is_absolute() else [Path(pattern)]
             files |= {each.resolve() for each in found if each.is_file()}
             if not found:
-                raise StudyError(f"base.sources: {pattern!r} is no file below {self._folder.resolve()}")
+                raise StudyError(f"base.sources: {pattern!r} matches no file below {self._folder.resolve()}")
         names = [each["name"] for each in self.study.measured() if ":" in each["name"]]
         names += [self.study.base.call] if self.study.base.call else []
         named = modules.module_names(self.head["path"], files)

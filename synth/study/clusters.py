@@ -151,7 +151,7 @@ class Dask:
                 raise OSError(f"workers could not be started: {error}") from None
             what = "the address, the certificates" if scheduler.address.startswith("tls") else "the address"
             raise OSError(
-                f"--scheduler: none answers at {scheduler.address} ({error}); check {what}, and `dask scheduler`"
+                f"--scheduler: nothing answers at {scheduler.address} ({error}); check {what}, and `dask scheduler`"
             ) from None
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._batches: dict[Any, Any] = {}  # key → future
@@ -180,8 +180,8 @@ class Dask:
     def _check(self) -> None:
         if self._client.status not in ("running", "newly-created"):
             raise OSError(
-                f"the scheduler {self._scheduler or 'of this process'} has gone; what has arrived is kept: start it, and "
-                "the same command goes on"
+                f"the scheduler {self._scheduler or 'of this process'} has gone; finished rows are kept: start it again, "
+                "and the same command continues"
             )
 
     def submit(self, reference: tuple[str, Any] | None, jobs: Any, first: bool = False) -> Any:

@@ -26,7 +26,7 @@ _MOST_ROWS, _MOST_BYTES = 512, 32e6
 _AHEAD = 3
 #: a batch that was lost with its scheduler's memory is given again so often
 _MOST_LOST = 20
-_LOST_AGAIN = "batches are lost again and again; look after the scheduler and its workers, and start again"
+_LOST_AGAIN = "batches are lost again and again; check the scheduler and its workers, and start again"
 
 
 class Job(NamedTuple):
@@ -192,7 +192,7 @@ class Conductor:
         """What rows are compared with, for whoever computes them."""
         found = self._folder.reference(key)
         if found is None:
-            raise OSError(f"{self._folder.path}: reference {key} is no longer readable; start again, it is computed again")
+            raise OSError(f"{self._folder.path}: reference {key} is no longer readable; start again to compute it again")
         return found
 
     def _take_reference(self, ticket: Any, outcome: Any) -> None:
@@ -260,4 +260,4 @@ def address(addresses: Addresses, design: Design, settings: dict[str, Any]) -> t
 def _unlike(told: str) -> Exception:
     if isinstance(told, Stale):
         return OSError(f"a worker {told}, and start again")
-    return ValueError(f"a worker computes with another program: {told}; install the same there, and start again")
+    return ValueError(f"a worker runs other versions: {told}; install the same versions there, and start again")

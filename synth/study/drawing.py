@@ -38,7 +38,7 @@ def draw_all(study: Study, folder: Path) -> list[Path]:
     table = read_table(folder)
     plots = study.plot or default_plots(study, table)
     if not plots:
-        raise StudyError("plot: nothing to draw, as no column but one is of numbers; describe it in [[plot]]")
+        raise StudyError("plot: nothing to draw, as fewer than two columns hold numbers; describe a plot in [[plot]]")
     made = []
     for number, plot in enumerate(plots):
         name = plot.file or f"{study.name}-{number + 1}.png"
@@ -113,7 +113,7 @@ def draw(plot: PlotTable, table: pandas.DataFrame, place: str) -> Any:
                 f"{place}.{key}: the table has no {name!r}{perhaps(name, list(table))}; it has {', '.join(table)}"
             )
         if key in ("x", "y") and not _is_number(table[name]):
-            raise StudyError(f"{place}.{key}: {name!r} is not of numbers; take another column")
+            raise StudyError(f"{place}.{key}: {name!r} does not hold numbers; choose another column")
     for name, value in plot.where.items():
         if name not in table:
             raise StudyError(f"{place}.where.{name}: the table has no such column")

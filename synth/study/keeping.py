@@ -128,7 +128,7 @@ class Folder:
         if not ours:
             with os.fdopen(handle, encoding="utf-8", errors="replace") as file:
                 who = file.read(200).strip() or "another process"
-            raise BlockingIOError(f"{self.path}: {who} is at work there; wait for it, or give another folder")
+            raise BlockingIOError(f"{self.path}: {who} is working there; wait for it, or give another folder")
         self._lock = handle
         os.ftruncate(handle, 0)
         os.write(handle, f"process {os.getpid()} on {socket.gethostname()} (since {time.strftime('%F %T')})".encode())
@@ -197,7 +197,7 @@ class Folder:
                     continue
                 except pa.ArrowInvalid as error:
                     raise OSError(
-                        f"{path}: is no longer a Parquet file ({error}); remove it, its rows are computed again"
+                        f"{path}: is no longer a Parquet file ({error}); remove it, and its rows are computed again"
                     ) from None
                 yield found
 

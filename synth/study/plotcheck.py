@@ -39,7 +39,7 @@ def ending_fault(name: str) -> str | None:
 def too_many(curves: int, what: str) -> str:
     """Why so many curves are not drawn. what: what they differ in."""
     return (
-        f"{what}: {curves} curves are not told apart, at most {MOST_CURVES} are; choose rows with where, or colour by a "
+        f"{what}: {curves} curves cannot be told apart, at most {MOST_CURVES} can; choose rows with where, or colour by a "
         "column of numbers"
     )
 
@@ -56,7 +56,7 @@ def _faults(plot: PlotTable, study: Study, rows: list[dict[str, Any]]) -> Iterat
         if columns is not None and name not in columns:
             yield f"{key}: the table will have no {name!r}{perhaps(name, columns)}; it has {', '.join(columns)}"
         elif key in ("x", "y") and name in parameters and not _are_numbers([row.get(name) for row in rows]):
-            yield f"{key}: {name!r} is not of numbers; take another column"
+            yield f"{key}: {name!r} does not hold numbers; choose another column"
     for name in plot.where:
         if columns is not None and name not in columns:
             yield f"where.{name}: the table will have no such column{perhaps(name, columns)}"

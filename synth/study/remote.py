@@ -41,11 +41,11 @@ def remote(address: str, security: Any = None, insecure: bool = False) -> Remote
                 "distributed.comm.tls of Dask's configuration"
             )
     elif security is not None and security.require_encryption:
-        raise ValueError(f"--scheduler: certificates are for addresses that begin with tls://, got {address}")
+        raise ValueError(f"--scheduler: certificates need an address that begins with tls://, got {address}")
     elif scheme != _INSIDE and not insecure and not _is_here(host):
         raise ValueError(
-            f"--scheduler: {address} is not encrypted and not on this machine: everybody on the network between can run "
-            "code as you; start scheduler and workers with certificates and give tls://…, or take --insecure on a network "
+            f"--scheduler: {address} is not encrypted and not on this machine: anybody on the network in between can run "
+            "code as you; start scheduler and workers with certificates and give tls://…, or use --insecure on a network "
             "that you trust"
         )
     return Remote(address, security)
@@ -58,7 +58,7 @@ def certificates(ca: str | os.PathLike[str], cert: str | os.PathLike[str], key: 
 
     for option, path in (("--tls-ca", ca), ("--tls-cert", cert), ("--tls-key", key)):
         if path is not None and not Path(path).is_file():
-            raise FileNotFoundError(f"{option}: {os.fspath(path)} is no file; give one in PEM format")
+            raise FileNotFoundError(f"{option}: {os.fspath(path)} is not a file; give one in PEM format")
     context = ssl.create_default_context()
     try:
         context.load_verify_locations(cafile=ca)

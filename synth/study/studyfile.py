@@ -49,7 +49,7 @@ class BaseTable(Table):
         if sum(each is not None for each in (self.case, self.preset, self.call)) > 1:
             raise ValueError("give one of case, preset and call")
         if self.rooms and self.call is None:
-            raise ValueError("rooms says what a function's rows depend on; leave it out, or give call")
+            raise ValueError("rooms tells which modules a function's rows depend on; leave it out, or give call")
         if self.call is not None and self.call.count(":") != 1:
             raise ValueError(f"call must be MODULE:FUNCTION, got {self.call!r}")
         return self
@@ -80,7 +80,7 @@ class BlockTable(Table):
             for name in names:
                 key = canonical(name)
                 if key in places:
-                    raise ValueError(f"{where}.{name} and {places[key]} say the same; leave one out")
+                    raise ValueError(f"{where}.{name} and {places[key]} set the same parameter; leave one out")
                 places[key] = f"{where}.{name}"
         return self
 
@@ -230,7 +230,7 @@ def _faults(study: Study) -> list[str]:
     columns = [each["as"] for each in study.measured()]
     for what, names in (("parameter", study.parameters), ("measures", columns)):
         found += [
-            f"{what} {name!r}: rows have a column of this name already; give another" for name in names if is_own(name)
+            f"{what} {name!r}: rows already have a column of this name; give another" for name in names if is_own(name)
         ]
     for column in dict.fromkeys(columns):
         if columns.count(column) > 1:
@@ -240,7 +240,7 @@ def _faults(study: Study) -> list[str]:
     if base.call is None and not study.measures and not study.arrays:
         found.append("measures: missing; name at least one, or arrays")
     if base.call is not None and study.measures:
-        found.append("measures: a function measures itself what it returns; leave them out")
+        found.append("measures: a function returns its own measures; leave them out")
     if study.reference is not None and base.call is None and "ledger" in study.reference.set:
         found.append("reference.set.ledger: has no meaning; leave it out")
     return found

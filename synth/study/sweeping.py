@@ -110,8 +110,8 @@ def conduct(
         done, failed, codes = kept.known(retry_failed)
         other = sum(rows for code, rows in codes.items() if code != opened.addresses.code)
         if other and not prune:
-            say(f"{other} rows in {folder} are of another version of the program or its libraries; rows are computed with "
-                "this one, those are kept (--prune takes them away)")  # fmt: skip
+            say(f"{other} rows in {folder} come from another version of the program or its libraries; they are kept, and "
+                "their rows are computed again with this version (--prune removes them)")  # fmt: skip
         counts = Counts(len(opened.design))
         last = 0.0
 
@@ -140,7 +140,9 @@ def conduct(
             done, failed = Keys(), Keys()
             if prune:
                 gone = compacting.prune(kept, opened.design, opened.addressed)
-                say(f"{gone} rows that are not asked for left {folder}") if gone else None
+                say(
+                    f"removed from {folder}: {gone} row{'' if gone == 1 else 's'} that the study does not ask for"
+                ) if gone else None
             if compacting.finish(kept, opened.design, opened.addressed) is None and counts.total:
                 raise OSError(f"{folder}: rows are missing, though all were computed; start again")
             heard(counts, "finished")

@@ -35,7 +35,7 @@ class Range(Table):
             raise ValueError(f"from and to must be more than 0 for spacing log, got {self.from_:g} and {self.to:g}")
         if self.step is not None:
             if self.spacing == "log":
-                raise ValueError("step is of linear spacing; give count")
+                raise ValueError("step needs linear spacing; give count instead")
             if self.step == 0.0 or (self.to - self.from_) / self.step < 0.0:
                 raise ValueError(f"step must lead from {self.from_:g} to {self.to:g}, got {self.step:g}")
             if (self.to - self.from_) / self.step > MOST:
@@ -80,11 +80,11 @@ class Distribution(Table):
             raise ValueError("give one of uniform, loguniform, normal, lognormal, integers and choice")
         pair = getattr(self, kinds[0])
         if kinds[0] in ("uniform", "loguniform", "integers") and not pair[0] < pair[1]:
-            raise ValueError(f"{kinds[0]} must go from less to more, got {pair[0]:g} and {pair[1]:g}")
+            raise ValueError(f"{kinds[0]} must rise, got {pair[0]:g} and {pair[1]:g}")
         if kinds[0] == "loguniform" and not pair[0] > 0:
             raise ValueError(f"loguniform must begin above 0, got {pair[0]:g}")
         if kinds[0] in ("normal", "lognormal") and not pair[1] > 0:
-            raise ValueError(f"{kinds[0]} is a middle and a width above 0, got width {pair[1]:g}")
+            raise ValueError(f"{kinds[0]} needs a mean and a width above 0, got width {pair[1]:g}")
         return self
 
     def _given(self, name: str) -> bool:

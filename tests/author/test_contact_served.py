@@ -78,7 +78,7 @@ def test_a_known_amplitude_is_set_as_well(server: Server) -> None:
     job = begun(doc, note(hz_of(doc, 0)), string=0, amplitude=0.5)
     result = ended(doc, job)["result"]
     shown = {row["path"]: row["value"] for row in result["settings"]}
-    assert "pluck.displacement_mm" in shown and "0.5 mm, as you say" in result["contact"]
+    assert "pluck.displacement_mm" in shown and "0.5 mm, as you entered" in result["contact"]
     jiva = shown["obstacle.jiva_um"]
     jiva = jiva if isinstance(jiva, float) else list(jiva.values())[-1]
     assert jiva == pytest.approx(1e6 * HEIGHT * 0.5e-3, rel=1e-3)
@@ -111,7 +111,7 @@ def test_a_contact_fit_is_cancelled(server: Server) -> None:
     until(lambda: doc.server.get(f"/api/jobs/{job}")["progress"] > 0.0)
     assert server.client.delete(f"/api/jobs/{job}").status_code == 200
     assert ended(doc, job)["state"] == "cancelled"
-    assert "fitted nothing" in doc.do("apply-fit", 409, job=job)["error"]
+    assert "no fit to apply" in doc.do("apply-fit", 409, job=job)["error"]
 
 
 @pytest.mark.parametrize(

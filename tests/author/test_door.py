@@ -74,7 +74,7 @@ def test_the_browser_is_not_given_the_token(serve: Serve, browser: tuple[dict[st
         assert first.get(session, headers=own).status_code == 200
         # whoever reads it later is refused, and whoever was let in goes on
         refused = second.get(address)
-        assert refused.status_code == 403 and "opens once" in refused.text and "set-cookie" not in refused.headers
+        assert refused.status_code == 403 and "works once" in refused.text and "set-cookie" not in refused.headers
         assert first.get(address, headers={"Sec-Fetch-Site": "none"}).status_code == 200  # loaded again
         assert first.get(session, headers=own).status_code == 200
     assert server.token.encode() not in Path(f"/proc/{server.pid}/cmdline").read_bytes()
@@ -128,14 +128,14 @@ def test_another_user_is_refused(monkeypatch: pytest.MonkeyPatch, caplog: pytest
         table = tmp_path / "tcp"
         table.write_text(rows[0] + " ".join(columns) + "\n")
         monkeypatch.setattr(door, "TABLES", (table,))
-        assert closed.opens(closed.code, client, server) == "this page is another user's"
+        assert closed.opens(closed.code, client, server) == "this page belongs to another user"
         assert "was refused" in caplog.text
-        assert "not known" in str(closed.opens(closed.code, ("127.0.0.1", 1), server))
+        assert "is unknown" in str(closed.opens(closed.code, ("127.0.0.1", 1), server))
         monkeypatch.undo()
         assert closed.opens("", client, server) and closed.opens(closed.code + "x", client, server)
         assert closed.opens("é\udcff", client, server)
         assert closed.opens(closed.code, client, server) is None  # none of that has used it up
-        assert "opens once" in str(closed.opens(closed.code, client, server))
+        assert "works once" in str(closed.opens(closed.code, client, server))
 
 
 def test_it_does_not_stay_open(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +144,7 @@ def test_it_does_not_stay_open(monkeypatch: pytest.MonkeyPatch) -> None:
         late = Door()
         now = door.time.monotonic()
         monkeypatch.setattr(door.time, "monotonic", lambda: now + door.OPEN_S + 1)
-        assert "opens once" in str(late.opens(late.code, ours.getsockname(), theirs.getsockname()))
+        assert "works once" in str(late.opens(late.code, ours.getsockname(), theirs.getsockname()))
 
 
 def test_where_nobody_says_whose_it_is_a_second_one_is_told(

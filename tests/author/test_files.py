@@ -170,7 +170,7 @@ def test_names_outside_the_folder(serve: Serve, folder: Path, name: str) -> None
         server.post("/api/open", 400, preset=name),
         server.post("/api/open", 400, preset=f"{name}.toml"),
     ):
-        assert "is no name" in answer["error"] and "\n" not in answer["error"]
+        assert "is not a valid name" in answer["error"] and "\n" not in answer["error"]
     assert (sorted(os.listdir(folder)), sorted(os.listdir(folder.parent))) == before
 
 
@@ -350,7 +350,7 @@ def test_two_on_one_folder(serve: Serve, folder: Path) -> None:
     doc.set("title", "Of the first")
     autosave = folder / ".mine.toml.autosave"
     until(autosave.is_file)
-    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: .*another `synth author` works in this folder"):
+    with pytest.raises(RuntimeError, match=r"exit code 2: synth: error: .*another `synth author` is using this folder"):
         Server(folder, "mine.toml")
     assert autosave.is_file() and doc.state["dirty"]
     server.end(signal.SIGKILL)  # and then it is free
@@ -437,7 +437,7 @@ def test_names_in_any_script(serve: Serve, folder: Path) -> None:
         assert server.open(odd).state["file"] == odd  # what is there already can be read
     (folder / os.fsdecode(b"\xff.toml")).write_text(TANPURA)
     rows = {row["file"]: row["reason"] for row in server.get("/api/session")["presets"]}
-    assert rows["t (1).toml"] is None and "is no name" in rows["\ufffd.toml"]
+    assert rows["t (1).toml"] is None and "is not a valid name" in rows["\ufffd.toml"]
 
 
 def test_links_to_what_is_no_preset(serve: Serve, folder: Path) -> None:
@@ -446,7 +446,7 @@ def test_links_to_what_is_no_preset(serve: Serve, folder: Path) -> None:
     (folder / ".mine.toml.autosave").symlink_to(folder / ".secret")
     (folder / ".unsaved~x.toml.autosave").symlink_to(folder / ".secret")
     server = serve()
-    assert "no preset's file" in server.post("/api/open", 400, preset="link.toml")["error"]
+    assert "not a preset file" in server.post("/api/open", 400, preset="link.toml")["error"]
     assert not any(row["unsaved"] for row in server.get("/api/session")["presets"])
     doc = server.open("mine.toml")
     assert doc.state["recovered"] is None

@@ -59,7 +59,7 @@ def test_the_token_in_the_address_opens_the_page_only(bare: httpx.Client, server
     for word in ({"Sec-Fetch-Site": "same-origin"}, {"Sec-Fetch-Site": "none"}, {"Origin": str(bare.base_url).rstrip("/")}):
         assert bare.get("/", headers=word).status_code == 200
         assert bare.get("/api/session", headers=word).status_code == 200
-    assert refused(bare.get("/api/session"), "browser's word")
+    assert refused(bare.get("/api/session"), "browser says")
     assert refused(bare.get("/api/session", headers={"Sec-Fetch-Site": "cross-site"}), "other pages")
     # the two secrets do not stand for each other
     secret = cookie.split("=", 1)[1].split(";")[0]

@@ -35,7 +35,7 @@ def test_a_plan_is_measured_and_kept(serve: Serve, folder: Path) -> None:
     job = doc.do("plan")["job"]
     server.client.delete(f"/api/jobs/{job}")
     assert finished(server, job)["state"] == "cancelled"
-    assert "measured no plan" in doc.do("keep-plan", 409, job=job)["error"]
+    assert "no plan to keep" in doc.do("keep-plan", 409, job=job)["error"]
     assert not (folder / "mine.plan").exists()
 
 
@@ -64,7 +64,7 @@ def test_a_preset_of_the_program_has_its_plan_and_keeps_it(tmp_path: Path) -> No
     text = (Path(__file__).parents[2] / "presets" / "tanpura.toml").read_text(encoding="utf-8")
     document = Document("tanpura", text, tmp_path / ".autosave", embedded=True)
     assert document.preset.measured.strings == tanpura.measured.strings != ()
-    with pytest.raises(Conflict, match="tanpura has no file yet that a plan could lie beside"):
+    with pytest.raises(Conflict, match="tanpura has no file yet to keep a plan beside"):
         document.keep_plan(parse(text_of(tanpura.measured), "x"))
 
 
@@ -94,4 +94,4 @@ def test_plans_that_there_are_not(server: Server) -> None:
     assert "no such job" in doc.do("keep-plan", 404, job="none")["error"]
     job = doc.do("reference", note=48, velocity=100, seconds=0.1)["job"]
     finished(server, job)
-    assert "measured no plan" in doc.do("keep-plan", 409, job=job)["error"]
+    assert "no plan to keep" in doc.do("keep-plan", 409, job=job)["error"]

@@ -127,7 +127,7 @@ def test_jobs_that_there_are_not(server: Server) -> None:
     job = doc.do("reference", note=49, velocity=100, seconds=1)["job"]
     found = finished(server, job)
     assert found["state"] == "failed" and "no string plays" in str(found["error"])
-    assert "fitted nothing" in doc.do("apply-fit", 409, job=job)["error"]
+    assert "no fit to apply" in doc.do("apply-fit", 409, job=job)["error"]
 
 
 def recording(server: Server, doc: Doc, **query: object) -> bytes:

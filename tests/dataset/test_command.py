@@ -51,7 +51,7 @@ def test_from_the_recipe_to_what_is_checked(recipe: Path, capsys: pytest.Capture
         (["r.toml", "--item", "n9-00000000", "-o", "x.flac"], "there is no item 'n9-00000000'"),
         (["r.toml", "-o", "r.toml"], "r.toml: is a file"),
         (["r.toml", "-o", "no/where"], "there is no directory no"),
-        ([".", "--verify", "1"], "no data set is there"),
+        ([".", "--verify", "1"], "is not the folder of a data set"),
         (["r.toml", "--check", "--verify", "1"], "not allowed with"),
         (["r.toml", "-o", "set", "--workers", "0"], "must be a whole number from 1"),
     ],

@@ -196,7 +196,7 @@ def test_a_broken_item_is_a_row_with_its_error(tmp_path: Path, monkeypatch: pyte
 def test_another_recipe_is_refused_with_the_remedy(made: Path, tmp_path: Path, change: tuple[str, str], said: str) -> None:
     before = files(made)
     with pytest.raises(
-        ValueError, match=rf"holds a data set of another recipe .{said}.; name another folder with -o, or remove"
+        ValueError, match=rf"contains a data set made from another recipe .{said}.; name another folder with -o, or remove"
     ):
         fill(written(tmp_path, NOTES.replace(*change)), made)
     assert files(made) == before
@@ -218,7 +218,7 @@ def test_other_code_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     folder.make()
     folder.begin(recipe := written(tmp_path), items := Items(recipe))
     monkeypatch.setattr("synth.dataset.setfolder.code", lambda: "0" * 64)
-    with pytest.raises(ValueError, match=r"was started by other code .* of one data set come from one version"):
+    with pytest.raises(ValueError, match=r"was started with other code .* of one data set come from one version"):
         folder.begin(recipe, items)
 
 
@@ -250,7 +250,7 @@ def test_folders_that_cannot_be(tmp_path: Path) -> None:
         fill(recipe, tmp_path / "mine")
     with pytest.raises(FileNotFoundError, match=r"there is no directory"):
         fill(recipe, tmp_path / "nowhere" / "set")
-    with pytest.raises(ValueError, match=r"no data set is there"):
+    with pytest.raises(ValueError, match=r"is not the folder of a data set"):
         verify(SetFolder(tmp_path / "mine"), 1)
     folder = SetFolder(tmp_path / "set")
     folder.make()

@@ -189,7 +189,7 @@ def test_noise_alone_is_refused(modes):
 def test_a_turned_sign_is_refused():
     good = measured(three_strings.body(1), GRID, 0.0)
     with pytest.raises(
-        MobilityRefused, match=r"real part of y11 must be positive, .* got negative in 100 % of the band; turn the"
+        MobilityRefused, match=r"real part of y11 must be positive, .* got negative in 100 % of the band; reverse the"
     ):
         fit_body(Mobility(GRID, {(1, 1): -good.components[1, 1]}))
 

@@ -312,7 +312,7 @@ def test_a_codec_of_few_bits_is_refused(model: ContactModel, recording: np.ndarr
     )
     file.seek(0)
     decoded, _ = soundfile.read(file)
-    with pytest.raises(FitRefused, match=r"has holes in its spectrum .* as a codec of few bits leaves them"):
+    with pytest.raises(FitRefused, match=r"has holes in its spectrum .* as a codec at a low bit rate leaves them"):
         fit_note(contact_search(model, 3e-3, notes=16), decoded, RATE_HZ)
 
 

@@ -138,7 +138,7 @@ def test_measuring_that_is_interrupted_leaves_nothing(monkeypatch: pytest.Monkey
         (None, "--measure-plan tanpura: is built in and already measured"),
         (
             PRESET.replace('kind = "bridge"', 'kind = "none" #').replace("distance_mm", "#").replace("jiva_um", "#"),
-            "on ends at rest",
+            "with rigid ends",
         ),
     ],
 )
@@ -155,7 +155,7 @@ def test_the_command_says_what_has_no_plan(
 
 @pytest.mark.parametrize("name", ["steel-guitar", "fretless-bass", "harp"])
 def test_what_has_no_plan(name: str) -> None:
-    with pytest.raises(PresetError, match="a plan is measured of strings on ends at rest over rigid points"):
+    with pytest.raises(PresetError, match="a plan can be measured only for strings with rigid ends over rigid points"):
         measure_plan(load_preset(name))
 
 

@@ -58,17 +58,17 @@ BAD = {
     "only an offset": (lambda: np.full(T.size, 0.3), r"is constant, at 0\.3 of full scale: an offset without sound"),
     "an offset below": (lambda: np.full(T.size, -0.999), r"is constant, at -0\.999 of full scale"),
     "an offset with noise of -120 dB": (lambda: 0.3 + 1e-5 * NOISE, "is constant, at 0.3"),
-    "3 Hz": (lambda: 0.8 * np.sin(2 * np.pi * 3.0 * T), "what sounds lies at 3 Hz, below the pitches .* 27 to 1600 Hz"),
-    "3 Hz in 16 bits": (lambda: np.round(32700.0 * np.sin(2 * np.pi * 3.0 * T)) / 32768.0, "what sounds lies at 3 Hz"),
-    "3 Hz that is clipped": (lambda: np.clip(3.0 * np.sin(2 * np.pi * 3.0 * T), -0.7, 0.7), "what sounds lies at 3 Hz"),
-    "1 Hz": (lambda: 0.8 * np.sin(2 * np.pi * T), "what sounds lies at (1|0.8|1.2).* Hz, below the pitches"),
-    "15 Hz that fades": (lambda: 0.8 * np.sin(2 * np.pi * 15.0 * T) * np.exp(-T), "what sounds lies at 15 Hz"),
+    "3 Hz": (lambda: 0.8 * np.sin(2 * np.pi * 3.0 * T), "the sound lies at 3 Hz, below the pitches .* 27 to 1600 Hz"),
+    "3 Hz in 16 bits": (lambda: np.round(32700.0 * np.sin(2 * np.pi * 3.0 * T)) / 32768.0, "the sound lies at 3 Hz"),
+    "3 Hz that is clipped": (lambda: np.clip(3.0 * np.sin(2 * np.pi * 3.0 * T), -0.7, 0.7), "the sound lies at 3 Hz"),
+    "1 Hz": (lambda: 0.8 * np.sin(2 * np.pi * T), "the sound lies at (1|0.8|1.2).* Hz, below the pitches"),
+    "15 Hz that fades": (lambda: 0.8 * np.sin(2 * np.pi * 15.0 * T) * np.exp(-T), "the sound lies at 15 Hz"),
     "a square wave": (lambda: 0.5 * np.sign(np.sin(2 * np.pi * 110.0 * T)), "is clipped"),
     "next to silence": (lambda: 1e-5 * NOISE, "is silent"),
     "too short": (lambda: note(110.0, 0.2), "must last at least 0.25 s"),
     "a click": (lambda: np.concatenate([np.zeros(1000), [1.0], np.zeros(44100)]), "no partials stand out"),
-    "a sine": (lambda: 0.5 * np.sin(2 * np.pi * 220.0 * T), "no pitch is found"),
-    "a sine that fades": (lambda: 0.5 * np.sin(2 * np.pi * 220.0 * T) * np.exp(-2.0 * T), "no pitch is found"),
+    "a sine": (lambda: 0.5 * np.sin(2 * np.pi * 220.0 * T), "no pitch was found"),
+    "a sine that fades": (lambda: 0.5 * np.sin(2 * np.pi * 220.0 * T) * np.exp(-2.0 * T), "no pitch was found"),
     "a sawtooth": (lambda: 0.3 * ((110.0 * T) % 1.0 - 0.5), "does not decay"),
     "a sweep": (lambda: 0.5 * np.sin(2 * np.pi * (100.0 * T + 150.0 * T**2)), "no partials stand out"),
     "a sawtooth that glides": (lambda: 0.3 * ((110.0 * T + 5.0 * T**2) % 1.0 - 0.5) * np.exp(-T), "glides cannot be fitted"),
@@ -145,4 +145,4 @@ def test_what_cannot_be_told_is_said() -> None:
     octave = render(steel(220.1, 4e-4), np.random.default_rng(0), snr_db=60.0)
     fit = fit_recording(note(110.0) + octave, RATE)
     assert abs(cents(fit.f0_hz, 110.0)) < 0.5
-    assert any("without one decay time" in words or "not a single exponential" in words for words in fit.warnings)
+    assert any("without a single decay time" in words or "not a single exponential" in words for words in fit.warnings)

@@ -336,7 +336,7 @@ def test_words_that_lead_nowhere_and_words_that_nobody_declared_are_found():
     lost = Memory()
     lost.add(CONSTANT, taps)
     lost.add(CORE, table, points=[0, 2])
-    with pytest.raises(ValueError, match="leads nowhere"):
+    with pytest.raises(ValueError, match="points nowhere"):
         lost.image(lambda address: None)
     lying = Memory()
     lying.add(THREAD, taps)

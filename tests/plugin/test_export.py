@@ -154,12 +154,15 @@ def test_installed_it_lies_where_hosts_look(export: Export) -> None:
         (["tanpura", "-f", "vst3", "-o", "x.clap"], "is named as clap, but --format is vst3"),
         (["tanpura", "-f", "all", "-o", "x.clap"], "a name without extension"),
         (["tanpura", "-f", "clap", "--rates", "44100,many"], "--rates: must be sample rates from 8000 to 384000 Hz"),
-        (["tanpura", "-f", "clap", "--name", "My Tanpura"], "small letters, digits and hyphens"),
+        (["tanpura", "-f", "clap", "--name", "My Tanpura"], "lower-case letters, digits and hyphens"),
         (["tanpura", "-f", "clap", "-o", "nowhere/x.clap"], "there is no directory nowhere"),
         (["sitarr", "-f", "clap"], "preset 'sitarr' is not one of"),
         (["broken.toml", "-f", "clap"], "broken.toml"),
         (["mine.toml", "-f", "clap", "-o", "mine.toml"], "would overwrite preset mine.toml"),
-        (["tanpura", "-f", "lv2", "-o", "others"], "others: holds song.mid, which belongs to no plugin of ours"),
+        (
+            ["tanpura", "-f", "lv2", "-o", "others"],
+            "others: holds song.mid, which does not belong to a plugin of this program",
+        ),
         (["tanpura", "-f", "vst3", "-o", "mine.toml"], "is a file, and a plugin of the format vst3 is a folder"),
         (["tanpura", "-f", "clap", "-o", "others"], "others: is a directory"),
         (["tanpura", "-f", "clap", "--tuning", "none.scl"], "none.scl"),
@@ -216,7 +219,7 @@ def test_names_of_any_letters(export: Export) -> None:
 def test_where_plugins_are_not_made_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("platform.machine", lambda: "arm64")
     monkeypatch.setattr("platform.system", lambda: "Darwin")
-    with pytest.raises(ValueError, match="for Linux on x86-64, and this is Darwin on arm64"):
+    with pytest.raises(ValueError, match="only on Linux on x86-64, and this is Darwin on arm64"):
         bundle.require_system()
 
 

@@ -19,6 +19,6 @@ def put(parts: Mapping[str, str], path: Path) -> None:
         before, found, rest = page.partition(begin)
         _, found_too, after = rest.partition(end)
         if not (found and found_too):
-            raise ValueError(f"{path}: has no {begin} … {end}; put the two lines where the table is to be")
+            raise ValueError(f"{path}: has no {begin} … {end}; put the two lines where the table belongs")
         page = f"{before}{begin}\n\n{text.strip()}\n\n{end}{after}"
     write_text(path, page)

@@ -51,7 +51,7 @@ def private_copy(root: Path) -> Iterator[Path]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise WrongUse(f"another run works in {tree}; wait for its end") from None
+            raise WrongUse(f"another run is using {tree}; wait until it ends") from None
         command = ["git", "-C", str(root), "ls-files", "-co", "--exclude-standard"]
         named = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
         copied(root, tree, [name for name in named if (root / name).is_file()])

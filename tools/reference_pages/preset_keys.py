@@ -15,11 +15,11 @@ from .markdown import anchor, code, plain, table
 
 _INTRODUCTION = """# Keys of presets
 
-A preset is a TOML file. Unknown keys are errors, and every error is named at once; `synth presets check FILE` looks for
+A preset is a TOML file. Unknown keys are errors, and all errors are reported at once; `synth presets check FILE` looks for
 more, at every note and fret. `--set TABLE.KEY=VALUE` changes one value for a run (`--set obstacle.jiva_um=10`, `--set
 string.0.cents=3`).
 
-A number with its range stands under *takes*; *usual* is what real instruments have. One that may be given *at notes* is
+A number with its range stands under *takes*; *usual* is what real instruments have. One that can be given *at notes* is
 a number for all, or several at anchor notes, `{ E1 = 1.1, C7 = 0.12 }`: between them they are interpolated, as ratios
 where all are positive, and beyond the outer ones the nearest holds. A note is a name (`C3`, `F#2`, C4 is middle C) or a
 MIDI number.

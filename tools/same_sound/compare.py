@@ -42,7 +42,7 @@ class Finding:
         if self.verdict == MISSING:
             return f"{self.array} is missing in the working tree"
         if self.verdict == NEW:
-            return f"{self.array} is not known to BASE"
+            return f"{self.array} does not exist in BASE"
         nans = f"; NaN at the same {self.nans} places" if self.nans else ""
         if self.verdict == EQUAL:
             return f"{self.array} equal{nans}"

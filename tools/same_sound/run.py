@@ -75,9 +75,9 @@ def run(base_name: str, patterns: Sequence[str], jobs: int, keep: Path | None) -
             now.path.unlink(missing_ok=True)
         progress.clear()
     if unknown:
-        print(f"note: arrays that BASE does not know: {', '.join(sorted(unknown))}")
+        print(f"note: arrays that BASE does not have: {', '.join(sorted(unknown))}")
     counts = f"{tally[EQUAL]} equal, {tally[DIFFERS]} different"
-    new = f", {tally[NEW]} that BASE does not know" if tally[NEW] else ""
+    new = f", {tally[NEW]} that BASE does not have" if tally[NEW] else ""
     print(f"{counts}{new}, {time.perf_counter() - began:.0f} s")
     return 1 if tally[DIFFERS] else 0
 
@@ -96,7 +96,7 @@ def judged(then: Answer, now: Answer) -> Verdict:
         with np.load(then.path) as base, np.load(now.path) as here:
             return verdict_of(compared(base, here))
     if now.came == DONE and then.came == UNKNOWN:
-        return Verdict(NEW, f"BASE does not know it: {then.words}")
+        return Verdict(NEW, f"BASE does not have it: {then.words}")
     if now.came == then.came and now.words == then.words:
         return Verdict(DIFFERS, f"{now.came} on both sides, so nothing is compared: {now.words}")
     sides = (("BASE", then), ("working tree", now))
@@ -107,11 +107,11 @@ def judged(then: Answer, now: Answer) -> Verdict:
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
     """What came of a scene by its arrays."""
     if all(each.verdict == NEW for each in findings):
-        return Verdict(DIFFERS, "no array is on both sides, so nothing is compared")
+        return Verdict(DIFFERS, "no array exists on both sides, so nothing is compared")
     differ = [each for each in findings if each.verdict in (DIFFERS, MISSING)]
     words = [each.line() for each in differ[:MOST_TOLD]]
     if len(differ) > MOST_TOLD:
-        words.append(f"and {len(differ) - MOST_TOLD} arrays more")
+        words.append(f"and {len(differ) - MOST_TOLD} more arrays")
     if nans := [f"{each.array} ({each.nans})" for each in findings if each.verdict == EQUAL and each.nans]:
         words.append(f"NaN at the same places: {', '.join(nans)}")
     new = tuple(each.array for each in findings if each.verdict == NEW)

@@ -163,9 +163,9 @@ def paper_table(session: Session) -> str:
             row = min(kept, key=lambda row: row["cpu_per_s"])
             run = row["run"]
             where = f"{rate(run.rate_hz)}, {run.modes} modes"
-            what = f"{case}, {span:g} s: **{run.label}**, first with e < 0.1"
+            what = f"{case}, {span:g} s: **{run.label}**, cheapest run with e < 0.1"
             lines.append([what, where, "–", f"{number(row['cpu_per_s'] * span)} s", "–"])
-    return table(["what", "internal rate", "paper", "here", "times less"], lines)
+    return table(["what", "internal rate", "paper", "here", "ratio"], lines)
 
 
 def ratios(session: Session) -> list[str]:
@@ -206,7 +206,7 @@ def markdown(session: Session) -> str:
     """tables.md."""
     parts = [f"# Speed against error\n\nOne core of: {session.machine}, vectors of {LANES} float64. "]
     parts.append(
-        "e = √(Σ(u_ref − u)²/Σu_ref²), plain samples at 44.1 kHz; “audible e”: over the longest span, behind the "
+        "e = √(Σ(u_ref − u)²/Σu_ref²), plain samples at 44.1 kHz; “audible e”: over the longest span, after the "
         "decimator; LSD: log-spectral distance; energy rise: largest of a step, relative, first 20 ms; × real time: "
         "kernel alone, and with decimation to 44.1 kHz; CPU time, best of the rounds. Bold: the default.\n"
     )

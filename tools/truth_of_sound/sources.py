@@ -101,7 +101,7 @@ def recordings(folder: Path) -> Iterator[Recorded]:
             yield Recorded(collection.instrument, collection.kind, group, name, note, dynamic, take, samples, rate)
     if not heard:
         folders = ", ".join(sorted({c.folder for c in COLLECTIONS}))
-        raise ValueError(f"{folder}: has no recordings that are known; it must hold a folder {folders}")
+        raise ValueError(f"{folder}: has no known recordings; it must contain a folder {folders}")
 
 
 def _same(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> bool:

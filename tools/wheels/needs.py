@@ -60,7 +60,7 @@ def platform(data: bytes) -> str:
     """
     asked = needs(data)
     if others := sorted(set(asked.libraries) - SYSTEM):
-        raise Unfit(f"needs {', '.join(others)}, which not every system has")
+        raise Unfit(f"needs {', '.join(others)}, which some systems lack")
     newest = (2, 5)  # of the oldest systems that wheels name
     for name in asked.versions:
         found = re.fullmatch(r"GLIBC_(\d+)\.(\d+)(\.\d+)?", name)

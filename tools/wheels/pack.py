@@ -33,7 +33,7 @@ def with_library(wheel: Path, library: bytes, platform: str, folder: Path) -> Pa
     Raises ValueError for a wheel that is for one platform already, OSError.
     """
     if not wheel.name.endswith("-py3-none-any.whl"):
-        raise ValueError(f"{wheel.name} is no wheel for any platform (…-py3-none-any.whl)")
+        raise ValueError(f"{wheel.name} is not a wheel for any platform (…-py3-none-any.whl)")
     made = folder / wheel.name.replace("-any.whl", f"-{platform}.whl")
     part = made.with_suffix(".part")
     with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as new:

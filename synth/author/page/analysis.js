@@ -53,7 +53,7 @@ export function mount(element, { store, api }) {
     h("span", { class: "spacer" }),
     h(
       "label",
-      { class: "check", title: "The other of the two versions as outlines and rings, and the difference of their spectrograms" },
+      { class: "check", title: "Draws the other version as outlines and rings, and the difference between the two spectrograms" },
       comparing,
       "compare with the other version",
     ),
@@ -68,7 +68,7 @@ export function mount(element, { store, api }) {
   const logBox = h("input", { type: "checkbox", checked: true, onchange: () => ((log = logBox.checked), draw()) });
   const range = h(
     "select",
-    { "aria-label": "Range of levels shown", onchange: () => ((rangeDb = Number(range.value)), draw()) },
+    { "aria-label": "Level range shown", onchange: () => ((rangeDb = Number(range.value)), draw()) },
     ...RANGES_DB.map((db) => h("option", { value: db, selected: db === rangeDb }, `${db} dB`)),
   );
   spectrum.tools.append(range, h("label", { class: "check" }, logBox, "log"));
@@ -77,7 +77,7 @@ export function mount(element, { store, api }) {
   const contacts = new Figure("Contacts", { height: 160, margins: WIDE });
   const stretches = h(
     "select",
-    { "aria-label": "Stretch of time shown", onchange: () => ((stretch = stretches.value), draw()) },
+    { "aria-label": "Time span shown", onchange: () => ((stretch = stretches.value), draw()) },
     h("option", { value: "touched" }, "to the last contact"),
     h("option", { value: "closer" }, `first ${seconds(CLOSER_S)}`),
     h("option", { value: "whole" }, "whole note"),
@@ -86,7 +86,7 @@ export function mount(element, { store, api }) {
   for (const figure of [cents, decay]) {
     figure.tools.append(h("i", { class: "key-dot" }), " measured", h("i", { class: "key-line" }), " model");
   }
-  const doubt = h("span", { hidden: true, title: "Less than 10 dB of its decay is heard in this length" }, "○ not sure");
+  const doubt = h("span", { hidden: true, title: "Less than 10 dB of its decay falls within this length" }, "○ not sure");
   decay.tools.append(doubt);
   const stages = new Figure("Decay of a partial over time", { height: 180 });
   const waking = new Figure("Strings that ring with it", { height: 180, margins: WIDE });
@@ -122,7 +122,7 @@ export function mount(element, { store, api }) {
     if (!doc || !doc.notes.includes(note)) return;
     const mine = (request = new AbortController());
     const chosen = { note, velocity, which };
-    status.textContent = store.state.kernels === "loading" ? "waits for the string engine…" : "computing…";
+    status.textContent = store.state.kernels === "loading" ? "waiting for the string engine…" : "computing…";
     element.setAttribute("aria-busy", "true");
     const get = (view, query) => store.view(view, query, { signal: mine.signal });
     const opposite = which === "current" ? "saved" : "current";
@@ -258,23 +258,23 @@ export function mount(element, { store, api }) {
         `${number(found.real_time_factor, 3)} ×`,
         "real time",
         found.together
-          ? "How many times faster than it sounds the instrument with this note is computed on one core of this machine"
-          : "How many times faster than it sounds one string of this is computed on one core of this machine",
+          ? "How many times faster than real time one core of this machine computes the instrument with this note"
+          : "How many times faster than real time one core of this machine computes one such string",
       ],
       [
         "All strings",
         `${share} %`,
         "of a core",
-        found.together ? "Strings that share a bridge all move" : `${found.polyphony} strings like this at once, as many as the preset lets sound`,
+        found.together ? "Strings that share a bridge all move" : `${found.polyphony} strings like this at once, the preset's polyphony`,
       ],
       [
         "Steps",
         `${number(found.rate_hz / 1000, 4)} kHz`,
         "",
-        "Internal rate: how often the string's motion is solved in a second",
+        "Internal rate: how many times per second the string's motion is solved",
       ],
-      ["Modes", String(found.modes), "", "Modes of vibration that are computed"],
-      ["Contacts", String(found.contacts), "", "Points that the string can touch"],
+      ["Modes", String(found.modes), "", "Number of vibration modes computed"],
+      ["Contacts", String(found.contacts), "", "Number of points that the string can touch"],
       [
         "Error e",
         number(error.e, 2),
@@ -293,7 +293,7 @@ export function mount(element, { store, api }) {
         h("div", { title: tip }, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, ` ${more}`) : null)),
       ),
     );
-    verdict.textContent = `${speedInWords(found)} ${found.together ? "How far it is from converged, the reference tells." : errorInWords(error)}`;
+    verdict.textContent = `${speedInWords(found)} ${found.together ? "Run the reference to see how far it is from converged." : errorInWords(error)}`;
     promise.textContent = `${found.quality}: ${found.reason}`;
   }
 
@@ -311,14 +311,14 @@ function speedInWords({ load, polyphony, together }) {
   const all = together ? "all that share the bridge" : polyphony === 1 ? "its string" : `all ${polyphony} strings at once`;
   if (load < 0.5) return `Plays live with room to spare: ${all} take ${number(100 * load, 2)} % of a core.`;
   if (load < 1) return `Plays live, but close to the limit of a core with ${all}.`;
-  return `Too heavy for one core with ${all}: it takes more, fewer strings, or a coarser quality.`;
+  return `Too heavy for one core with ${all}: use more cores, fewer strings or a lower quality.`;
 }
 
 function errorInWords({ e, log_spectral_db }) {
   if (log_spectral_db !== null && log_spectral_db < 1) return "Its spectrum is within 1 dB of a converged calculation's.";
-  if (e !== null && e < 0.01) return "The motion is that of a converged calculation to within 1 %.";
-  if (e !== null && e < 0.1) return "The motion is that of a converged calculation to within 10 %.";
-  return "It differs from a converged calculation; what is promised stands below.";
+  if (e !== null && e < 0.01) return "The motion is within 1 % of a converged calculation.";
+  if (e !== null && e < 0.1) return "The motion is within 10 % of a converged calculation.";
+  return "It differs from a converged calculation; the promised limits are listed below.";
 }
 
 /** Stretches of time in which points were touched, with the largest force of each. */

@@ -10,7 +10,7 @@ const HEIGHT = 36;
 export function makeAnchors(parameter, { store, commit, refuse, labels }, single) {
   const { path, unit } = parameter;
   const split = h("button", { type: "button", class: "icon", "data-part": "split", "aria-label": `${parameter.label} by note` }, "♪");
-  split.title = "By note: give values at several notes; between them they are interpolated";
+  split.title = "By note: give values at several notes, interpolated in between";
   const join = h("button", { type: "button", class: "quiet small", "data-part": "join" }, "one value");
   const curve = s("svg", { class: "anchor-curve", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, "aria-hidden": "true", preserveAspectRatio: "none" });
   const rows = h("div", { class: "rows", role: "table", "aria-labelledby": labels["aria-labelledby"] });
@@ -50,7 +50,7 @@ export function makeAnchors(parameter, { store, commit, refuse, labels }, single
         const name = h("input", { type: "text", class: "row-note", value: noteName(note), "aria-label": "Note", "data-part": `note ${i}` });
         name.addEventListener("change", () => {
           const next = parseNote(name.value);
-          if (next === null) refuse(path, `“${name.value}” is no note such as C3 or F♯2`);
+          if (next === null) refuse(path, `“${name.value}” is not a note; write one such as C3 or F♯2`);
           else send(list.map((point, j) => (j === i ? [next, point[1]] : point)));
         });
         const entry = numberInput({ ...parameter, optional: false }, {

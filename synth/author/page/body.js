@@ -48,12 +48,12 @@ export function mount(element, { store, api }) {
   const away = h("button", { type: "button", class: "quiet small", id: "body-away" }, "remove");
   const file = h("input", { type: "file", accept: ".csv,.txt,.tsv,text/csv,text/plain", class: "hidden-text", id: "body-file", tabindex: -1, "aria-hidden": "true" });
   const lay = h("button", { type: "button", class: "quiet small", id: "body-measured" }, "Measured…");
-  lay.title = "Lay a measured mobility over it: a table as synth body fit reads it";
+  lay.title = "Overlay a measured mobility from a table in the format of synth body fit";
   const facts = h("dl", { class: "facts body-facts", id: "body-facts" });
   const tools = h("div", { class: "body-tools", role: "group", "aria-label": "Modes of the body" }, chosen, add, away, axis, upward, lay, file, facts);
   const stages = h("div", { class: "stages body-stages" }, h("figure", { class: "stage mobility" }, caption, panel.svg), bridge.element);
-  const begin = h("button", { type: "button", id: "body-begin" }, "Begin a body");
-  const said = h("p", { class: "muted" }, "Each string ends in something that does not move. With a body they share a bridge: they beat, and ring with each other.");
+  const begin = h("button", { type: "button", id: "body-begin" }, "Add a body");
+  const said = h("p", { class: "muted" }, "The ends of each string are rigid. With a body, the strings share a bridge: they beat and ring with each other.");
   const none = h("div", { class: "body-none" }, said, begin);
   element.append(tools, stages, none);
   element.hidden = true;
@@ -121,7 +121,7 @@ export function mount(element, { store, api }) {
     const locked = store.state.which === "saved";
     add.disabled = locked;
     away.disabled = locked || body.modes.length < 2;
-    away.title = body.modes.length < 2 ? "The last mode stays: undo takes the body back" : "";
+    away.title = body.modes.length < 2 ? "A body needs at least one mode; undo removes the body" : "";
   }
 
   const direction = () => Number(axis.value || 0);
@@ -151,7 +151,7 @@ export function mount(element, { store, api }) {
       focusOn = null;
       wanted.focus();
     }
-    const missing = measured !== null && !over ? `; ${measured.name} has none of it` : "";
+    const missing = measured !== null && !over ? `; ${measured.name} has no data for it` : "";
     caption.textContent = `Mobility of the bridge, ${AXES[body.axes[direction()]]}, without strings${over ? `, and ${measured.name}` : missing}`;
     tell();
     reeds();

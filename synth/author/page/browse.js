@@ -85,7 +85,7 @@ export async function makeBrowser({ store, api, open }) {
       ),
     );
     said.textContent =
-      left.length === presets.length ? `${presets.length} presets` : left.length ? `${left.length} of ${presets.length}` : "No preset fits; take a word or a tag away";
+      left.length === presets.length ? `${presets.length} presets` : left.length ? `${left.length} of ${presets.length}` : "No preset matches; remove a word or a tag";
     oneStop();
   }
 
@@ -183,7 +183,7 @@ function makeSound(store) {
     audio.addEventListener("error", () => {
       if (playing !== mine) return;
       stop();
-      store.notify(`${name} cannot be heard: ${audio.error?.message || "no sound came"}`, "error");
+      store.notify(`${name} cannot be played: ${audio.error?.message || "no sound arrived"}`, "error");
     });
     say("waiting");
     audio.play().catch(ended);

@@ -10,7 +10,7 @@ import { groups as roveGroups } from "./roving.js";
 import { stringName } from "./wording.js";
 
 const GROUPS = {
-  first: "First to turn",
+  first: "Main controls",
   setup: "Setup",
   string: "Strings",
   pluck: "Pluck, finer",
@@ -25,14 +25,14 @@ const SHUFFLED = { setup: ["obstacle", "pluck", "output"], string: ["string"], p
 const ORDER = ["obstacle.kind", "obstacle.jiva_um", "string", "nut"];
 /** Lists of tables, one of which is shown at a time. */
 const TABS = ["string"];
-const KEYS = "Up and down arrow go from control to control, Tab into one; Page up and down from field to field";
+const KEYS = "The up and down arrows move between controls, Tab enters one; Page Up and Page Down move between fields";
 const REST_MS = 300;
 
 export function mount(element, { store }) {
   const search = h("input", { type: "search", placeholder: "Find a control", "aria-label": "Find a control", id: "control-search" });
   const shuffle = h("button", { type: "button", id: "randomise" }, "Randomise");
-  shuffle.title = "Step every number a little at random: one step of undo";
-  const none = h("p", { class: "controls-none muted", hidden: true }, "No control of that name.");
+  shuffle.title = "Change every number a little at random; one undo reverts all of it";
+  const none = h("p", { class: "controls-none muted", hidden: true }, "No control matches.");
   const groups = h("fieldset", { class: "control-groups", "aria-label": "Settings", "aria-description": KEYS });
   const body = h("div", { class: "controls-body" }, groups, none);
   element.append(h("div", { class: "controls-head" }, search, shuffle), body);

@@ -211,7 +211,7 @@ function makeText(parameter, { commit, refuse, labels }, show = (value) => value
     if (box.value === (sending.text ?? shown)) return;
     delete box.dataset.typing;
     const value = many ? box.value.split("\n").filter((line) => line.trim() !== "") : read(box.value);
-    if (value === undefined) refuse(path, `“${box.value}” is no note such as G2, and no range such as E1-C7`);
+    if (value === undefined) refuse(path, `“${box.value}” is not a note or a range; write one such as G2 or E1-C7`);
     else sending.send(box.value, commit(path, value, null));
   };
   box.addEventListener("input", () => {

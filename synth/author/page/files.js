@@ -61,7 +61,7 @@ export function mount(element, { store, api }) {
           h(
             "p",
             { class: "muted" },
-            `${doc().name} has changes that are not saved. They are kept, and offered when it is opened again.`,
+            `${doc().name} has unsaved changes. They are kept, and offered when you open it again.`,
           ),
         ]
       : [];
@@ -103,17 +103,17 @@ export function mount(element, { store, api }) {
     };
     const dialog = sheet(
       "The file has changed",
-      [h("p", {}, message), h("p", { class: "muted" }, "Another program wrote it since it was opened here.")],
+      [h("p", {}, message), h("p", { class: "muted" }, "Another program has written to it since you opened it here.")],
       [
         h(
           "button",
           { type: "button", onclick: () => act(() => store.reload(), "Loaded the file's version; undo brings yours back") },
-          "Load the file's",
+          "Load the file",
         ),
         h(
           "button",
-          { type: "button", class: "primary", onclick: () => act(() => store.save(true), "Saved over it") },
-          "Save mine over it",
+          { type: "button", class: "primary", onclick: () => act(() => store.save(true), "Overwritten") },
+          "Overwrite the file",
         ),
       ],
     );
@@ -161,7 +161,7 @@ export function mount(element, { store, api }) {
         field.setAttribute("aria-invalid", "true");
         if (action.length > 1 && result.refused.reason === "exists") {
           over = name;
-          button.textContent = "Write over it";
+          button.textContent = "Overwrite it";
         }
       } else if (result) {
         dialog.close();
@@ -227,8 +227,8 @@ export function mount(element, { store, api }) {
   function askDiscard() {
     const { doc: id, name } = doc();
     const dialog = sheet(
-      "Throw away?",
-      [h("p", {}, `${name} was never saved. Nothing of it is kept.`)],
+      "Discard?",
+      [h("p", {}, `${name} was never saved. Nothing of it will be kept.`)],
       [
         h(
           "button",
@@ -245,7 +245,7 @@ export function mount(element, { store, api }) {
               }
             },
           },
-          "Throw it away",
+          "Discard it",
         ),
       ],
     );
@@ -270,7 +270,7 @@ export function mount(element, { store, api }) {
         ["Import…", () => picker.click()],
         ["Export", exportFile, none],
         ["Back to saved", () => store.revert(), { disabled: () => !doc()?.dirty }],
-        ["Throw away…", askDiscard, { disabled: () => !doc() || ownFile() || doc().embedded }],
+        ["Discard…", askDiscard, { disabled: () => !doc() || ownFile() || doc().embedded }],
       ],
       { id: "more" },
     ),
@@ -310,16 +310,16 @@ export function mount(element, { store, api }) {
     const shown = [];
     if (state?.recovered) {
       shown.push(
-        banner("offer", `Changes to ${state.name} that were never saved were found, from ${moment(state.recovered.when)}.`, [
-          act("Take them", () => store.recover(true), true),
-          act("See them", () => compareTexts(state)),
-          act("Forget them", () => store.recover(false)),
+        banner("offer", `Unsaved changes to ${state.name} were found, from ${moment(state.recovered.when)}.`, [
+          act("Restore them", () => store.recover(true), true),
+          act("Compare them", () => compareTexts(state)),
+          act("Discard them", () => store.recover(false)),
         ]),
       );
     }
     if (state?.autosave_problem) {
       shown.push(
-        banner("warn", `What you change cannot be autosaved: ${state.autosave_problem}. Save it, or export it.`, [
+        banner("warn", `Your changes cannot be autosaved: ${state.autosave_problem}. Save or export them.`, [
           act("Save as…", saveAs),
         ]),
       );
@@ -327,15 +327,15 @@ export function mount(element, { store, api }) {
     if (state?.disk === "changed") {
       shown.push(
         banner("warn", `${state.file} was changed by another program.`, [
-          act(state.dirty ? "Load it, leaving my changes" : "Load it", () => store.reload(), true),
-          act("Save mine over it", async () => settle(await store.save(true))),
+          act(state.dirty ? "Load it, dropping my changes" : "Load it", () => store.reload(), true),
+          act("Overwrite it", async () => settle(await store.save(true))),
         ]),
       );
     }
     if (state?.disk === "gone") {
       shown.push(
-        banner("warn", `${state.file} is no longer there. What you see is still here.`, [
-          act("Write it again", async () => settle(await store.save(true)), true),
+        banner("warn", `${state.file} no longer exists. The version shown here is still intact.`, [
+          act("Save it again", async () => settle(await store.save(true)), true),
           act("Save as…", saveAs),
         ]),
       );
@@ -346,7 +346,7 @@ export function mount(element, { store, api }) {
   function compareTexts(state) {
     const rows = difference(state.text.split("\n"), state.recovered.text.split("\n"));
     sheet(
-      "What was never saved",
+      "Unsaved changes",
       [
         h(
           "pre",

@@ -21,7 +21,7 @@ export function mount(element, { store, api }) {
   let last = null;
   let shownDoc = null;
 
-  const NEAREST = "the one nearest to its note";
+  const NEAREST = "the string nearest to the note";
   const strings = h("select", { id: "fit-string", onchange: () => (run !== null || result !== null) && listen(last) });
   const again = () => {
     amplitudeLine.hidden = !contact();
@@ -41,10 +41,10 @@ export function mount(element, { store, api }) {
     max: 49,
     step: "any",
     placeholder: "as the preset",
-    title: "How far the string was drawn aside, if you know it: without it the preset's hardest pluck stands for it",
+    title: "How far the string was drawn aside, if you know it; otherwise the preset's hardest pluck is assumed",
     onchange: () => contact() && again(),
   });
-  const amplitudeLine = h("label", { class: "fit-string", hidden: true }, h("span", {}, "Drawn aside by, mm"), amplitude);
+  const amplitudeLine = h("label", { class: "fit-string", hidden: true }, h("span", {}, "Displacement, mm"), amplitude);
   const picker = h("input", {
     type: "file",
     id: "fit-file",
@@ -108,7 +108,7 @@ export function mount(element, { store, api }) {
   const bands = new Figure("Level of each band over the note", { height: 220 });
   const settings = h("div", { class: "settings", tabindex: 0, role: "region", "aria-label": "Settings" });
   const apply = h("button", { type: "button", class: "primary", id: "apply-fit", onclick: take }, "Fill the controls");
-  const aside = h("span", {}, h("i", { class: "key-dot hollow" }), " measured, but not followed ");
+  const aside = h("span", {}, h("i", { class: "key-dot hollow" }), " measured, but not fitted ");
   found.append(
     proposal,
     tiles,
@@ -123,7 +123,7 @@ export function mount(element, { store, api }) {
       h("i", { class: "key-line" }),
       " fitted",
     ),
-    h("h3", {}, "What would be set"),
+    h("h3", {}, "New values"),
     settings,
     h(
       "div",
@@ -150,11 +150,11 @@ export function mount(element, { store, api }) {
     begin();
     last = file;
     if (file.size > MOST_BYTES)
-      return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are taken`);
+      return refuse(file.name, `it has ${Math.round(file.size / 1e6)} MB; at most ${MOST_BYTES / 1e6} MB are accepted`);
     const can = contact() ? store.state.session?.fit_contact : store.state.session?.fit;
     if (can && !can.available) return refuse(file.name, can.reason);
     if (contact() && !amplitude.checkValidity())
-      return refuse(file.name, "the string is drawn aside by 0.01 to 49 mm, or leave it to the preset");
+      return refuse(file.name, "the displacement must be 0.01 to 49 mm; leave it empty to take the preset's");
     zone.hidden = true;
     working.hidden = false;
     working.firstChild.textContent = file.name;
@@ -180,7 +180,7 @@ export function mount(element, { store, api }) {
       if (mine !== run) return;
       run = null;
       begin();
-      refuse(file.name, error.message === "Cancelled" ? "another fit of this preset has been begun elsewhere" : error.message);
+      refuse(file.name, error.message === "Cancelled" ? "another fit of this preset was started elsewhere" : error.message);
     } finally {
       if (run === null) working.hidden = true;
     }
@@ -272,7 +272,7 @@ export function mount(element, { store, api }) {
     if (!state || state.refused) return;
     dialog.close();
     begin();
-    store.notify("The controls are filled with the fit; undo takes it back");
+    store.notify("The controls now hold the fitted values; undo reverts them");
   }
 
   // ---- where recordings come from: the zone, the whole page, the button

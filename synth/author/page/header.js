@@ -107,11 +107,11 @@ export function mount(page, { store, api }) {
       ? ""
       : preparing
         ? compiling === null
-          ? "Loading the string engine. Sound and analysis come then; editing works already."
-          : "Preparing the string engine, once on this machine: half a minute to two minutes, more while it is busy. Sound and analysis come then; editing works already."
+          ? "Loading the string engine. You can already edit; sound and analysis follow."
+          : "Preparing the string engine, once on this machine: half a minute to two minutes, longer while it is busy. You can already edit; sound and analysis follow."
         : gone
           ? "The program was restarted, or this preset was closed in another tab. Continue in the newest tab and close this one."
-          : "No connection to the program; everything up to here is autosaved. If it has ended, start it again: it opens in a new tab, and this one can be closed.";
+          : "No connection to the program; your work so far is autosaved. If the program has ended, start it again: it opens in a new tab, and you can close this one.";
     if (words.textContent !== said) words.textContent = said;
     const shown = preparing && compiling !== null ? [words, bar, figures] : [words];
     if (banner.childElementCount !== shown.length) banner.replaceChildren(...shown);

@@ -10,7 +10,7 @@ const FRAMES = 300;
 const PERIODS = 4;
 const SPEEDS = [50, 100, 200, 500, 1000, 2000];
 const MOMENTS = [
-  [0, "as it is let go"],
+  [0, "from the release"],
   [0.1, "after 0.1 s"],
   [0.3, "after 0.3 s"],
   [1, "after 1 s"],

@@ -153,7 +153,7 @@ export class Player extends EventTarget {
     if (this.output !== "browser" || this.stream !== stream || !this.status.sounding) return;
     const silent = this.context?.state !== "running";
     if (silent && !this.silent)
-      this.fail("this browser gives no sound: let this page play, plug in an audio output, or choose the server's output");
+      this.fail("this browser plays no sound: allow this page to play audio, plug in an audio output, or choose the server's output");
     this.silent = silent;
   }
 

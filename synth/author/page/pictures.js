@@ -269,7 +269,7 @@ export function decays(partials, other = null, longest_s = Infinity) {
       const i = nearest(places, px, py);
       if (i === null) return null;
       const p = known[i];
-      const doubt = unsure(p) ? " (too little of it heard to be sure)" : "";
+      const doubt = unsure(p) ? " (too little decay to be sure)" : "";
       return `${p.number}: ${seconds(p.measured_t60_s)}${doubt}, model ${p.model_t60_s > 0 ? seconds(p.model_t60_s) : "–"}`;
     };
   };

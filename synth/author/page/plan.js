@@ -16,10 +16,10 @@ export function mount(element, { store, api }) {
     {
       type: "button",
       id: "measure-plan",
-      title: "The least internal rate and modes that keep what each quality promises, found by playing every note: minutes",
+      title: "Finds the lowest internal rate and fewest modes that keep each quality's promise, by playing every note; this takes minutes",
       onclick: run,
     },
-    "Measure a plan of these strings",
+    "Measure a plan for these strings",
   );
   const cancel = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => job?.cancel() }, "Cancel");
   const bar = h("progress", { max: 1, hidden: true, "aria-label": "Plan" });
@@ -42,7 +42,7 @@ export function mount(element, { store, api }) {
       const { strings, less } = await job.result;
       const { file } = await api.post(`${path}/keep-plan`, { job: id });
       const counts = Object.entries(less).map(([quality, count]) => `${quality} ${count}`);
-      said.textContent = `kept beside ${file}; of ${strings} strings take less: ${counts.join(", ")}`;
+      said.textContent = `saved beside ${file}; strings that cost less, out of ${strings}: ${counts.join(", ")}`;
     } catch (error) {
       said.textContent = error.message;
     } finally {

@@ -11,16 +11,16 @@ import { Player } from "./pcm.js";
 import { toolbar } from "./roving.js";
 
 const PHRASES = [
-  ["note", "Note", "The note that is looked at, two seconds held, then let go"],
-  ["drone", "Drone", "The strings in turn, as a tanpura is played"],
+  ["note", "Note", "The selected note, held for two seconds, then released"],
+  ["drone", "Drone", "The strings in turn, as on a tanpura"],
   ["riff", "Figure", "A short figure that suits the instrument"],
   ["scale", "Scale", "A scale through the compass"],
 ];
 /** What the figure is of some families: the button's name and tip. */
 const FIGURES = {
   bass: ["Riff", "A bass line"],
-  sitar: ["Alap", "A slow line round Sa"],
-  veena: ["Alap", "A slow line round Sa"],
+  sitar: ["Alap", "A slow line around Sa"],
+  veena: ["Alap", "A slow line around Sa"],
 };
 const AUTO = "jawari-play-changes";
 const VOLUME = "jawari-volume";
@@ -60,7 +60,7 @@ export function mount(element, { store, api }) {
   const auto = h("input", { type: "checkbox", onchange: () => localStorage.setItem(AUTO, auto.checked ? "yes" : "no") });
   auto.checked = localStorage.getItem(AUTO) !== "no";
 
-  const outputs = h("span", { class: "segments", role: "radiogroup", "aria-label": "Where the sound comes out" });
+  const outputs = h("span", { class: "segments", role: "radiogroup", "aria-label": "Sound output" });
   const why = h("button", { type: "button", class: "quiet small player-why", hidden: true, "data-tip-tap": true }, "why not?");
   const volume = h("input", {
     type: "range",
@@ -188,9 +188,9 @@ export function mount(element, { store, api }) {
     const parts = [];
     if (detail.cpu !== null) parts.push(`load ${Math.round(100 * detail.cpu)} %`);
     if (detail.starved) parts.push(`${detail.starved} ${detail.starved === 1 ? "gap" : "gaps"}`);
-    if (detail.dropped) parts.push(`${detail.dropped} frames left out`);
+    if (detail.dropped) parts.push(`${detail.dropped} frames dropped`);
     load.textContent = parts.join(" · ");
-    load.title = detail.starved ? "Sound came too late so many times: the machine is busy" : "";
+    load.title = detail.starved ? "How many times the sound came too late: the machine is busy" : "";
   });
   document.addEventListener("keydown", (event) => {
     const writing = event.target.closest?.("input:not([type=range], [type=checkbox]), textarea, select");
@@ -205,7 +205,7 @@ export function mount(element, { store, api }) {
 /** Peaks of what goes out, −60 to 0 dBFS, falling 20 dB a second, and the highest of what sounds in figures. */
 function levelMeter() {
   const canvas = h("canvas", { class: "meter", role: "img", "aria-label": "Level" });
-  const text = h("output", { class: "unit meter-peak", title: "Highest peak since it was silent" });
+  const text = h("output", { class: "unit meter-peak", title: "Highest peak since the last silence" });
   const FALL_DB_S = 20;
   const HOLD_MS = 1500;
   let levels = [LOWEST_DB, LOWEST_DB];

@@ -12,7 +12,7 @@ const MEASURES = [
   ["e", "e", "", "Relative error of the string's displacement against the converged run, over the whole time"],
   ["e_100ms", "e, first 100 ms", "", "The same over the first 100 ms"],
   ["log_spectral_db", "Log-spectral distance", " dB", "Root mean square distance of the sounds' spectra"],
-  ["third_octave_db", "Third octaves", " dB", "How far levels in third octaves differ"],
+  ["third_octave_db", "Third octaves", " dB", "Difference of the levels in third-octave bands"],
 ];
 
 export function mount(element, { store, api }) {
@@ -35,7 +35,7 @@ export function mount(element, { store, api }) {
     height: 150,
     margins: { left: 58 },
   });
-  const image = new Figure("Spectrogram: planned less reference", { height: 200, margins: { left: 58 } });
+  const image = new Figure("Spectrogram: planned minus reference", { height: 200, margins: { left: 58 } });
   for (const figure of [detail, image]) figure.element.classList.add("wide");
   result.append(tiles, promise, h("div", { class: "plots" }, detail.element, image.element));
   element.append(h("div", { class: "reference-head" }, start, length, bar, cancel, said), result);
@@ -77,7 +77,7 @@ export function mount(element, { store, api }) {
       name,
       found[key] === null ? "–" : number(found[key], 2) + unit,
       doubt?.[key] === null || doubt?.[key] === undefined ? "" : `± ${number(doubt[key], 2)}`,
-      `${tip}; behind ±: how far a run at half the reference's rate is from it`,
+      `${tip}; after ±: the difference of a run at half the reference's rate`,
     ]);
     const rates = [
       [
@@ -131,7 +131,7 @@ export function mount(element, { store, api }) {
       which === of.which;
     result.classList.toggle("stale", !same);
     const about = `${noteName(of.note)}, velocity ${of.velocity}, ${of.seconds} s${of.which === "saved" ? ", as saved" : ""}`;
-    said.textContent = same ? about : `${about}: of before, not of what is shown above`;
+    said.textContent = same ? about : `${about}: an earlier result; the settings above have changed since`;
     result.hidden = doc?.doc !== of.doc;
   }
   store.on(["doc", "note", "velocity", "which"], age);

@@ -30,7 +30,7 @@ export function mount(element, { store, api }) {
     );
     element.append(
       h("h2", {}, "Which instrument?"),
-      h("p", {}, "Open a preset to see its strings, hear them and shape them. What comes with the program is never written over."),
+      h("p", {}, "Open a preset to see its strings, hear them and shape them. Built-in presets are never overwritten."),
       cards.length ? h("ul", { class: "cards" }, ...cards) : "",
       builtIn,
     );

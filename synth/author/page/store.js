@@ -118,7 +118,7 @@ export function createStore(api) {
     const note = patch.note ?? state.note;
     if (doc.notes.length > 0 && !doc.notes.includes(note)) {
       patch.note = doc.notes.reduce((best, one) => (Math.abs(one - note) < Math.abs(best - note) ? one : best));
-      if (same) notify(`${noteName(note)} cannot be played any more: now at ${noteName(patch.note)}`);
+      if (same) notify(`${noteName(note)} is no longer playable; now at ${noteName(patch.note)}`);
     }
     set(patch);
     return doc;

@@ -44,9 +44,9 @@ def begin(preset: Preset, *, quality: str = QUALITY, rate_hz: float = RATE_HZ) -
     """The edits that begin a body; see the module's docstring."""
     count = sum(len(string_notes(table)) for table in preset.string)
     if preset.coupled:
-        return {"edits": None, "said": "The strings share a body already."}
+        return {"edits": None, "said": "The strings already share a body."}
     if count > MOST_STRINGS:
-        why = f"{count} strings would all move with every note, too heavy to play: have at most {MOST_STRINGS}."
+        why = f"All {count} strings would move with every note, too heavy to play; use at most {MOST_STRINGS} strings."
         return {"edits": None, "said": why}
     edits: list[dict[str, Any]] = [
         {"path": f"string.{number}.gain_db", "value": None}
@@ -69,7 +69,7 @@ def begin(preset: Preset, *, quality: str = QUALITY, rate_hz: float = RATE_HZ) -
     edits.append({"path": "remarks", "value": remarks})
     gain_db = _gain_db(preset, modes, quality, rate_hz)
     edits.append({"path": "output.gain_db", "value": gain_db})
-    return {"edits": edits, "said": f"A body of {len(modes)} modes: estimates, measured on no instrument."}
+    return {"edits": edits, "said": f"A body of {len(modes)} modes: estimates, not measured on an instrument."}
 
 
 def _gain_db(preset: Preset, modes: list[dict[str, Any]], quality: str, rate_hz: float) -> float:

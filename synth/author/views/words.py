@@ -75,62 +75,63 @@ GROUPS = {
 
 _FRICTION = Words(
     "Friction",
-    "Of strings that move in two directions: how strongly what they are pressed against holds them back along it, as a "
-    "share of the force. 0 is none; it damps the second direction while the first one buzzes.",
+    "Coefficient of friction between string and obstacle, for strings that move in two directions; 0 is "
+    "none. It damps the second direction while the first one buzzes.",
     "",
     (0.0, 0.6),
     0.01,
 )
 _LAYER = Words(
     "Soft layer",
-    "Thread, felt or skin on every contact, in front of what is rigid. It is begun in the file, as obstacle.layer.",
+    "Thread, felt or skin over every contact point, on top of the rigid surface. Add it in the file, as obstacle.layer.",
 )
 _OBSTACLE_KIND = Words(
     "What the string touches",
-    "Nothing; the thread and edge of a tanpura's bridge; any points; the frets of a neck. What the string meets while it "
-    "swings makes the buzz, the slap, the rattle.",
+    "Nothing, the thread and edge of a tanpura's bridge, single points, the frets of a neck or a fretless "
+    "board. Contact makes the buzz, the slap and the rattle.",
     setup=True,
 )
 
 WORDS: dict[type[Table], dict[str, Words]] = {
     Preset: {
-        "name": Words("Name", "How commands call the preset: lower-case letters, digits and hyphens, up to 64."),
-        "title": Words("Title", "What people read in lists."),
-        "description": Words("Description", "The instrument in a sentence: strings, tuning, what makes its sound."),
+        "name": Words("Name", "The name that commands use: up to 64 lower-case letters, digits and hyphens."),
+        "title": Words("Title", "The title shown in lists."),
+        "description": Words(
+            "Description", "The instrument in one sentence: its strings, its tuning and what gives it its sound."
+        ),
         "family": Words(
             "Family",
-            "What sort of instrument it is, in one lower-case word: bass, guitar, sitar, tanpura, harp, keyboard. Lists are "
-            "grouped by it.",
+            "The kind of instrument, in one lower-case word: bass, guitar, sitar, tanpura, harp, keyboard. Lists "
+            "are grouped by family.",
         ),
-        "tags": Words("Tags", "Lower-case words by which it is found, such as wound, bright or finger, one a line."),
-        "sources": Words("Sources", "Where the numbers come from: papers, measurements, makers' data, one a line."),
-        "remarks": Words(
-            "Remarks", "The author's notes: what was tried, what is still to do. Nothing reads them but people."
-        ),
+        "tags": Words("Tags", "Lower-case search words such as wound, bright or finger, one per line."),
+        "sources": Words("Sources", "Where the numbers come from: papers, measurements, makers' data, one per line."),
+        "remarks": Words("Remarks", "The author's notes: what was tried, what is still to do. The program ignores them."),
         "string": Words("Strings", "One table for each string, or one for a range of notes with a string for every note."),
         "polarisation": Words(
-            "Second direction", "Strings may move at right angles to their first direction, too, where nothing stops them."
+            "Second direction",
+            "Strings can also move at right angles to their first direction, where no obstacle stops them.",
         ),
         "nut": Words(
             "Resonances of the nut end",
-            "What holds the string gives way at its resonances. A narrow one takes the energy of notes near it (a dead "
-            "spot), a broad one shortens all of them.",
+            "The neck, or whatever holds the nut end, yields at its resonances. A narrow resonance absorbs the "
+            "energy of nearby notes (a dead spot); a broad one shortens all notes.",
         ),
     },
     Tuning: {
         "a4_hz": Words("Concert pitch", "Frequency of A4; all strings follow.", "Hz", (415.0, 466.0), 0.1),
-        "offset_cents": Words("Tuning", "Raises or lowers all strings, by their tension.", "cents", (-100.0, 100.0), 1.0),
+        "offset_cents": Words("Tuning", "Tunes all strings up or down, by their tension.", "cents", (-100.0, 100.0), 1.0),
         "contact_cents": Words(
             "Contact correction",
-            "A string that rests on its bridge for a part of every period speaks shorter and sounds some cents sharp. "
-            "That much is taken off its tension, by note; measured by tools/tune-presets.",
+            "A string that rests on its bridge for part of every period has a shorter speaking length and sounds "
+            "a few cents sharp. Its tension is lowered by this much, by note; tools/tune-presets measures it.",
             "cents",
             (0.0, 5.0),
             0.01,
         ),
         "sympathetic_cents": Words(
             "Correction of sympathetic strings",
-            "The same of the strings that no key plays, by note; measured by tools/tune-presets.",
+            "The same correction for sympathetic strings, by note; tools/tune-presets measures it.",
             "cents",
             (-5.0, 5.0),
             0.01,
@@ -139,24 +140,28 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     NutMode: {
         "frequency_hz": Words(
             "Resonance",
-            "Where the structure swings by itself; a note there is short and shifted.",
+            "Frequency of the resonance. A note there is short and shifted in pitch.",
             "Hz",
             (40.0, 1000.0),
             1.0,
         ),
         "q": Words(
-            "Q", "How narrow it is: high, one note suffers; below 1, the whole compass loses evenly.", "", (0.4, 60.0), 0.1
+            "Q",
+            "Sharpness of the resonance: a high Q affects one note, a Q below 1 damps the whole range evenly.",
+            "",
+            (0.4, 60.0),
+            0.1,
         ),
         "mass_kg": Words(
             "Moving mass",
-            "What the string has to shake: the lighter, the more it takes from the note.",
+            "Mass that the string has to move: the lighter it is, the more energy it takes from the note.",
             "kg",
             (0.05, 10.0),
             0.01,
         ),
     },
     StringTable: {
-        "name": Words("Name", "What the player calls the string: Pa, Sa, E, G."),
+        "name": Words("Name", "The string's name among players: Pa, Sa, E, G."),
         "notes": Words("Notes", "The open string's note (G2), or a range with a string for every note in it (E1-C7)."),
         "length_m": Words(
             "Length",
@@ -168,37 +173,38 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "diameter_mm": Words(
             "Diameter",
-            "Outer diameter. A thick plain string is heavier and much stiffer (fourth power): sharper partials, shorter "
-            "brightness. The air damps by it too.",
+            "Outer diameter. A thicker plain string is heavier and much stiffer (fourth power): its partials are "
+            "sharper and its brightness fades sooner. Air damping depends on it too.",
             "mm",
             (0.2, 2.6),
             0.001,
         ),
         "linear_density_g_m": Words(
             "Mass per length",
-            "Of a wound string, from the maker's data. Heavier: more tension at the same pitch, a louder string that is "
-            "harder to draw aside.",
+            "For a wound string, from the maker's data. A heavier string has more tension at the same pitch: it "
+            "is louder, and takes more force to displace.",
             "g/m",
             (0.3, 35.0),
             0.01,
         ),
         "density_kg_m3": Words(
             "Density",
-            "Of a plain string's material: steel 7850, bronze 8800, brass 8500, nylon 1070, gut 1300.",
+            "Density of a plain string's material: steel 7850, bronze 8800, brass 8500, nylon 1070, gut 1300.",
             "kg/m³",
             (1000.0, 9000.0),
             10.0,
         ),
         "core_diameter_mm": Words(
             "Core",
-            "Diameter of a wound string's core, which alone resists bending; its winding adds mass, hardly stiffness.",
+            "Diameter of a wound string's core, which alone resists bending; the winding adds mass but hardly any "
+            "stiffness.",
             "mm",
             (0.2, 0.7),
             0.001,
         ),
         "winding_diameter_mm": Words(
             "Winding wire",
-            "Diameter of the wire around the core; it rubs at the air more than a plain string.",
+            "Diameter of the wire around the core. A winding has more air friction than a plain string.",
             "mm",
             (0.1, 1.0),
             0.001,
@@ -221,93 +227,98 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "viscoelastic_loss": Words(
             "Inner friction",
-            "Loss angle of the material as it bends. It takes the high partials first, the more the stiffer the string: "
-            "steel 0.005, wound 0.01, nylon and gut several times that.",
+            "Loss angle of the material as it bends. It damps the high partials first, and more so on a stiffer "
+            "string: steel 0.005, wound 0.01, nylon and gut several times that.",
             "",
             (0.001, 0.1),
             0.0001,
         ),
         "thermoelastic_q_inverse": Words(
             "Heat loss",
-            "1/Q of heat flowing in the metal; it shortens all partials by the same number of periods. 0.0002 is plain "
-            "steel, 0.000006 a wound bass string.",
+            "1/Q of the heat flow within the metal; it limits all partials to the same number of periods. 0.0002 "
+            "is plain steel, 0.000006 a wound bass string.",
             "",
             (0.0, 0.001),
             1e-6,
         ),
         "stiffness_law": Words(
             "Law of stiffness",
-            "How partials stretch: sqrt is the exact law of a pinned stiff string, linear (1 + Bj²/2) what some published "
-            "data follow; they differ in the high partials only.",
+            "How partials stretch: sqrt is the exact law of a pinned stiff string; linear (1 + Bj²/2) is that of "
+            "some published data. They differ in the high partials only.",
         ),
         "tension_modulation": Words(
             "Tension follows the motion",
-            "Plucked hard, the string begins sharp and glides down to its pitch, as real ones do by some cents.",
+            "Plucked hard, the string begins sharp and glides down to its pitch, as real strings do by a few cents.",
         ),
         "axial_stiffness_n": Words(
             "Axial stiffness",
-            "What resists its stretching, modulus times section of what bears the tension; less where the string stretches "
-            "behind nut and saddle, too. 30 000 is plain steel of 0.43 mm.",
+            "Resistance to stretching: Young's modulus times the cross-section that bears the tension; less if "
+            "the string also stretches behind nut and saddle. 30 000 is plain steel of 0.43 mm.",
             "N",
             (500.0, 100000.0),
             100.0,
         ),
-        "cents": Words("Fine tuning", "Of this string alone, by its tension.", "cents", (-50.0, 50.0), 0.1),
+        "cents": Words("Fine tuning", "Tunes this string alone, by its tension.", "cents", (-50.0, 50.0), 0.1),
         "sounds": Words(
             "Sounds",
-            "The note that it gives where another key plays it: drone strings out of the way of a melody that passes "
-            "their pitch.",
+            "The note that the string sounds, if a different key plays it: this keeps drone strings out of the "
+            "way of a melody that passes through their pitch.",
             "",
             (24.0, 84.0),
             1.0,
         ),
         "sympathetic": Words(
             "Sympathetic",
-            "No key plays it: it rings with the others by the bridge that they share, as a sitar's tarafs do.",
+            "No key plays this string: it rings with the others through the bridge they share, like a sitar's tarafs.",
         ),
-        "frets": Words("Frets", "How many of the neck's frets are under it, from the nut on.", "", (0.0, 24.0), 1.0),
+        "frets": Words("Frets", "Number of the neck's frets under this string, counted from the nut.", "", (0.0, 24.0), 1.0),
         "bridge_points": Words(
-            "Points of the bridge", "How many of the bridge's points are under it, from the saddle on.", "", (0.0, 8.0), 1.0
+            "Points of the bridge",
+            "Number of the bridge's points under this string, counted from the saddle.",
+            "",
+            (0.0, 8.0),
+            1.0,
         ),
-        "gain_db": Words("Level", "Of this string in the mix; it changes nothing of its motion.", "dB", (-12.0, 12.0), 0.1),
+        "gain_db": Words("Level", "Level of this string in the mix; its motion does not change.", "dB", (-12.0, 12.0), 0.1),
         "choir": Words(
             "Choir",
-            "A key sounds one string of every choir that has its note, as the two or three of a harpsichord.",
+            "A key sounds one string of every choir that has its note, like the two or three choirs of a harpsichord.",
             "",
             (1.0, 4.0),
             1.0,
         ),
         "pluck_position": Words(
             "Where it is plucked",
-            "Of this string alone, from the saddle, as a share of its length; where it is not given, the pluck's position.",
+            "For this string alone: distance from the saddle as a share of its length. If it is not given, the "
+            "pluck's position applies.",
             "of L",
             (0.02, 0.5),
             0.01,
         ),
         "place_mm": Words(
             "Place on the bridge",
-            "From its middle, of strings that share a body: where that rocks.",
+            "Distance from the middle of the bridge, for strings that share a body. It matters where the body rocks.",
             "mm",
             (-40.0, 40.0),
             0.5,
         ),
         "angle_deg": Words(
             "Direction at the bridge",
-            "Of the string's first direction from the body's normal, of strings that share a body.",
+            "Angle between the string's first direction and the body's normal, for strings that share a body.",
             "°",
             (-45.0, 45.0),
             1.0,
         ),
         "measured_frequencies_hz": Words(
             "Measured partials",
-            "Frequencies of partials 1, 2, … as measured on a real string, moved with its tuning; behind the last one the "
-            "model goes on.",
+            "Frequencies of partials 1, 2, … as measured on a real string; they move with its tuning. Above the "
+            "last one the model continues.",
             "Hz",
         ),
         "measured_decay_rates": Words(
             "Measured decay rates",
-            "Decay rates σ of partials 1, 2, … as measured (amplitude e^(−σt), T60 = 6.91/σ); behind the last one the model "
-            "goes on.",
+            "Decay rates σ of partials 1, 2, … as measured (amplitude e^(−σt), T60 = 6.91/σ). Above the last one "
+            "the model continues.",
             "1/s",
         ),
     },
@@ -315,21 +326,22 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Layer: {
         "stiffness_n_mm": Words(
             "Layer: stiffness",
-            "Of what is soft on every contact, a thread, felt or skin. The softer, the rounder the buzz.",
+            "Stiffness of the thread, felt or skin over every contact point. The softer it is, the rounder the buzz.",
             "N/mm",
             (1.0, 1000.0),
             0.1,
         ),
         "resistance_n_s_m": Words(
             "Layer: resistance",
-            "What it loses while it is pressed and let go. The more, the duller the buzz and the sooner it ends.",
+            "Loss in the layer as it is pressed and released. The higher it is, the duller the buzz and the sooner it ends.",
             "N s/m",
             (0.0, 10.0),
             0.01,
         ),
         "thickness_um": Words(
             "Layer: thickness",
-            "How deep the string may go into it until it is rigid; heights of the obstacle are those of its surface.",
+            "How far the string can press into the layer before it meets the rigid surface. The obstacle's "
+            "heights are those of the layer's surface.",
             "µm",
             (5.0, 1000.0),
             1.0,
@@ -341,8 +353,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "layer": _LAYER,
         "distance_mm": Words(
             "Thread to edge",
-            "How far the bridge's edge of contact lies before the string's end on the thread. The longer, the higher the "
-            "formant of the buzz begins and the further it sinks.",
+            "Distance from the thread, where the string ends, to the bridge's edge of contact. The longer it is, "
+            "the higher the buzz's formant begins and the further it sinks.",
             "mm",
             (2.0, 20.0),
             0.1,
@@ -350,7 +362,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "distance_ratio": Words(
             "Thread to edge, of the length",
-            "The same as a share of the open string, so that strings of all lengths have the same bridge.",
+            "The same distance as a share of the open string, so that the bridge scales with the string's length.",
             "of L",
             (0.002, 0.03),
             0.0001,
@@ -358,8 +370,9 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "jiva_um": Words(
             "Thread (jiva)",
-            "How high the thread lifts the string off the bridge. 0 rests on it and buzzes most, some µm open and close "
-            "every period, beyond 20 only hard plucks touch; below 0 the string is pressed and the buzz dies.",
+            "How high the thread lifts the string off the bridge. At 0 the string rests on it and buzzes most; at "
+            "a few µm the contact opens and closes every period; above 20 only hard plucks touch; below 0 the "
+            "string is pressed down and the buzz dies.",
             "µm",
             (0.0, 30.0),
             0.5,
@@ -369,8 +382,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "points": Words(
             "Points",
-            "How many points the string may touch, evenly from its end to the edge of contact: one is a thread before "
-            "an edge, several are the arc of a curved bridge.",
+            "Number of contact points, evenly spaced from the string's end to the edge of contact: one makes a "
+            "thread and an edge, several the arc of a curved bridge.",
             "",
             (1.0, 12.0),
             1.0,
@@ -378,7 +391,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "radius_mm": Words(
             "Radius of the bridge",
-            "Of a bridge of several points: the larger, the flatter it is, and the longer and buzzier the string wraps it.",
+            "Radius of a bridge with several points: the larger it is, the flatter the bridge, and the more the "
+            "string wraps and buzzes.",
             "mm",
             (200.0, 5000.0),
             10.0,
@@ -399,13 +413,13 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "layer": _LAYER,
         "positions_mm": Words(
             "Places",
-            "Points of contact, counted from the nut, rising; each needs its height.",
+            "Positions of the contact points from the nut, in rising order; each needs a height.",
             "mm",
             setup=True,
         ),
         "heights_mm": Words(
             "Heights",
-            "Of the points above the string at rest: −1 lies a millimetre below it, 0 just touches.",
+            "Heights of the points relative to the string at rest: −1 is a millimetre below it, 0 just touches.",
             "mm",
             setup=True,
         ),
@@ -414,7 +428,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "kind": _OBSTACLE_KIND,
         "semitones": Words(
             "Semitones",
-            "How far up the board every string is played, above its own note.",
+            "Highest note of every string, in semitones above its open note.",
             "",
             (12.0, 30.0),
             1.0,
@@ -422,7 +436,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "length_mm": Words(
             "Board ends at",
-            "From the nut. Fingers go no further; where a string is plucked over the board it strikes it more.",
+            "Distance from the nut. Fingers reach no further; a string plucked over the board strikes it more.",
             "mm",
             (500.0, 750.0),
             1.0,
@@ -430,7 +444,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "action_12th_mm": Words(
             "Action half way",
-            "Gap between the open string and the board half way along it. Low growls, high is clean.",
+            "Gap between the open string and the board, halfway along the string. A low action growls, a high one is clean.",
             "mm",
             (0.6, 4.0),
             0.05,
@@ -438,7 +452,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "nut_height_mm": Words(
             "Gap at the nut",
-            "Between the open string and the board.",
+            "Gap between the open string and the board at the nut.",
             "mm",
             (0.1, 1.0),
             0.01,
@@ -446,7 +460,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "relief_mm": Words(
             "Relief",
-            "Hollow of the board under a straightedge, half way; it makes room where the string swings widest.",
+            "Hollow of the board under a straightedge, measured halfway; it leaves room where the string swings widest.",
             "mm",
             (0.0, 0.6),
             0.01,
@@ -454,7 +468,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "stiffness_n_mm2": Words(
             "Hardness",
-            "Force on a millimetre of string pressed in by a millimetre: bare wood is softer than epoxy.",
+            "Force per millimetre of string and per millimetre of indentation: bare wood is softer than epoxy.",
             "N/mm²",
             (20.0, 500.0),
             1.0,
@@ -462,28 +476,30 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "rebound": Words(
             "Rebound",
-            "What the board gives back of a blow's speed: 0 nothing, 1 all. Above 0.7 late, faint contacts are chaotic.",
+            "Share of the impact speed that the board returns: 0 none, 1 all. Above 0.7, late and faint contacts "
+            "are chaotic.",
             "",
             (0.0, 1.0),
             0.01,
         ),
         "slide_ms": Words(
             "Slide",
-            "Time of most of a finger's way to the next note while the legato pedal is down; 0: it is put there.",
+            "Time in which the finger slides most of the way to the next note while the legato pedal is down; at "
+            "0 it jumps there.",
             "ms",
             (0.0, 200.0),
             1.0,
         ),
         "tip_stiffness_n_mm": Words(
             "Fingertip, stiffness",
-            "Of the flesh between string and board at the end of the speaking length.",
+            "Stiffness of the flesh between string and board at the end of the speaking length.",
             "N/mm",
             (20.0, 500.0),
             1.0,
         ),
         "tip_loss_n_s_m": Words(
             "Fingertip, loss",
-            "What flesh takes of the vibration: the more, the sooner the highs of a stopped note are gone.",
+            "How much vibration the flesh absorbs: the more, the sooner a stopped note loses its highs.",
             "N s/m",
             (0.05, 5.0),
             0.05,
@@ -495,7 +511,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "layer": _LAYER,
         "count": Words(
             "Frets",
-            "How many, in equal temperament; every string plays as many notes above its own.",
+            "Number of frets, in equal temperament; every string plays that many notes above its open note.",
             "",
             (12.0, 24.0),
             1.0,
@@ -503,7 +519,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "action_12th_mm": Words(
             "Action at fret 12",
-            "Gap between string and fret 12. Low is easy to play and slaps the frets when struck hard, high is clean.",
+            "Gap between string and fret 12. A low action is easy to play and slaps the frets when struck hard; a "
+            "high one is clean.",
             "mm",
             (0.8, 4.0),
             0.05,
@@ -511,7 +528,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "relief_mm": Words(
             "Relief",
-            "Hollow of the neck under a straightedge, half way; it makes room where the string swings widest.",
+            "Hollow of the neck under a straightedge, measured halfway; it leaves room where the string swings widest.",
             "mm",
             (0.0, 0.6),
             0.01,
@@ -519,7 +536,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "sawari_distance_mm": Words(
             "Sawari from the nut",
-            "Where the neck rises to a hill, before the first fret, that open strings buzz on.",
+            "Distance from the nut of the ridge before the first fret on which open strings buzz.",
             "mm",
             (4.0, 30.0),
             0.1,
@@ -527,7 +544,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "sawari_um": Words(
             "Gap of the sawari",
-            "Between that hill and the open string at rest, by open note: a few µm buzz, 1000 is out of reach.",
+            "Gap between that ridge and the open string at rest, by open note: a few µm buzz, 1000 is out of reach.",
             "µm",
             (0.0, 30.0),
             0.5,
@@ -536,7 +553,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "nut_height_mm": Words(
             "Gap at fret 1",
-            "Between the open string and fret 1: what the nut's slots leave.",
+            "Gap between the open string and fret 1, set by the depth of the nut's slots.",
             "mm",
             (0.2, 1.0),
             0.01,
@@ -544,8 +561,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "heights_mm": Words(
             "Fret heights",
-            "Of every fret above the open string at rest (−2 lies two millimetres below it), in place of action and relief: "
-            "a worn or high fret buzzes by itself.",
+            "Height of every fret relative to the open string at rest (−2 is two millimetres below it), in place "
+            "of action and relief: this makes a single worn or high fret buzz.",
             "mm",
             setup=True,
         ),
@@ -553,8 +570,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Pluck: {
         "position": Words(
             "Plucked at, from saddle",
-            "Distance from the saddle as a share of the open string. A partial with a node there is missing: the middle is "
-            "hollow, near the bridge thin and bright. Beyond the middle counts as the middle.",
+            "Distance from the saddle as a share of the open string. Partials with a node there are missing: the "
+            "middle sounds hollow, near the bridge thin and bright. Values beyond the middle count as the middle.",
             "of L",
             (0.05, 0.5),
             0.001,
@@ -563,15 +580,16 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "position_hard": Words(
             "Hardest pluck at, from saddle",
-            "Where the hardest pluck goes; softer ones lie between. Players move towards the bridge for loud, biting notes.",
+            "Position of the hardest pluck; softer ones lie in between. Players move towards the bridge for loud, "
+            "biting notes.",
             "of L",
             (0.05, 0.5),
             0.001,
         ),
         "displacement_mm": Words(
             "Displacement",
-            "How far the hardest pluck draws the open string aside; stopped notes are plucked with the same force. Level, "
-            "and how much is touched.",
+            "How far the hardest pluck draws the open string aside; stopped notes are plucked with the same "
+            "force. It sets the level and the amount of contact.",
             "mm",
             (0.2, 6.0),
             0.05,
@@ -580,7 +598,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "velocity_exponent": Words(
             "Velocity curve",
-            "Displacement grows as velocity to this power: 1 even, 2 twice the dynamics in dB, 0 the same for every key.",
+            "Displacement grows as velocity to this power: 1 is linear, 2 doubles the dynamics in dB, 0 plays "
+            "every velocity alike.",
             "",
             (0.5, 2.0),
             0.05,
@@ -588,8 +607,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "width_mm": Words(
             "Finger width",
-            "Length of string under the finger: flesh 15, nail 3, plectrum 1. It rounds the corner: partials whose half "
-            "wave is shorter are hardly plucked.",
+            "Length of string under the finger: flesh 15, nail 3, plectrum 1. It rounds the corner of the pluck: "
+            "partials with a shorter half-wavelength are hardly excited.",
             "mm",
             (1.0, 25.0),
             0.1,
@@ -598,29 +617,29 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "width_hard_mm": Words(
             "Finger width, hard",
-            "At the hardest pluck, where the tip or the nail digs in; softer ones lie between.",
+            "Width at the hardest pluck, where the tip or the nail digs in; softer ones lie in between.",
             "mm",
             (1.0, 25.0),
             0.1,
         ),
         "draw_ms": Words(
             "Drawing time",
-            "From touching the string to letting it go. The note comes that much after the key; short is a flick, long lets "
-            "the old sound be heard dying under the finger.",
+            "Time from touching the string to releasing it. The note sounds that much after the key. A short time "
+            "is a flick; with a long one the old sound dies audibly under the finger.",
             "ms",
             (1.0, 20.0),
             0.5,
         ),
         "finger_stiffness_n_mm": Words(
             "Finger stiffness",
-            "How firmly the finger holds the string while it draws: flesh gives way, plectrum and nail do not.",
+            "How firmly the finger holds the string while drawing it: flesh yields, plectrum and nail do not.",
             "N/mm",
             (5.0, 500.0),
             0.1,
         ),
         "finger_loss": Words(
             "Finger loss",
-            "What the finger takes from passing waves, in the string's own impedance: 2 takes most, 0 only holds it.",
+            "How much the finger absorbs from passing waves, relative to the string's impedance: 2 absorbs most, 0 nothing.",
             "× Z",
             (0.1, 5.0),
             0.05,
@@ -628,22 +647,22 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "slip_ms": Words(
             "Slip time",
-            "Time in which the string slides off the finger. Partials above its inverse are left out: 0.1 a plectrum, 0.3 a "
-            "nail, 1 and more soft flesh. 0 is at once.",
+            "Time in which the string slides off the finger. Partials above its inverse are not excited: 0.1 for "
+            "a plectrum, 0.3 for a nail, 1 or more for soft flesh. 0 is instant.",
             "ms",
             (0.0, 3.0),
             0.05,
         ),
         "slip_hard_ms": Words(
             "Slip time, hard",
-            "At the hardest pluck; softer ones lie between. Shorter when hard: loud notes become brighter.",
+            "Slip time of the hardest pluck; softer ones lie in between. A shorter one makes loud notes brighter.",
             "ms",
             (0.0, 3.0),
             0.05,
         ),
         "roughness_um": Words(
             "Roughness",
-            "How far the finger jumps while it rubs along the string that it draws: the noise of a stroke.",
+            "How far the finger jumps while rubbing along the string: the noise of the stroke.",
             "µm",
             (0.0, 20.0),
             0.5,
@@ -671,8 +690,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "position": Words(
             "Pickup at, from saddle",
-            "Place of pickup or probe as a share of the open string; partials with a node there are not heard. 0 is the "
-            "saddle itself.",
+            "Position of the pickup or probe as a share of the open string; partials with a node there are not "
+            "heard. 0 is the saddle itself.",
             "of L",
             (0.0, 0.4),
             0.001,
@@ -680,7 +699,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "distance_mm": Words(
             "Pickup distance",
-            "From magnet to string at rest. Near, wide swings distort: the even harmonics of a growling pickup.",
+            "Distance from the magnet to the string at rest. Close up, wide swings distort: this gives a growling "
+            "pickup its even harmonics.",
             "mm",
             (1.0, 10.0),
             0.1,
@@ -688,15 +708,14 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "aperture_mm": Words(
             "Pickup aperture",
-            "Length of string that the magnet sees; partials with a wave shorter than that are averaged away.",
+            "Length of string within the magnet's field; partials with a shorter wavelength are averaged out.",
             "mm",
             (5.0, 40.0),
             0.5,
         ),
         "gain_db": Words(
             "Level",
-            "Of the whole instrument. Presets that come with the program are equally loud: −18 LUFS for a phrase at "
-            "velocity 80.",
+            "Level of the whole instrument. Built-in presets are equally loud: −18 LUFS for a phrase at velocity 80.",
             "dB",
             (-60.0, 60.0),
             0.5,
@@ -713,17 +732,20 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "mode": Words(
             "Modes of the body",
-            "What all strings drive by their bridge, and what drives them: they beat, decay in two stages and ring with "
-            "each other. They are heard through it alone, so that what is heard must be the body.",
+            "Modes that all strings drive through their bridge, and that move the strings in turn: strings beat, "
+            "decay in two stages and ring with each other. They are heard through the body alone, so the output "
+            "must be the body.",
         ),
     },
     MovingMode: {
-        "frequency_hz": Words("Mode", "Where the body swings by itself.", "Hz", (60.0, 4000.0), 0.5),
-        "q": Words("Q", "How narrow it is, and how long it rings: to −60 dB in 2.2·Q/f seconds.", "", (10.0, 60.0), 0.5),
+        "frequency_hz": Words("Mode", "Frequency of the mode without strings.", "Hz", (60.0, 4000.0), 0.5),
+        "q": Words(
+            "Q", "Sharpness of the mode, and how long it rings: to −60 dB in 2.2·Q/f seconds.", "", (10.0, 60.0), 0.5
+        ),
         "mass_kg": Words(
             "Mass at the bridge",
-            "What the strings have to move: the lighter, the louder, the shorter the notes near it, and the more they stray "
-            "from their pitch.",
+            "Mass that the strings have to move: the lighter it is, the louder and shorter the notes near the "
+            "mode, and the further they stray from their pitch.",
             "kg",
             (0.1, 3.0),
             0.01,
@@ -733,70 +755,77 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "Up and down, along the body across the strings, and rocking per metre from the bridge's middle.",
         ),
         "radiation": Words(
-            "Radiation", "How much of its acceleration is heard; below 0, against the others.", "", (-2.0, 2.0), 0.1
+            "Radiation",
+            "How much of the mode's acceleration is heard; below 0, in opposite phase to the others.",
+            "",
+            (-2.0, 2.0),
+            0.1,
         ),
         "pan": Words("Heard from", "−1 left, 1 right.", "", (-1.0, 1.0), 0.1),
     },
     Hand: {
         "place_mm": Words(
             "Places vary by",
-            "From stroke to stroke the hand comes down here and there: standard deviation along the string.",
+            "The hand never lands in quite the same place: standard deviation along the string.",
             "mm",
             (0.0, 10.0),
             0.1,
         ),
         "level_db": Words(
             "Levels vary by",
-            "No two strokes are as strong, at the same velocity: standard deviation of how far the string is drawn.",
+            "No two strokes are equally strong, even at the same velocity: standard deviation of the displacement.",
             "dB",
             (0.0, 3.0),
             0.05,
         ),
         "width_percent": Words(
             "Widths vary by",
-            "More or less of the finger lies on the string from stroke to stroke: standard deviation.",
+            "The width of finger on the string varies from stroke to stroke: standard deviation.",
             "%",
             (0.0, 30.0),
             0.5,
         ),
         "time_percent": Words(
             "Times vary by",
-            "Drawing the string and letting it go are quicker or slower from stroke to stroke: standard deviation.",
+            "Drawing time and slip time vary from stroke to stroke: standard deviation.",
             "%",
             (0.0, 30.0),
             0.5,
         ),
         "vibrato_hz": Words(
-            "Vibrato, rate", "How fast the modulation wheel (controller 1) shakes the string.", "Hz", (4.0, 7.0), 0.1
+            "Vibrato, rate", "Rate of the vibrato from the modulation wheel (controller 1).", "Hz", (4.0, 7.0), 0.1
         ),
         "vibrato_cents": Words(
             "Vibrato, width",
-            "How far the modulation wheel, full on, shakes it to either side; 0 is none.",
+            "Depth of the vibrato to either side, with the modulation wheel fully up; 0 is none.",
             "cents",
             (0.0, 60.0),
             1.0,
         ),
-        "vibrato": Words("Vibrato, way", "A string over a fret can only be pulled sharp; over a board it goes both ways."),
+        "vibrato": Words(
+            "Vibrato, direction", "A string over a fret can only be pulled sharp; over a board it goes both ways."
+        ),
         "meend_semitones": Words(
             "Pulled across the fret by",
-            "Legato to a higher note of the same string pulls it aside by at most so much, as on a sitar, without a change "
-            "of fret. 0: it is stopped at the next fret.",
+            "Legato to a higher note on the same string pulls the string aside by up to this much, as on a sitar, "
+            "instead of changing fret. At 0 it is stopped at the next fret.",
             "semitones",
             (0.0, 5.0),
             0.5,
         ),
         "meend_ms": Words(
-            "Pulled within", "Time constant in which it is pulled aside and let back.", "ms", (20.0, 300.0), 1.0
+            "Pulled within", "Time constant with which the string is pulled aside and let back.", "ms", (20.0, 300.0), 1.0
         ),
         "release": Words(
             "Finger at the end",
-            "What is laid on a string when its note ends, beside the damping. It is begun in the file, as hand.release.",
+            "A finger, palm or felt laid on the string when its note ends, in addition to the damping. Add it in "
+            "the file, as hand.release.",
         ),
     },
     Touch: {
         "place": Words(
             "Place, from saddle",
-            "Where it lies, as a share of the speaking length: partials with a node there ring on, all others are damped.",
+            "Position as a share of the speaking length: partials with a node there ring on, all others are damped.",
             "of L",
             (0.02, 0.98),
             0.001,
@@ -804,46 +833,54 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         "width_mm": Words("Width", "Length of string under the finger, palm or felt.", "mm", (2.0, 50.0), 0.5),
         "resistance": Words(
             "Resistance",
-            "What it takes from passing waves, in the string's own impedance: 1 damps within some periods, 10 nearly stops "
-            "the string there.",
+            "How much it absorbs from passing waves, relative to the string's impedance: 1 damps the string "
+            "within a few periods, 10 nearly stops it there.",
             "× Z",
             (0.1, 20.0),
             0.05,
         ),
         "stiffness_n_mm": Words(
-            "Stiffness", "How firmly it holds the string in its place; 0 only damps.", "N/mm", (0.0, 10.0), 0.01
+            "Stiffness", "How firmly it holds the string in place; 0 only damps.", "N/mm", (0.0, 10.0), 0.01
         ),
         "lift_ms": Words(
-            "Lifted after", "How long it lies there; without it, until the next stroke.", "ms", (10.0, 500.0), 1.0
+            "Lifted after",
+            "How long it stays on the string; if it is not given, until the next stroke.",
+            "ms",
+            (10.0, 500.0),
+            1.0,
         ),
     },
     Polarisation: {
         "detuning_cents": Words(
             "Second direction, detuned",
-            "How much higher a string's motion at right angles is than its first: the two beat with each other.",
+            "How much higher the pitch of the second direction is than that of the first: the two beat with each other.",
             "cents",
             (0.0, 3.0),
             0.1,
         ),
-        "loss_ratio": Words("Second direction, loss", "How much faster it decays by itself.", "×", (0.8, 2.0), 0.05),
+        "loss_ratio": Words(
+            "Second direction, loss", "How much faster the second direction decays on its own.", "×", (0.8, 2.0), 0.05
+        ),
         "pluck_deg": Words(
             "Direction of the pluck",
-            "From the string's first direction: 0 gives the body all at once, 90 little, for long.",
+            "Angle from the string's first direction: at 0 the body gets all of the energy at once, at 90 little, "
+            "for longer.",
             "°",
             (0.0, 60.0),
             1.0,
         ),
         "nut_share": Words(
             "Second direction, nut",
-            "How far the nut's resonances give way in it, as a share of what they do in the first: necks are stiffer along "
-            "the board. Partials near a resonance then differ between the directions, and beat.",
+            "How much the nut's resonances yield in the second direction, as a share of the first: necks are "
+            "stiffer along the board. Partials near a resonance then differ between the directions, and beat.",
             "",
             (0.0, 1.0),
             0.05,
         ),
         "heard": Words(
             "Second direction, heard",
-            "Of strings on rigid ends: how much of it pickup or saddle hear, as a share of what they hear of the first.",
+            "For strings with rigid ends: how much of the second direction reaches the pickup or saddle, as a "
+            "share of the first.",
             "",
             (0.0, 0.6),
             0.05,
@@ -851,11 +888,11 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     },
     BodyMode: {
         "frequency_hz": Words("Peak", "Frequency of the resonance's maximum.", "Hz", (60.0, 5000.0), 1.0),
-        "q": Words("Q", "How narrow and how long: it rings to −60 dB in 2.2·Q/f seconds.", "", (3.0, 100.0), 0.1),
-        "gain_db": Words("Gain", "Of the peak, relative to the string's own sound.", "dB", (-40.0, 20.0), 0.5),
+        "q": Words("Q", "Sharpness of the peak: it rings to −60 dB in 2.2·Q/f seconds.", "", (3.0, 100.0), 0.1),
+        "gain_db": Words("Gain", "Gain of the peak relative to the string's own sound.", "dB", (-40.0, 20.0), 0.5),
         "pan": Words(
             "Side",
-            "From where it is heard: −1 left, 1 right. Several to both sides make the body wide.",
+            "Pan of the peak: −1 left, 1 right. Peaks on both sides make the body sound wide.",
             "",
             (-0.7, 0.7),
             0.05,
@@ -864,7 +901,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Mapping_: {
         "polyphony": Words(
             "Polyphony",
-            "How many strings may sound at once; beyond it the quietest is cut within 30 ms.",
+            "How many strings can sound at once; beyond that, the quietest is cut within 30 ms.",
             "",
             (4.0, 64.0),
             1.0,
@@ -911,7 +948,7 @@ OBSTACLES = {
 WITHOUT_THREAD: dict[str, Words] = {
     "distance_mm": Words(
         "Depth of the bridge",
-        "How far the bridge's curve reaches before the string's end. The longer, the more of the string can wrap it.",
+        "How far the bridge's curve extends from the string's end. The deeper it is, the more of the string can wrap it.",
         "mm",
         (2.0, 20.0),
         0.1,
@@ -919,7 +956,7 @@ WITHOUT_THREAD: dict[str, Words] = {
     ),
     "distance_ratio": Words(
         "Depth of the bridge, of the length",
-        "The same as a share of the open string, so that strings of all lengths have the same bridge.",
+        "The same distance as a share of the open string, so that the bridge scales with the string's length.",
         "of L",
         (0.002, 0.03),
         0.0001,
@@ -927,8 +964,8 @@ WITHOUT_THREAD: dict[str, Words] = {
     ),
     "jiva_um": Words(
         "Gap over the bridge",
-        "How far the string at rest lies above the bridge's curve. 0 rests on it and buzzes most; above it only hard "
-        "plucks touch; below 0 the string is pressed and the buzz dies.",
+        "Gap between the string at rest and the bridge's curve. At 0 the string rests on it and buzzes most; "
+        "with a gap only hard plucks touch; below 0 the string is pressed down and the buzz dies.",
         "µm",
         (0.0, 30.0),
         0.5,

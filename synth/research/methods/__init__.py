@@ -27,14 +27,14 @@ def run(scene: Scene) -> Outcome:
     """The scene from t = 0 to its end by the scheme that its case names; CaseError where it does not apply."""
     name = scene.case.scheme.name
     if not is_law(name) and (scene.case.bend or scene.case.obstacle.moves):
-        raise CaseError(f"scheme {name!r} knows no bend and no moving obstacle; use one of {', '.join(LAWS)}")
+        raise CaseError(f"scheme {name!r} supports neither bends nor moving obstacles; use one of {', '.join(LAWS)}")
     if scene.case.obstacle.layer is not None and (name != "exact-hold" or scene.case.scheme.substeps > 1):
         got = name if name != "exact-hold" else f"{scene.case.scheme.substeps} substeps"
         raise CaseError(f"obstacle.layer: soft contacts are exact-hold's, in whole steps, got {got}; raise internal_rate_hz")
     if registered(name) is not None and scene.case.run.ledger:
         raise CaseError(f"run.ledger: the contact law {name!r} does not say what its contacts store; leave the ledger out")
     if scene.kept is not None and name in CLOSED:
-        raise CaseError(f"scheme {name!r} is a formula and goes on from nothing; run it for the whole time")
+        raise CaseError(f"scheme {name!r} is a formula and cannot continue a run; run it for the whole time")
     try:
         return RUNNERS.get(name, run_law)(scene)
     except ValueError as error:

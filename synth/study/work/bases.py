@@ -116,7 +116,7 @@ def function_of(name: str) -> Any:
     except AttributeError:
         raise ValueError(f"{name}: module {module} has no {attribute}") from None
     if not callable(found):
-        raise ValueError(f"{name} is no function")
+        raise ValueError(f"{name} is not a function")
     return found
 
 

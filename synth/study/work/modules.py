@@ -79,13 +79,13 @@ def unlike(wanted: Mapping[str, str], needed: Sequence[str]) -> str | None:
             if found is None and not os.path.isabs(name):
                 return f"has no module {name}; put it where workers find it, or its folder into base.path"
             if found is not None and found[1] != each:
-                return f"has another {found[0]} than the study was begun with; put the same there"
+                return f"has another {found[0]} than the study was started with; put the same there"
         try:
             found_now = loaded(needed, [name for name in wanted if name not in needed])
         except Exception as error:  # whatever a module does
-            return f"cannot import {', '.join(needed)} ({type(error).__name__}: {error}); mend it there"
+            return f"cannot import {', '.join(needed)} ({type(error).__name__}: {error}); fix it there"
         changed = [name for name, each in wanted.items() if found_now.get(name, each) != each]
-        return f"has another {changed[0]} than the study was begun with; put the same there" if changed else None
+        return f"has another {changed[0]} than the study was started with; put the same there" if changed else None
 
 
 def _fits(name: str, wanted: str) -> bool:

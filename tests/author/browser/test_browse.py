@@ -41,7 +41,7 @@ def test_found_by_words_families_and_tags(page):
     )
     assert f"of {len(NAMES)}" in page.text("dialog .browse-count")
     press(page, " nothing")
-    page.until(lambda: "No preset fits" in page.text("dialog .browse-count"))
+    page.until(lambda: "No preset matches" in page.text("dialog .browse-count"))
     page.find("dialog .browse-search").clear()
     press(page, Keys.BACKSPACE)
     page.find('dialog .chip[data-family="bass"]').click()

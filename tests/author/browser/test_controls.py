@@ -103,7 +103,7 @@ def rest(page):
 def test_what_is_turned_first_and_what_shapes_the_instrument_stand_first(opened, preset, turned, wanted):
     page = opened(preset)
     first, setup = page.all(".control-groups > .group")[:2]
-    assert first.get_attribute("data-group") == "first" and first.text.startswith("First to turn")
+    assert first.get_attribute("data-group") == "first" and first.text.startswith("Main controls")
     assert setup.get_attribute("data-group") == "setup" and setup.text.startswith("Setup")
     page.script("arguments[0].open = true", setup)
     for group, expected in ((first, turned), (setup, wanted)):

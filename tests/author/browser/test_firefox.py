@@ -130,7 +130,7 @@ def test_without_a_sound_card_it_says_so(folder):
     with Firefox() as firefox, Author(folder, "mine.toml") as author:
         firefox.open(author.address)
         firefox.click('[data-phrase="drone"]')
-        firefox.until(lambda: "this browser gives no sound" in firefox.script("return document.body.textContent"))
+        firefox.until(lambda: "this browser plays no sound" in firefox.script("return document.body.textContent"))
         firefox.open_nothing()
 
 

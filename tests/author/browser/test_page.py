@@ -296,7 +296,7 @@ def test_with_the_keyboard_alone(page):
     chord(page, Keys.SHIFT, Keys.TAB)
     assert focused(page).text == "Skip to the controls"
     press(page, Keys.ENTER, Keys.TAB, Keys.TAB, Keys.TAB)
-    assert focused(page).text.startswith("First to turn")
+    assert focused(page).text.startswith("Main controls")
     reached = "return document.activeElement.closest('[data-path]')?.dataset.path"
     for _ in range(20):
         press(page, Keys.ARROW_DOWN)

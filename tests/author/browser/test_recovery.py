@@ -25,13 +25,13 @@ def test_what_was_never_saved_is_offered_and_taken(driver, folder):
     page = crash_after_edit(driver, folder)
     with Author(folder, "mine.toml") as author:
         page.open(author.address)
-        assert "never saved" in page.text("#file-banners .offer")
+        assert "Unsaved changes" in page.text("#file-banners .offer")
         assert page.field("pluck.position").get_property("value") == "0.42"
-        page.button("See them", "#file-banners").click()
+        page.button("Compare them", "#file-banners").click()
         removed, added = page.text(".text-difference .removed"), page.text(".text-difference .added")
         assert removed.startswith("- position = 0.42") and added.startswith("+ position = 0.31")
         page.find("dialog .sheet-close").click()
-        page.button("Take them", "#file-banners").click()
+        page.button("Restore them", "#file-banners").click()
         page.until(lambda: page.field("pluck.position").get_property("value") == "0.31")
         assert (folder / "mine.toml").read_bytes() == original
         page.find("#save").click()
@@ -45,7 +45,7 @@ def test_what_was_never_saved_can_be_forgotten(driver, folder):
     page = crash_after_edit(driver, folder)
     with Author(folder, "mine.toml") as author:
         page.open(author.address)
-        page.button("Forget them", "#file-banners").click()
+        page.button("Discard them", "#file-banners").click()
         page.until(lambda: page.all("#file-banners .offer") == [])
         page.until(lambda: not (folder / ".mine.toml.autosave").exists())
         assert (folder / "mine.toml").read_bytes() == original
@@ -66,7 +66,7 @@ def test_preset_that_has_no_file_is_recovered_too(driver, tmp_path):
     page.open_nothing()
     with Author(tmp_path, "jawari-harp") as author:
         page.open(author.address)
-        page.button("Take them", "#file-banners").click()
+        page.button("Restore them", "#file-banners").click()
         page.until(lambda: page.field("pluck.position").get_property("value") == "0.27")
         page.open_nothing()
 

@@ -60,7 +60,7 @@ def test_save_as_writes_over_another_file_only_when_told_twice(page, folder):
     name = page.find("#file-name")
     name.clear()
     name.send_keys("other\n")
-    button = page.button("Write over it", "dialog")
+    button = page.button("Overwrite it", "dialog")
     assert "other" in page.text("dialog .field-error")
     assert (folder / "other.toml").read_bytes() == before
     button.click()
@@ -91,9 +91,9 @@ def test_change_on_disk_is_noticed_and_not_written_over(page, folder):
     page.until(lambda: "changed by another program" in page.text("#file-banners"))
     theirs = file.read_bytes()
     page.find("#save").click()
-    page.button("Load the file's", "dialog")
+    page.button("Load the file", "dialog")
     assert file.read_bytes() == theirs
-    page.button("Load the file's", "dialog").click()
+    page.button("Load the file", "dialog").click()
     page.until(lambda: page.field("obstacle.jiva_um").get_property("value") == "7")
     page.until(lambda: not dirty(page))
     assert page.field("pluck.position").get_property("value") == "0.42"
@@ -141,8 +141,8 @@ def test_imported_preset_is_thrown_away(page, folder):
     page.until(lambda: page.text("#title") == "Fretted bass")
     left = folder / ".unsaved~bass.toml.autosave"
     page.until(left.exists)
-    menu(page, "Throw away")
-    page.button("Throw it away", "dialog").click()
+    menu(page, "Discard")
+    page.button("Discard it", "dialog").click()
     page.until(lambda: not left.exists())
     page.until(lambda: page.text("#title") == "Tanpura")  # as the command line named it
 

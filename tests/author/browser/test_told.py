@@ -127,7 +127,7 @@ def test_a_note_that_goes_elsewhere_is_announced(opened):
     page.until(lambda: page.text(".stage.whole figcaption").startswith("Pa string"))
     edit(page, ("string.0.notes", "F2"))
     said = page.until(lambda: [each.text for each in page.all(".notice") if "G2" in each.text])
-    assert said[0].startswith("G2 cannot be played any more: now at F2")
+    assert said[0].startswith("G2 is no longer playable; now at F2")
 
 
 def test_what_cannot_be_compared_is_said(opened):
