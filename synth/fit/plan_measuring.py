@@ -61,8 +61,8 @@ OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
 ROLLING_VELOCITIES = (15, 20, 30, 35, 50, 64, 90, 105)
 #: output's place from the saddle, as a share of the open length: that of the calibration's scenes
 SEEN_AT = 0.01
-#: gain of that output [dB]: 10 µm are full scale, as loud as the preset; a string sleeps and its modes rest by their level in
-#: the output, and without the gain a soft note of a few µm would end within the seconds that are compared
+#: gain of that output [dB]: 10 µm are full scale, as loud as a preset; strings sleep and modes rest by their level in
+#: the output, so that without the gain a soft note of a few µm would end within the seconds that are compared
 SEEN_GAIN_DB = 100.0
 
 #: measure → error

@@ -9,6 +9,7 @@ import pytest
 from synth import cli
 from synth.fit.plan_measuring import (
     MARGIN,
+    RATE_HZ,
     ROLLING_S,
     Ended,
     OneString,
@@ -61,6 +62,20 @@ def test_a_plan_too_small_is_seen_to_miss() -> None:
     ]
     found = list(misses(preset.with_measured(replace(preset.measured, strings=tuple(few))), STROKES[1:2], {43}))
     assert len(found) == 3 and all(each.worst is not None and each.worst > 1.0 for each in found)
+
+
+def test_a_soft_note_does_not_fall_asleep_while_it_is_measured() -> None:
+    """Of a string that touches nothing the softest note is as long as a harder one, and as exact at a low rate."""
+    preset = load_preset("jazz-guitar")
+    one = next(each for each in measured_strings(preset) if each.label == "E2")
+    note = one.note + 18
+    ends = []
+    for velocity in (12, 40):
+        ((_, u),) = one.runs([note], Stroke(velocity), 4, 16000.0)
+        ends.append(abs(u[-RATE_HZ // 20 :]).max() / abs(u).max())
+    assert ends[0] == pytest.approx(ends[1], rel=0.2)
+    found = list(misses(preset, [Stroke(12)], {note}))
+    assert found and all(each.worst is not None and each.worst < 0.5 for each in found if each.string == "E2")
 
 
 def test_plans_cost_less_than_the_law() -> None:
