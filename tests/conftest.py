@@ -29,6 +29,74 @@ for _name in ("SIGQUIT", "SIGHUP", "SIGTERM"):
     if hasattr(signal, _name) and signal.getsignal(getattr(signal, _name)) is signal.SIG_IGN:
         signal.signal(getattr(signal, _name), signal.SIG_DFL)
 
+#: files and folders that only --all runs: they play live, open browsers, build plugins, install packages, compile kernels,
+#: fit recordings, break files by the hundred, or repeat at length what another file tests in a second
+SLOW = (
+    "tests/author/browser/",
+    "tests/author/test_crowd.py",
+    "tests/author/test_end.py",
+    "tests/author/test_files.py",
+    "tests/author/test_plans.py",
+    "tests/author/test_random_steps.py",
+    "tests/author/test_sound.py",
+    "tests/author/test_speaker.py",
+    "tests/author/test_views_served.py",
+    "tests/author/views/test_analysis.py",
+    "tests/author/views/test_motion.py",
+    "tests/author/views/test_parameters.py",
+    "tests/dataset/test_carried_states.py",
+    "tests/dataset/test_crew.py",
+    "tests/dataset/test_folder.py",
+    "tests/docs/test_blocks.py",
+    "tests/docs/test_fresh_pages.py",
+    "tests/docs/test_site.py",
+    "tests/extending/",
+    "tests/fit/test_body_fit.py",
+    "tests/fit/test_contact.py",
+    "tests/fit/test_fit_recordings.py",
+    "tests/fit/test_frets.py",
+    "tests/fit/test_plan_measuring.py",
+    "tests/fit/test_real.py",
+    "tests/fit/test_refusals.py",
+    "tests/fit/test_synthetic.py",
+    "tests/host/test_batch.py",
+    "tests/live/test_drone.py",
+    "tests/live/test_jack.py",
+    "tests/live/test_jackkit.py",
+    "tests/live/test_midiports.py",
+    "tests/live/test_pipewire.py",
+    "tests/live/test_play.py",
+    "tests/live/test_play_keys.py",
+    "tests/live/test_portaudio.py",
+    "tests/live/test_recorder.py",
+    "tests/native/",
+    "tests/plugin/",
+    "tests/test_bad_numbers.py",
+    "tests/test_bench_against.py",
+    "tests/test_bench_history.py",
+    "tests/test_broken_inputs.py",
+    "tests/test_collisions.py",
+    "tests/test_collisions_blind.py",
+    "tests/test_compiling.py",
+    "tests/test_coupled_promise.py",
+    "tests/test_every_command.py",
+    "tests/test_kernel_cache.py",
+    "tests/test_kernel_helpers.py",
+    "tests/test_kernel_linking.py",
+    "tests/test_mutants.py",
+    "tests/test_notebooks.py",
+    "tests/test_platforms.py",
+    "tests/test_prebuilt.py",
+    "tests/test_prebuilt_live.py",
+    "tests/test_same_sound.py",
+    "tests/test_simulation.py",
+    "tests/test_study.py",
+    "tests/test_sweep_access.py",
+    "tests/test_typed.py",
+    "tests/test_walls.py",
+    "tests/test_wheel.py",
+)
+
 #: of the files that take longest; the first compiles the kernels of an engine, which most others need, and the second those
 #: of another level of processors for the native library, while the next five need none; the eighth compiles those of a
 #: simulation
@@ -108,6 +176,9 @@ def pytest_configure_node(node: Any) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.nodeid.startswith(SLOW):
+            item.add_marker(pytest.mark.slow)
     if not _everything(config):
         slow = [item for item in items if item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=slow)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import LONGEST
+from tests.conftest import LONGEST, SLOW
 
 pytest_plugins = ["pytester"]
 
@@ -48,5 +48,5 @@ def test_slow_tests_run_where_they_are_asked_for(
     done.assert_outcomes(passed=passed)
 
 
-def test_the_longest_files_are_there() -> None:
-    assert [name for name in LONGEST if not (ROOT / name).is_file()] == []
+def test_files_that_are_named_are_there() -> None:
+    assert [name for name in (*LONGEST, *SLOW) if not (ROOT / name).exists()] == []

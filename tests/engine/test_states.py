@@ -140,6 +140,7 @@ def test_an_idle_string_is_awake():
     refuses(engine(SHARED), "sounding", (0,), "idle", 1, r"sounding\.idle\[0\] is 1, but the string is not awake")
 
 
+@pytest.mark.slow
 def test_broken_states_are_refused_or_no_harm():
     """In a process of its own, which would end with a signal otherwise; `broken_states.py` alone does more of them."""
     program = Path(__file__).with_name("broken_states.py")

@@ -93,6 +93,7 @@ def test_state_reaches_the_workers():
     made.close()
 
 
+@pytest.mark.slow
 def test_no_thread_outlives_its_engine():
     gc.collect()
     before = len(workers())

@@ -32,6 +32,7 @@ def model(preset: Preset, index: int, note: int) -> tuple[np.ndarray, np.ndarray
     return position.omega[:10] / (2.0 * math.pi), math.log(1000.0) / position.sigma[:10]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["low", "middle", "any"])
 @pytest.mark.parametrize(("name", "index"), [("fretted-bass", 0), ("fretted-bass", 3), ("tanpura", 0), ("tanpura", 3)])
 def test_the_presets_string_has_the_fits_partials(fits: dict[str, Fit], name: str, index: int, which: str) -> None:

@@ -57,6 +57,7 @@ def general_midi_song(path: Path, seconds: float = 12.0) -> int:
     return notes
 
 
+@pytest.mark.slow
 def test_a_general_midi_song_plays_whole(tmp_path: Path) -> None:
     notes = general_midi_song(tmp_path / "song.mid")
     report = render_file(

@@ -55,6 +55,7 @@ def exact_roots(strings, body, guesses):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_modes_of_ideal_strings_are_the_roots_of_the_wave_equations_characteristic_equation():
     strings = [(0.65, 80.0, 1.2e-3, (1.0, 0.0)), (0.65, 78.0, 1.2e-3, (0.8, 0.6)), (0.9, 60.0, 3e-3, (1.0, 0.3))]
     errors = {}

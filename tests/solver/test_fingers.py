@@ -193,6 +193,7 @@ print(json.dumps([LANES, out]))
 """
 
 
+@pytest.mark.slow
 def test_every_vector_width_gives_the_same():
     """Two and four lanes, as other processors have them, against eight."""
     results = {}
