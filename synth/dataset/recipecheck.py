@@ -89,7 +89,7 @@ def _faults_of_strokes(table: Strokes, name: str, preset: Preset) -> Iterator[st
         if articulation and articulation not in preset.articulations:
             there = ", ".join(preset.articulations) or "none"
             near = perhaps(articulation, preset.articulations)
-            yield f"articulation: {articulation!r} is none of {name}{near}; it has {there}"
+            yield f"articulation: {name} does not have {articulation!r}{near}; it has {there}"
     known = {parameter.id: parameter for parameter in parameters_of(0, preset)}
     for key, axis in table.live.items():
         if key not in known:

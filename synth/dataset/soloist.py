@@ -45,7 +45,7 @@ def played_preset(item: Item, recipe: Recipe, presets: Presets) -> Preset:
     if item.articulation:
         if item.articulation not in preset.articulations:
             there = ", ".join(preset.articulations) or "none"
-            raise ValueError(f"articulation {item.articulation!r} is none of {preset.name}; it has {there}")
+            raise ValueError(f"{preset.name} does not have the articulation {item.articulation!r}; it has {there}")
         preset = parts.Part(0, preset.name, articulations=(item.articulation,), notes=0).played(preset)
     return preset
 

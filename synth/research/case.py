@@ -291,7 +291,7 @@ class SchemeTable(Table):
         if self.tail not in (None, "none") and not self.residual_compliance:
             raise ValueError(f'residual_compliance = false and tail = "{self.tail}" contradict each other; leave one out')
         if self.substeps > 1 and self.name != "exact-hold":
-            raise ValueError(f"substeps are exact-hold's, got {self.substeps} for {self.name}; raise internal_rate_hz")
+            raise ValueError(f"only exact-hold takes substeps, got {self.substeps} for {self.name}; raise internal_rate_hz")
         for key, schemes in _TAKEN_BY.items():
             if getattr(self, key) is not None and self.name not in schemes:
                 raise ValueError(f"scheme {self.name!r} does not take {key}; it belongs to {', '.join(schemes)}")

@@ -125,7 +125,7 @@ hold_s = -1
         ("[8.0, 12.0]", "[8.0, -12.0]", "notes.0.set.pluck.width_mm: "),
         ("pluck.position", "pluck.places", "notes.0.live.pluck.places: jawari-harp has no such live parameter"),
         ("to = 0.3", "to = 0.8", "notes.0.live.pluck.position: must lie between 0.02 and 0.5, got 0.8"),
-        ("hold_s", 'articulation = "bowed"\nhold_s', "notes.0.articulation: 'bowed' is none of jawari-harp"),
+        ("hold_s", 'articulation = "bowed"\nhold_s', "notes.0.articulation: jawari-harp does not have 'bowed'"),
         ("hold_s", "controllers.200 = 3\nhold_s", "notes.0.controllers.200: a controller is"),
         ("[shards]", '[labels]\ncontacts = true\n[shards]', "notes.0.preset: labels: steel-guitar has strings that share"),
         ("[shards]", '[[midi]]\nfiles = "*.mid"\n[shards]', "midi.0: files: there is no file '*.mid'"),

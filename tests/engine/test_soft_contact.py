@@ -198,7 +198,7 @@ def test_a_case_goes_on_where_it_ended() -> None:
     [
         (
             {"scheme": {"name": "moreau-jean"}},
-            "obstacle.layer: soft contacts are exact-hold's, in whole steps, got moreau-jean",
+            "obstacle.layer: soft contacts need exact-hold without substeps, got moreau-jean",
         ),
         ({"scheme": {"substeps": 2}}, "got 2 substeps"),
         ({"obstacle": {"motion": {"sine": [{"frequency_hz": 5.0, "amplitude_m": 1e-4}]}}}, "layer and motion exclude"),

@@ -134,7 +134,7 @@ bool core_within_limits(const struct bank_rate *r, const uint8_t *block, const u
         }
     }
     if (r->ahead.window > 0 && !reduced_in_time(&r->ahead, state)) {
-        core_say(why, "the limiter's delay holds what is above its ceiling, and no reduction for it");
+        core_say(why, "the limiter's delay line holds samples above its ceiling without a reduction for them");
         return false;
     }
     return true;

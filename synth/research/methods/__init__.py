@@ -30,7 +30,7 @@ def run(scene: Scene) -> Outcome:
         raise CaseError(f"scheme {name!r} supports neither bends nor moving obstacles; use one of {', '.join(LAWS)}")
     if scene.case.obstacle.layer is not None and (name != "exact-hold" or scene.case.scheme.substeps > 1):
         got = name if name != "exact-hold" else f"{scene.case.scheme.substeps} substeps"
-        raise CaseError(f"obstacle.layer: soft contacts are exact-hold's, in whole steps, got {got}; raise internal_rate_hz")
+        raise CaseError(f"obstacle.layer: soft contacts need exact-hold without substeps, got {got}; raise internal_rate_hz")
     if registered(name) is not None and scene.case.run.ledger:
         raise CaseError(f"run.ledger: the contact law {name!r} does not say what its contacts store; leave the ledger out")
     if scene.kept is not None and name in CLOSED:
