@@ -81,7 +81,7 @@ def test_a_tab_of_an_earlier_run_says_so_and_rests(driver, folder):
     page.until(lambda: "No connection" in page.text("#banner"))
     page.script("const ask = window.fetch; window.asked = 0; window.fetch = (...of) => (window.asked++, ask(...of));")
     with Author(folder, "mine.toml", "--port", str(port)):
-        page.until(lambda: "close this one" in page.text("#banner"))
+        page.until(lambda: "was restarted" in page.text("#banner"))
         asked = page.script("return window.asked")
         assert asked > 0
         page.script("window.dispatchEvent(new Event('focus'))")
