@@ -19,7 +19,7 @@ def page(driver, tmp_path):
 def test_a_plan_is_measured_and_kept_beside_the_file(page, tmp_path):
     page.script("document.querySelector('#analysis').scrollTop = 99999")
     page.find("#measure-plan").click()
-    page.until(lambda: "kept beside mine.toml; of 1 strings take less: draft 1" in page.text("#plan-said"))
+    page.until(lambda: "saved beside mine.toml; strings that cost less, out of 1: draft 1" in page.text("#plan-said"))
     assert 'note = "G2"' in (tmp_path / "mine.plan").read_text()
     page.until(lambda: "measured on this string" in page.text(".cost .promise"))
     assert page.find("#measure-plan").is_enabled() and page.errors() == []
