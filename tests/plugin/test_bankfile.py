@@ -341,5 +341,5 @@ def test_words_that_lead_nowhere_and_words_that_nobody_declared_are_found():
     lying = Memory()
     lying.add(THREAD, taps)
     lying.add(THREAD, taps[2:5])
-    with pytest.raises(ValueError, match="on each other"):
+    with pytest.raises(ValueError, match="overlap"):
         lying.image(lambda address: None)
