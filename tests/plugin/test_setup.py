@@ -100,7 +100,11 @@ def test_the_recipe_of_a_file(tmp_path) -> None:
     file.write_bytes(data)
     checksum, kept = bankfile.recipe_of(file)
     assert kept.presets == (FREE,) and checksum == int(np.frombuffer(data, bankfile.HEADER, 1)[0]["checksum"])
-    wrong = {"does not contain a bank": b"", "of version 7": data[:8] + b"\x07" + data[9:], "changed": data[:300] + b"?" + data[301:]}
+    wrong = {
+        "does not contain a bank": b"",
+        "of version 7": data[:8] + b"\x07" + data[9:],
+        "changed": data[:300] + b"?" + data[301:],
+    }
     for told, changed in wrong.items():
         file.write_bytes(changed)
         with pytest.raises(ValueError, match=told):
