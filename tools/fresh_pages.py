@@ -89,7 +89,7 @@ WAYS: dict[str, Way] = {
     "synth fit --contact note.wav -p tanpura": Way("author,fit", "µm", slow=True),
     "synth simulate bass --ledger -o out.npz": Way("", "out.npz", slow=True),
     "synth sweep STUDY.toml": Way("study", "rows", slow=True),
-    "synth dataset RECIPE.toml": Way("dataset", "items", slow=True),
+    "synth dataset RECIPE.toml -o sounds": Way("dataset", "items", slow=True),
     "synth plan tanpura C3": Way("", "tanpura at standard"),
     "synth body fit bridge.csv": Way("author,fit", r"\[\[body.mode\]\]"),
     "synth --help": Way("", "render"),

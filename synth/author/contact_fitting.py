@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from synth.author.fitting import StringChanged, nearest_string
+from synth.author.fitting import StringChanged
 from synth.author.views.parameters import describe
 from synth.fit import FitRefused, missing_for_contact
 from synth.instrument.preset import Preset
@@ -81,14 +80,12 @@ def fit_string_contact(
     reason = missing_for_contact()
     if reason is not None:
         raise ValueError(reason)
-    from synth.fit.contact_group import fit_contact
+    from synth.fit.contact_group import fit_contact, string_of
     from synth.fit.contact_report import contact_report, contact_settings
-    from synth.fit.pitch import find_series
-    from synth.fit.recording import cut_note, read_recording
+    from synth.fit.recording import read_recording
 
     samples, rate_hz = read_recording(io.BytesIO(data))
-    series = find_series(cut_note(samples, rate_hz))
-    nearest = nearest_string(preset, series.f0_hz * math.sqrt(1.0 + series.inharmonicity))
+    nearest = string_of(preset, samples, rate_hz)
     string = nearest if string is None else string
     try:
         found = fit_contact([(samples, rate_hz)], preset, string, amplitude_m=amplitude_m, progress=progress)

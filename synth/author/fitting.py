@@ -10,8 +10,8 @@ from typing import Any
 from synth.author.views.parameters import describe
 from synth.fit import Fit, fit_recording, missing, report, settings
 from synth.fit.recording import read_recording
+from synth.fit.settings import nearest_string
 from synth.instrument.preset import Preset, StringTable
-from synth.units import hz_to_midi
 
 
 class StringChanged(ValueError):
@@ -69,10 +69,3 @@ def fit_string(
     return FittedString(
         doc, string, preset, found, values, {**report(found), "settings": rows, "string": string, "nearest": nearest}
     )
-
-
-def nearest_string(preset: Preset, frequency_hz: float) -> int:
-    """The number of the string whose open note, or one of whose notes, lies nearest; among equals the first."""
-    note = hz_to_midi(frequency_hz, preset.tuning.a4_hz) - preset.tuning.offset_cents / 100.0
-    distances = [max(table.notes[0] - note, note - table.notes[1], 0.0) for table in preset.string]
-    return distances.index(min(distances))

@@ -98,11 +98,10 @@ def _bridge(options: argparse.Namespace, text: str, preset: Preset) -> int:
     if reason is not None:
         raise ValueError(reason)
     from synth.files.targets import Named, check_apart, check_target
-    from synth.fit.contact_group import fit_contact, linear_string
+    from synth.fit.contact_group import fit_contact, linear_string, string_of
     from synth.fit.contact_report import contact_report, contact_settings, draw
     from synth.fit.recording import read_recording
 
-    index = 0 if options.string is None else fitted_file.string_index(preset, options.string)
     read = [*options.recording, *([] if options.open is None else [options.open])]
     if options.output is not None:
         fitted_file.check_output(options.output, options.preset, read)
@@ -110,9 +109,13 @@ def _bridge(options: argparse.Namespace, text: str, preset: Preset) -> int:
         outputs = [] if options.output is None else [Named("-o", options.output)]
         check_apart([Named("recording", each) for each in read], [Named("--picture", options.picture), *outputs])
         check_target(options.picture)
+    recordings = [read_recording(each) for each in options.recording]
+    if options.string is not None:
+        index = fitted_file.string_index(preset, options.string)
+    else:
+        index = fitted_file.about(options.recording[:1], lambda: string_of(preset, *recordings[0]))
     if options.open is not None:
         preset = fitted_file.about([options.open], lambda: linear_string(preset, index, *read_recording(options.open)))
-    recordings = [read_recording(each) for each in options.recording]
     with ProgressLine(sys.stderr.isatty()) as line:
         found = fitted_file.about(options.recording, lambda: fit_contact(
             recordings, preset, index, amplitude_m=None if options.amplitude is None else 1e-3 * options.amplitude[0],
@@ -126,12 +129,16 @@ def _bridge(options: argparse.Namespace, text: str, preset: Preset) -> int:
     if options.output is not None:
         fitted_file.write(text, options.preset, options.output, values)
         told["output"] = options.output
-    print(json.dumps(told, indent=2, allow_nan=False) if options.json else _text(options, told))
+    print(
+        json.dumps(told, indent=2, allow_nan=False)
+        if options.json
+        else _text(options, told, preset.string[index].name or str(index))
+    )
     return 0
 
 
-def _text(options: argparse.Namespace, told: dict[str, Any]) -> str:
-    lines = [f"{', '.join(options.recording)}: a string over a bridge"]
+def _text(options: argparse.Namespace, told: dict[str, Any], label: str) -> str:
+    lines = [f"{', '.join(options.recording)}: string {label} over a bridge"]
     width = max(len(name) for name, _, _ in told["facts"])
     lines += [f"  {name:{width}}  {value}" for name, value, _ in told["facts"]]
     lines += [f"  note: {words}" for words in told["warnings"]]

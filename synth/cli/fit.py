@@ -20,7 +20,11 @@ def add(commands: Any) -> None:
         "recording", metavar="REC.wav", nargs="+", help="one plucked note, WAV or FLAC; with --contact one or several"
     )
     parser.add_argument("-p", "--preset", metavar="PRESET", help="preset (name or .toml file) that gets the string")
-    parser.add_argument("--string", metavar="N|NAME", help="string of the preset, counted from 0 (the default), or by name")
+    parser.add_argument(
+        "--string",
+        metavar="N|NAME",
+        help="string of the preset, by number from 0 or by name (default: 0; with --contact the nearest to the note)",
+    )
     parser.add_argument("--pitch", type=number(float, 20, 5000, " Hz"), metavar="HZ", help="approximate pitch of the note")
     parser.add_argument("-o", "--output", metavar="NEW.toml", help="write the preset with the fitted string")
     parser.add_argument("--json", action="store_true", help="the report as JSON")

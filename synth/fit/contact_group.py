@@ -22,7 +22,7 @@ from synth.fit.contact_space import Estimate, estimates
 from synth.fit.estimate import fit_recording
 from synth.fit.pitch import Series, find_series
 from synth.fit.recording import FitRefused, Note, Progress, cut_note
-from synth.fit.settings import apply_settings, settings
+from synth.fit.settings import apply_settings, nearest_string, settings
 from synth.instrument.compile import note_frequency, string_frequency
 from synth.instrument.preset import Preset, at_note
 from synth.units import cents
@@ -82,6 +82,14 @@ def linear_string(preset: Preset, index: int, samples: ArrayLike, rate_hz: float
     ])  # fmt: skip
 
 
+def string_of(preset: Preset, samples: ArrayLike, rate_hz: float) -> int:
+    """The number of the string whose own note lies nearest to a recorded one. Raises FitRefused where several strings could
+    be meant and no pitch is found."""
+    if len(preset.string) == 1:
+        return 0
+    return nearest_string(preset, _first(find_series(cut_note(samples, float(rate_hz)), moved_cents=MOVED)))
+
+
 def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> tuple[ContactModel, list[str]]:
     """The model of a string at the pitch of its recordings, and warnings. Raises FitRefused for another pitch."""
     table = preset.string[index]
@@ -107,16 +115,18 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
     ]
 
 
+def _first(series: Series) -> float:
+    """First partial [Hz]."""
+    return series.f0_hz * math.sqrt(1.0 + series.inharmonicity)
+
+
 def _pitch(note: Note, wanted_hz: float) -> float:
     """First partial of a note [Hz]: of the series that explains it best, or, where that is another than the string's or
     none, of the string's own if that is there with odd partials too, so that it is not an octave's. Raises FitRefused."""
 
-    def first(series: Series) -> float:
-        return series.f0_hz * math.sqrt(1.0 + series.inharmonicity)
-
     refused, found = None, math.nan
     try:
-        found = first(find_series(note, moved_cents=MOVED))
+        found = _first(find_series(note, moved_cents=MOVED))
         if abs(cents(found, wanted_hz)) <= RETUNED:
             return found
     except FitRefused as error:
@@ -124,8 +134,8 @@ def _pitch(note: Note, wanted_hz: float) -> float:
     try:
         own = find_series(note, wanted_hz, moved_cents=MOVED)
         odd = np.count_nonzero(own.numbers[own.numbers <= ODD_AMONG] % 2)
-        if abs(cents(first(own), wanted_hz)) <= RETUNED and odd >= LEAST_ODD:
-            return first(own)
+        if abs(cents(_first(own), wanted_hz)) <= RETUNED and odd >= LEAST_ODD:
+            return _first(own)
     except FitRefused:
         pass
     if refused is not None:

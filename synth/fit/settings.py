@@ -39,6 +39,13 @@ _ANCHORED = (
 )
 
 
+def nearest_string(preset: Preset, frequency_hz: float) -> int:
+    """The number of the string whose open note, or one of whose notes, lies nearest; among equals the first."""
+    note = hz_to_midi(frequency_hz, preset.tuning.a4_hz) - preset.tuning.offset_cents / 100.0
+    distances = [max(table.notes[0] - note, note - table.notes[1], 0.0) for table in preset.string]
+    return distances.index(min(distances))
+
+
 def settings(fit: Fit, preset: Preset, string_index: int) -> list[tuple[str, Any]]:
     """[(path, value)], in order, that make string `string_index` (of the file, from 0) the fitted one.
 

@@ -25,6 +25,7 @@ from synth.fit.recording import FitCancelled, FitRefused, cut_note
 from synth.instrument.preset import load_preset
 from synth.native import views
 from synth.solver import driver
+from synth.units import midi_to_hz, note_to_midi
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from contact_truths.notes import Truth, length_m, sound
@@ -337,6 +338,13 @@ def test_the_pitch_is_the_strings(recording: np.ndarray) -> None:
         contact_group.tuned_model(preset, 1, [(recording, RATE_HZ)])
 
 
+@pytest.mark.parametrize(("note", "string"), [("G2", 0), ("C3", 1), ("C2", 3)])
+def test_the_string_is_the_nearest_to_the_note(note: str, string: int) -> None:
+    t, hz = np.arange(2 * RATE_HZ) / RATE_HZ, 1.01 * midi_to_hz(note_to_midi(note))
+    sound = sum(np.exp(-(1 + 0.2 * k) * t) * np.sin(2 * np.pi * k * hz * t) / k for k in range(1, 20))
+    assert contact_group.string_of(load_preset("tanpura"), sound, RATE_HZ) == string
+
+
 def test_the_command_says_what_does_not_go(capsys, tmp_path, recording: np.ndarray) -> None:
     path = tmp_path / "note.wav"
     soundfile.write(path, recording, RATE_HZ, subtype="PCM_24")
@@ -373,6 +381,7 @@ def test_what_is_found_is_told_and_written(capsys, tmp_path, recording: np.ndarr
     arguments = ["fit", "--contact", str(path), "-p", "tanpura", "--amplitude", "6", "--picture", str(picture)]
     assert cli.main([*arguments, "-o", str(target)]) == 0
     told = capsys.readouterr().out
+    assert told.startswith(f"{path}: string Pa over a bridge")
     assert "Height over amplitude" in told and "7.00 ±" in told and "0.3300 ±" in told and f"written: {target}" in told
     preset = load_preset(str(target))
     assert preset.obstacle.distance_mm == pytest.approx(7.0, abs=0.01) and preset.pluck.position == 0.33
