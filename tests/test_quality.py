@@ -11,6 +11,7 @@ import pytest
 
 from synth.dsp.measures import log_spectral_distance, relative_error
 from synth.engine.engine import Engine
+from synth.fit.plan_measuring import as_displacement
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import NOTE_ON, make_events
 
@@ -29,7 +30,8 @@ def displacement(preset: Preset, note: int, quality: str, seconds: float) -> np.
     ("name", "note"), [("tanpura", 36), ("tanpura", 43), ("tanpura", 48), ("jawari-harp", 40), ("jawari-harp", 60)]
 )
 def test_bridge_notes_keep_the_promise(name: str, note: int) -> None:
-    preset = load_preset(name).with_setting("output.kind", '"displacement"')
+    preset = load_preset(name)
+    preset = as_displacement(preset, preset.output.position)
     reference = displacement(preset, note, "reference", 3.0)
     for quality, promised in (("draft", 0.3), ("standard", 0.1), ("fine", 0.02)):
         assert relative_error(displacement(preset, note, quality, 3.0), reference) < promised
@@ -37,8 +39,7 @@ def test_bridge_notes_keep_the_promise(name: str, note: int) -> None:
 
 @pytest.mark.parametrize("note", [28, 38, 50])
 def test_fretted_notes_keep_the_promise(note: int) -> None:
-    preset = load_preset("fretted-bass").with_setting("output.kind", '"displacement"')
-    preset = preset.with_setting("output.position", "0.05")
+    preset = as_displacement(load_preset("fretted-bass"), 0.05)
     reference = displacement(preset, note, "reference", 1.0)
     for quality, promised_db in (("draft", 6.0), ("standard", 3.0), ("fine", 1.5)):
         sound = displacement(preset, note, quality, 1.0)
@@ -47,7 +48,7 @@ def test_fretted_notes_keep_the_promise(note: int) -> None:
 
 def test_without_contact_the_rate_does_not_matter() -> None:
     """The thread far above the bridge: what is left is the finger, whose draw is all that a rate can change."""
-    preset = load_preset("tanpura").with_setting("output.kind", '"displacement"').with_setting("obstacle.jiva_um", "900")
+    preset = as_displacement(load_preset("tanpura").with_setting("obstacle.jiva_um", "900"))
     reference = displacement(preset, 48, "reference", 1.0)
     assert relative_error(displacement(preset, 48, "draft", 1.0), reference) < 2e-3
     assert relative_error(displacement(preset, 48, "fine", 1.0), reference) < 1e-4
