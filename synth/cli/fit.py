@@ -23,7 +23,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--string",
         metavar="N|NAME",
-        help="string of the preset, by number from 0 or by name (default: 0; with --contact the nearest to the note)",
+        help="string of the preset, by number from 0 or by name (default: 0; with --contact the "
+        "nearest to the note over a bridge)",
     )
     parser.add_argument("--pitch", type=number(float, 20, 5000, " Hz"), metavar="HZ", help="approximate pitch of the note")
     parser.add_argument("-o", "--output", metavar="NEW.toml", help="write the preset with the fitted string")

@@ -20,7 +20,7 @@ from synth.fit.contact_model import ContactModel
 from synth.fit.contact_search import NOTES
 from synth.fit.contact_space import Estimate, estimates
 from synth.fit.estimate import fit_recording
-from synth.fit.pitch import Series, find_series
+from synth.fit.pitch import find_series
 from synth.fit.recording import FitRefused, Note, Progress, cut_note
 from synth.fit.settings import apply_settings, nearest_string, settings
 from synth.instrument.compile import note_frequency, string_frequency
@@ -87,7 +87,7 @@ def string_of(preset: Preset, samples: ArrayLike, rate_hz: float) -> int:
     be meant and no pitch is found."""
     if len(preset.string) == 1:
         return 0
-    return nearest_string(preset, _first(find_series(cut_note(samples, float(rate_hz)), moved_cents=MOVED)))
+    return nearest_string(preset, find_series(cut_note(samples, float(rate_hz)), moved_cents=MOVED).first_partial_hz)
 
 
 def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> tuple[ContactModel, list[str]]:
@@ -115,18 +115,13 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
     ]
 
 
-def _first(series: Series) -> float:
-    """First partial [Hz]."""
-    return series.f0_hz * math.sqrt(1.0 + series.inharmonicity)
-
-
 def _pitch(note: Note, wanted_hz: float) -> float:
     """First partial of a note [Hz]: of the series that explains it best, or, where that is another than the string's or
     none, of the string's own if that is there with odd partials too, so that it is not an octave's. Raises FitRefused."""
 
     refused, found = None, math.nan
     try:
-        found = _first(find_series(note, moved_cents=MOVED))
+        found = find_series(note, moved_cents=MOVED).first_partial_hz
         if abs(cents(found, wanted_hz)) <= RETUNED:
             return found
     except FitRefused as error:
@@ -134,8 +129,8 @@ def _pitch(note: Note, wanted_hz: float) -> float:
     try:
         own = find_series(note, wanted_hz, moved_cents=MOVED)
         odd = np.count_nonzero(own.numbers[own.numbers <= ODD_AMONG] % 2)
-        if abs(cents(_first(own), wanted_hz)) <= RETUNED and odd >= LEAST_ODD:
-            return _first(own)
+        if abs(cents(own.first_partial_hz, wanted_hz)) <= RETUNED and odd >= LEAST_ODD:
+            return own.first_partial_hz
     except FitRefused:
         pass
     if refused is not None:

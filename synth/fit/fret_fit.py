@@ -129,7 +129,7 @@ def _fret_of(preset: Preset, index: int, notes: Sequence[Note]) -> tuple[int, fl
             series = find_series(note, moved_cents=30.0)
         except FitRefused as error:
             raise FitRefused(f"recording {number}: {error}") from None
-        found.append(series.f0_hz * math.sqrt(1.0 + series.inharmonicity))
+        found.append(series.first_partial_hz)
     for number, hz in enumerate(found[1:], start=2):
         if abs(cents(hz, found[0])) > TOGETHER:
             raise FitRefused(

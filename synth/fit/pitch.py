@@ -7,6 +7,7 @@ pitch wins. What the best series leaves unexplained, if it makes a series of its
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -40,6 +41,11 @@ class Series:
     frequencies_hz: NDArray[np.float64]
     explained: float
     filled: float
+
+    @property
+    def first_partial_hz(self) -> float:
+        """f0·√(1 + B), the pitch that is heard [Hz]."""
+        return self.f0_hz * math.sqrt(1.0 + self.inharmonicity)
 
     @property
     def score(self) -> float:
