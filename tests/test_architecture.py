@@ -26,6 +26,7 @@ FLOORS = (
     {"engine", "research"},
     {"host", "fit"},
     {"study"},
+    {"setup"},
     {"live"},
     {"drone", "author"},
     {"plugin", "dataset"},

@@ -30,3 +30,10 @@ def pluck_force(full: float, strength: float, exponent: float) -> float:
 def drawn_by(force: float, distance: float, length: float, tension: float) -> float:
     """How far a force [N] draws the ideal string of this tension [N] where it acts [m]."""
     return force * distance * (length - distance) / (tension * length)
+
+
+def between(soft: float, hard: float, strength: float) -> float:
+    """A number of the pluck at a strength, `soft` at velocity 0 and `hard` at 127: in ratios where neither is 0."""
+    if soft > 0.0 and hard > 0.0:
+        return soft * (hard / soft) ** strength
+    return soft + strength * (hard - soft)

@@ -29,7 +29,7 @@ from synth.engine.layout import (
     TOUCHED,
     VARIATION,
 )
-from synth.engine.stroke import NEAREST, drawn_by, finger_distance, finger_width, pluck_force
+from synth.engine.stroke import NEAREST, between, drawn_by, finger_distance, finger_width, pluck_force
 from synth.engine.touches import LAY_S
 from synth.solver.laws import EXACT_HOLD
 
@@ -42,14 +42,7 @@ _PLACE, _LEVEL, _WIDTH, _DRAW_TIME, _SLIP_TIME, _RUB = range(6)
 
 _finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
 _pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
-
-
-@njit(**CORE)
-def _between(soft: float, hard: float, strength: float) -> float:
-    """In ratios, where neither is 0."""
-    if soft > 0.0 and hard > 0.0:
-        return soft * (hard / soft) ** strength
-    return soft + strength * (hard - soft)
+_between = njit(**CORE)(between)
 
 
 @njit(**CORE)

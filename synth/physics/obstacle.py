@@ -143,16 +143,15 @@ def parabola_height(positions_m: np.ndarray, top_m: float, height_m: float, radi
     return height_m - (np.asarray(positions_m, dtype=np.float64) - top_m) ** 2 / (2.0 * radius_m)
 
 
-def fretted(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float, Obstacle]:
-    """The scene of a note at fret n = fret_index of a string of open length length_m; n = 0: the open string.
+def beyond_fret(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float, np.ndarray, np.ndarray]:
+    """What a string of open length length_m has beyond the fret n = fret_index that it is stopped at; n = 0: open.
 
-    Returns the speaking length L − x_n [m] and the frets k > n that remain, positions counted from fret n and
-    heights from the string's new line at rest, (x_n, η_n) to the saddle (L, 0):
+    Returns the speaking length L − x_n [m] and, of the frets k > n, positions from fret n and heights over the string's new
+    line at rest, (x_n, η_n) to the saddle (L, 0):
 
         x'_k = x_k − x_n,   η'_k = η_k − η_n (L − x_k)/(L − x_n)
 
-    Raises ValueError for a fret that does not exist, and where a fret k would touch that line: it would sound
-    instead.
+    A fret of a height ≥ 0 presses the string. Raises ValueError for a fret that does not exist.
     """
     obstacle.check(length_m)
     if fret_index != int(fret_index) or not 0 <= fret_index <= len(obstacle):
@@ -160,17 +159,24 @@ def fretted(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float
     n = int(fret_index)
     x_n, eta_n = (obstacle.positions_m[n - 1], obstacle.heights_m[n - 1]) if n else (0.0, 0.0)
     speaking_m = length_m - x_n
-    positions, heights = [], []
-    for k in range(n + 1, len(obstacle) + 1):
-        x_k, eta_k = obstacle.positions_m[k - 1], obstacle.heights_m[k - 1]
-        height = eta_k - eta_n * (length_m - x_k) / speaking_m
+    x, eta = np.array(obstacle.positions_m[n:]), np.array(obstacle.heights_m[n:])
+    return speaking_m, x - x_n, eta - eta_n * (length_m - x) / speaking_m
+
+
+def fretted(obstacle: Obstacle, fret_index: int, length_m: float) -> tuple[float, Obstacle]:
+    """The scene of a note at fret n of a string of open length length_m: speaking length [m] and `beyond_fret`.
+
+    Raises ValueError for a fret that does not exist, and where a fret k would touch the line at rest: it would sound
+    instead.
+    """
+    speaking_m, positions, heights = beyond_fret(obstacle, fret_index, length_m)
+    n = int(fret_index)
+    for k, height in enumerate(heights, start=n + 1):
         if height >= 0.0:
             stopped = f"stopped at fret {n}" if n else "open"
             remedy = f"lower fret {k} or raise fret {n}" if n else "lower the fret or raise the nut"
             raise ValueError(f"fret {k} must lie below the string at rest, {stopped}, got {height * 1e3:+.2f} mm; {remedy}")
-        positions.append(x_k - x_n)
-        heights.append(height)
-    return speaking_m, Obstacle(tuple(positions), tuple(heights))
+    return speaking_m, Obstacle(tuple(positions.tolist()), tuple(heights.tolist()))
 
 
 def bass_neck_height(positions_m: Iterable[float] | np.ndarray | float) -> np.ndarray:

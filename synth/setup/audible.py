@@ -1,0 +1,69 @@
+"""The measure of a buzz: how much louder contact makes a third octave of a note.
+
+A fret takes energy from the low partials of a note and gives it to the high ones. The measure compares the note with the
+same stroke over no frets, in third octaves (IEC 61260-1), over the time in which the ear adds up loudness:
+
+    B = max_b 10 log₁₀ (E_b + m) / (E⁰_b + m),    b: bands from 5 f₁ to 10 kHz,    m = 10⁻⁴ Σ_b E⁰_b,
+
+E_b and E⁰_b the A-weighted energies of the note with and without contact. Bands begin at the fifth partial, below which a
+third octave may hold none; what lies 40 dB below the whole note is taken as lost in the noise of a quiet room: 30 dB(A)
+under a note of 70 dB(A).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+#: seconds after the string is free over which energy is added up; their second half fades away
+WINDOW_S = 0.25
+#: a band that is so much louder than without contact is heard [dB]
+AUDIBLE_DB = 3.0
+#: bands: from so many times the first partial, up to so many hertz
+FROM_PARTIAL, HIGHEST_HZ = 5.0, 10000.0
+#: what is so far below the whole note is lost in the noise of a room [dB]
+MASKED_DB = -40.0
+
+
+@lru_cache(64)
+def _weights(count: int, rate_hz: float, lowest_hz: float, speed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(bins,) A-weighted power of each bin of a spectrum, (bands,) the first bin of each band and the end."""
+    f = np.fft.rfftfreq(count, 1.0 / rate_hz)
+    squared = f**2
+    a = 12194.0**2 * squared**2 / (
+        (squared + 20.6**2) * np.sqrt((squared + 107.7**2) * (squared + 737.9**2)) * (squared + 12194.0**2)
+    )  # fmt: skip
+    weights = a**2 * (squared if speed else 1.0)
+    numbers = np.arange(-20, 14)
+    edges = 1000.0 * 10.0 ** ((numbers - 0.5) / 10.0)
+    edges = edges[(edges <= HIGHEST_HZ * 10.0**0.05 + 1e-6)]
+    bands = edges[edges >= lowest_hz * 10.0**-0.05]
+    return weights, np.searchsorted(f, bands)
+
+
+def fade(count: int, free: int) -> np.ndarray:
+    """(count,) window: 1 until half way between step `free` and the end, from there on half a cosine to 0."""
+    window = np.ones(count)
+    first = free + (count - free) // 2
+    window[first:] = 0.5 * (1.0 + np.cos(np.pi * np.linspace(0.0, 1.0, count - first)))
+    return window
+
+
+def band_energies(y: np.ndarray, rate_hz: float, pitch_hz: float, *, speed: bool) -> tuple[np.ndarray, float]:
+    """A-weighted energy of each band from the fifth partial on, and of the whole signal.
+
+    y (n,) from the touch of the finger on, windowed; `speed`: its derivative is heard.
+    """
+    weights, edges = _weights(y.size, rate_hz, FROM_PARTIAL * pitch_hz, speed)
+    power = np.abs(np.fft.rfft(y)) ** 2 * weights
+    sums = np.concatenate([[0.0], np.cumsum(power)])
+    return np.diff(sums[edges]), float(sums[-1])
+
+
+def buzz_db(contact: np.ndarray, free: np.ndarray, whole: float) -> float:
+    """B [dB] of the energies of a note with contact and without, `whole` the whole energy without."""
+    masked = 10.0 ** (0.1 * MASKED_DB) * whole
+    if not free.size or whole <= 0.0:
+        return 0.0
+    return float(10.0 * np.log10(((contact + masked) / (free + masked)).max()))

@@ -1,0 +1,316 @@
+"""The buzz map: from which displacement on every note of an instrument touches and buzzes, and on what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from synth.instrument.compile import CompiledString, Position
+from synth.instrument.preset import BoardObstacle, Preset, Scaled
+from synth.native.denormals import enable_ftz, restore
+from synth.setup.audible import AUDIBLE_DB
+from synth.setup.board_note import BoardNote
+from synth.setup.note import Note
+from synth.setup.places import Below, Place, below, check_touches, compiled, opened_string, places_of
+from synth.setup.strokes import VELOCITIES, Stroke, moved, stroke_of, velocity_of
+from synth.setup.thresholds import UNCERTAIN_DB, Threshold, threshold
+
+#: strokes are looked at up to so many times the hardest of the preset
+LIMIT = 2.0
+#: what a player's place varies by [m], and what a string's diameter does (relative): the map says what that changes
+PLACE_M, GAUGE = 0.005, 0.01
+
+Item = TypeVar("Item")
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True)
+class Spot:
+    """One note of a buzz map. Displacements are those of the string under the finger, normal to the board [m].
+
+    string, fret, note    where: the string's name, its fret (0: open), the MIDI note
+    stroke_m, stroke_aside   displacement of the map's stroke, and what the whole of it is in parts of that
+    velocity              MIDI velocity of the stroke
+    touch_m, touched      least displacement at which the string touches something, and what; inf, "": nothing up to limit_m
+    buzz_m, buzzes_on     least displacement at which a buzz is heard, and on what it loses most
+    low_m, high_m         interval of buzz_m: numerical error, and the place of the stroke
+    buzz_velocity         about the MIDI velocity of that stroke; above 127 no key gives it
+    returns_m             up to which the buzz goes away again now and then: chaotic; nan where it does not
+    place_percent, gauge_percent   change of touch_m with the place of the stroke (±5 mm), and of the plucking force there
+                          with the string's diameter (+1 %)
+    stroke_db             B of the map's stroke itself [dB]
+    limit_m               up to which strokes were looked at
+    resting               the string lies on what it touches
+    """
+
+    string: str
+    fret: int
+    note: int
+    stroke_m: float
+    stroke_aside: float
+    velocity: int
+    touch_m: float
+    touched: str
+    buzz_m: float
+    buzzes_on: str
+    low_m: float
+    high_m: float
+    buzz_velocity: float
+    returns_m: float
+    place_percent: float
+    gauge_percent: float
+    stroke_db: float
+    limit_m: float
+    resting: bool
+
+    @property
+    def buzzes(self) -> bool:
+        """Whether the map's stroke buzzes audibly."""
+        return self.buzz_m <= self.stroke_m
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the map's stroke lies within the threshold's interval."""
+        return self.low_m <= self.stroke_m <= self.high_m
+
+
+@dataclass(frozen=True)
+class BuzzMap:
+    """A buzz map of a preset by strokes of one kind; `complete`: nothing stopped it."""
+
+    preset: str
+    stroke: str
+    velocity: int
+    place_m: float | None
+    quality: str
+    audible_db: float
+    spots: tuple[Spot, ...]
+    complete: bool = True
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A note ready to be played, and what lies below it."""
+
+    place: Place
+    string: CompiledString
+    note: Note
+    below: Below
+
+
+def prepare(preset: Preset, place: Place, velocity: float, place_m: float | None, quality: str) -> Prepared:
+    """A place of a preset under strokes of a velocity. Raises PresetError, ValueError."""
+    string, position = compiled(preset, place, quality)
+    stroke = stroke_of(preset, string, position, velocity, place_m)
+    under = below(preset, place, opened_string(preset, place), position.length_m)
+    return Prepared(place, string, _note(preset, place, string, position, stroke, quality), under)
+
+
+def _note(preset: Preset, place: Place, string: CompiledString, position: Position, stroke: Stroke, quality: str) -> Note:
+    if isinstance(preset.obstacle, BoardObstacle):
+        return BoardNote(preset, place, string, position, stroke, quality)
+    return Note(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"))
+
+
+def spot(
+    preset: Preset, place: Place, *, velocity: int, place_m: float | None, quality: str, audible_db: float = AUDIBLE_DB
+) -> Spot:
+    """One note of a map. Raises PresetError, ValueError."""
+    flush = enable_ftz()
+    try:
+        return _spot(preset, place, velocity, place_m, quality, audible_db)
+    finally:
+        restore(flush)
+
+
+def _spot(preset: Preset, place: Place, velocity: int, place_m: float | None, quality: str, audible_db: float) -> Spot:
+    ready = prepare(preset, place, velocity, place_m, quality)
+    note, under, stroke = ready.note, ready.below, ready.note.stroke
+    hardest = stroke_of(preset, ready.string, note.position, 127.0, place_m)
+    limit = LIMIT * hardest.displacement_m
+    reach = note.reach_m(under)
+    touch = float(reach.min(initial=math.inf))
+    pressed = under.heights_m >= 0.0
+    resting = bool(pressed.any()) and not _lies_on_a_bridge(preset)
+
+    def level(displacement: float) -> float:
+        return note.play(displacement, under).buzz_db
+
+    if resting:
+        found = Threshold(0.0, 0.0, 0.0, 0.0, math.nan)
+    else:
+        found = threshold(level, touch, limit, UNCERTAIN_DB[quality], audible_db)
+    on = ""
+    if resting:
+        on = under.names[int(under.heights_m.argmax())]
+    elif math.isfinite(found.buzz_m):
+        impulse = note.play(found.buzz_m, under).impulse_ns
+        on = under.names[int(impulse.argmax())] if impulse.any() else under.names[int(reach.argmin())]
+    by_place, by_gauge = 0.0, 0.0
+    if 0.0 < touch <= limit:
+        by_place = max(abs(_moved_touch(note, under, by) / touch - 1.0) for by in (-PLACE_M, PLACE_M))
+        by_gauge = _force_by_gauge(preset, ready, velocity, place_m, quality, touch)
+    low, high = _interval(found, by_place)
+    touched = 0.0 if resting else touch
+    return Spot(
+        place.string,
+        place.fret,
+        place.note,
+        stroke.displacement_m,
+        stroke.aside,
+        velocity,
+        touched if touched <= limit else math.inf,
+        "" if touched > limit else on if resting else under.names[int(reach.argmin())],
+        found.buzz_m,
+        on,
+        low,
+        high,
+        velocity_of(stroke, velocity, preset.pluck.velocity_exponent, found.buzz_m),
+        found.returns_m,
+        100.0 * by_place,
+        100.0 * by_gauge,
+        math.inf if resting else level(stroke.displacement_m) if touch < stroke.displacement_m else 0.0,
+        limit,
+        resting,
+    )
+
+
+def _lies_on_a_bridge(preset: Preset) -> bool:
+    """Whether contact at rest is how the instrument is meant."""
+    return preset.obstacle.kind in ("bridge", "points")
+
+
+def _interval(found: Threshold, share: float) -> tuple[float, float]:
+    """The interval of a threshold, with another share of it added in quadrature on both sides."""
+    buzz = found.buzz_m
+    if not math.isfinite(buzz):
+        return found.low_m, found.high_m
+    other = share * buzz
+    return max(0.0, buzz - math.hypot(buzz - found.low_m, other)), buzz + math.hypot(found.high_m - buzz, other)
+
+
+def _moved_touch(note: Note, under: Below, by_m: float) -> float:
+    """Displacement at which the string touches where it is plucked so much further from the saddle; the same where that is
+    not on the string."""
+    stroke = moved(note.stroke, by_m)
+    if not 0.5 * stroke.width_m < stroke.distance_m < note.position.length_m - 0.5 * stroke.width_m:
+        stroke = note.stroke
+    return float(note.with_stroke(stroke).reach_m(under).min())
+
+
+def _force_by_gauge(
+    preset: Preset, ready: Prepared, velocity: int, place_m: float | None, quality: str, touch: float
+) -> float:
+    """Relative change of the plucking force at the touch where the string is 1 % thicker, tuned to the same pitch."""
+    thicker = with_gauge(preset, ready.place.index, 1.0 + GAUGE)
+    other = prepare(thicker, ready.place, velocity, place_m, quality)
+    force = float(other.note.reach_m(other.below).min()) * other.note.position.tension_n
+    return force / (touch * ready.note.position.tension_n) - 1.0
+
+
+def with_gauge(preset: Preset, index: int, factor: float) -> Preset:
+    """The preset with one string so many times as thick, of the same material."""
+    table = preset.string[index]
+
+    def times(value: Scaled | None, by: float) -> Any:
+        if value is None:
+            return None
+        return {note: by * each for note, each in value.items()} if isinstance(value, dict) else by * value
+
+    changed: dict[str, Any] = {
+        name: times(getattr(table, name), factor) for name in ("diameter_mm", "core_diameter_mm", "winding_diameter_mm")
+    }
+    changed["linear_density_g_m"] = times(table.linear_density_g_m, factor**2)
+    changed["inharmonicity"] = times(table.inharmonicity, factor**2)
+    strings = list(preset.string)
+    strings[index] = table.model_copy(update=changed)
+    return preset.model_copy(update={"string": tuple(strings)})
+
+
+def buzz_map(
+    preset: Preset,
+    *,
+    stroke: str | int = "medium",
+    place_m: float | None = None,
+    quality: str = "standard",
+    audible_db: float = AUDIBLE_DB,
+    strings: Sequence[str] | None = None,
+    frets: Collection[int] | None = None,
+    threads: int = 1,
+    told: Callable[[int, int], None] | None = None,
+) -> BuzzMap:
+    """Where an instrument buzzes: every note, or those of some strings and frets.
+
+    stroke      "soft", "medium", "hard", or a MIDI velocity: place, width and speed of the finger are that stroke's
+    place_m     of the finger from the saddle [m], in the preset's place
+    quality     of the computation: "draft", "standard", "fine", "reference"
+    audible_db  B from which a buzz is heard [dB] (`audible`)
+    threads     notes computed at a time
+    told        called with the number of notes done and of all
+
+    A KeyboardInterrupt ends the map early; it then has what was done, and `complete` is False. Raises PresetError for a
+    preset whose strings touch nothing or that has no such string or fret, ValueError for a stroke or a place that cannot be.
+    """
+    check_touches(preset)
+    velocity = velocity_named(stroke)
+    if quality not in UNCERTAIN_DB:
+        raise ValueError(f"quality must be one of {', '.join(UNCERTAIN_DB)}, got {quality!r}")
+    wanted = places_of(preset, strings, frets)
+
+    def one(place: Place) -> Spot:
+        return spot(preset, place, velocity=velocity, place_m=place_m, quality=quality, audible_db=audible_db)
+
+    spots, complete = computed(one, wanted, threads, told)
+    name = stroke if isinstance(stroke, str) else f"velocity {stroke}"
+    return BuzzMap(preset.name, name, velocity, place_m, quality, audible_db, spots, complete)
+
+
+def velocity_named(stroke: str | int) -> int:
+    """The MIDI velocity of a stroke. Raises ValueError."""
+    if isinstance(stroke, str):
+        if stroke not in VELOCITIES:
+            raise ValueError(f"stroke must be {', '.join(VELOCITIES)} or a velocity of 1 to 127, got {stroke!r}")
+        return VELOCITIES[stroke]
+    if not 1 <= stroke <= 127:
+        raise ValueError(f"stroke must be {', '.join(VELOCITIES)} or a velocity of 1 to 127, got {stroke}")
+    return int(stroke)
+
+
+def computed(
+    one: Callable[[Item], Made],
+    items: Sequence[Item],
+    threads: int,
+    told: Callable[[int, int], None] | None = None,
+) -> tuple[tuple[Made, ...], bool]:
+    """What `one` makes of each item, in their order, `threads` at a time; of those that were done where a KeyboardInterrupt
+    came, and whether none did. What `one` raises is raised."""
+    futures: list[Future[Made]] = []
+    pool = ThreadPoolExecutor(max(1, threads))
+    complete = True
+    with threadpool_limits(1, user_api="blas"):  # small matrices: BLAS's threads would only wait for each other
+        try:
+            futures = [pool.submit(one, item) for item in items]
+            pending = set(futures)
+            while pending:
+                done, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                for each in done:
+                    each.result()
+                if told is not None:
+                    told(len(futures) - len(pending), len(futures))
+        except KeyboardInterrupt:
+            complete = False
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+    made = [each.result() for each in futures if each.done() and not each.cancelled() and each.exception() is None]
+    return tuple(made), complete and len(made) == len(items)
+
+
+def shares(spots: Sequence[Spot]) -> np.ndarray:
+    """(notes,) threshold of each note over the map's stroke; inf: it does not buzz up to the limit."""
+    return np.array([each.buzz_m / each.stroke_m for each in spots])

@@ -1,0 +1,170 @@
+"""One note of an instrument under strokes of any strength: when the string touches, and what is heard of it.
+
+Until something is touched the string is linear: one run over nothing, by a stroke that draws it one metre aside, holds all
+strokes of that kind. `Note.touch_m` follows from it without another run; only what follows the first touch is computed with
+the contacts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from synth.engine.hold import LEAST_STIFFNESS
+from synth.instrument.compile import Position
+from synth.physics.excitation import pluck_weights
+from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
+from synth.setup.places import Below
+from synth.setup.strokes import Stroke
+from synth.solver import driver
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.lcp import SOLVED
+from synth.solver.stepwise import finger_row
+
+
+@dataclass(frozen=True)
+class Played:
+    """A stroke with its contacts.
+
+    buzz_db     B [dB]
+    impulse_ns  (C,) what each contact gave [N s]; zeros where that is not known
+    """
+
+    buzz_db: float
+    impulse_ns: np.ndarray
+
+
+class Note:
+    """A string at a fret, or open, under strokes that differ in displacement alone.
+
+    position    as compiled; its contacts may be given other heights
+    speed       whether its velocity is heard, as by a pickup
+    shapes      (C, N) of the modes where something lies below, where that is not the model's contacts
+    """
+
+    def __init__(
+        self,
+        position: Position,
+        stroke: Stroke,
+        *,
+        speed: bool,
+        seconds: float = WINDOW_S,
+        shapes: np.ndarray | None = None,
+    ) -> None:
+        self.position, self.stroke, self.speed = position, stroke, speed
+        self._shapes = position.shapes if shapes is None else shapes
+        self.dt = 1.0 / position.plan.rate_hz
+        self.pitch_hz = float(position.omega[0]) / (2.0 * math.pi)
+        self._draw = max(1, round(stroke.draw_s / self.dt))
+        self._slip = round(stroke.slip_s / self.dt)
+        #: steps until the string is free, and altogether
+        self.free_step = self._draw + self._slip
+        self.steps = self.free_step + round(seconds / self.dt)
+        heard = position.wv if speed else position.wq
+        self._heard = np.ascontiguousarray(heard, np.float64)[None, :]
+        n = position.omega.size
+        self._weights = np.zeros(n)
+        x = position.length_m - stroke.distance_m
+        self._weights[: position.own] = pluck_weights(position.length_m, x, stroke.width_m, position.own)
+
+    def with_stroke(self, stroke: Stroke) -> Note:
+        """The same string under another stroke, for `reach_m` and `clearance_m`."""
+        return Note(self.position, stroke, speed=self.speed, shapes=self._shapes)
+
+    def _model(self, eta: np.ndarray | None, out_shapes: np.ndarray) -> driver.Model:
+        here, n = self.position, self.position.omega.size
+        shapes, residual, layers = here.shapes, here.residual, here.layers
+        if eta is None:
+            shapes, residual, layers, eta = np.zeros((0, n)), np.zeros((0, 0)), np.zeros((3, 0)), np.zeros(0)
+        return driver.make_model(
+            EXACT_HOLD, here.omega, here.sigma, here.mu, self.dt, shapes, eta, residual, out_shapes, 0.0, layers=layers
+        )
+
+    def _pluck(self, model: driver.Model, run: driver.Run, displacement_m: float) -> None:
+        """The finger draws the string to a displacement and lets it slide off."""
+        coupling = np.zeros(model.eta.size)
+        own = finger_row(model.law, model.part_coef, model.shapes, self._weights, coupling)
+        state = np.array([float(self._weights @ run.q), 0.0])
+        begin = state[0]
+        path = begin + (displacement_m - begin) * _risen(self._draw)
+        held = driver.Finger(
+            self._weights, coupling, own, self.stroke.stiffness_n_m, self.stroke.resistance_n_s_m, path, state
+        )
+        driver.run(model, run, self._draw, held)
+        if self._slip:
+            pull = state[1] / LEAST_STIFFNESS
+            path = pull * (1.0 - _risen(self._slip))
+            driver.run(
+                model, run, self._slip, driver.Finger(self._weights, coupling, own, LEAST_STIFFNESS, 0.0, path, state)
+            )
+
+    @cached_property
+    def _unit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What is heard (n,), displacements at the contacts (n, C), q and v (2, N) as the string becomes free; per metre."""
+        here = self.position
+        model = self._model(None, np.vstack([self._heard, self._shapes]))
+        zero = np.zeros(here.omega.size)
+        run = driver.start_run(model, zero, zero, np.zeros(0), 1, self.steps + 1, False, True)
+        self._pluck(model, run, 1.0)
+        released = np.array([run.q, run.v])
+        driver.run(model, run, self.steps - self.free_step)
+        return run.u[:, 0].copy(), run.u[:, 1:].copy(), released
+
+    @cached_property
+    def deepest(self) -> np.ndarray:
+        """(C,) how far down the string goes over each contact, in parts of the stroke's displacement."""
+        return -self._unit[1].min(axis=0)
+
+    def reach_m(self, below: Below) -> np.ndarray:
+        """(C,) the least displacement at which each contact is touched, were it alone [m]; inf: never, 0: at rest."""
+        eta = below.heights_m
+        reach = np.full(eta.size, np.inf)
+        np.divide(-eta, self.deepest, out=reach, where=self.deepest > 0.0)
+        return np.where(eta >= 0.0, 0.0, np.maximum(reach, 0.0))
+
+    def clearance_m(self, displacement_m: float, below: Below) -> np.ndarray:
+        """(C,) the least clearance over each contact during a stroke over nothing [m]; negative: it would be pressed in."""
+        return -below.heights_m - displacement_m * self.deepest
+
+    @cached_property
+    def _free_energies(self) -> tuple[np.ndarray, float]:
+        y = self._unit[0] * fade(self.steps + 1, self.free_step)
+        return band_energies(y, 1.0 / self.dt, self.pitch_hz, speed=self.speed)
+
+    def play(self, displacement_m: float, below: Below) -> Played:
+        """The stroke with what lies below. Raises ValueError where no static shape of the string lies over it."""
+        eta = below.heights_m
+        heard, at, released = self._unit
+        contacts = eta.size
+        model = self._model(eta, self._heard)
+        early = bool(eta.max(initial=-1.0) >= 0.0) or bool(
+            np.any(displacement_m * at[: self.free_step + 1] <= eta) if contacts else False
+        )
+        n = self.position.omega.size
+        if early:
+            q, force, status = driver.static_contact(model, np.zeros(n))
+            if status != SOLVED:
+                raise ValueError("no static shape of the string lies over its contacts; lower them")
+            run = driver.start_run(model, q, np.zeros(n), force, 1, self.steps + 1, False, True)
+            self._pluck(model, run, displacement_m)
+            begin = 0
+        else:
+            q, v = displacement_m * released
+            count = self.steps - self.free_step + 1
+            run = driver.start_run(model, q, v, np.zeros(contacts), 1, count, False, True)
+            begin = self.free_step
+        driver.run(model, run, self.steps - self.free_step)
+        y = np.concatenate([displacement_m * heard[:begin], run.u[:, 0]])
+        energies, _ = band_energies(y * fade(y.size, self.free_step), 1.0 / self.dt, self.pitch_hz, speed=self.speed)
+        free, whole = self._free_energies
+        square = displacement_m**2
+        impulse = run.contact_force.sum(axis=0) * self.dt
+        return Played(buzz_db(energies, square * free, square * whole), impulse)
+
+
+def _risen(steps: int) -> np.ndarray:
+    """(steps + 1,) half a cosine from 0 to 1."""
+    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, steps + 1))))

@@ -1,0 +1,134 @@
+"""What a buzz map is written as: a table of the neck for the terminal, rows for files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from synth.setup.buzz_map import BuzzMap, Spot
+from synth.units import midi_to_note
+
+#: columns of a file, with the rows' numbers in millimetres; empty where there is none
+COLUMNS = (
+    "string", "fret", "note", "touch_mm", "touches", "buzz_mm", "buzzes_on", "buzz_low_mm", "buzz_high_mm",
+    "chaotic_up_to_mm", "buzz_velocity", "stroke_mm", "stroke_buzz_db", "buzzes", "place_percent", "gauge_percent",
+    "rests_on", "looked_up_to_mm",
+)  # fmt: skip
+
+
+def rows(found: BuzzMap) -> list[dict[str, Any]]:
+    """A row for each note; None where nothing is touched or heard up to the limit."""
+    return [_row(each) for each in found.spots]
+
+
+def _row(spot: Spot) -> dict[str, Any]:
+    values = (
+        spot.string, spot.fret, midi_to_note(spot.note), _mm(spot.touch_m), spot.touched or None, _mm(spot.buzz_m),
+        spot.buzzes_on or None, _mm(spot.low_m), _mm(spot.high_m), _mm(spot.returns_m), _number(spot.buzz_velocity, 1),
+        _mm(spot.stroke_m), _number(spot.stroke_db, 2), spot.buzzes, _number(spot.place_percent, 2),
+        _number(spot.gauge_percent, 2), spot.touched if spot.resting else None, _mm(spot.limit_m),
+    )  # fmt: skip
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def _mm(metres: float) -> float | None:
+    return _number(1e3 * metres, 4)
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def csv_text(found: BuzzMap) -> str:
+    """The rows as CSV with a header."""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    for row in rows(found):
+        writer.writerow({key: "" if value is None else str(value).lower() if isinstance(value, bool) else value
+                         for key, value in row.items()})  # fmt: skip
+    return out.getvalue()
+
+
+def terminal_text(found: BuzzMap) -> str:
+    """The neck from nut to body, a column for each string: the displacement from which a note buzzes, and on what."""
+    strings = list(dict.fromkeys(each.string for each in found.spots))
+    cells = {(each.string, each.fret): _cell(each) for each in found.spots}
+    frets = sorted({fret for _, fret in cells})
+    width = {name: max(len(name), *(len(cells.get((name, fret), "")) for fret in frets)) for name in strings}
+    lines = [
+        f"{found.preset}: displacement in mm from which each note buzzes, and on what; "
+        f"* = buzzes at this stroke ({found.stroke}, velocity {found.velocity}), ? = may"
+    ]
+    lines.append("  fret  " + "  ".join(name.ljust(width[name]) for name in strings))
+    for fret in frets:
+        name = "open" if fret == 0 else str(fret)
+        lines.append(f"  {name:>4}  " + "  ".join(cells.get((s, fret), "").ljust(width[s]) for s in strings).rstrip())
+    lines += summary(found)
+    return "\n".join(lines)
+
+
+def _cell(spot: Spot) -> str:
+    if spot.resting:
+        return f"rests on {_short(spot.touched)}"
+    if not math.isfinite(spot.buzz_m):
+        return f"> {1e3 * spot.limit_m:.2f}"
+    mark = "?" if spot.uncertain else "*" if spot.buzzes else " "
+    chaotic = "~" if math.isfinite(spot.returns_m) else ""
+    return f"{1e3 * spot.buzz_m:.2f}{mark} {_short(spot.buzzes_on)}{chaotic}"
+
+
+def _short(name: str) -> str:
+    return name.removeprefix("fret ")
+
+
+def summary(found: BuzzMap) -> list[str]:
+    """Lines: which notes buzz at the map's stroke, which are uncertain, where it is chaotic."""
+    spots = found.spots
+    if not spots:
+        return ["no note was computed"]
+    lines = []
+    buzzing = [each for each in spots if each.buzzes]
+    said = "none" if not buzzing else _by_string(buzzing)
+    lines.append(f"{len(buzzing)} of {len(spots)} notes buzz at this stroke: {said}")
+    uncertain = [each for each in spots if each.uncertain and not each.resting]
+    if uncertain:
+        lines.append(
+            f"{len(uncertain)} of these thresholds lie so near the stroke that it may or may not buzz: {_by_string(uncertain)}"
+        )
+    chaotic = [each for each in spots if math.isfinite(each.returns_m)]
+    if chaotic:
+        lines.append(f"~ the buzz comes and goes beyond the threshold (chaotic motion): {_by_string(chaotic)}")
+    resting = [each for each in spots if each.resting]
+    if resting:
+        lines.append(f"the string rests on a fret beyond its own: {_by_string(resting)}; lower that fret or raise the string")
+    tight = min(spots, key=lambda each: each.buzz_m / each.stroke_m)
+    if math.isfinite(tight.buzz_m) and not tight.resting:
+        where = "open" if tight.fret == 0 else f"fret {tight.fret}"
+        lines.append(
+            f"first to buzz: string {tight.string}, {where}, at {1e3 * tight.buzz_m:.3f} mm "
+            f"({1e3 * tight.low_m:.3f} to {1e3 * tight.high_m:.3f}), {100.0 * tight.buzz_m / tight.stroke_m:.0f} % of the stroke"
+        )
+    return lines
+
+
+def _by_string(spots: Sequence[Spot]) -> str:
+    """String by string, frets that follow each other as a range."""
+    parts = []
+    for name in dict.fromkeys(each.string for each in spots):
+        parts.append(f"{name} {fret_ranges([each.fret for each in spots if each.string == name])}")
+    return "; ".join(parts)
+
+
+def fret_ranges(frets: Sequence[int]) -> str:
+    """ "open, 3-7, 12" of numbers of frets."""
+    runs: list[list[int]] = []
+    for fret in sorted(set(frets)):
+        if runs and fret == runs[-1][1] + 1 and runs[-1][0] > 0:
+            runs[-1][1] = fret
+        else:
+            runs.append([fret, fret])
+    return ", ".join("open" if low == 0 else f"{low}" if low == high else f"{low}-{high}" for low, high in runs)

@@ -1,0 +1,96 @@
+"""A player's stroke at a note: where, how wide, how fast the finger draws the string and how it lets go.
+
+The law is the engine's (`engine.stroke`): place, width and slip follow the velocity, a stopped note is plucked with the
+force of the open string. What varies from stroke to stroke is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from synth.engine.stroke import between, drawn_by, finger_distance, finger_width, pluck_force
+from synth.engine.strokes import LONGEST_DRAW_S, LONGEST_SLIP_S
+from synth.instrument.compile import CompiledString, Position
+from synth.instrument.preset import Preset
+
+#: MIDI velocities of the strokes that have names
+VELOCITIES = {"soft": 40, "medium": 80, "hard": 120}
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A stroke at one note.
+
+    distance_m        of the finger from the saddle
+    width_m           base of the finger's triangular weighting
+    draw_s, slip_s    times in which the finger draws the string aside and in which the string slides off
+    stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string
+    displacement_m    to which the finger draws the string at this velocity, normal to the board
+    aside             the whole displacement in parts of the normal one, ≥ 1: a finger pulls along the board too
+    """
+
+    distance_m: float
+    width_m: float
+    draw_s: float
+    slip_s: float
+    stiffness_n_m: float
+    resistance_n_s_m: float
+    displacement_m: float
+    aside: float = 1.0
+
+    @property
+    def seconds(self) -> float:
+        """Time from touching the string to its being free."""
+        return self.draw_s + self.slip_s
+
+
+def stroke_of(
+    preset: Preset, string: CompiledString, position: Position, velocity: float, place_m: float | None = None
+) -> Stroke:
+    """The stroke of a velocity (0 … 127) at a note of a compiled string.
+
+    place_m: distance from the saddle [m] in the place of the preset's. Raises ValueError for an excitation that is not a
+    pluck, and for a place that is not on the speaking string.
+    """
+    pluck, strength = preset.pluck, velocity / 127.0
+    if preset.excitation is not None and preset.excitation.kind != "pluck":
+        raise ValueError(
+            f"excitation of {preset.name} must be a pluck, got {preset.excitation.kind}; take a preset that is plucked"
+        )
+    if place_m is not None and not 0.0 < place_m < position.length_m:
+        raise ValueError(
+            f"place must lie between 0 and the speaking length of {1e3 * position.length_m:.0f} mm, got "
+            f"{1e3 * place_m:g} mm; count it from the saddle"
+        )
+    share = pluck.position + string.pluck_shift + strength * (pluck.hardest_position - pluck.position)
+    if place_m is not None:
+        share = place_m / string.open_length_m
+    distance = finger_distance(share, string.open_length_m, position.length_m)
+    force = pluck_force(string.pluck_force_n, strength, pluck.velocity_exponent)
+    drawn = drawn_by(force, distance, position.length_m, position.tension_n)
+    across = 0.0 if preset.polarisation is None else math.radians(preset.polarisation.pluck_deg)
+    slip_s = between(string.slip_s, string.hard_slip_s, strength)
+    return Stroke(
+        distance,
+        finger_width(1e-3 * pluck.width_mm, pluck.hardest_width_mm / pluck.width_mm, strength, distance),
+        min(string.draw_s, LONGEST_DRAW_S),
+        min(slip_s, LONGEST_SLIP_S),
+        1e3 * pluck.finger_stiffness_n_mm,
+        pluck.finger_loss * string.impedance_kg_s,
+        drawn * math.cos(across),
+        1.0 / max(math.cos(across), 1e-6),
+    )
+
+
+def velocity_of(stroke: Stroke, velocity: float, exponent: float, displacement_m: float) -> float:
+    """The MIDI velocity, also above 127, that draws the string so far, where `velocity` draws it by the stroke's
+    displacement."""
+    if exponent == 0.0 or stroke.displacement_m == 0.0:
+        return math.inf
+    return float(velocity * (displacement_m / stroke.displacement_m) ** (1.0 / exponent))
+
+
+def moved(stroke: Stroke, by_m: float) -> Stroke:
+    """The stroke so much further from the saddle."""
+    return replace(stroke, distance_m=stroke.distance_m + by_m)
