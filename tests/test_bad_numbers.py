@@ -51,6 +51,7 @@ FINGER = {
     "start_s": 0.0005,
     "draw_s": 0.001,
     "hold_s": 0.0005,
+    "slip_s": 0.0005,
     "stiffness_n_m": 1e5,
     "resistance_n_s_m": 1.0,
 }

@@ -11,13 +11,12 @@ from synth.engine.ends import bridge_under, on_bridge
 from synth.engine.layout import CORE
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.solver.coupling import FINGER_LEVERAGE, end_at
+from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import CERTAIN, FREE, MOVING
 from synth.solver.vectors import dot
 
 #: level of a string under a finger, until it is measured: about to sound, it is the last to be stolen
 LOUD = 1e9
-#: of what is between the string and a finger's path [N/m]: by less a finger holds nothing
-LEAST_STIFFNESS = 1e-3
 
 
 @njit(**CORE)

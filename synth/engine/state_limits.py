@@ -15,7 +15,6 @@ import numpy as np
 from synth.engine import layout
 from synth.engine.bank import Strings
 from synth.engine.expression import MOST_BEND
-from synth.engine.hold import LEAST_STIFFNESS
 from synth.engine.layout import BLOWN_UP, FADE, NO_FINGER, PARAMETER_RANGES, PRESS, QUANTUM, Bank, Settings
 from synth.engine.strokes import LONGEST_SLIP_S
 from synth.engine.tension import MOST_RISE
@@ -29,6 +28,7 @@ from synth.solver.certificates import FOR_EVER
 from synth.solver.coupling import FAR, SEVERAL
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import CERTAIN, CLOCK, FREE, MOVING, RESPONSE
 
 #: counts and frames of a state: 2⁵², 3000 years at 48 kHz, and as much again to go on before a double cannot count them

@@ -16,7 +16,7 @@ from numba import njit
 from synth.engine.chance import even, key_of, spread
 from synth.engine.core import bank_of, model_of, scratch_of, settings_of, state_of, string_of
 from synth.engine.expression import pluck_place
-from synth.engine.hold import LEAST_STIFFNESS, begin_phase, last, take_hold
+from synth.engine.hold import begin_phase, last, take_hold
 from synth.engine.layout import (
     CORE,
     DRAW,
@@ -32,6 +32,7 @@ from synth.engine.layout import (
 from synth.engine.stroke import NEAREST, between, drawn_by, finger_distance, finger_width, pluck_force
 from synth.engine.touches import LAY_S
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.stepwise import LEAST_STIFFNESS
 
 #: what is thrown has left the string by then [s]
 MOST_HIT_S = 0.03

@@ -248,6 +248,7 @@ class FingerTable(Table):
     start_s: Instant = 0.0
     draw_s: Duration
     hold_s: Instant = 0.0
+    slip_s: Annotated[NonNegative, _within(0.0, 1.0, " s")] = 0.0
     stiffness_n_m: Annotated[Positive, _within(1e-9, 1e15, " N/m")] = 1e5
     resistance_n_s_m: Annotated[NonNegative, _within(0.0, 1e15, " N s/m")] = 1.0
 

@@ -63,6 +63,9 @@ _FINGER = {
     "start_s": _START,
     "draw_s": Meaning("Time of the way there, a raised cosine from where the string is.", "s"),
     "hold_s": Meaning("How long it stays before it lets go.", "s"),
+    "slip_s": Meaning(
+        "Time in which the string then slides off: the finger's force fades as half a cosine; 0: let go at once.", "s"
+    ),
     "stiffness_n_m": Meaning("Spring between finger and string.", "N/m"),
     "resistance_n_s_m": Meaning("Dashpot between finger and string.", "N s/m"),
 }

@@ -36,6 +36,7 @@ from synth.research.case import (
     WallTable,
     arrays_of,
 )
+from synth.research.finger_paths import finger_end
 from synth.solver import driver
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, law_of
@@ -409,8 +410,3 @@ def ramps(t: np.ndarray, tables: Sequence[RampTable | BendTable], heights: Seque
         share = np.clip((t - ramp.start_s) / ramp.duration_s, 0.0, 1.0)
         total = total + height * 0.5 * (1.0 - np.cos(np.pi * share))
     return total
-
-
-def finger_end(finger: FingerTable) -> float:
-    """When a finger lets go [s]."""
-    return finger.start_s + finger.draw_s + finger.hold_s

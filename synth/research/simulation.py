@@ -43,9 +43,11 @@ keys are errors. * marks what must be there.
                                 dict q and v may be the arrays themselves
 
     [[finger]]                  takes hold of the string, draws it, lets go; any number, one after the other
-    position_m*, displacement_m*    where to, at release
+    position_m*, displacement_m*    where to, before the string slides off
     width_m                     base of its triangular weighting, default 0.01
     start_s, draw_s*, hold_s    default start and hold 0; path: raised cosine from where the string is to displacement_m
+    slip_s                      0 … 1, default 0: then the string slides off, the finger's force fading as half a cosine from
+                                what it was to 0 (Chadefaux et al., JASA 133(4), 2013); 0: let go at once
     stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string, default 1e5 and 1
 
     [[bend]]                    changes the string's tension, any number; what they give adds up and stays
@@ -359,6 +361,8 @@ def _ended(ended: Result, case: Case) -> tuple[int, dict[str, np.ndarray]]:
         if place == ("obstacle", "motion"):
             continue
         before, here = _at(then, place), _at(now, place)
+        if place == ("finger",) and _timed(before):  # of a version that knew no slip
+            before = [{"slip_s": 0.0} | one for one in before]
         if place[-1] in ("ramp", "sine", "finger", "bend"):  # those to come may be others
             before, here = (
                 [one for one in tables if one["start_s"] < end_s] if _timed(tables) else tables for tables in (before, here)

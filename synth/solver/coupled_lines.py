@@ -19,6 +19,7 @@ from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.line_certificates import fill_reach
 from synth.solver.responses import make_rows, padded_rows
+from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import (
     MOVING,
     StringState,
@@ -186,6 +187,12 @@ class CoupledLines:
         self.ends[k].counts[coupling.ENGAGED] = 1
         self.gather()
         return here
+
+    def soften(self, k: int) -> float:
+        """The finger on line k holds it by `LEAST_STIFFNESS` alone from now on; returns its force in the last step [N]."""
+        finger = self.states[k].finger[0]
+        finger["stiffness"], finger["resistance"] = LEAST_STIFFNESS, 0.0
+        return float(finger["push"])
 
     def _fill_finger(self, k: int) -> None:
         model_at, end_at = (int(each.ctypes.data) for each in self._tables[k])

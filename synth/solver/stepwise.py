@@ -27,6 +27,10 @@ from synth.solver.lcp import SOLVED, pivot, single
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
+#: of the spring between a string and a finger's path [N/m]: by less a finger holds nothing. On so soft a spring a path that
+#: is force/LEAST_STIFFNESS away pulls with that force wherever the string goes
+LEAST_STIFFNESS = 1e-3
+
 
 @njit(inline="always")
 def finger_blend(law: int, dt: float, stiffness: float, resistance: float):

@@ -17,7 +17,7 @@ from synth.native.views import table
 from synth.physics.modes import mode_shapes
 from synth.research.coupled.coupled_case import DirectedFingerTable, FretTable
 from synth.research.coupled.coupled_scene import CoupledScene
-from synth.research.scene import finger_end
+from synth.research.finger_paths import Way, last_steps, sliding_off
 from synth.solver import coupled_study as study
 from synth.solver import coupling
 from synth.solver.coupled_advance import advance_study, write_row
@@ -51,16 +51,6 @@ class CoupledOutcome:
 
 
 @dataclass
-class _Grip:
-    """A finger on a line since frame `begin`, when it was at `here` [m]; it goes to `there`."""
-
-    finger: DirectedFingerTable
-    begin: int
-    here: float
-    there: float
-
-
-@dataclass
 class _Ramp:
     """The far end of a line on its way from `here` to `there` [m] since frame `begin`."""
 
@@ -81,7 +71,7 @@ class CoupledPlayer:
         self.scene = scene
         count = len(scene.lines)
         self.stopped, self.bent = [0.0] * count, [0.0] * count
-        self.grips: list[_Grip | None] = [None] * count
+        self.grips: list[Way | None] = [None] * count
         self.ramps: list[_Ramp | None] = [None] * count
         arrays = [scene.arrays(k) for k in range(count)]
         path = MOST_STEPS + 1
@@ -276,7 +266,13 @@ class CoupledPlayer:
                 here = self.lines.hold(k, weights, leverage, finger.stiffness_n_m, finger.resistance_n_s_m)
                 self.t.finger_far[k] = 1.0 - leverage
                 here += (1.0 - leverage) * float(self.t.far[k])
-                self.grips[k] = _Grip(finger, self.frame, here, share * finger.displacement_m)
+                self.grips[k] = Way(self.frame, here, share * finger.displacement_m, finger.draw_s)
+
+    def slide_off(self, number: int, end: int) -> None:
+        """A string slides off the finger that holds it, until frame `end`."""
+        for k, of in enumerate(self.scene.lines):
+            if of.string == number and self.grips[k] is not None:
+                self.grips[k] = sliding_off(self.frame, end, self.lines.soften(k), self.scene.frame_s)
 
     def let_go(self, number: int) -> None:
         """The finger on a string leaves it."""
@@ -314,13 +310,10 @@ class CoupledPlayer:
             if ramp is not None:
                 share = np.clip((ends - ramp.begin) * h / ramp.fret.ramp_s, 0.0, 1.0)
                 t.far_path[:count, k] = ramp.here + (ramp.there - ramp.here) * 0.5 * (1.0 - np.cos(np.pi * share))
-            grip = self.grips[k]
-            if grip is not None:
+            way = self.grips[k]
+            if way is not None:
                 steps = scene.substeps[k]
-                since = (self.frame - grip.begin) * steps + np.arange(count * steps + 1)
-                share = np.clip(since * h / steps / grip.finger.draw_s, 0.0, 1.0)
-                way = 0.5 * (1.0 - np.cos(np.pi * share))
-                t.path[k, : count * steps + 1] = grip.here + (grip.there - grip.here) * way
+                t.path[k, : count * steps + 1] = way.path(self.frame, count, h, steps)
 
     def run(self) -> CoupledOutcome:
         """To the end of the case."""
@@ -342,9 +335,14 @@ class CoupledPlayer:
         for number, each in enumerate(scene.tables):
             for fret in each.fret:
                 found.append((round(fret.start_s / h), 1, partial(self.fret, number, fret)))
-            for finger in each.finger:
-                found.append((round(finger.start_s / h), 3, partial(self.take_hold, number, finger)))
-                found.append((round(finger_end(finger) / h), 0, partial(self.let_go, number)))
+            end = 0
+            for finger in sorted(each.finger, key=lambda finger: finger.start_s):
+                start = max(end, round(finger.start_s / h))
+                slips, end = last_steps(finger, start, h)
+                found.append((start, 3, partial(self.take_hold, number, finger)))
+                if slips < end:
+                    found.append((slips, 0, partial(self.slide_off, number, end)))
+                found.append((end, 0, partial(self.let_go, number)))
             if each.bend:
                 tread = max(1, round(_BEND_INTERVAL_S / h))
                 begin = np.arange(0, scene.frames, tread)

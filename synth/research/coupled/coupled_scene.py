@@ -19,7 +19,8 @@ from synth.physics.obstacle import Obstacle, frets
 from synth.physics.string import String
 from synth.research.case import CaseError
 from synth.research.coupled.coupled_case import CoupledCase, DirectedFingerTable
-from synth.research.scene import bent_tension, finger_end, ramps, refuse_over_end, string_of
+from synth.research.finger_paths import finger_end
+from synth.research.scene import bent_tension, ramps, refuse_over_end, string_of
 from synth.solver.coupled_lines import BodyArrays, LineArrays
 
 #: what is not reached, for a contact behind the stopped end [m] (contacts are solved to 1e-13 of the widest gap), and the

@@ -10,12 +10,14 @@ import numpy as np
 from synth.jit import kernel_helpers
 from synth.native.denormals import enable_ftz, restore
 from synth.research.case import CaseError, FingerTable
-from synth.research.scene import Scene, finger_end
+from synth.research.finger_paths import Way, last_steps, sliding_off
+from synth.research.scene import Scene
 from synth.solver import driver
 from synth.solver.driver import Finger
+from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Outcome, kept_array
-from synth.solver.stepwise import finger_row
+from synth.solver.stepwise import LEAST_STIFFNESS, finger_row
 
 _MOST_PATH = 1 << 16  # steps of an obstacle's path that are prepared at once
 
@@ -39,6 +41,8 @@ def run_law(scene: Scene) -> Outcome:
             if not 0 <= begin <= scene.first:
                 raise ValueError(f"state.hold must begin before step {scene.first}, got {begin:g}")
             hold = _Hold(scene, scene.fingers[done], int(begin), float(here), np.array(held))
+            if hold.slips_at <= scene.first:
+                hold.slide(float(kept_array(kept, "slip_force", ())))
     _compile(scene, state, tuning.model)
     flush = enable_ftz()
     started = time.perf_counter()
@@ -50,9 +54,12 @@ def run_law(scene: Scene) -> Outcome:
                 if begin >= scene.last:
                     break
                 hold = _Hold(scene, finger, begin, float(scene.pluck_weights(finger) @ state.q))
-            end = max(hold.begin + 1, _step(scene, finger_end(finger)))
-            _advance(scene, state, tuning, min(end, scene.last), hold)
-            if end > scene.last:
+            _advance(scene, state, tuning, min(hold.slips_at, scene.last), hold)
+            if hold.slips_at > scene.last:
+                break
+            hold.slide(hold.force)
+            _advance(scene, state, tuning, min(hold.end, scene.last), hold)
+            if hold.end > scene.last:
                 break
             hold = None
             done += 1
@@ -63,6 +70,8 @@ def run_law(scene: Scene) -> Outcome:
     ended = driver.kept_of(state) | {"fingers": np.array(done)}
     if hold is not None:
         ended["hold"] = np.array([hold.begin, hold.here, *hold.state])
+        if hold.slip_force is not None:
+            ended["slip_force"] = np.array(hold.slip_force)
     sums, counts = state.sums, state.counts
     notes = {"started_from_static_contact": lifted > 0.0, "lifted_m": lifted}
     if scene.tail is not None:
@@ -131,21 +140,37 @@ class _Tuning:
 
 
 class _Hold:
-    """One finger from its touch, at step `begin` where the string was `here` [m], to its release."""
+    """One finger from its touch, at step `begin` where the string was `here` [m], to its release at step `end`; from step
+    `slips_at` on the string slides off it."""
 
     def __init__(self, scene: Scene, finger: FingerTable, begin: int, here: float, state: np.ndarray | None = None) -> None:
-        self.finger, self.begin, self.here = finger, begin, here
+        self.begin, self.here = begin, here
+        self.slips_at, self.end = last_steps(finger, begin, scene.dt)
+        self.slip_force: float | None = None  # [N] with which it begins
         self.weights = scene.pluck_weights(finger)
         self.state = np.array([here, 0.0]) if state is None else state
-        self._dt = scene.dt
+        self._dt, self._law = scene.dt, scene.model.law
+        self._way = Way(begin, here, finger.displacement_m, finger.draw_s)
+        self._stiffness, self._resistance = finger.stiffness_n_m, finger.resistance_n_s_m
+
+    @property
+    def force(self) -> float:
+        """What the finger does to the string in the last step [N]."""
+        push = float(self.state[1])
+        return push if self._law == EXACT_HOLD else push / self._dt
+
+    def slide(self, force_n: float) -> None:
+        """The string slides off as a force fades from force_n [N], unless it already does or is let go at once."""
+        if self.end == self.slips_at or self.slip_force is not None:
+            return
+        self.slip_force, self._way = force_n, sliding_off(self.slips_at, self.end, force_n, self._dt)
+        self._stiffness, self._resistance = LEAST_STIFFNESS, 0.0
 
     def row(self, model: driver.Model, start: int, stop: int) -> Finger:
-        coupling, parts, finger = np.zeros(model.eta.size), model.parts, self.finger
+        coupling = np.zeros(model.eta.size)
         own = finger_row(model.law, model.part_coef, model.shapes, self.weights, coupling)
-        since = np.arange((start - self.begin) * parts, (stop - self.begin) * parts + 1)
-        ramp = np.clip(since * self._dt / parts / finger.draw_s, 0.0, 1.0)
-        path = self.here + (finger.displacement_m - self.here) * 0.5 * (1.0 - np.cos(np.pi * ramp))
-        return Finger(self.weights, coupling, own, finger.stiffness_n_m, finger.resistance_n_s_m, path, self.state)
+        path = self._way.path(start, stop - start, self._dt, model.parts)
+        return Finger(self.weights, coupling, own, self._stiffness, self._resistance, path, self.state)
 
 
 def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, hold: _Hold | None) -> None:
