@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 
-from synth.engine.hold import LEAST_STIFFNESS
 from synth.instrument.compile import Position
 from synth.physics.excitation import pluck_weights
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
@@ -22,7 +21,7 @@ from synth.setup.strokes import Stroke
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
-from synth.solver.stepwise import finger_row
+from synth.solver.stepwise import LEAST_STIFFNESS, finger_row
 
 
 @dataclass(frozen=True)

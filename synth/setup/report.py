@@ -104,7 +104,9 @@ def summary(found: BuzzMap) -> list[str]:
         lines.append(f"~ the buzz comes and goes beyond the threshold (chaotic motion): {_by_string(chaotic)}")
     resting = [each for each in spots if each.resting]
     if resting:
-        lines.append(f"the string rests on a fret beyond its own: {_by_string(resting)}; lower that fret or raise the string")
+        lines.append(
+            f"the string rests on a fret beyond its own: {_by_string(resting)}; lower that fret or raise the string"
+        )
     tight = min(spots, key=lambda each: each.buzz_m / each.stroke_m)
     if math.isfinite(tight.buzz_m) and not tight.resting:
         where = "open" if tight.fret == 0 else f"fret {tight.fret}"
