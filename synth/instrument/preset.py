@@ -321,10 +321,9 @@ def _refuse_beside_setup(shape: Obstacle, setup: Setup) -> None:
                 raise fault(f"setup.{key}", f'has no meaning with obstacle.kind = "board"; leave {key} out')
         return
     if shape.count < ACTION_FRET:
-        raise fault(
-            "obstacle.count",
-            f"must be at least {ACTION_FRET} for an action at fret {ACTION_FRET}, got {shape.count}; give "
-            "obstacle.heights_mm in place of [setup]",
+        raise ValueError(
+            f"count must be at least {ACTION_FRET} for an action at fret {ACTION_FRET}, got {shape.count}; give heights_mm "
+            "in place of [setup]"
         )
     if setup.fret_heights_mm and len(setup.fret_heights_mm) != shape.count:
         raise fault(

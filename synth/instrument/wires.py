@@ -14,6 +14,7 @@ A name has the gauge in thousandths of an inch, PL0085 in ten-thousandths.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from synth.spelling import perhaps
@@ -76,20 +77,28 @@ def _wire(series: str, gauge: str, weight: int) -> Wire:
     )
 
 
+_SERIES = {"PL": _PLAIN, "NW": _NICKEL, "PB": _BRONZE, "XLB": _BASS}
 WIRES: dict[str, Wire] = {
-    series + gauge: _wire(series, gauge, weight)
-    for series, table in (("PL", _PLAIN), ("NW", _NICKEL), ("PB", _BRONZE), ("XLB", _BASS))
-    for gauge, weight in table.items()
+    series + gauge: _wire(series, gauge, weight) for series, table in _SERIES.items() for gauge, weight in table.items()
 }
+
+
+def _near(name: str) -> str:
+    """A name that may be meant: of the same series the nearest gauge, else one that is written alike."""
+    found = re.fullmatch(r"([A-Z]+)(\d+)[PW]?", name.upper())
+    if found is None or found[1] not in _SERIES:
+        return perhaps(name, WIRES)
+    gauge = float(f"0.{found[2]}")
+    nearest = min((WIRES[found[1] + each] for each in _SERIES[found[1]]), key=lambda each: abs(each.gauge_in - gauge))
+    return f" (perhaps {nearest.name}?)"
 
 
 def wire(name: str) -> Wire:
     """The string of a name, in capital letters or not. Raises ValueError for one that is not in the table."""
     found = WIRES.get(name.upper())
     if found is None:
-        near = perhaps(name, WIRES)
         raise ValueError(
-            f"string {name!r} is not in the table{near}; it has plain steel PL007 to PL026, nickel NW017 to NW080, bronze "
+            f"string {name!r} is not in the table{_near(name)}; it has plain steel PL007 to PL026, nickel NW017 to NW080, bronze "
             "PB020 to PB070 and bass XLB018P to XLB145: for another one give its mass and diameter in [[string]]"
         )
     return found
