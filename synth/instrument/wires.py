@@ -98,7 +98,7 @@ def wire(name: str) -> Wire:
     found = WIRES.get(name.upper())
     if found is None:
         raise ValueError(
-            f"string {name!r} is not in the table{_near(name)}; it has plain steel PL007 to PL026, nickel NW017 to NW080, bronze "
-            "PB020 to PB070 and bass XLB018P to XLB145: for another one give its mass and diameter in [[string]]"
+            f"string {name!r} is not in the table{_near(name)}; it has plain steel PL007 to PL026, nickel NW017 to NW080, "
+            "bronze PB020 to PB070 and bass XLB018P to XLB145: for another one give its mass and diameter in [[string]]"
         )
     return found

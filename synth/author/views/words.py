@@ -674,6 +674,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "Strings by name",
             "Makers' names from the lowest string to the highest (NW046, PL010, XLB100). Mass and diameter come from the "
             "maker's table, and core and stiffness follow the diameter.",
+            setup=True,
         ),
     },
     Pluck: {
