@@ -113,10 +113,11 @@ def _consequences(data: Mapping[str, Any], path: str, value: Any, named: set[str
     wanted: list[tuple[str, Any]] = []
     if value is not None:
         wanted += [(".".join([*table, pair[1 - pair.index(key)]]), None) for pair in INSTEAD if key in pair]
-    heights = _at(data, ["obstacle", "heights_mm"]) if path == "obstacle.count" else None
-    if isinstance(heights, list) and heights and isinstance(value, int) and 1 <= value <= MOST_FRETS:
-        heights = list(heights)
-        wanted.append(("obstacle.heights_mm", (heights + [heights[-1]] * value)[:value]))
+    for listed in ("obstacle.heights_mm", "setup.fret_heights_mm") if path == "obstacle.count" else ():
+        heights = _at(data, listed.split("."))
+        if isinstance(heights, list) and heights and isinstance(value, int) and 1 <= value <= MOST_FRETS:
+            heights = list(heights)
+            wanted.append((listed, (heights + [heights[-1]] * value)[:value]))
     if key == "tension_modulation" and not value:
         wanted.append((".".join([*table, "axial_stiffness_n"]), None))
     return [(each, new) for each, new in wanted if each not in named]

@@ -5,7 +5,8 @@ the preset has them. What is taken out are effects, other articulations, and wha
 
 The action is the height of the open string over the twelfth fret (the last one of a shorter neck). A preset with
 `action_12th_mm` has it as a number of its own, and nut and relief stay; one with `heights_mm` is raised at the saddle, so
-that each fret gets further from the string in proportion to its distance from the nut.
+that each fret gets further from the string in proportion to its distance from the nut. With [setup] it is that of one
+string, and the actions on both sides change by as much as it does.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from synth.engine.engine import Engine
 from synth.engine.parameters import INDEX_OF
 from synth.instrument.compile import obstacle_of, open_string, speaking_string
+from synth.instrument.neck import alone, obstacle_under
 from synth.instrument.planfile import MeasuredPlan
 from synth.instrument.preset import FretsObstacle, Preset, PresetError, at_note, fret_count
 from synth.midi.events import NOTE_ON, PARAMETER, make_events
@@ -56,25 +58,37 @@ def measured_fret(obstacle: FretsObstacle) -> int:
     return min(TWELFTH, obstacle.count)
 
 
-def action_mm(preset: Preset) -> float:
-    """The preset's action [mm]. Raises ValueError where it has no frets."""
+def action_mm(preset: Preset, index: int = 0) -> float:
+    """The preset's action [mm], with [setup] that of string `index`. Raises ValueError where it has no frets."""
     shape = _frets(preset)
+    if preset.setup is not None:
+        table = preset.string[index]
+        lying = obstacle_under(preset, table, table.notes[0])
+        assert isinstance(lying, FretsObstacle)
+        shape = lying
     if shape.action_12th_mm is not None:
         return shape.action_12th_mm
     return -shape.heights_mm[measured_fret(shape) - 1]
 
 
-def action_settings(preset: Preset, action: float) -> list[tuple[str, Any]]:
-    """[(path, value)] of the preset that give its frets an action [mm]."""
-    shape = _frets(preset)
+def action_settings(preset: Preset, action: float, index: int = 0) -> list[tuple[str, Any]]:
+    """[(path, value)] of the preset that give its frets an action [mm], with [setup] under string `index`."""
+    changed = with_action(preset, action, index)
+    if changed.setup is not None and changed.setup.shapes_the_neck:
+        actions = (("action_bass_mm", changed.setup.action_bass_mm), ("action_treble_mm", changed.setup.action_treble_mm))
+        return [(f"setup.{key}", round(value, 4)) for key, value in actions if value is not None]
+    shape = _frets(changed)
     if shape.action_12th_mm is not None:
         return [("obstacle.action_12th_mm", round(action, 4))]
-    return [("obstacle.heights_mm", [round(each, 4) for each in _raised(shape, action)])]
+    return [("obstacle.heights_mm", [round(each, 4) for each in shape.heights_mm])]
 
 
-def with_action(preset: Preset, action: float) -> Preset:
-    """The preset with an action [mm]."""
+def with_action(preset: Preset, action: float, index: int = 0) -> Preset:
+    """The preset with an action [mm], with [setup] under string `index`. Raises ValueError where another string would then
+    lie on its frets."""
     shape = _frets(preset)
+    if preset.setup is not None and preset.setup.shapes_the_neck:
+        return preset.model_copy(update={"setup": preset.setup.raised(action - action_mm(preset, index))})
     if shape.action_12th_mm is not None:
         changed: dict[str, Any] = {"action_12th_mm": action}
     else:
@@ -136,9 +150,9 @@ class FretModel:
         self.fret, self.note = fret, open_note + fret
         tuning = preset.tuning.model_copy(update={"offset_cents": preset.tuning.offset_cents + tuned_cents})
         hand = preset.hand.varied(0.0).model_copy(update={"release": None})
-        self.preset = preset.model_copy(update={
-            "string": (table.model_copy(update={"notes": (open_note, open_note)}),), "tuning": tuning, "hand": hand,
-            "articulations": {}, "effect": (),
+        self._whole, self._index = preset, index
+        self.preset = alone(preset, table, open_note).model_copy(update={
+            "tuning": tuning, "hand": hand, "articulations": {}, "effect": (),
         }).with_measured(MeasuredPlan())  # fmt: skip
         if shape.sawari_um is not None and fret == 0:
             raise ValueError(f"an open string of {preset.name} buzzes on its sawari, not on frets; give a note at a fret")
@@ -146,7 +160,7 @@ class FretModel:
         self.open_m = opened.length_m
         self.string: String
         self.string, _, _ = speaking_string(self.preset, self.preset.string[0], open_note, fret, opened, below)
-        self.action_mm = action_mm(preset)
+        self.action_mm = action_mm(preset, index)
         self.evaluations = 0
         self._engines: dict[Any, Engine] = {}
 
@@ -162,7 +176,7 @@ class FretModel:
         key = action, replace(hand, position=0.0), quality
         found = self._engines.get(key)
         if found is None:
-            preset = self._free() if action == FREE_MM else with_action(self.preset, action)
+            preset = self._free() if action == FREE_MM else self._lying(action)
             pluck = preset.pluck
             pluck = pluck.model_copy(update={
                 "displacement_mm": _FULL_MM, "velocity_exponent": 1.0, "position_hard": None, "draw_ms": 1e3 * hand.draw_s,
@@ -175,6 +189,14 @@ class FretModel:
                 self._engines.pop(next(iter(self._engines)))
             self._engines[key] = found
         return found
+
+    def _lying(self, action: float) -> Preset:
+        """The preset with its string at an action [mm] from the frets."""
+        if self._whole.setup is None:
+            return with_action(self.preset, action)
+        table = self._whole.string[self._index]
+        shape = obstacle_under(with_action(self._whole, action, self._index), table, table.notes[0])
+        return self.preset.model_copy(update={"obstacle": shape})
 
     def _free(self) -> Preset:
         """The preset whose string touches nothing beyond the fret that it is stopped at."""

@@ -10,7 +10,7 @@ from synth.fit.fret_model import action_settings
 
 def fret_settings(fit: FretFit) -> list[tuple[str, Any]]:
     """[(path, value)] of the preset that give its frets the fitted action."""
-    return action_settings(fit.preset, fit.action_mm)
+    return action_settings(fit.preset, fit.action_mm, fit.string)
 
 
 def fret_report(fit: FretFit) -> dict[str, Any]:

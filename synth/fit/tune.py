@@ -16,6 +16,7 @@ import numpy as np
 
 from synth.dsp.measures import sounding_fundamental
 from synth.engine.engine import Engine
+from synth.instrument import neck
 from synth.instrument.compile import note_frequency
 from synth.instrument.preset import Preset, StringTable, at_note, contact_cents, fret_count
 from synth.midi.events import NOTE_ON, make_events
@@ -82,8 +83,7 @@ def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tu
         frets = fret_count(preset, table)
         for opened in range(table.notes[0], table.notes[1] + 1):
             if notes is None or any(opened <= note <= opened + frets for note in notes):
-                alone = table.model_copy(update={"notes": (opened, opened)})
-                yield index, opened, preset.model_copy(update={"string": (alone,)})
+                yield index, opened, neck.alone(preset, table, opened)
 
 
 def sympathetic_played(preset: Preset) -> Preset | None:
@@ -92,7 +92,10 @@ def sympathetic_played(preset: Preset) -> Preset | None:
     if not strings:
         return None
     tuning = preset.tuning.model_copy(update={"contact_cents": preset.tuning.sympathetic_cents})
-    return preset.model_copy(update={"string": tuple(strings), "tuning": tuning})
+    changed: dict[str, object] = {"string": tuple(strings), "tuning": tuning}
+    if preset.setup is not None:  # whose names are those of the strings that are played
+        changed["setup"] = preset.setup.model_copy(update={"strings": ()})
+    return preset.model_copy(update=changed)
 
 
 def _sound(engine: Engine, note: int, velocity: int, seconds: float) -> np.ndarray:

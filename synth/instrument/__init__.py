@@ -1,6 +1,8 @@
 """Instruments as files describe them, and what follows before anything sounds.
 
 preset, presetfile   a preset: read, checked, written
+setup_table, neck    the neck and its strings as a luthier measures them, and what that makes of one string
+wires, fret_heights  strings by makers' names; measured heights of frets, from a file
 catalogue            presets by family and tag
 table, faults        what its tables have in common; what is wrong, in words
 effects, excitations what a preset may name beside what it has

@@ -40,6 +40,7 @@ class StringBoard:
 
 def fingerboard_of(shape: BoardObstacle, length_m: float) -> Fingerboard:
     """The board under a string of `length_m`. Raises ValueError where it does not fit under it."""
+    assert shape.action_12th_mm is not None
     return fingerboard(
         length_m,
         1e-3 * shape.length_mm,
@@ -120,10 +121,9 @@ def board_plan(
     return replace(plan, scheme=scheme, factor=factor, rate_hz=factor * rate_hz, contacts=nodes, error=error)
 
 
-def string_board(preset: Preset, opened: String, gain: float) -> StringBoard:
-    """What its models have in common; `gain` of its output, linear."""
-    shape, output = preset.obstacle, preset.output
-    assert isinstance(shape, BoardObstacle)
+def string_board(preset: Preset, shape: BoardObstacle, opened: String, gain: float) -> StringBoard:
+    """What its models have in common, `shape` being the board under it; `gain` of its output, linear."""
+    output = preset.output
     gains = {
         "force": (gain, 0.0),
         "displacement": (gain, 0.0),

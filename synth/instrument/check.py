@@ -22,6 +22,7 @@ from synth.instrument.compile import (
     string_notes,
     string_places,
 )
+from synth.instrument.neck import strung
 from synth.instrument.plan import plan_string
 from synth.instrument.preset import (
     BridgeObstacle,
@@ -33,6 +34,7 @@ from synth.instrument.preset import (
     at_note,
     in_file_words,
 )
+from synth.instrument.setup_table import Setup
 from synth.physics.modes import decay_rates, modal_frequencies
 from synth.physics.obstacle import Obstacle, fretted
 from synth.physics.string import String
@@ -117,6 +119,7 @@ def _in_the_way(
 
 def _wrong_numbers(preset: Preset, number: int, table: StringTable, note: int) -> Iterator[tuple[str, str]]:
     """(path, what is wrong) of what two keys of the file say against each other at a note."""
+    table = strung(preset, table, note)
     diameter = at_note(table.diameter_mm, note)
     if table.core_diameter_mm is not None:
         core = at_note(table.core_diameter_mm, note)
@@ -154,14 +157,30 @@ def _blamed(number: int, table: StringTable, error: Exception, preset: Preset | 
         return "nut", text
     if "bending stiffness" in text:
         return f"string.{number}.{'youngs_modulus_gpa' if table.inharmonicity is None else 'inharmonicity'}", text
+    setup = preset.setup if preset is not None else None
+    neck_by_setup = setup is not None and setup.shapes_the_neck
     if text.startswith("board"):
-        return "obstacle", text
+        return ("setup.action_bass_mm" if neck_by_setup and "string at rest" in text else "obstacle"), text
     for key in StringTable.model_fields:
         if text.startswith(key):
             return f"string.{number}.{key}", text
+    if setup is not None and neck_by_setup and text.startswith("fret"):
+        return _of_setup(setup), f"{text}; or change {_NECK_OF_SETUP}"
     if preset is not None and isinstance(preset.obstacle, FretsObstacle) and text.startswith("fret"):
         return ("obstacle.heights_mm" if preset.obstacle.heights_mm else "obstacle.action_12th_mm"), text
     return f"string.{number}", text
+
+
+#: what a fret's height is made of
+_NECK_OF_SETUP = "action, relief or nut of [setup]"
+
+
+def _of_setup(setup: Setup) -> str:
+    """The key to blame for a fret in the way: the heights of single frets, where they are given, else a hump, else the
+    action."""
+    if setup.fret_heights_mm:
+        return "setup.fret_heights_mm"
+    return "setup.relief_mm" if setup.relief_mm < 0.0 else "setup.action_bass_mm"
 
 
 def _try(

@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 from synth.instrument.boards import StringBoard, board_plan, on_board, string_board
 from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.fingerprints import fingerprint, strokes
+from synth.instrument.neck import linear_density, obstacle_under, strung
 from synth.instrument.plan import KEPT, StringPlan, measured_plan, plan_string, scene_kind
 from synth.instrument.planfile import PROMISED, VERSION, Measured
 from synth.instrument.preset import (
@@ -151,17 +152,15 @@ def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: fl
     Its `inharmonicity` is what the table calls so.
     """
 
+    table = strung(preset, table, note)
+
     def mm(value):
         return None if value is None else 1e-3 * at_note(value, note)
 
     length = at_note(table.length_m, note)
     diameter = 1e-3 * at_note(table.diameter_mm, note)
     core = mm(table.core_diameter_mm)
-    if table.linear_density_g_m is not None:
-        mu = 1e-3 * at_note(table.linear_density_g_m, note)
-    else:
-        assert table.density_kg_m3 is not None
-        mu = at_note(table.density_kg_m3, note) * math.pi * diameter**2 / 4.0
+    mu = linear_density(table, note)
     ideal_tension = mu * (2.0 * length * frequency_hz) ** 2
     if table.youngs_modulus_gpa is not None:
         stiffness = 1e9 * at_note(table.youngs_modulus_gpa, note) * math.pi * (core or diameter) ** 4 / 64.0
@@ -192,8 +191,9 @@ def make_string(preset: Preset, table: StringTable, note: int, frequency_hz: flo
     return replace(string, measured_decay_rates=table.measured_decay_rates)
 
 
-def axial_stiffness(table: StringTable, note: int) -> float:
+def axial_stiffness(preset: Preset, table: StringTable, note: int) -> float:
     """EA of a table's string at one of its notes [N]: as given, or of what bears its tension, core or plain string."""
+    table = strung(preset, table, note)
     if table.axial_stiffness_n is not None:
         return at_note(table.axial_stiffness_n, note)
     assert table.youngs_modulus_gpa is not None
@@ -203,7 +203,7 @@ def axial_stiffness(table: StringTable, note: int) -> float:
 
 def obstacle_of(preset: Preset, table: StringTable, note: int, length_m: float) -> Obstacle:
     """The obstacle under an open string of a table, of `length_m`, in metres from the nut."""
-    shape = preset.obstacle
+    shape = obstacle_under(preset, table, note)
     if isinstance(shape, BridgeObstacle):
         if shape.distance_mm is not None:
             distance = 1e-3 * at_note(shape.distance_mm, note)
@@ -296,9 +296,10 @@ def speaking_string(
 
     Raises ValueError where it cannot sound: a fret in its way, a pitch that no tension gives.
     """
-    if isinstance(preset.obstacle, BoardObstacle):
+    shape = obstacle_under(preset, table, note) if isinstance(preset.obstacle, BoardObstacle) else None
+    if isinstance(shape, BoardObstacle):
         wanted_hz = string_frequency(preset, table, note + fret, note_hz)
-        return on_board(preset.obstacle, opened, fret, wanted_hz)
+        return on_board(shape, opened, fret, wanted_hz)
     length, left, height = stopped(preset, fret, opened, below)
     if not fret:
         return opened, with_sawari(preset, note, left), 0.0
@@ -537,8 +538,9 @@ def compile_string(
             steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
             internal_rate_hz = steps * rate_hz
         plan = board = measured = None
-        if isinstance(preset.obstacle, BoardObstacle):
-            board = string_board(preset, opened, gain)
+        under = obstacle_under(preset, table, note)
+        if isinstance(under, BoardObstacle):
+            board = string_board(preset, under, opened, gain)
         elif scheme == "exact-hold" and internal_rate_hz is None:
             measured = measured_of(preset, table, note, frequency, quality)
         positions = []
@@ -589,7 +591,7 @@ def compile_string(
         1e-3 * at_note(preset.pluck.slip_ms, note),
         1e-3 * at_note(preset.pluck.hardest_slip_ms, note),
         at_note(preset.damping.release_s, note),
-        axial_stiffness(table, note) if table.tension_modulation else 0.0,
+        axial_stiffness(preset, table, note) if table.tension_modulation else 0.0,
         preset.obstacle.friction if isinstance(preset.obstacle, PointContacts) else 0.0,
         board,
         table.choir,

@@ -1,7 +1,8 @@
 """What the motion of a preset's strings depends on, in few letters: by these a measured plan is known to be theirs.
 
 Names, levels, tags, what is heard and what is done to the sound do not count, nor does the pitch, with which all goes in
-proportion (`planfile.MeasuredString.at`). Numbers given at notes count as they are at the string's own note.
+proportion (`planfile.MeasuredString.at`). Numbers given at notes count as they are at the string's own note, and [setup] by
+what it makes of the string and the obstacle under it (`neck`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import json
 from typing import Any
 
 from synth.instrument.articulations import Articulation
+from synth.instrument.neck import obstacle_under, strung
 from synth.instrument.preset import Preset, StringTable, at_note
 
 #: of a string: what does not move it, and its pitch
@@ -39,9 +41,9 @@ def _digest(data: Any) -> str:
 def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
     """Of one open string of a preset: 16 hexadecimal digits."""
     parts: dict[str, Any] = {
-        "string": table.model_dump(exclude=_STRING),
+        "string": strung(preset, table, note).model_dump(exclude=_STRING),
         "nut": [mode.model_dump() for mode in preset.nut],
-        "obstacle": preset.obstacle.model_dump(),
+        "obstacle": obstacle_under(preset, table, note).model_dump(),
         "pluck": preset.pluck.model_dump(),
         "polarisation": None if preset.polarisation is None else preset.polarisation.model_dump(exclude={"heard"}),
         "excitation": None if preset.excitation is None else preset.excitation.model_dump(),

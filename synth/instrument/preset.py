@@ -23,6 +23,8 @@ from pydantic import (
     PrivateAttr,
     SerializeAsAny,
     ValidationError,
+    ValidationInfo,
+    field_validator,
     model_validator,
 )
 
@@ -35,6 +37,7 @@ from synth.instrument.faults import value_got, wanted
 from synth.instrument.fields import Note, NoteRange, Scaled, anchors, each_within, within
 from synth.instrument.fields import at_note as at_note
 from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
+from synth.instrument.setup_table import ACTION_FRET, Setup, fault
 from synth.instrument.table import Table, written_value
 from synth.spelling import perhaps
 from synth.units import midi_to_note
@@ -224,8 +227,12 @@ class PointsObstacle(Table):
         return self
 
 
+_ONE_OF_TWO = "give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm"
+
+
 class FretsObstacle(Table):
-    """A neck: frets by luthiers' numbers, or the heights of every fret below the open string at rest."""
+    """A neck: frets by luthiers' numbers, or the heights of every fret below the open string at rest; neither where [setup]
+    has the numbers."""
 
     kind: Literal["frets"]
     count: int = Field(ge=1, le=36)
@@ -243,13 +250,13 @@ class FretsObstacle(Table):
 
     @model_validator(mode="after")
     def _one_way(self) -> FretsObstacle:
-        if (self.action_12th_mm is None) == (not self.heights_mm):
-            raise ValueError("give either action_12th_mm (with relief_mm, nut_height_mm) or heights_mm")
+        if self.action_12th_mm is not None and self.heights_mm:
+            raise ValueError(_ONE_OF_TWO)
         if self.heights_mm and len(self.heights_mm) != self.count:
             raise ValueError(f"heights_mm needs one height per fret, got {len(self.heights_mm)} for {self.count}")
         if (self.sawari_distance_mm is None) != (self.sawari_um is None):
             raise ValueError("a sawari has both sawari_distance_mm and sawari_um")
-        if not self.heights_mm and self.count < 12:
+        if self.action_12th_mm is not None and self.count < ACTION_FRET:
             raise ValueError(
                 f"count must be at least 12 for an action at fret 12, got {self.count}; give heights_mm instead"
             )
@@ -264,8 +271,9 @@ class BoardObstacle(Table):
     semitones: int = Field(24, ge=1, le=36)
     #: where the board ends, from the nut; fingers go no further
     length_mm: float = Field(gt=0.0, le=5000.0)
-    #: clearance under the open string half way along it, and at the nut; hollow half way along the board
-    action_12th_mm: float = Field(gt=0.0, le=20.0)
+    #: clearance under the open string half way along it, and at the nut; hollow half way along the board. [setup] may have
+    #: these numbers, else the action is needed
+    action_12th_mm: float | None = Field(None, gt=0.0, le=20.0)
     nut_height_mm: float = Field(0.3, gt=0.0, le=5.0)
     relief_mm: float = Field(0.0, ge=0.0, le=5.0)
     #: force per millimetre of string for each millimetre that it is pressed in, and what a blow keeps of its speed
@@ -281,6 +289,53 @@ class BoardObstacle(Table):
 #: what touches at points
 PointContacts = BridgeObstacle | PointsObstacle | FretsObstacle
 Obstacle = Annotated[NoObstacle | PointContacts | BoardObstacle, Field(discriminator="kind")]
+#: keys of a neck or board that [setup] has in their place
+NECK_KEYS = ("action_12th_mm", "heights_mm", "relief_mm", "nut_height_mm")
+
+
+def _refuse_without_setup(shape: Obstacle) -> None:
+    """Raises ValueError for a neck or board that nothing gives an action."""
+    if isinstance(shape, FretsObstacle) and shape.action_12th_mm is None and not shape.heights_mm:
+        raise ValueError(_ONE_OF_TWO)
+    if isinstance(shape, BoardObstacle) and shape.action_12th_mm is None:
+        raise fault("obstacle.action_12th_mm", "missing")
+
+
+def _refuse_beside_setup(shape: Obstacle, setup: Setup) -> None:
+    """Raises ValueError for an obstacle that does not go with a setup of the neck."""
+    if not isinstance(shape, FretsObstacle | BoardObstacle):
+        raise fault(
+            "setup.action_bass_mm",
+            f'needs obstacle.kind = "frets" or "board", which have an action, got {shape.kind!r}; take one of these, or '
+            "leave out all of [setup] but strings",
+        )
+    for key in NECK_KEYS:
+        if key in shape.model_fields_set and getattr(shape, key) not in (None, ()):
+            raise fault(
+                f"obstacle.{key}",
+                f"does not go with setup.action_bass_mm, which sets the same neck; leave {key} or [setup] out",
+            )
+    if isinstance(shape, BoardObstacle):
+        for key, given in (("fall_away_mm", setup.fall_away_mm > 0.0), ("fret_heights_mm", bool(setup.fret_heights_mm))):
+            if given:
+                raise fault(f"setup.{key}", f'has no meaning with obstacle.kind = "board"; leave {key} out')
+        return
+    if shape.count < ACTION_FRET:
+        raise ValueError(
+            f"count must be at least {ACTION_FRET} for an action at fret {ACTION_FRET}, got {shape.count}; give heights_mm "
+            "in place of [setup]"
+        )
+    if setup.fret_heights_mm and len(setup.fret_heights_mm) != shape.count:
+        raise fault(
+            "setup.fret_heights_mm",
+            f"needs one height per fret, got {len(setup.fret_heights_mm)} for obstacle.count = {shape.count}; measure "
+            "every fret",
+        )
+    if setup.fall_away_mm > 0.0 and setup.fall_away_fret >= shape.count:
+        raise fault(
+            "setup.fall_away_fret",
+            f"must be less than obstacle.count, which is {shape.count}, got {setup.fall_away_fret}; take a lower fret",
+        )
 
 
 class Pluck(Table):
@@ -463,7 +518,10 @@ class Preset(Table):
     tuning: Tuning = Tuning()
     string: tuple[StringTable, ...] = Field(min_length=1, max_length=128)
     nut: tuple[NutMode, ...] = ()
-    obstacle: Obstacle = NoObstacle()
+    #: what a luthier measures of neck and strings, where the obstacle and the strings do not say it; before the obstacle,
+    #: which is judged by it
+    setup: Setup | None = None
+    obstacle: Obstacle = Field(NoObstacle(), validate_default=True)
     pluck: Pluck
     hand: Hand = Hand()
     #: other ways to begin a note, by name
@@ -502,6 +560,29 @@ class Preset(Table):
         return f"<Preset {self.name}: {count} string{'' if count == 1 else 's'}, {notes}, obstacle {self.obstacle.kind}>"
 
     __str__ = __repr__
+
+    @field_validator("obstacle")
+    @classmethod
+    def _one_action(cls, shape: Obstacle, others: ValidationInfo) -> Obstacle:
+        if "setup" in others.data:  # else it is wrong itself, which is said
+            setup = others.data["setup"]
+            if setup is not None and setup.shapes_the_neck:
+                _refuse_beside_setup(shape, setup)
+            else:
+                _refuse_without_setup(shape)
+        return shape
+
+    @model_validator(mode="after")
+    def _a_name_for_every_string(self) -> Preset:
+        if self.setup is not None and self.setup.strings:
+            played = sum(high - low + 1 for low, high in (table.notes for table in self.string if not table.sympathetic))
+            if len(self.setup.strings) != played:
+                raise fault(
+                    "setup.strings",
+                    f"must name {played} string{'' if played == 1 else 's'}, one for each that is played, from the lowest "
+                    f"to the highest, got {len(self.setup.strings)}",
+                )
+        return self
 
     @model_validator(mode="after")
     def _articulations_are_reached(self) -> Preset:
@@ -752,7 +833,7 @@ def _in_words(error: ValidationError, keys_beside: Callable[[Sequence[Any]], lis
     for item in wrong:
         # pydantic puts the kind of a table that has several into the path; the file does not
         loc = [part for i, part in enumerate(item["loc"]) if not (i == 1 and item["loc"][0] == "obstacle" and part in KINDS)]
-        place = ".".join(str(part) for part in loc) or "file"
+        place = item.get("ctx", {}).get("path") or ".".join(str(part) for part in loc) or "file"
         if item["type"] == "too_short" and any(len(i["loc"]) > 1 and i["loc"][0] == item["loc"][0] for i in wrong):
             continue  # the items are missing because each of them is wrong, which is said already
         message = wanted(item)

@@ -6,7 +6,7 @@ that just touches has 0.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +75,11 @@ def frets(
     action_12th_m: float,
     relief_m: float = 0.0,
     nut_height_m: float = 0.0004,
+    *,
+    backbow: bool = False,
+    fall_away_m: float = 0.0,
+    fall_away_fret: int = 12,
+    crowns_m: Sequence[float] = (),
 ) -> Obstacle:
     """Frets of a neck from what a luthier measures on it, the string open and at rest.
 
@@ -84,11 +89,19 @@ def frets(
     nut_height_m    clearance between the top of fret 1 and the string [m]: the nut's height, measured where
                     luthiers measure it
     relief_m        hollow of the neck [m]: the gap under a straightedge laid on the first and the last fret,
-                    half way between them
+                    half way between them; with `backbow` it may be negative, of a neck bent backwards
+    fall_away_m     how far the last fret has fallen below the line of the others [m], which they follow up to
+                    fret `fall_away_fret`
+    crowns_m        height of each fret over the board [m], of which only the differences count; none: all alike
 
     The fret tops follow a straight line plus a parabola, 0 at the first and the last fret and −relief_m half
-    way: η(x) = −(a + bx + relief·4s(1−s)), s = (x − x_1)/(x_count − x_1), with a and b from the two
-    clearances. Raises ValueError for impossible numbers.
+    way, plus a straight fall from the fret f on, plus the crowns c:
+
+        η(x) = −(a + bx + d(x)),   d = relief·4s(1−s) + fall_away·max(0, (x − x_f)/(x_count − x_f)) − c,
+        s = (x − x_1)/(x_count − x_1)
+
+    with a and b such that frets 1 and 12, as high as they are, have the two clearances. Raises ValueError for
+    impossible numbers.
     """
     x = fret_positions(scale_length_m, count)
     if count < 12:
@@ -99,13 +112,63 @@ def frets(
     for name, value in (("action_12th_m", action_12th_m), ("nut_height_m", nut_height_m)):
         if not (value > 0.0 and math.isfinite(value)):
             raise ValueError(f"{name} must be > 0 m, got {value}; the fret would lift the string, raise the string")
-    if not (relief_m >= 0.0 and math.isfinite(relief_m)):
+    if not ((relief_m >= 0.0 or backbow) and math.isfinite(relief_m)):
         raise ValueError(f"relief_m must be >= 0 m, got {relief_m}; give explicit heights for a neck bent backwards")
     s = (x - x[0]) / (x[-1] - x[0])
-    bow = relief_m * 4.0 * s * (1.0 - s)
-    slope = (action_12th_m - bow[11] - nut_height_m) / (x[11] - x[0])
-    heights = -(nut_height_m + slope * (x - x[0]) + bow)
+    down = relief_m * 4.0 * s * (1.0 - s)
+    if fall_away_m != 0.0:
+        down = down + _fallen(x, fall_away_m, fall_away_fret)
+    if len(crowns_m):
+        if len(crowns_m) != count:
+            raise ValueError(
+                f"crowns_m must have a height for each of {count} frets, got {len(crowns_m)}; measure all frets"
+            )
+        down = down - np.asarray(crowns_m, dtype=np.float64)
+        down = down - down[0]
+    slope = (action_12th_m - down[11] - nut_height_m) / (x[11] - x[0])
+    heights = -(nut_height_m + slope * (x - x[0]) + down)
     return Obstacle(tuple(x.tolist()), tuple(heights.tolist()))
+
+
+def _fallen(x: np.ndarray, fall_away_m: float, fret: int) -> np.ndarray:
+    """How far frets at x have fallen away, which begins beyond a fret and is all of it at the last."""
+    if not (fall_away_m > 0.0 and math.isfinite(fall_away_m)):
+        raise ValueError(f"fall_away_m must be >= 0 m, got {fall_away_m}; leave it out for a straight neck")
+    if not 1 <= fret < len(x):
+        raise ValueError(f"fall_away_fret must lie between 1 and {len(x) - 1}, before the last fret, got {fret}; lower it")
+    return fall_away_m * np.maximum(0.0, (x - x[fret - 1]) / (x[-1] - x[fret - 1]))
+
+
+def sagitta(radius_m: float | None, place_m: np.ndarray | float, outer_m: np.ndarray | float) -> np.ndarray:
+    """√(R² − y²) − √(R² − y_o²) [m]: how much higher a cylinder of radius R is at y from its middle than at ±y_o; no
+    radius: flat. |y| and |y_o| must not exceed R."""
+    y, outer = np.asarray(place_m, dtype=np.float64), np.asarray(outer_m, dtype=np.float64)
+    if radius_m is None:
+        return np.zeros(np.broadcast_shapes(y.shape, outer.shape))
+    # the difference of the roots, without its cancellation
+    both = np.sqrt(radius_m**2 - y**2) + np.sqrt(radius_m**2 - outer**2)
+    return np.asarray((outer**2 - y**2) / np.where(both > 0.0, both, 1.0))
+
+
+def arched(
+    shares: np.ndarray, across: float, spreads_m: tuple[float, float], radii_m: tuple[float | None, float | None]
+) -> np.ndarray:
+    """How much more clearance an inner string has at shares (C,) of its length, from the nut, than a string has whose
+    clearances lie in proportion between those of the outer strings (C,) [m].
+
+    across     its place between the middle (0) and the outer strings (±1)
+    spreads_m  distance of the outer strings at nut and saddle
+    radii_m    of the board, which frets and nut slots follow, and of the saddle's top; None: flat
+
+    The string goes straight from slot to saddle, s·sag(R_saddle) + (1 − s)·sag(R_board) of their places; the crown
+    under it has sag(R_board) of the place at s. Outer strings have 0.
+    """
+    s = np.asarray(shares, dtype=np.float64)
+    nut, saddle = 0.5 * spreads_m[0], 0.5 * spreads_m[1]
+    board, top = radii_m
+    outer = (1.0 - s) * nut + s * saddle
+    string = s * sagitta(top, across * saddle, saddle) + (1.0 - s) * sagitta(board, across * nut, nut)
+    return np.asarray(string - sagitta(board, across * outer, outer))
 
 
 def wall_positions(

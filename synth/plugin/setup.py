@@ -165,6 +165,25 @@ def _raise(data: Data, value: float) -> None:
     data["obstacle"]["heights_mm"] = [height - value for height in data["obstacle"]["heights_mm"]]
 
 
+def _bass_action(preset: Preset) -> float | None:
+    """At fret 12 under the lowest string, where [setup] has it."""
+    return None if preset.setup is None else preset.setup.action_bass_mm
+
+
+def _raise_over_neck(data: Data, value: float) -> None:
+    """Both sides by as much as the bass side."""
+    setup = data["setup"]
+    by = value - setup["action_bass_mm"]
+    for key in ("action_bass_mm", "action_treble_mm"):
+        if setup.get(key) is not None:
+            setup[key] += by
+
+
+def _gauged(preset: Preset) -> float | None:
+    """1 where no makers' names say how thick its strings are."""
+    return 1.0 if preset.setup is None or not preset.setup.strings else None
+
+
 def _lossy(preset: Preset) -> float | None:
     return 1.0 if any(getattr(each, key) != 0.0 for each in preset.string for key in _LOSSES) else None
 
@@ -182,7 +201,7 @@ _NUMBERS = (
         lambda preset: 1.0 if _one_length(preset) is None else None,
         _scale("length_m"),
     ),
-    _Number("string.gauge", "String gauge", "×", 0.5, 2.0, RATIO, lambda _: 1.0, _scale(*_GAUGE, powers=_GAUGE)),
+    _Number("string.gauge", "String gauge", "×", 0.5, 2.0, RATIO, _gauged, _scale(*_GAUGE, powers=_GAUGE)),
     _Number("string.losses", "String losses (age)", "×", 0.2, 10.0, RATIO, _lossy, _scale(*_LOSSES)),
     _Number(
         "obstacle.jiva",
@@ -249,6 +268,7 @@ _NUMBERS = (
         _of("obstacle", "action_12th_mm", "frets"),
         _put("obstacle", "action_12th_mm"),
     ),
+    _Number("setup.action", "Action at fret 12, bass side", "mm", 0.5, 6.0, RATIO, _bass_action, _raise_over_neck),
     _Number("obstacle.raised", "Strings raised over the frets", "mm", -0.5, 3.0, LINEAR, _raised("frets"), _raise),
     _Number("obstacle.lifted", "Strings raised over the points", "mm", -0.5, 5.0, LINEAR, _raised("points"), _raise),
     _Number(

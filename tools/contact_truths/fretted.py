@@ -28,7 +28,7 @@ def run(seed: int, case: str) -> dict[str, Any]:
     preset = load_preset(PRESET)
     string = int(rng.integers(0, len(preset.string)))
     plain = FretModel(preset, string)
-    action = action_mm(preset) * rng.uniform(0.75, 1.25)
+    action = action_mm(preset, string) * rng.uniform(0.75, 1.25)
     hand = Hand(rng.uniform(0.15, 0.35), rng.uniform(0.8e-3, 2.5e-3), rng.uniform(6e-3, 12e-3))
     low, high = 0.3, 15.0
     while high / low > 1.003:

@@ -14,6 +14,8 @@ const FIRST = [
   "pluck.position",
   "obstacle.jiva_um",
   "obstacle.action_12th_mm",
+  "setup.action_bass_mm",
+  "setup.action_treble_mm",
   "obstacle.sawari_um",
   "pluck.displacement_mm",
   "pluck.width_mm",

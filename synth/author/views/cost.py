@@ -112,7 +112,7 @@ def estimate(
 def _quality(preset: Preset, place: Place, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
     """What a quality takes and promises on the string of a place."""
     open_hz = note_frequency(place.preset, place.table, place.opened, None)
-    found = measured_of(preset, place.table, place.opened, open_hz, quality)
+    found = measured_of(place.preset, place.table, place.opened, open_hz, quality)
     contacts = len(scene.reached)
     plan = None
     if found is not None:

@@ -16,6 +16,11 @@ FILE_WORDS: dict[type[Table], dict[str, Words]] = {
     Preset: {
         "format": Words("Format", "Version of the file format: 2. Files of format 1 can be read, too."),
         "tuning": Words("Tuning", "The pitches of the notes."),
+        "setup": Words(
+            "Setup",
+            "The neck and the strings as a luthier measures them: it takes the place of the obstacle's action, relief, nut "
+            "and heights, and of the strings' masses and diameters.",
+        ),
         "obstacle": Words("Obstacle", "The obstacle under the strings; its kind decides which other keys it has."),
         "pluck": Words("Pluck", "How notes normally begin: the articulation normal."),
         "hand": Words("Hand", "How strokes vary, vibrato, pulls across the fret, the finger at a note's end."),

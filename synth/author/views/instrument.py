@@ -65,7 +65,7 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     place = find(preset, note)
     opened, obstacle = open_string(place)
     length = opened.length_m
-    drags = _Drags(place, length)
+    drags = _Drags(place, length, preset.setup is not None and preset.setup.shapes_the_neck)
     neck = isinstance(preset.obstacle, FretsObstacle)
     fret_x, fret_height = 0.0, 0.0
     if neck and 0 < place.fret <= len(obstacle):
@@ -78,8 +78,8 @@ def draw(preset: Preset, note: int, velocity: int = 127) -> dict[str, Any]:
     except ValueError as error:
         string, reason = opened.with_length(length - fret_x), str(error)
     board: list[list[float]] = []
-    if isinstance(preset.obstacle, BoardObstacle):
-        board, fret_x, fret_height = _board(preset.obstacle, length, string.length_m)
+    if isinstance(place.preset.obstacle, BoardObstacle):
+        board, fret_x, fret_height = _board(place.preset.obstacle, length, string.length_m)
     rest = _rest(fret_x, fret_height, length, obstacle, place)
     points = _sawari(obstacle, place, rest, drags) + _points(obstacle, place, rest, fret_x, drags)
     pluck = _pluck(place, opened, string, velocity, fret_height, drags)
@@ -186,9 +186,11 @@ def _mm(metres: float) -> float:
 class _Drags:
     """Makes the drags of one string: value = offset + factor · coordinate, within the control's range."""
 
-    def __init__(self, place: Place, length_m: float) -> None:
+    def __init__(self, place: Place, length_m: float, by_setup: bool) -> None:
         self.place = place
         self.length_m = length_m
+        #: frets lie where [setup] has them, all at once
+        self.by_setup = by_setup
         self._ranges = ranges(place.preset)
 
     def along(self, path: str, offset: float, factor: float, value: Any, edits: list[dict[str, Any]] | None = None) -> Drag:
@@ -305,6 +307,8 @@ def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) 
             "height": drags.along(f"obstacle.heights_mm.{index}", 0.0, 1.0, None),
         }
     assert isinstance(shape, FretsObstacle)
+    if drags.by_setup:
+        return {"x": None, "height": None}
     edits: list[dict[str, Any]] = []
     if not shape.heights_mm:  # a neck given by its action gets the heights that it has, one by one
         heights = [_mm(height) for height in obstacle.heights_m]

@@ -50,6 +50,8 @@ from synth.instrument.compile import axial_stiffness, ideal_string, obstacle_of,
 from synth.instrument.fields import Between
 from synth.instrument.preset import (
     KINDS,
+    NECK_KEYS,
+    BoardObstacle,
     BodyMode,
     BridgeObstacle,
     FretsObstacle,
@@ -59,6 +61,7 @@ from synth.instrument.preset import (
     Output,
     Polarisation,
     Preset,
+    Setup,
     StringTable,
     Table,
     at_note,
@@ -134,6 +137,8 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
             continue
         if prefix == "obstacle" and name == "friction" and preset.polarisation is None:  # of strings with two directions
             continue
+        if _is_of_the_other_neck(preset, prefix, name):
+            continue
         path = f"{prefix}.{name}" if prefix else name
         value = getattr(table, name)
         inner, metadata = _unwrapped(field.annotation, field.metadata)
@@ -148,11 +153,22 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
                 yield from _of_table(preset, type(item), f"{path}.{index}", item)
 
 
+def _is_of_the_other_neck(preset: Preset, prefix: str, name: str) -> bool:
+    """Whether a key is of a neck that [setup] has in the obstacle's place or does not have; that is begun in the file."""
+    by_setup = preset.setup is not None and preset.setup.shapes_the_neck
+    if prefix == "obstacle":
+        return by_setup and name in NECK_KEYS
+    if prefix == "setup":
+        of_frets = name in ("fall_away_mm", "fall_away_fret", "fret_heights_mm")
+        return name != "strings" and (not by_setup or (of_frets and isinstance(preset.obstacle, BoardObstacle)))
+    return False
+
+
 def _is_of_the_other_kind(preset: Preset, value: Any, inner: Any) -> bool:
     """Whether a table that is not there can only be where strings share a body, or only where they do not, or several of its
     keys need each other: that is begun in the file."""
     absent = value is None or value == ()
-    if absent and inner in (Layer, Touch):
+    if absent and inner in (Layer, Setup, Touch):
         return True
     of_bodies = inner is Polarisation or get_args(inner)[:1] == (MovingMode,)
     of_others = get_args(inner)[:1] == (BodyMode,)
@@ -181,7 +197,8 @@ def _control(
     words = words_of(kind, table, name)
     travel = words.travel or words.usual
     field = kind.model_fields[name]
-    required = field.is_required()
+    # of [setup] and a board one has the action, which cannot be absent
+    required = field.is_required() or (kind, name) in ((BoardObstacle, "action_12th_mm"), (Setup, "action_bass_mm"))
     default = None if required else _plain(field.get_default(call_default_factory=True))
     entry: dict[str, Any] = {
         "path": path,
@@ -318,6 +335,9 @@ def _obstacles(preset: Preset) -> list[dict[str, Any]]:
         if kind == preset.obstacle.kind:
             value = {"kind": kind, **_plain(preset.obstacle.model_dump(exclude_unset=True))}
         edits: list[dict[str, Any]] = [{"path": "obstacle", "value": value}]
+        if kind != preset.obstacle.kind and preset.setup is not None and preset.setup.shapes_the_neck:
+            strings = list(preset.setup.strings)
+            edits.append({"path": "setup", "value": {"strings": strings} if strings else None})
         if kind != "bridge" and preset.mapping.pressure_um != 0.0:  # there would be no bridge to move
             edits.append({"path": "mapping.pressure_um", "value": None})
         if kind == "board":  # where a finger follows every bend
@@ -358,6 +378,9 @@ def _suggestion(preset: Preset, table: Table, name: str) -> Any:
         except ValueError:
             return None
         return [_rounded(1e3 * height) for height in heights]
+    if isinstance(table, Setup):
+        beside = {"action_treble_mm": table.action_bass_mm, "nut_treble_mm": table.nut_bass_mm}
+        return {**beside, "saddle_radius_mm": table.board_radius_mm}.get(name)
     pluck = preset.pluck
     return {"position_hard": pluck.position, "width_hard_mm": pluck.width_mm, "slip_hard_ms": pluck.slip_ms}.get(name)
 
@@ -377,7 +400,7 @@ def _of_string(preset: Preset, table: StringTable, name: str) -> Any:
     if name == "bridge_points":
         return preset.obstacle.points if isinstance(preset.obstacle, BridgeObstacle) else None
     if name == "axial_stiffness_n":
-        return _rounded(axial_stiffness(table, table.notes[0])) if table.tension_modulation else None
+        return _rounded(axial_stiffness(preset, table, table.notes[0])) if table.tension_modulation else None
     values = {}
     for note in [table.notes[0], *notes, table.notes[1]]:
         try:

@@ -72,6 +72,41 @@ key = "D0"
 touch = { place = 0.05, resistance = 1.0 }
 """
 
+#: a neck as a luthier measures it, under two strings
+MEASURED_NECK = """
+format = 2
+name = "measured-neck"
+[[string]]
+notes = "D2"
+length_m = 0.863
+diameter_mm = 1.65
+linear_density_g_m = 13.8
+core_diameter_mm = 0.46
+winding_diameter_mm = 0.595
+youngs_modulus_gpa = 301
+[[string]]
+notes = "G2"
+length_m = 0.863
+diameter_mm = 1.14
+linear_density_g_m = 6.69
+inharmonicity = 3.5e-5
+[setup]
+action_bass_mm = 2.4
+action_treble_mm = 2.0
+relief_mm = 0.2
+nut_bass_mm = 0.5
+fall_away_mm = 0.1
+fall_away_fret = 14
+board_radius_mm = 305
+nut_spread_mm = 12
+saddle_spread_mm = 19
+[obstacle]
+kind = "frets"
+count = 36
+[pluck]
+displacement_mm = 3.0
+"""
+
 FREE = """
 format = 2
 name = "free"
@@ -86,7 +121,7 @@ viscoelastic_loss = 4.5e-3
 displacement_mm = 2.0
 """
 
-TEXTS = {"points": POINTS, "action": ACTION, "free": FREE} | {
+TEXTS = {"points": POINTS, "action": ACTION, "measured-neck": MEASURED_NECK, "free": FREE} | {
     name: (preset_folder() / f"{name}.toml").read_text(encoding="utf-8")
     for name in ("fretless-bass", "fretted-bass", "jawari-harp", "shamisen", "steel-guitar", "tanpura")
 }

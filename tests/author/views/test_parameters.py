@@ -11,7 +11,7 @@ from synth.author.changes import apply
 from synth.author.views.instrument import draw
 from synth.author.views.parameters import NOT_SETTINGS, describe, ranges
 from synth.author.views.words import GROUPS, WORDS
-from synth.instrument.preset import Preset, PresetError, migrate, validate_preset
+from synth.instrument.preset import NECK_KEYS, Preset, PresetError, migrate, validate_preset
 
 from .kit import TEXTS, preset
 
@@ -79,6 +79,7 @@ def test_the_schema_has_words_for_every_field_and_no_others() -> None:
         "effect",
         "excitation",
         "tuning",
+        "setup",
         "obstacle",
         "pluck",
         "damping",
@@ -103,6 +104,10 @@ def test_every_leaf_of_a_preset_has_one_control(name: str) -> None:
     assert len(set(paths)) == len(paths)
     tables = {entry["path"] for entry in entries if entry["item"] == "table"}
     hidden = {"body.resonance"} if preset(name).coupled else {"body.mode", "polarisation"}
+    if preset(name).setup is None:
+        hidden |= {"setup"}
+    else:
+        hidden |= {f"obstacle.{key}" for key in NECK_KEYS}
     hidden |= {"obstacle.layer", "hand.release"} | (set() if preset(name).polarisation else {"obstacle.friction"})
     written = {path for path in leaves(preset(name).model_dump()) if path.split(".")[0] not in NOT_SETTINGS}
     hidden -= {"hand.release"} if preset(name).hand.release else set()
