@@ -1,5 +1,5 @@
 """The command line: `synth render`, `play`, `drone`, `author`, `export`, `dataset`, `fit`, `body`, `devices`, `presets`,
-`plan`, `simulate`, `sweep`, `doctor`, `completion`; without any, a greeting.
+`plan`, `setup`, `simulate`, `sweep`, `doctor`, `completion`; without any, a greeting.
 
 Exit codes: 0 done; 1 failed for a reason that lies in the program, or whoever read its output has enough; 2 wrong usage or
 input, or something that could not be written (one line on standard error says what, and what was there before is as it was);
@@ -33,6 +33,7 @@ from synth.cli import (
     play,
     presets,
     render,
+    setup,
     simulate,
     streams,
     sweep,
@@ -44,7 +45,7 @@ from synth.files import unfinished
 from synth.jit import kernel_cache, vector_width
 
 #: commands that compile kernels, where there are none yet
-_COMPILING = ("render", "play", "drone", "author", "simulate", "sweep", "fit", "dataset")
+_COMPILING = ("render", "play", "drone", "author", "simulate", "sweep", "fit", "dataset", "setup")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -159,6 +160,7 @@ def _parser() -> argparse.ArgumentParser:
     devices.add(commands)
     presets.add(commands)
     plan.add(commands)
+    setup.add(commands)
     simulate.add(commands)
     sweep.add(commands)
     doctor.add(commands)

@@ -311,6 +311,11 @@ class ProgressLine:
         if self._due(time.monotonic()):
             self._write(f"preparing: {done} of {total} strings")
 
+    def notes(self, done: int, total: int) -> None:
+        """How many notes are computed."""
+        if self._due(time.monotonic()):
+            self._write(f"{100.0 * done / max(1, total):3.0f} %  {done} of {total} notes")
+
     def measuring(self, done: float) -> None:
         """Which share of a plan is measured."""
         if self._due(time.monotonic()):

@@ -67,3 +67,28 @@ def buzz_db(contact: np.ndarray, free: np.ndarray, whole: float) -> float:
     if not free.size or whole <= 0.0:
         return 0.0
     return float(10.0 * np.log10(((contact + masked) / (free + masked)).max()))
+
+
+#: frames in which a buzz is heard or not [s]
+FRAME_S = 0.05
+
+
+def buzz_seconds(
+    y: np.ndarray, free: np.ndarray, rate_hz: float, begin: int, pitch_hz: float, audible_db: float, *, speed: bool
+) -> float:
+    """How long a buzz is heard from sample `begin` on, all frames together in which B reaches `audible_db` [s].
+
+    y, free (n,): the note with contact and without. In each frame B is that of `buzz_db`, with the masked level 40 dB below
+    the loudest frame of the note without contact.
+    """
+    size = round(FRAME_S * rate_hz)
+    window = np.hanning(size)
+    starts = range(begin, y.size - size + 1, size // 2)
+    without = [band_energies(free[at : at + size] * window, rate_hz, pitch_hz, speed=speed) for at in starts]
+    loudest = max((whole for _, whole in without), default=0.0)
+    heard = 0
+    for at, (energies, _) in zip(starts, without, strict=True):
+        contact, _ = band_energies(y[at : at + size] * window, rate_hz, pitch_hz, speed=speed)
+        if buzz_db(contact, energies, loudest) >= audible_db:
+            heard += 1
+    return heard * (size // 2) / rate_hz

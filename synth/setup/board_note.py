@@ -11,6 +11,7 @@ from synth.engine.engine import Engine
 from synth.engine.parameters import INDEX_OF
 from synth.fit.fret_model import RATE_HZ, engine_for, stroke_sound
 from synth.instrument.compile import CompiledString, Position, full_pluck_force, open_string
+from synth.instrument.neck import alone, obstacle_under
 from synth.instrument.planfile import MeasuredPlan
 from synth.instrument.preset import BoardObstacle, Preset
 from synth.midi.events import NOTE_ON, PARAMETER
@@ -36,7 +37,7 @@ class BoardNote(Note):
         self._engines: dict[BoardObstacle, Engine] = {}
         speaking = position.length_m
         x = [speaking * (i + 1) / (BOARD_PLACES + 1) for i in range(BOARD_PLACES)]
-        end = 1e-3 * _board(preset).length_mm - string.open_length_m + speaking
+        end = 1e-3 * _board(preset, place).length_mm - string.open_length_m + speaking
         x = [each for each in x if each <= end]
         super().__init__(
             position, stroke, speed=preset.output.kind in ("pickup", "velocity"),
@@ -48,7 +49,7 @@ class BoardNote(Note):
         """Amount of the pluck of `_FULL_MM` per metre of displacement at this note."""
         table, opened = self._place.table(self._preset), self._place.opened
         full = full_pluck_force(
-            self._played(_board(self._preset)), table, open_string(self._preset, table, opened)[0], opened
+            self._played(_board(self._preset, self._place)), table, open_string(self._preset, table, opened)[0], opened
         )
         here, stroke = self.position, self.stroke
         distance = stroke.distance_m
@@ -57,8 +58,9 @@ class BoardNote(Note):
 
     def _played(self, board: BoardObstacle) -> Preset:
         """The preset of this string alone, whose pluck is the stroke's, over a board."""
-        preset, place, stroke = self._preset, self._place, self.stroke
-        table = place.table(preset)
+        place, stroke = self._place, self.stroke
+        preset = alone(self._preset, place.table(self._preset), place.opened)
+        (table,) = preset.string
         share = stroke.distance_m / self._string.open_length_m
         pluck = preset.pluck.model_copy(update={
             "displacement_mm": _FULL_MM, "velocity_exponent": 1.0, "position": share, "position_hard": None,
@@ -93,7 +95,7 @@ class BoardNote(Note):
 
     def play(self, displacement_m: float, below: Below) -> Played:
         """The stroke over the board of `below`. Impulses are not known."""
-        board = _board(below.preset)
+        board = _board(below.preset, self._place)
         gentle = _FREE * float(self.reach_m(below).min(initial=displacement_m))
         energies, _ = self._energies(displacement_m, board)
         free, whole = self._energies(gentle, board)
@@ -101,7 +103,7 @@ class BoardNote(Note):
         return Played(buzz_db(energies, square * free, square * whole), np.zeros(below.heights_m.size))
 
 
-def _board(preset: Preset) -> BoardObstacle:
-    shape = preset.obstacle
+def _board(preset: Preset, place: Place) -> BoardObstacle:
+    shape = obstacle_under(preset, place.table(preset), place.opened)
     assert isinstance(shape, BoardObstacle)
     return shape

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.instrument.compile import CompiledString, Position
+from synth.instrument.neck import alone
 from synth.instrument.preset import BoardObstacle, Preset, Scaled
 from synth.native.denormals import enable_ftz, restore
-from synth.setup.audible import AUDIBLE_DB
+from synth.setup.audible import AUDIBLE_DB, WINDOW_S
 from synth.setup.board_note import BoardNote
 from synth.setup.note import Note
 from synth.setup.places import Below, Place, below, check_touches, compiled, opened_string, places_of
@@ -104,18 +105,28 @@ class Prepared:
     below: Below
 
 
-def prepare(preset: Preset, place: Place, velocity: float, place_m: float | None, quality: str) -> Prepared:
-    """A place of a preset under strokes of a velocity. Raises PresetError, ValueError."""
+def prepare(
+    preset: Preset, place: Place, velocity: float, place_m: float | None, quality: str, seconds: float = WINDOW_S
+) -> Prepared:
+    """A place of a preset under strokes of a velocity, played for so long. Raises PresetError, ValueError."""
     string, position = compiled(preset, place, quality)
     stroke = stroke_of(preset, string, position, velocity, place_m)
     under = below(preset, place, opened_string(preset, place), position.length_m)
-    return Prepared(place, string, _note(preset, place, string, position, stroke, quality), under)
+    return Prepared(place, string, _note(preset, place, string, position, stroke, quality, seconds), under)
 
 
-def _note(preset: Preset, place: Place, string: CompiledString, position: Position, stroke: Stroke, quality: str) -> Note:
+def _note(
+    preset: Preset,
+    place: Place,
+    string: CompiledString,
+    position: Position,
+    stroke: Stroke,
+    quality: str,
+    seconds: float,
+) -> Note:
     if isinstance(preset.obstacle, BoardObstacle):
         return BoardNote(preset, place, string, position, stroke, quality)
-    return Note(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"))
+    return Note(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"), seconds=seconds)
 
 
 def spot(
@@ -208,15 +219,16 @@ def _force_by_gauge(
     preset: Preset, ready: Prepared, velocity: int, place_m: float | None, quality: str, touch: float
 ) -> float:
     """Relative change of the plucking force at the touch where the string is 1 % thicker, tuned to the same pitch."""
-    thicker = with_gauge(preset, ready.place.index, 1.0 + GAUGE)
-    other = prepare(thicker, ready.place, velocity, place_m, quality)
+    place = replace(ready.place, index=0)
+    single = alone(preset, ready.place.table(preset), place.opened)
+    other = prepare(with_gauge(single, 1.0 + GAUGE), place, velocity, place_m, quality)
     force = float(other.note.reach_m(other.below).min()) * other.note.position.tension_n
     return force / (touch * ready.note.position.tension_n) - 1.0
 
 
-def with_gauge(preset: Preset, index: int, factor: float) -> Preset:
-    """The preset with one string so many times as thick, of the same material."""
-    table = preset.string[index]
+def with_gauge(preset: Preset, factor: float) -> Preset:
+    """A preset of one string with one so many times as thick, of the same material."""
+    (table,) = preset.string
 
     def times(value: Scaled | None, by: float) -> Any:
         if value is None:
@@ -228,9 +240,7 @@ def with_gauge(preset: Preset, index: int, factor: float) -> Preset:
     }
     changed["linear_density_g_m"] = times(table.linear_density_g_m, factor**2)
     changed["inharmonicity"] = times(table.inharmonicity, factor**2)
-    strings = list(preset.string)
-    strings[index] = table.model_copy(update=changed)
-    return preset.model_copy(update={"string": tuple(strings)})
+    return preset.model_copy(update={"string": (table.model_copy(update=changed),)})
 
 
 def buzz_map(

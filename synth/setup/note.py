@@ -15,7 +15,7 @@ import numpy as np
 
 from synth.instrument.compile import Position
 from synth.physics.excitation import pluck_weights
-from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
+from synth.setup.audible import WINDOW_S, band_energies, buzz_db, buzz_seconds, fade
 from synth.setup.places import Below
 from synth.setup.strokes import Stroke
 from synth.solver import driver
@@ -135,33 +135,37 @@ class Note:
 
     def play(self, displacement_m: float, below: Below) -> Played:
         """The stroke with what lies below. Raises ValueError where no static shape of the string lies over it."""
-        eta = below.heights_m
-        heard, at, released = self._unit
-        contacts = eta.size
-        model = self._model(eta, self._heard)
-        early = bool(eta.max(initial=-1.0) >= 0.0) or bool(
-            np.any(displacement_m * at[: self.free_step + 1] <= eta) if contacts else False
+        y, force = self._run(displacement_m, below)
+        energies, _ = band_energies(y * fade(y.size, self.free_step), 1.0 / self.dt, self.pitch_hz, speed=self.speed)
+        free, whole = self._free_energies
+        square = displacement_m**2
+        return Played(buzz_db(energies, square * free, square * whole), force.sum(axis=0) * self.dt)
+
+    def buzz_seconds(self, displacement_m: float, below: Below, audible_db: float) -> float:
+        """How long the stroke buzzes audibly once the string is free, all moments together [s]."""
+        y, _ = self._run(displacement_m, below)
+        return buzz_seconds(
+            y, displacement_m * self._unit[0], 1.0 / self.dt, self.free_step, self.pitch_hz, audible_db, speed=self.speed
         )
-        n = self.position.omega.size
+
+    def _run(self, displacement_m: float, below: Below) -> tuple[np.ndarray, np.ndarray]:
+        """What is heard of the stroke (steps + 1,), and the forces of the contacts in each step that was computed [N]."""
+        heard, at, released = self._unit
+        eta, n = below.heights_m, self.position.omega.size
+        model = self._model(eta, self._heard)
+        early = bool(eta.max(initial=-1.0) >= 0.0) or bool(np.any(displacement_m * at[: self.free_step + 1] <= eta))
         if early:
             q, force, status = driver.static_contact(model, np.zeros(n))
             if status != SOLVED:
                 raise ValueError("no static shape of the string lies over its contacts; lower them")
             run = driver.start_run(model, q, np.zeros(n), force, 1, self.steps + 1, False, True)
             self._pluck(model, run, displacement_m)
-            begin = 0
         else:
             q, v = displacement_m * released
-            count = self.steps - self.free_step + 1
-            run = driver.start_run(model, q, v, np.zeros(contacts), 1, count, False, True)
-            begin = self.free_step
+            run = driver.start_run(model, q, v, np.zeros(eta.size), 1, self.steps - self.free_step + 1, False, True)
         driver.run(model, run, self.steps - self.free_step)
-        y = np.concatenate([displacement_m * heard[:begin], run.u[:, 0]])
-        energies, _ = band_energies(y * fade(y.size, self.free_step), 1.0 / self.dt, self.pitch_hz, speed=self.speed)
-        free, whole = self._free_energies
-        square = displacement_m**2
-        impulse = run.contact_force.sum(axis=0) * self.dt
-        return Played(buzz_db(energies, square * free, square * whole), impulse)
+        before = displacement_m * heard[: 0 if early else self.free_step]
+        return np.concatenate([before, run.u[:, 0]]), run.contact_force
 
 
 def _risen(steps: int) -> np.ndarray:

@@ -19,6 +19,7 @@ from synth.instrument.compile import (
     string_places,
     with_sawari,
 )
+from synth.instrument.neck import obstacle_under
 from synth.instrument.preset import (
     BoardObstacle,
     BridgeObstacle,
@@ -128,7 +129,8 @@ def compiled(preset: Preset, place: Place, quality: str, rate_hz: float = 44100.
     except PresetError:
         if not isinstance(alone.obstacle, FretsObstacle):
             raise
-        string = made(alone.model_copy(update={"obstacle": _out_of_reach(alone.obstacle)}))
+        setup = None if alone.setup is None else alone.setup.model_copy(update={"action_bass_mm": None})
+        string = made(alone.model_copy(update={"obstacle": _out_of_reach(alone.obstacle), "setup": setup}))
     return string, string.positions[0]
 
 
@@ -147,7 +149,8 @@ def opened_string(preset: Preset, place: Place) -> String:
 def below(preset: Preset, place: Place, opened: String, speaking_m: float) -> Below:
     """What lies below the string of a place, `opened` its open string [m] and `speaking_m` its length there. A height ≥ 0
     presses the string. Raises PresetError where the geometry is none."""
-    table, shape = place.table(preset), preset.obstacle
+    table = place.table(preset)
+    shape = obstacle_under(preset, table, place.opened)
     if isinstance(shape, BoardObstacle):
         board = fingerboard_of(shape, opened.length_m)
         rows = board.heights(opened.length_m, speaking_m, BOARD_PLACES)

@@ -8,7 +8,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
+from synth.instrument.compile import obstacle_of
+from synth.instrument.preset import FretsObstacle, Preset, at_note
 from synth.setup.buzz_map import BuzzMap, Spot
+from synth.setup.fretwork import BACKBOW_M, FEWEST, neck_of
+from synth.setup.places import Place
 from synth.units import midi_to_note
 
 #: columns of a file, with the rows' numbers in millimetres; empty where there is none
@@ -92,32 +98,32 @@ def summary(found: BuzzMap) -> list[str]:
         return ["no note was computed"]
     lines = []
     buzzing = [each for each in spots if each.buzzes]
-    said = "none" if not buzzing else _by_string(buzzing)
+    said = "none" if not buzzing else by_string(buzzing)
     lines.append(f"{len(buzzing)} of {len(spots)} notes buzz at this stroke: {said}")
     uncertain = [each for each in spots if each.uncertain and not each.resting]
     if uncertain:
         lines.append(
-            f"{len(uncertain)} of these thresholds lie so near the stroke that it may or may not buzz: {_by_string(uncertain)}"
+            f"{len(uncertain)} notes have their threshold so near the stroke that they may or may not buzz: "
+            f"{by_string(uncertain)}"
         )
     chaotic = [each for each in spots if math.isfinite(each.returns_m)]
     if chaotic:
-        lines.append(f"~ the buzz comes and goes beyond the threshold (chaotic motion): {_by_string(chaotic)}")
+        lines.append(f"~ the buzz comes and goes beyond the threshold (chaotic motion): {by_string(chaotic)}")
     resting = [each for each in spots if each.resting]
     if resting:
-        lines.append(
-            f"the string rests on a fret beyond its own: {_by_string(resting)}; lower that fret or raise the string"
-        )
+        lines.append(f"the string rests on a fret beyond its own: {by_string(resting)}; lower that fret or raise the string")
     tight = min(spots, key=lambda each: each.buzz_m / each.stroke_m)
     if math.isfinite(tight.buzz_m) and not tight.resting:
         where = "open" if tight.fret == 0 else f"fret {tight.fret}"
         lines.append(
             f"first to buzz: string {tight.string}, {where}, at {1e3 * tight.buzz_m:.3f} mm "
-            f"({1e3 * tight.low_m:.3f} to {1e3 * tight.high_m:.3f}), {100.0 * tight.buzz_m / tight.stroke_m:.0f} % of the stroke"
+            f"({1e3 * tight.low_m:.3f} to {1e3 * tight.high_m:.3f}), {100.0 * tight.buzz_m / tight.stroke_m:.0f} % of "
+            "the stroke"
         )
     return lines
 
 
-def _by_string(spots: Sequence[Spot]) -> str:
+def by_string(spots: Sequence[Spot | Place]) -> str:
     """String by string, frets that follow each other as a range."""
     parts = []
     for name in dict.fromkeys(each.string for each in spots):
@@ -134,3 +140,19 @@ def fret_ranges(frets: Sequence[int]) -> str:
         else:
             runs.append([fret, fret])
     return ", ".join("open" if low == 0 else f"{low}" if low == high else f"{low}-{high}" for low, high in runs)
+
+
+def neck_lines(preset: Preset) -> list[str]:
+    """The neck's own shape where each fret has a height of its own: which frets are high, and a backbow."""
+    shape = preset.obstacle
+    if not isinstance(shape, FretsObstacle) or shape.count < FEWEST:
+        return []
+    table = next(each for each in preset.string if not each.sympathetic)
+    whole = obstacle_of(preset, table, table.notes[0], at_note(table.length_m, table.notes[0]))
+    neck = neck_of(np.array(whole.positions_m), np.array(whole.heights_m))
+    lines = [
+        f"fret {number} is high: it stands {1e6 * neck.excess_m[number - 1]:.0f} µm above the neck" for number in neck.high
+    ]
+    if neck.relief_m < -BACKBOW_M:
+        lines.append(f"the neck is bent backwards: its relief is {1e3 * neck.relief_m:.2f} mm")
+    return lines

@@ -1,0 +1,237 @@
+"""The bridge that lets a string buzz longest: height of the thread (jiva), its place, or the curve of the bridge.
+
+A buzz lasts until no third octave of the note is louder by `audible_db` than of the same stroke over nothing, what is 40 dB
+below the loudest moment of that stroke being lost in the room (`audible`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from synth.instrument.preset import BridgeObstacle, Preset, PresetError, Scaled, at_note
+from synth.native.denormals import enable_ftz, restore
+from synth.setup.audible import AUDIBLE_DB
+from synth.setup.buzz_map import computed, prepare
+from synth.setup.places import Place, places_of
+from synth.units import midi_to_note
+
+#: seconds of a note that are played
+SECONDS = 12.0
+#: heights of a thread [µm], distances and radii in parts of what they are now, that are tried first
+JIVA_UM = (-5.0, 0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 17.0, 22.0, 30.0, 40.0, 60.0)
+PARTS = (0.8, 0.9, 1.0, 1.1, 1.25)
+#: another place or curve must be so many times as good as what is there
+_WORTH = 1.05
+#: rounds in which the best height is narrowed down
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """A bridge that was tried under a string, and how long a stroke buzzes on it [s].
+
+    jiva_um   height of the thread [µm]
+    part      place of the thread, or radius of a curved bridge, in parts of the preset's
+    """
+
+    jiva_um: float
+    part: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Longest:
+    """The bridges that were tried under an open string.
+
+    now    as it is
+    best   the best one of the proposed place or curve: how long a buzz lasts differs by a tenth or so from height to
+           height, so that each counts with its neighbours
+    near   heights of the thread [µm] about the best between which a buzz is at most a tenth shorter, neighbours counted
+    tried  all
+    """
+
+    place: Place
+    now: Bridge
+    best: Bridge
+    near: tuple[float, float]
+    tried: tuple[Bridge, ...]
+
+
+def with_neighbours(tried: Sequence[Bridge]) -> list[float]:
+    """Seconds of bridges that differ in height, in its order: each the mean of itself and of those beside it."""
+    return [
+        sum(each.seconds for each in beside) / len(beside)
+        for beside in (tried[max(0, k - 1) : k + 2] for k in range(len(tried)))
+    ]
+
+
+def _best(tried: Sequence[Bridge]) -> tuple[Bridge, tuple[float, float], float]:
+    """The best of bridges that differ in height, the heights near it, and its seconds with its neighbours."""
+    seconds = with_neighbours(tried)
+    k = max(range(len(tried)), key=lambda each: seconds[each])
+    low = high = k
+    while low > 0 and seconds[low - 1] >= 0.9 * seconds[k]:
+        low -= 1
+    while high + 1 < len(tried) and seconds[high + 1] >= 0.9 * seconds[k]:
+        high += 1
+    return tried[k], (tried[low].jiva_um, tried[high].jiva_um), seconds[k]
+
+
+def bridge_of(preset: Preset) -> BridgeObstacle:
+    """The bridge of a preset. Raises PresetError for one without."""
+    shape = preset.obstacle
+    if not isinstance(shape, BridgeObstacle):
+        raise PresetError(
+            f'{preset.name}: obstacle.kind must be bridge for a long buzz, got {shape.kind}; ask for "no buzz at medium"'
+        )
+    return shape
+
+
+def longest(
+    preset: Preset,
+    velocity: int,
+    *,
+    place_m: float | None = None,
+    quality: str = "standard",
+    audible_db: float = AUDIBLE_DB,
+    strings: Sequence[str] | None = None,
+    threads: int = 1,
+    told: Callable[[int, int], None] | None = None,
+) -> list[Longest]:
+    """The bridge that lets each open string buzz longest, by strokes of a velocity. Raises PresetError, ValueError;
+    KeyboardInterrupt."""
+    shape = bridge_of(preset)
+    opened = places_of(preset, strings, {0})
+    jobs = [(place, part) for place in opened for part in PARTS]
+
+    def one(job: tuple[Place, float]) -> list[Bridge]:
+        place, part = job
+        tried: dict[float, float] = {}
+
+        def play(jiva: float) -> None:
+            if jiva not in tried:
+                other = with_bridge(preset, place, jiva, part)
+                tried[jiva] = _seconds(other, place, velocity, place_m, quality, audible_db)
+
+        for jiva in sorted({*JIVA_UM, at_note(shape.jiva_um, place.opened)}):
+            play(jiva)
+        for _ in range(_ROUNDS):
+            heights = sorted(tried)
+            k = heights.index(max(heights, key=lambda each: tried[each]))
+            for other in (k - 1, k + 1):
+                if 0 <= other < len(heights):
+                    play(round(0.5 * (heights[k] + heights[other]), 2))
+        return [Bridge(jiva, part, tried[jiva]) for jiva in sorted(tried)]
+
+    made, complete = computed(one, jobs, threads, told)
+    if not complete:
+        raise KeyboardInterrupt
+    tried = {(place, part): some for (place, part), some in zip(jobs, made, strict=True)}
+    best = {job: _best(some) for job, some in tried.items()}
+    # one bridge lies under all strings: its place or curve is what is best for all together; each string has its own thread
+    together = {part: sum(best[place, part][2] for place in opened) for part in PARTS}
+    common = max(PARTS, key=lambda part: together[part])
+    if together[common] < _WORTH * together[1.0]:
+        common = 1.0
+    found = []
+    for place in opened:
+        jiva = at_note(shape.jiva_um, place.opened)
+        now = next(each for each in tried[place, 1.0] if each.jiva_um == jiva)
+        bridge, near, _ = best[place, common]
+        found.append(Longest(place, now, bridge, near, tuple(each for part in PARTS for each in tried[place, part])))
+    return found
+
+
+def with_bridge(preset: Preset, place: Place, jiva_um: float, part: float) -> Preset:
+    """The preset with another thread under every string, its place, or a curved bridge's radius, so many times as large."""
+    shape = bridge_of(preset)
+    changed: dict[str, Any] = {"jiva_um": jiva_um}
+    if not shape.has_thread:
+        changed["radius_mm"] = part * shape.radius_mm
+    elif shape.distance_ratio is not None:
+        changed["distance_ratio"] = part * shape.distance_ratio
+    else:
+        assert shape.distance_mm is not None
+        changed["distance_mm"] = part * at_note(shape.distance_mm, place.opened)
+    return preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
+
+
+def settings(preset: Preset, found: Sequence[Longest]) -> list[tuple[str, Any]]:
+    """[(path, value)] of the preset that give each string its best thread, and all of them the proposed place or curve."""
+    shape = bridge_of(preset)
+    jiva = {midi_to_note(each.place.opened): round(each.best.jiva_um, 2) for each in found}
+    values: Any = next(iter(jiva.values())) if len(set(jiva.values())) == 1 else jiva
+    edits: list[tuple[str, Any]] = [("obstacle.jiva_um", values)]
+    part = found[0].best.part
+    if part != 1.0:
+        if not shape.has_thread:
+            edits.append(("obstacle.radius_mm", round(part * shape.radius_mm, 1)))
+        elif shape.distance_ratio is not None:
+            edits.append(("obstacle.distance_ratio", round(part * shape.distance_ratio, 5)))
+        else:
+            assert shape.distance_mm is not None
+            edits.append(("obstacle.distance_mm", _times(shape.distance_mm, part)))
+    return edits
+
+
+def _times(value: Scaled, part: float) -> Any:
+    if isinstance(value, dict):
+        return {midi_to_note(note): round(part * each, 3) for note, each in value.items()}
+    return round(part * value, 3)
+
+
+def _seconds(preset: Preset, place: Place, velocity: int, place_m: float | None, quality: str, audible_db: float) -> float:
+    flush = enable_ftz()
+    try:
+        ready = prepare(preset, place, velocity, place_m, quality, SECONDS)
+        return ready.note.buzz_seconds(ready.note.stroke.displacement_m, ready.below, audible_db)
+    finally:
+        restore(flush)
+
+
+def lines(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, Any]]) -> list[str]:
+    """The proposal as text."""
+    shape = bridge_of(preset)
+    part = found[0].best.part
+    what = "place of the thread" if shape.has_thread else "radius of the bridge"
+    text = [f"{preset.name}: longest buzz of each open string, of at most {SECONDS:g} s that are played"]
+    for each in found:
+        low, high = each.near
+        text.append(
+            f"  {each.place.string}: thread {each.now.jiva_um:g} → {each.best.jiva_um:g} µm, buzz {each.now.seconds:.2f} → "
+            f"{each.best.seconds:.2f} s; at most a tenth shorter from {low:g} to {high:g} µm"
+        )
+    text.append(
+        f"  {what}: {'as it is' if part == 1.0 else f'{part:g} times as large'}, of {PARTS[0]:g} to {PARTS[-1]:g} times"
+    )
+    text.append(f"  tried: threads from {JIVA_UM[0]:g} to {JIVA_UM[-1]:g} µm, {what} times {PARTS[0]:g} to {PARTS[-1]:g}")
+    text.append("  " + " ".join(f"--set {path}={_written(value)}" for path, value in edits))
+    return text
+
+
+def about(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """The proposal as plain values."""
+    return {
+        "place_or_radius": found[0].best.part,
+        "strings": [
+            {
+                "string": each.place.string,
+                "now_um": each.now.jiva_um,
+                "now_s": round(each.now.seconds, 3),
+                "um": each.best.jiva_um,
+                "s": round(each.best.seconds, 3),
+                "near_um": list(each.near),
+            }
+            for each in found
+        ],
+        "settings": dict(edits),
+    }
+
+
+def _written(value: Any) -> str:
+    """A value as an option of the command line."""
+    if isinstance(value, dict):
+        return "'{ " + ", ".join(f'"{note}" = {each:g}' for note, each in value.items()) + " }'"
+    return f"{value:g}"

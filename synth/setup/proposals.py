@@ -1,0 +1,167 @@
+"""A want answered: the lowest set-up that keeps it, what is wrong with the neck, and what a dressed fret would gain."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from synth.instrument.preset import FretsObstacle, Preset
+from synth.setup.audible import AUDIBLE_DB
+from synth.setup.faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults
+from synth.setup.fretwork import Neck
+from synth.setup.lowest import Proposal, lowest, wanted_notes
+from synth.setup.places import Place
+from synth.setup.report import by_string
+from synth.setup.wants import Want
+
+#: notes of a list that are named
+_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is proposed for a preset.
+
+    proposal   the lowest set-up
+    faults     what is wrong with the neck, what clears most first
+    neck       the neck as it is; None where it has too few frets, or none
+    dressed    the lowest set-up once the high frets are dressed; None where none is high
+    """
+
+    preset: str
+    proposal: Proposal
+    faults: tuple[Fault, ...]
+    neck: Neck | None
+    dressed: Proposal | None
+
+    def lines(self) -> list[str]:
+        """The answer as text."""
+        found = self.proposal
+        lines = [f"{self.preset}: {found.notes} notes that must not buzz; {_counted(found.buzzing)} now"]
+        for fault in self.faults:
+            lines.append("  " + _fault_text(fault))
+        if self.neck is not None and not self.faults:
+            lines.append("  no fret is high, and the neck is sound")
+        lines.append("proposed:")
+        for each, value in zip(found.adjustments, found.values_mm, strict=True):
+            lines.append(
+                f"  {each.name}: {each.now_mm:.2f} → {value:.2f} mm ({value - each.now_mm:+.2f}; looked for between "
+                f"{each.low_mm:g} and {each.high_mm:g})"
+            )
+        if found.remaining:
+            lines.append(f"  not enough: {_counted(found.remaining)} there; ask for softer strokes, or raise the nut")
+        else:
+            lines.append("  none of them buzzes there")
+        lines.append(f"  first to buzz if it were lower: {_named(found.limiting)}")
+        if self.dressed is not None:
+            frets = " and ".join(
+                f"fret {each.where} by {1e6 * each.by_m:.0f} µm" for each in self.faults if each.kind == HIGH_FRET
+            )
+            values = ", ".join(
+                f"{each.name} {value:.2f} mm"
+                for each, value in zip(self.dressed.adjustments, self.dressed.values_mm, strict=True)
+            )
+            lines.append(f"  with {frets} dressed: {values}")
+        lines.append("  " + " ".join(f"--set {path}={_written(value)}" for path, value in found.settings))
+        return lines
+
+    def about(self) -> dict[str, Any]:
+        """The answer as plain values."""
+        found = self.proposal
+        return {
+            "notes": found.notes,
+            "buzzing": [_plain(each) for each in found.buzzing],
+            "proposed": [
+                {
+                    "name": each.name,
+                    "now_mm": round(each.now_mm, 4),
+                    "mm": value,
+                    "low_mm": each.low_mm,
+                    "high_mm": each.high_mm,
+                }
+                for each, value in zip(found.adjustments, found.values_mm, strict=True)
+            ],
+            "remaining": [_plain(each) for each in found.remaining],
+            "limiting": [_plain(each) for each in found.limiting],
+            "settings": dict(found.settings),
+            "faults": [
+                {"kind": each.kind, "where": each.where, "by_um": round(1e6 * each.by_m, 1),
+                 "clears": [_plain(place) for place in each.clears], "touching": each.of}
+                for each in self.faults
+            ],
+            "dressed": None
+            if self.dressed is None
+            else {each.name: value for each, value in zip(self.dressed.adjustments, self.dressed.values_mm, strict=True)},
+        }  # fmt: skip
+
+
+def propose(
+    preset: Preset,
+    want: Want,
+    *,
+    place_m: float | None = None,
+    quality: str = "standard",
+    audible_db: float = AUDIBLE_DB,
+    strings: Sequence[str] | None = None,
+    threads: int = 1,
+    told: Callable[[int, int], None] | None = None,
+) -> Answer:
+    """The lowest set-up of a preset that keeps a want, and the faults of its neck. Raises PresetError, ValueError;
+    KeyboardInterrupt."""
+    notes = wanted_notes(preset, want, place_m=place_m, quality=quality, strings=strings, threads=threads, told=told)
+    wrong, neck = faults(preset, notes)
+    found = lowest(preset, notes, audible_db=audible_db, threads=threads)
+    high = {int(each.where): each.by_m for each in wrong if each.kind == HIGH_FRET}
+    dressed = None
+    if high:
+        dressed = lowest(with_dressed(preset, high), notes, audible_db=audible_db, threads=threads)
+    return Answer(preset.name, found, tuple(wrong), neck, dressed)
+
+
+def with_dressed(preset: Preset, by_m: dict[int, float]) -> Preset:
+    """The preset with frets, by number, lower by so much [m]: only where each has a height of its own."""
+    shape, setup = preset.obstacle, preset.setup
+    assert isinstance(shape, FretsObstacle)
+    if setup is not None and setup.fret_heights_mm:
+        crowns = _lowered(setup.fret_heights_mm, by_m)
+        return preset.model_copy(update={"setup": setup.model_copy(update={"fret_heights_mm": crowns})})
+    return preset.model_copy(update={"obstacle": shape.model_copy(update={"heights_mm": _lowered(shape.heights_mm, by_m)})})
+
+
+def _lowered(heights_mm: Sequence[float], by_m: dict[int, float]) -> tuple[float, ...]:
+    return tuple(each - 1e3 * by_m.get(number, 0.0) for number, each in enumerate(heights_mm, start=1))
+
+
+def _fault_text(fault: Fault) -> str:
+    gain = f"{len(fault.clears)} of the {fault.of} notes that touch would be clear"
+    if not fault.of:
+        gain = "no note touches it at these strokes"
+    if fault.kind == HIGH_FRET:
+        return f"high fret: fret {fault.where} stands {1e6 * fault.by_m:.0f} µm above the neck; dressed by that, {gain}"
+    if fault.kind == BACKBOW:
+        return f"backbow: the neck is bent backwards; more hollow by {1e3 * fault.by_m:.2f} mm, {gain}"
+    if fault.kind == LOW_NUT:
+        return f"low nut: the slot of string {fault.where} is {1e3 * fault.by_m:.2f} mm too low; raised by that, {gain}"
+    return f"low action: {1e3 * fault.by_m:.2f} mm more at fret 12 at this relief, and {gain}"
+
+
+def _counted(places: Sequence[Place]) -> str:
+    if not places:
+        return "none buzzes"
+    return f"{len(places)} buzz{'es' if len(places) == 1 else ''} ({by_string(places)})"
+
+
+def _named(places: Sequence[Place]) -> str:
+    return "; ".join(
+        f"string {each.string}, {'open' if each.fret == 0 else f'fret {each.fret}'}" for each in places[:_NAMED]
+    )
+
+
+def _plain(place: Place) -> dict[str, Any]:
+    return {"string": place.string, "fret": place.fret}
+
+
+def _written(value: Any) -> str:
+    return json.dumps(value) if not isinstance(value, list) else "'" + json.dumps(value) + "'"
