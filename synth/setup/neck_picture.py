@@ -55,6 +55,7 @@ def draw(found: BuzzMap, path: str | Path) -> None:
 
     bar = figure.colorbar(ScalarMappable(norm, scale), ax=axes, pad=0.01, aspect=12)
     bar.set_ticks([0.5, 0.7, 1.0, 1.4, 2.0], labels=["50 %", "70 %", "100 %", "140 %", "200 %"])
+    bar.minorticks_off()
     bar.set_label(f"threshold, of the {found.stroke} stroke", fontsize=8)
     file = BytesIO()
     ending = Path(path).suffix.lower()
