@@ -36,6 +36,7 @@ class Spot:
     """One note of a buzz map. Displacements are those of the string under the finger, normal to the board [m].
 
     string, fret, note    where: the string's name, its fret (0: open), the MIDI note
+    clearance_m           least clearance of the string at rest; inf over nothing, negative where it rests on a fret
     stroke_m, stroke_aside   displacement of the map's stroke, and what the whole of it is in parts of that
     velocity              MIDI velocity of the stroke
     touch_m, touched      least displacement at which the string touches something, and what; inf, "": nothing up to limit_m
@@ -53,6 +54,7 @@ class Spot:
     string: str
     fret: int
     note: int
+    clearance_m: float
     stroke_m: float
     stroke_aside: float
     velocity: int
@@ -173,6 +175,7 @@ def _spot(preset: Preset, place: Place, velocity: int, place_m: float | None, qu
         place.string,
         place.fret,
         place.note,
+        float(under.clearance_m(note.position.length_m).min(initial=math.inf)),
         stroke.displacement_m,
         stroke.aside,
         velocity,

@@ -1,15 +1,18 @@
 """The lowest action and relief at which nothing buzzes that must not.
 
 Until it touches, a string's clearance over a fret is affine in action and relief, so that the lowest set-up that touches
-nothing is a linear programme. A note may touch a little before a buzz is heard; the strokes of the programme are made
-smaller by one factor, found by bisection, as long as no note buzzes audibly at its full stroke.
+nothing is a linear programme. A note may touch a little before a buzz is heard: each stroke counts in the programme with the
+share of its displacement at which the note touches when the whole of it just buzzes. That share is found at the set-up of
+the programme before, in a few rounds. At the end what is proposed is played: shares are raised together until nothing
+buzzes, then the action is lowered in steps as long as nothing does.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import linprog
@@ -20,13 +23,20 @@ from synth.physics.string import String
 from synth.setup.adjustments import RELIEF, Adjustment, adjusted, adjustments, settings
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.buzz_map import Prepared, computed, prepare
-from synth.setup.places import Place, below, check_touches, opened_string, places_of
+from synth.setup.places import Below, Place, below, check_touches, opened_string, places_of
+from synth.setup.thresholds import first_reaching
 from synth.setup.wants import Want
+
+Result = TypeVar("Result")
 
 #: what a millimetre of relief counts beside one of action
 _RELIEF_COUNTS = 0.5
-#: strokes are made smaller by this factor at most, which is found so closely
-_LEAST_FACTOR, _WITHIN = 0.5, 0.002
+#: rounds of the programme; notes that touch up to so many times their stroke count; least share, and how closely it is found
+_ROUNDS, _NEAR, _LEAST_SHARE, _SHARE_WITHIN = 2, 1.2, 0.5, 4e-3
+#: how much shares are raised at a time while something buzzes
+_RAISED = 1.005
+#: steps by which the action is lowered at the end, at most
+_LOWERED = 40
 #: what a millimetre counts that cannot be had
 _MISSING_COUNTS = 1e4
 #: proposals are rounded to this [mm]
@@ -45,25 +55,45 @@ class Wanted:
         """Where it is."""
         return self.prepared.place
 
+    def _below(self, preset: Preset) -> Below:
+        return below(preset, self.place, self.opened, self.prepared.note.position.length_m)
+
     def buzz_db(self, preset: Preset) -> float:
         """B of the stroke over the neck of a preset that differs in that alone; inf where the string rests on it."""
-        under = below(preset, self.place, self.opened, self.prepared.note.position.length_m)
+        under, note = self._below(preset), self.prepared.note
         if np.any(under.heights_m >= 0.0):
-            return float("inf")
-        displacement = self.prepared.note.stroke.displacement_m
-        if displacement <= float(self.prepared.note.reach_m(under).min(initial=np.inf)):
+            return math.inf
+        displacement = note.stroke.displacement_m
+        if displacement <= float(note.reach_m(under).min(initial=math.inf)):
             return 0.0
-        flush = enable_ftz()
-        try:
-            return self.prepared.note.play(displacement, under).buzz_db
-        finally:
-            restore(flush)
+        return _flushed(lambda: note.play(displacement, under).buzz_db)
+
+    def touching_share(self, preset: Preset, audible_db: float) -> float | None:
+        """The displacement at which the note touches over that at which it buzzes; None where both lie well beyond the
+        stroke, or the string rests on a fret."""
+        under, note = self._below(preset), self.prepared.note
+        displacement, touch = note.stroke.displacement_m, float(note.reach_m(under).min(initial=math.inf))
+        if touch > _NEAR * displacement or touch <= 0.0:
+            return None
+        most = touch / _LEAST_SHARE
+        buzz = _flushed(
+            lambda: first_reaching(lambda d: note.play(d, under).buzz_db, touch, most, audible_db, _SHARE_WITHIN)
+        )
+        return max(_LEAST_SHARE, touch / buzz)
 
     def least_clearance_m(self, preset: Preset) -> float:
         """The least clearance of the stroke over that neck [m], were nothing touched."""
-        under = below(preset, self.place, self.opened, self.prepared.note.position.length_m)
-        clearance = self.prepared.note.clearance_m(self.prepared.note.stroke.displacement_m, under)
-        return float(clearance.min(initial=np.inf))
+        note = self.prepared.note
+        return float(note.clearance_m(note.stroke.displacement_m, self._below(preset)).min(initial=math.inf))
+
+
+def _flushed(play: Callable[[], Result]) -> Result:
+    """What `play` returns, denormals flushed."""
+    flush = enable_ftz()
+    try:
+        return play()
+    finally:
+        restore(flush)
 
 
 @dataclass(frozen=True)
@@ -134,21 +164,26 @@ def lowest(
             raise KeyboardInterrupt
         return [each for each, level in zip(notes, found, strict=True) if level >= audible_db]
 
-    now = [each.now_mm for each in turned]
-    buzzing = failing(now)
-    steps, done = int(np.ceil(np.log2((1.0 - _LEAST_FACTOR) / _WITHIN))), 0
-    low, high = _LEAST_FACTOR, 1.0
-    values, possible = programme.solve(high)
-    while possible and high - low > _WITHIN:
-        middle = 0.5 * (low + high)
-        tried, _ = programme.solve(middle)
-        if failing(tried):
-            low = middle
-        else:
-            high, values = middle, tried
-        done += 1
+    def tell(done: int) -> None:
         if told is not None:
-            told(min(done, steps), steps)
+            told(done, _ROUNDS + 2)
+
+    buzzing = failing([each.now_mm for each in turned])
+    share = np.ones(len(notes))
+    values, possible = programme.solve(share)
+    for number in range(_ROUNDS):
+        share = _shares(adjusted(preset, values), notes, share, audible_db, threads)
+        values, possible = programme.solve(share)
+        tell(number + 1)
+    while possible and failing(values) and share.min() < 1.0:
+        share = np.minimum(1.0, _RAISED * share)
+        values, possible = programme.solve(share)
+    tell(_ROUNDS + 1)
+    if possible:
+        values = _lowered(
+            values, [each if moves else None for each, moves in zip(turned, programme.moves, strict=True)], failing
+        )
+    tell(_ROUNDS + 2)
     remaining = failing(values)
     at = adjusted(preset, values)
     room = np.array([each.least_clearance_m(at) / each.prepared.note.stroke.displacement_m for each in notes])
@@ -162,6 +197,30 @@ def lowest(
         tuple(notes[int(k)].place for k in order),
         len(notes),
     )
+
+
+def _shares(preset: Preset, notes: Sequence[Wanted], before: np.ndarray, audible_db: float, threads: int) -> np.ndarray:
+    """(notes,) touching share of each note at a set-up; what it was before where that is not known."""
+    found, complete = computed(lambda each: each.touching_share(preset, audible_db), list(notes), threads)
+    if not complete:
+        raise KeyboardInterrupt
+    return np.array([old if here is None else here for old, here in zip(before, found, strict=True)])
+
+
+def _lowered(
+    values: list[float], turned: Sequence[Adjustment | None], failing: Callable[[Sequence[float]], Sequence[Wanted]]
+) -> list[float]:
+    """Values whose actions are lower, step by step, as long as nothing buzzes. None: what moves nothing."""
+    for k, each in enumerate(turned):
+        if each is None or each.name == RELIEF:
+            continue
+        for _ in range(_LOWERED):
+            lower = list(values)
+            lower[k] = round(values[k] - _ROUNDED_MM, 4)
+            if lower[k] < each.low_mm or failing(lower):
+                break
+            values = lower
+    return values
 
 
 class _Programme:
@@ -179,28 +238,38 @@ class _Programme:
             rows.append(slopes)
             offsets.append(-1e3 * heights[0] - slopes @ now)
             needs.append(1e3 * note.stroke.displacement_m * note.deepest)
+        self._counts = [each.size for each in needs]
         self._rows, self._offsets, self._needs = np.vstack(rows), np.concatenate(offsets), np.concatenate(needs)
 
-    def solve(self, factor: float) -> tuple[list[float], bool]:
-        """(values, whether they lie within bounds) of the lowest set-up at which strokes so many times as large touch
+    @property
+    def moves(self) -> list[bool]:
+        """Whether each of what may be turned moves any of the notes."""
+        return [bool(each > 1e-9) for each in np.abs(self._rows).max(axis=0)]
+
+    def solve(self, share: np.ndarray) -> tuple[list[float], bool]:
+        """(values, whether they lie within bounds) of the lowest set-up at which shares (notes,) of the strokes touch
         nothing; where there is none, of the one that comes nearest. Values are rounded: relief to the nearest, then the
         action that goes with it up."""
-        bounds = [(each.low_mm, each.high_mm) for each in self._turned]
-        values, _ = self._solved(factor, bounds)
+        bounds = [
+            (each.low_mm, each.high_mm) if moves else (each.now_mm, each.now_mm)  # what moves nothing stays
+            for each, moves in zip(self._turned, self.moves, strict=True)
+        ]
+        values, _ = self._solved(share, bounds)
         for k, each in enumerate(self._turned):
             if each.name == RELIEF:
                 relief = _ROUNDED_MM * round(values[k] / _ROUNDED_MM)
                 bounds[k] = (relief, relief)
-        values, possible = self._solved(factor, bounds)
+        values, possible = self._solved(share, bounds)
         for k, each in enumerate(self._turned):
-            up = values[k] if each.name == RELIEF else _ROUNDED_MM * float(np.ceil(values[k] / _ROUNDED_MM - 1e-6))
-            values[k] = round(min(each.high_mm, up), 4)
+            up = _ROUNDED_MM * float(np.ceil(values[k] / _ROUNDED_MM - 1e-6))
+            kept = each.name == RELIEF or bounds[k][0] == bounds[k][1]
+            values[k] = round(values[k] if kept else min(each.high_mm, up), 4)
         return values, possible
 
-    def _solved(self, factor: float, bounds: Sequence[tuple[float, float]]) -> tuple[list[float], bool]:
+    def _solved(self, share: np.ndarray, bounds: Sequence[tuple[float, float]]) -> tuple[list[float], bool]:
         count = len(self._turned)
         cost = [_RELIEF_COUNTS if each.name == RELIEF else 1.0 for each in self._turned]
-        needed = np.maximum(factor * self._needs, 0.0)
+        needed = np.maximum(np.repeat(share, self._counts) * self._needs, 0.0)
         found = linprog(
             [*cost, _MISSING_COUNTS],
             A_ub=np.hstack([-self._rows, -np.ones((self._rows.shape[0], 1))]),

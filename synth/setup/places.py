@@ -68,14 +68,29 @@ class Place:
 class Below:
     """What lies below a note.
 
-    heights_m  (C,) over the string at rest, stopped where it is
-    names      (C,) what each contact is called: "fret 5"
-    preset     which they are of
+    heights_m    (C,) over the string at rest, stopped where it is
+    distances_m  (C,) from the saddle
+    names        (C,) what each contact is called: "fret 5"
+    preset       which they are of
     """
 
     heights_m: np.ndarray
+    distances_m: np.ndarray
     names: tuple[str, ...]
     preset: Preset
+
+    def clearance_m(self, speaking_m: float, finger_m: float = 0.0, displacement_m: float = 0.0) -> np.ndarray:
+        """(C,) clearance under a string of a speaking length that a finger holds still, its distance from the saddle
+        `finger_m`, drawn to a displacement from the board (towards it: negative): two straight lines from the finger to the
+        ends, as a string without stiffness lies. Without a finger that of the string at rest."""
+        if displacement_m == 0.0:
+            return -self.heights_m
+        shape = np.where(
+            self.distances_m <= finger_m,
+            self.distances_m / finger_m,
+            (speaking_m - self.distances_m) / (speaking_m - finger_m),
+        )
+        return displacement_m * shape - self.heights_m
 
 
 def check_touches(preset: Preset) -> None:
@@ -154,18 +169,20 @@ def below(preset: Preset, place: Place, opened: String, speaking_m: float) -> Be
     if isinstance(shape, BoardObstacle):
         board = fingerboard_of(shape, opened.length_m)
         rows = board.heights(opened.length_m, speaking_m, BOARD_PLACES)
-        return Below(np.array([height for _, height in rows]), tuple(f"board at {1e3 * x:.0f} mm" for x, _ in rows), preset)
+        names = tuple(f"board at {1e3 * x:.0f} mm" for x, _ in rows)
+        distances = opened.length_m - np.array([x for x, _ in rows])
+        return Below(np.array([height for _, height in rows]), distances, names, preset)
     try:
         whole = obstacle_of(preset, table, place.opened, opened.length_m)
         if isinstance(shape, FretsObstacle):
-            _, _, heights = beyond_fret(whole, place.fret, opened.length_m)
+            speaking, x, heights = beyond_fret(whole, place.fret, opened.length_m)
             names = tuple(f"fret {place.fret + 1 + i}" for i in range(heights.size))
             if not place.fret:
                 left = with_sawari(preset, place.opened, whole)
                 names = (*["sawari"] * (len(left) - heights.size), *names)
-                heights = np.array(left.heights_m)
-            return Below(heights, names, preset)
-        _, left, _ = stopped(preset, place.fret, opened, whole)
+                x, heights = np.array(left.positions_m), np.array(left.heights_m)
+            return Below(heights, speaking - x, names, preset)
+        speaking, left, _ = stopped(preset, place.fret, opened, whole)
     except ValueError as error:
         raise PresetError(f"{preset.name}: string {place.string}: {error}") from None
     count = len(left)
@@ -173,4 +190,4 @@ def below(preset: Preset, place: Place, opened: String, speaking_m: float) -> Be
         names = ("bridge",) if count == 1 else tuple(f"bridge point {count - i}" for i in range(count))
     else:
         names = tuple(f"point {i + 1}" for i in range(count))
-    return Below(np.array(left.heights_m), names, preset)
+    return Below(np.array(left.heights_m), speaking - np.array(left.positions_m), names, preset)

@@ -19,7 +19,7 @@ from synth.units import midi_to_note
 
 #: columns of a file, with the rows' numbers in millimetres; empty where there is none
 COLUMNS = (
-    "string", "fret", "note", "touch_mm", "touches", "buzz_mm", "buzzes_on", "buzz_low_mm", "buzz_high_mm",
+    "string", "fret", "note", "clearance_mm", "touch_mm", "touches", "buzz_mm", "buzzes_on", "buzz_low_mm", "buzz_high_mm",
     "chaotic_up_to_mm", "buzz_velocity", "stroke_mm", "stroke_buzz_db", "buzzes", "place_percent", "gauge_percent",
     "rests_on", "looked_up_to_mm",
 )  # fmt: skip
@@ -32,7 +32,8 @@ def rows(found: BuzzMap) -> list[dict[str, Any]]:
 
 def _row(spot: Spot) -> dict[str, Any]:
     values = (
-        spot.string, spot.fret, midi_to_note(spot.note), _mm(spot.touch_m), spot.touched or None, _mm(spot.buzz_m),
+        spot.string, spot.fret, midi_to_note(spot.note), _mm(spot.clearance_m), _mm(spot.touch_m),
+        spot.touched or None, _mm(spot.buzz_m),
         spot.buzzes_on or None, _mm(spot.low_m), _mm(spot.high_m), _mm(spot.returns_m), _number(spot.buzz_velocity, 1),
         _mm(spot.stroke_m), _number(spot.stroke_db, 2), spot.buzzes, _number(spot.place_percent, 2),
         _number(spot.gauge_percent, 2), spot.touched if spot.resting else None, _mm(spot.limit_m),

@@ -53,9 +53,9 @@ def threshold(
     if touch_m > most_m:
         return Threshold(touch_m, math.inf, math.inf, math.inf, math.nan)
     lower = max(0.25 * audible_db, audible_db - uncertain_db)
-    low = _first(at, touch_m, most_m, lower, _EDGE_WITHIN)
-    buzz = _first(at, touch_m, most_m, audible_db, _WITHIN)
-    high = _first(at, touch_m, most_m, audible_db + uncertain_db, _EDGE_WITHIN)
+    low = first_reaching(at, touch_m, most_m, lower, _EDGE_WITHIN)
+    buzz = first_reaching(at, touch_m, most_m, audible_db, _WITHIN)
+    high = first_reaching(at, touch_m, most_m, audible_db + uncertain_db, _EDGE_WITHIN)
     returns = math.nan
     if math.isfinite(buzz):
         for factor in _BEYOND:
@@ -65,8 +65,9 @@ def threshold(
     return Threshold(touch_m, buzz, min(low, buzz), max(high, buzz), returns)
 
 
-def _first(at: Callable[[float], float], touch_m: float, most_m: float, wanted: float, within: float) -> float:
-    """The least displacement at which `at` reaches `wanted`, on a grid that widens from the touch on and then halved."""
+def first_reaching(at: Callable[[float], float], touch_m: float, most_m: float, wanted: float, within: float) -> float:
+    """The least displacement [m] at which `at` reaches `wanted`: on a grid that widens from the touch on, then by
+    halving, to a relative width; inf where it does not up to `most_m`."""
     below = touch_m
     above = touch_m * (1.0 + _FIRST_STEP) if touch_m > 0.0 else _FROM * most_m
     step = above - below if touch_m > 0.0 else above * (_STEP - 1.0)
