@@ -52,6 +52,7 @@ def add(commands: Any) -> None:
         help="measured heights of all frets (columns fret and height_mm, height_um or height_thou) in the place of "
         "setup.fret_heights_mm",
     )  # fmt: skip
+    parser.add_argument("--tension", action="store_true", help="also list each string's gauge, mass and tension")
     parser.add_argument(
         "--want", metavar="WISH",
         help='what the set-up must keep, such as "no buzz at medium, except open strings hard" or "longest buzz at medium"',
@@ -154,7 +155,7 @@ def _preset(options: argparse.Namespace) -> Preset:
 
 def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
     from synth.setup.buzz_map import buzz_map
-    from synth.setup.report import neck_lines, rows, terminal_text
+    from synth.setup.report import neck_lines, rows, string_lines, terminal_text
 
     frets = None if options.frets is None else range(options.frets[0], options.frets[1] + 1)
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
@@ -178,7 +179,8 @@ def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
         }  # fmt: skip
         print(json.dumps(about, indent=2, allow_nan=False))
     elif not options.quiet:
-        print("\n".join([terminal_text(found), *neck_lines(preset), *options.output]))
+        strings = string_lines(preset) if options.tension else []
+        print("\n".join([terminal_text(found), *neck_lines(preset), *strings, *options.output]))
     if not found.complete:
         print(f"synth: interrupted: {len(found.spots)} notes were computed and are kept", file=sys.stderr)
         return 130

@@ -47,7 +47,7 @@ class Answer:
         lines.append("proposed:")
         for each, value in zip(found.adjustments, found.values_mm, strict=True):
             lines.append(
-                f"  {each.name}: {each.now_mm:.2f} → {value:.2f} mm ({value - each.now_mm:+.2f}; looked for between "
+                f"  {each.name}: {each.now_mm:.2f} → {value:.2f} mm ({value - each.now_mm:+.2f}; bounds "
                 f"{each.low_mm:g} and {each.high_mm:g})"
             )
         if found.remaining:

@@ -14,7 +14,7 @@ from synth.instrument.compile import obstacle_of
 from synth.instrument.preset import FretsObstacle, Preset, at_note
 from synth.setup.buzz_map import BuzzMap, Spot
 from synth.setup.fretwork import BACKBOW_M, FEWEST, neck_of
-from synth.setup.places import Place
+from synth.setup.places import Place, opened_string, places_of
 from synth.units import midi_to_note
 
 #: columns of a file, with the rows' numbers in millimetres; empty where there is none
@@ -156,4 +156,20 @@ def neck_lines(preset: Preset) -> list[str]:
     ]
     if neck.relief_m < -BACKBOW_M:
         lines.append(f"the neck is bent backwards: its relief is {1e3 * neck.relief_m:.2f} mm")
+    return lines
+
+
+#: newtons in a pound of force
+_POUND_N = 4.4482216
+
+
+def string_lines(preset: Preset) -> list[str]:
+    """Each string that is played, as its maker has it: diameter, mass per length, tension at its pitch."""
+    lines = []
+    for place in places_of(preset, None, {0}):
+        string = opened_string(preset, place)
+        lines.append(
+            f"string {place.string}: {1e3 * string.diameter_m:.2f} mm (.{string.diameter_m / 25.4e-6:03.0f} in), "
+            f"{1e3 * string.linear_density_kg_m:.2f} g/m, {string.tension_n:.0f} N ({string.tension_n / _POUND_N:.1f} lb)"
+        )
     return lines
