@@ -23,8 +23,8 @@ from synth.physics.string import String
 ROWS_HZ = 176400.0
 #: seconds of a note after the string is free
 SECONDS = 0.25
-#: a force on the saddle is heard as the displacement so near to it [m]
-NEAR_SADDLE_M = 2.5e-4
+#: a force on the saddle follows from the displacements so near to it [m]
+NEAR_SADDLE_M = (0.5e-3, 1.0e-3, 1.5e-3)
 #: points at which a pickup's aperture is looked at, by Gauss's rule
 APERTURE_POINTS = 12
 
@@ -133,9 +133,17 @@ def _heard(preset: Preset, opened: String, string: String) -> tuple[list[float],
     distance = min(output.position * opened.length_m, 0.98 * string.length_m)
     if output.kind == "force":
         assert distance == 0.0
-        return [string.length_m - NEAR_SADDLE_M], np.ones(1)
+        return [string.length_m - each for each in NEAR_SADDLE_M], _force_weights(string)
     if output.kind != "pickup":
         return [string.length_m - distance], np.ones(1)
     nodes, weights = np.polynomial.legendre.leggauss(APERTURE_POINTS)
     centre, half = string.length_m - distance, 0.5e-3 * output.aperture_mm
     return (centre + half * nodes).tolist(), 0.5 * weights
+
+
+def _force_weights(string: String) -> np.ndarray:
+    """(P,) weights of the displacements near the saddle that make T u′ − EI u‴ of them, where a stiff string is pinned:
+    u = a s + b s³/6 + c s⁵/120 at s from the saddle."""
+    s = np.array(NEAR_SADDLE_M)
+    rows = np.array([s, s**3 / 6.0, s**5 / 120.0])
+    return np.asarray(np.linalg.solve(rows, [string.tension_n, -string.bending_stiffness_n_m2, 0.0]))

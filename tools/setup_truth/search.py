@@ -15,7 +15,7 @@ from synth.research.result import Result
 #: relative width of the last bracket
 WITHIN = 3e-3
 #: first step above the touch in parts of it, growth of the steps, and their largest
-_STEP, _GROWTH, _MOST_STEP = 2e-3, 1.5, 0.03
+_STEP, _GROWTH, _MOST_STEP = 2e-3, 1.2, 5e-3
 #: level from which a buzz is heard [dB]
 AUDIBLE_DB = 3.0
 
