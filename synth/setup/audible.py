@@ -3,11 +3,11 @@
 A fret takes energy from the low partials of a note and gives it to the high ones. The measure compares the note with the
 same stroke over no frets, in third octaves (IEC 61260-1), over the time in which the ear adds up loudness:
 
-    B = max_b 10 log₁₀ (E_b + m) / (E⁰_b + m),    b: bands from 5 f₁ to 10 kHz,    m = 10⁻⁴ Σ_b E⁰_b,
+    B = max_b 10 log₁₀ (E_b + m) / (E⁰_b + m),    b: bands from 5 f₁ to 10 kHz,    m = 10⁻⁴ E⁰,
 
-E_b and E⁰_b the A-weighted energies of the note with and without contact. Bands begin at the fifth partial, below which a
-third octave may hold none; what lies 40 dB below the whole note is taken as lost in the noise of a quiet room: 30 dB(A)
-under a note of 70 dB(A).
+E_b and E⁰_b the A-weighted energies of the note with and without contact, E⁰ that of the whole note without, also below
+those bands. Bands begin at the fifth partial, below which a third octave may hold none; what lies 40 dB below the whole note
+is taken as lost in the noise of a quiet room: 30 dB(A) under a note of 70 dB(A).
 """
 
 from __future__ import annotations
