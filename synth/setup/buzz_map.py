@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.instrument.compile import CompiledString, Position
+from synth.instrument.compile import CompiledString, Position, open_string, speaking_string, string_frequency
 from synth.instrument.neck import alone
-from synth.instrument.preset import BoardObstacle, Preset, Scaled
+from synth.instrument.preset import BoardObstacle, FretsObstacle, Preset, Scaled
 from synth.native.denormals import enable_ftz, restore
+from synth.physics.string import String
+from synth.physics.tuning import tuned
 from synth.setup.audible import AUDIBLE_DB, WINDOW_S
 from synth.setup.board_note import BoardNote
 from synth.setup.note import Note
@@ -168,7 +170,7 @@ def _spot(preset: Preset, place: Place, velocity: int, place_m: float | None, qu
     by_place, by_gauge = 0.0, 0.0
     if 0.0 < touch <= limit:
         by_place = max(abs(_moved_touch(note, under, by) / touch - 1.0) for by in (-PLACE_M, PLACE_M))
-        by_gauge = _force_by_gauge(preset, ready, velocity, place_m, quality, touch)
+        by_gauge = _force_by_gauge(preset, ready)
     low, high = _interval(found, by_place)
     touched = 0.0 if resting else touch
     return Spot(
@@ -218,15 +220,26 @@ def _moved_touch(note: Note, under: Below, by_m: float) -> float:
     return float(note.with_stroke(stroke).reach_m(under).min())
 
 
-def _force_by_gauge(
-    preset: Preset, ready: Prepared, velocity: int, place_m: float | None, quality: str, touch: float
-) -> float:
+def _force_by_gauge(preset: Preset, ready: Prepared) -> float:
     """Relative change of the plucking force at the touch where the string is 1 % thicker, tuned to the same pitch."""
-    place = replace(ready.place, index=0)
-    single = alone(preset, ready.place.table(preset), place.opened)
-    other = prepare(with_gauge(single, 1.0 + GAUGE), place, velocity, place_m, quality)
-    force = float(other.note.reach_m(other.below).min()) * other.note.position.tension_n
-    return force / (touch * ready.note.position.tension_n) - 1.0
+    place, note = ready.place, ready.note
+    single = alone(preset.on_rigid_ends, place.table(preset.on_rigid_ends), place.opened)
+    forces = []
+    for factor in (1.0, 1.0 + GAUGE):
+        string = _speaking(with_gauge(single, factor), place)
+        forces.append(string.tension_n * float(note.with_string(string).reach_m(ready.below).min()))
+    return forces[1] / forces[0] - 1.0
+
+
+def _speaking(single: Preset, place: Place) -> String:
+    """The speaking string of a place, of a preset of its string alone."""
+    (table,) = single.string
+    opened, under = open_string(single, table, place.opened)
+    if isinstance(single.obstacle, FretsObstacle):  # whose heights do not count here
+        length = opened.length_m * 2.0 ** (-place.fret / 12.0)
+        hz = string_frequency(single, table, place.note)
+        return tuned(opened.with_length(length), hz) if place.fret else opened
+    return speaking_string(single, table, place.opened, place.fret, opened, under)[0]
 
 
 def with_gauge(preset: Preset, factor: float) -> Preset:

@@ -8,13 +8,15 @@ the contacts.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from synth.instrument.compile import Position
 from synth.physics.excitation import pluck_weights
+from synth.physics.modes import decay_rates, modal_frequencies
+from synth.physics.string import String
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, buzz_seconds, fade
 from synth.setup.places import Below
 from synth.setup.strokes import Stroke
@@ -72,6 +74,21 @@ class Note:
     def with_stroke(self, stroke: Stroke) -> Note:
         """The same string under another stroke, for `reach_m` and `clearance_m`."""
         return Note(self.position, stroke, speed=self.speed, shapes=self._shapes)
+
+    def with_string(self, string: String) -> Note:
+        """Another string of the same length under the same stroke, its own modes alone, for `reach_m`."""
+        here, n = self.position, self.position.own
+        other = replace(
+            here,
+            omega=modal_frequencies(string, n),
+            sigma=decay_rates(string, n),
+            mu=string.linear_density_kg_m,
+            tension_n=string.tension_n,
+            shapes=here.shapes[:, :n],
+            wq=here.wq[:n],
+            wv=here.wv[:n],
+        )
+        return Note(other, self.stroke, speed=self.speed, shapes=self._shapes[:, :n])
 
     def _model(self, eta: np.ndarray | None, out_shapes: np.ndarray) -> driver.Model:
         here, n = self.position, self.position.omega.size
