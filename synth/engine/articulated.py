@@ -60,12 +60,18 @@ def _touch(touch: Touch) -> tuple:
     )
 
 
-def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -> tuple:
+def pluck_of(pluck: Pluck, table: Articulation) -> Pluck:
+    """The pluck with the place, width and roughness of an articulation."""
     own = pluck.model_copy(update={name: getattr(table, name) for name in _STROKE if getattr(table, name) is not None})
     if "position" in table.model_fields_set and table.position_hard is None:
         own = own.model_copy(update={"position_hard": None})
     if "width_mm" in table.model_fields_set and table.width_hard_mm is None:
         own = own.model_copy(update={"width_hard_mm": None})
+    return own
+
+
+def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -> tuple:
+    own = pluck_of(pluck, table)
     soft, hard = table.velocity or ((1, 127) if normal else (_NEVER, _NEVER))
     soft_slip, hard_slip = table.slip_ms, table.slip_ms if table.slip_hard_ms is None else table.slip_hard_ms
     stiffness = pluck.finger_stiffness_n_mm if table.stiffness_n_mm is None else table.stiffness_n_mm

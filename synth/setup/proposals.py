@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from synth.instrument.preset import FretsObstacle, Preset
+from synth.setup.adjustments import adjustments
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults
 from synth.setup.fretwork import Neck
@@ -110,6 +111,7 @@ def propose(
 ) -> Answer:
     """The lowest set-up of a preset that keeps a want, and the faults of its neck. Raises PresetError, ValueError;
     KeyboardInterrupt."""
+    adjustments(preset)  # raises, before anything is computed, where there is no neck
     notes = wanted_notes(preset, want, place_m=place_m, quality=quality, strings=strings, threads=threads, told=told)
     wrong, neck = faults(preset, notes)
     found = lowest(preset, notes, audible_db=audible_db, threads=threads)

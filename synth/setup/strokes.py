@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from synth.engine.articulated import pluck_of
 from synth.engine.stroke import between, drawn_by, finger_distance, finger_width, pluck_force
 from synth.engine.strokes import LONGEST_DRAW_S, LONGEST_SLIP_S
+from synth.instrument.articulations import NORMAL, Articulation
 from synth.instrument.compile import CompiledString, Position
 from synth.instrument.preset import Preset
 
@@ -53,7 +55,12 @@ def stroke_of(
     place_m: distance from the saddle [m] in the place of the preset's. Raises ValueError for an excitation that is not a
     pluck, and for a place that is not on the speaking string.
     """
-    pluck, strength = preset.pluck, velocity / 127.0
+    way, strength = preset.articulations.get(NORMAL, Articulation()), velocity / 127.0
+    if way.stroke == "throw":
+        raise ValueError(
+            f"articulations.{NORMAL} of {preset.name} must draw the string, got a throw; take a preset that is plucked"
+        )
+    pluck = pluck_of(preset.pluck, way)
     if preset.excitation is not None and preset.excitation.kind != "pluck":
         raise ValueError(
             f"excitation of {preset.name} must be a pluck, got {preset.excitation.kind}; take a preset that is plucked"
@@ -67,15 +74,19 @@ def stroke_of(
     if place_m is not None:
         share = place_m / string.open_length_m
     distance = finger_distance(share, string.open_length_m, position.length_m)
-    force = pluck_force(string.pluck_force_n, strength, pluck.velocity_exponent)
+    force = pluck_force(string.pluck_force_n * way.displacement_ratio, strength, pluck.velocity_exponent)
     drawn = drawn_by(force, distance, position.length_m, position.tension_n)
     across = 0.0 if preset.polarisation is None else math.radians(preset.polarisation.pluck_deg)
-    slip_s = between(string.slip_s, string.hard_slip_s, strength)
+    slip_s, hard_slip_s = string.slip_s, string.hard_slip_s
+    if way.slip_ms is not None:
+        slip_s = hard_slip_s = 1e-3 * way.slip_ms
+    if way.slip_hard_ms is not None:
+        hard_slip_s = 1e-3 * way.slip_hard_ms
     return Stroke(
         distance,
         finger_width(1e-3 * pluck.width_mm, pluck.hardest_width_mm / pluck.width_mm, strength, distance),
-        min(string.draw_s, LONGEST_DRAW_S),
-        min(slip_s, LONGEST_SLIP_S),
+        min(string.draw_s if way.draw_ms is None else 1e-3 * way.draw_ms, LONGEST_DRAW_S),
+        min(between(slip_s, hard_slip_s, strength), LONGEST_SLIP_S),
         1e3 * pluck.finger_stiffness_n_mm,
         pluck.finger_loss * string.impedance_kg_s,
         drawn * math.cos(across),
