@@ -61,7 +61,7 @@ def add(commands: Any) -> None:
         "--audible", type=common.number(float, 0.5, 40, " dB"), default=3.0, metavar="DB",
         help="from how many dB on a buzz counts (default 3)",
     )  # fmt: skip
-    parser.add_argument("--quality", choices=common.QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    parser.add_argument("--quality", choices=common.QUALITIES, help="accuracy (default: draft, of a longest buzz standard)")
     parser.add_argument(
         "--threads", type=common.number(int, 1, 256), metavar="N", help="notes computed at a time (default: all processors)"
     )
@@ -154,7 +154,7 @@ def _preset(options: argparse.Namespace) -> Preset:
 
 
 def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
-    from synth.setup.buzz_map import buzz_map
+    from synth.setup.buzz_map import QUALITY, buzz_map
     from synth.setup.report import neck_lines, rows, string_lines, terminal_text
 
     frets = None if options.frets is None else range(options.frets[0], options.frets[1] + 1)
@@ -163,7 +163,7 @@ def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
             preset,
             stroke=options.stroke,
             place_m=None if options.place is None else 1e-3 * options.place,
-            quality=options.quality,
+            quality=options.quality or QUALITY,
             audible_db=options.audible,
             strings=options.strings,
             frets=frets,
@@ -232,13 +232,14 @@ def _lowest(
     preset: Preset, want: Any, options: argparse.Namespace, threads: int
 ) -> tuple[dict[str, Any], list[str], list[tuple[str, Any]]]:
     from synth.setup import proposals
+    from synth.setup.buzz_map import QUALITY
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
         found = proposals.propose(
             preset,
             want,
             place_m=None if options.place is None else 1e-3 * options.place,
-            quality=options.quality,
+            quality=options.quality or QUALITY,
             audible_db=options.audible,
             strings=options.strings,
             threads=threads,
@@ -257,7 +258,7 @@ def _longest(
             preset,
             velocity,
             place_m=None if options.place is None else 1e-3 * options.place,
-            quality=options.quality,
+            quality=options.quality or longest.QUALITY,
             audible_db=options.audible,
             strings=options.strings,
             threads=threads,

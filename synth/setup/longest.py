@@ -17,6 +17,8 @@ from synth.setup.buzz_map import computed, prepare
 from synth.setup.places import Place, places_of
 from synth.units import midi_to_note
 
+#: of the computation unless told otherwise
+QUALITY = "standard"
 #: seconds of a note that are played
 SECONDS = 12.0
 #: heights of a thread [µm], distances and radii in parts of what they are now, that are tried first
@@ -94,7 +96,7 @@ def longest(
     velocity: int,
     *,
     place_m: float | None = None,
-    quality: str = "standard",
+    quality: str = QUALITY,
     audible_db: float = AUDIBLE_DB,
     strings: Sequence[str] | None = None,
     threads: int = 1,

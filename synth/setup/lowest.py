@@ -22,7 +22,7 @@ from synth.native.denormals import enable_ftz, restore
 from synth.physics.string import String
 from synth.setup.adjustments import RELIEF, Adjustment, adjusted, adjustments, settings
 from synth.setup.audible import AUDIBLE_DB
-from synth.setup.buzz_map import Prepared, computed, prepare
+from synth.setup.buzz_map import QUALITY, Prepared, computed, prepare
 from synth.setup.places import Below, Place, below, check_touches, opened_string, places_of
 from synth.setup.thresholds import first_reaching
 from synth.setup.wants import Want
@@ -123,7 +123,7 @@ def wanted_notes(
     want: Want,
     *,
     place_m: float | None = None,
-    quality: str = "standard",
+    quality: str = QUALITY,
     strings: Sequence[str] | None = None,
     threads: int = 1,
     told: Callable[[int, int], None] | None = None,

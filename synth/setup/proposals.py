@@ -10,6 +10,7 @@ from typing import Any
 from synth.instrument.preset import FretsObstacle, Preset
 from synth.setup.adjustments import adjustments
 from synth.setup.audible import AUDIBLE_DB
+from synth.setup.buzz_map import QUALITY
 from synth.setup.faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults
 from synth.setup.fretwork import Neck
 from synth.setup.lowest import Proposal, lowest, wanted_notes
@@ -103,7 +104,7 @@ def propose(
     want: Want,
     *,
     place_m: float | None = None,
-    quality: str = "standard",
+    quality: str = QUALITY,
     audible_db: float = AUDIBLE_DB,
     strings: Sequence[str] | None = None,
     threads: int = 1,

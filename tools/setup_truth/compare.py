@@ -80,11 +80,11 @@ def deviation(found_m: float, true_m: float, limit_m: float) -> float:
     return found_m / true_m - 1.0
 
 
-def mapped(note: Drawn) -> Spot:
-    """What the map says of a note at `standard`."""
+def mapped(note: Drawn, quality: str = buzz_map.QUALITY) -> Spot:
+    """What the map says of a note at a quality."""
     preset = note.loaded()
     return buzz_map.spot(
-        preset, note.place(preset), velocity=note.velocity, place_m=note.place_m, quality="standard", audible_db=AUDIBLE_DB
+        preset, note.place(preset), velocity=note.velocity, place_m=note.place_m, quality=quality, audible_db=AUDIBLE_DB
     )
 
 
@@ -97,9 +97,9 @@ def truth(note: Drawn, quality: str = "reference") -> Truth:
     return Truth(touch, buzz, scene.limit_m, search.runs)
 
 
-def compared(note: Drawn, quality: str = "reference") -> Row:
-    """Both."""
-    return Row(note, mapped(note), truth(note, quality))
+def compared(note: Drawn, quality: str = "reference", of_map: str = buzz_map.QUALITY) -> Row:
+    """Both: the truth at a quality, the map at another."""
+    return Row(note, mapped(note, of_map), truth(note, quality))
 
 
 def _mm(metres: float) -> str:

@@ -17,7 +17,7 @@ SETUPS = {
     "fretted-bass": _BASS,
     "low-action-bass": _BASS,
     "picked-bass": _BASS,
-    "slap-bass": _BASS,
+    "roundwound-bass": _BASS,
     "electric-guitar": _ELECTRIC,
     "electric-guitar-neck": _ELECTRIC,
     "jazz-guitar": _ELECTRIC,
