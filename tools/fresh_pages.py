@@ -89,6 +89,8 @@ WAYS: dict[str, Way] = {
     "synth fit --contact note.wav -p tanpura": Way("author,fit", "µm", slow=True),
     "synth simulate bass --ledger -o out.npz": Way("", "out.npz", slow=True),
     "synth sweep STUDY.toml": Way("study", "rows", slow=True),
+    "pip install '.[setup]'": Way("setup"),
+    "synth setup fretted-bass": Way("setup", "of 84 notes buzz"),
     "synth dataset RECIPE.toml -o sounds": Way("dataset", "items", slow=True),
     "synth plan tanpura C3": Way("", "tanpura at standard"),
     "synth body fit bridge.csv": Way("author,fit", r"\[\[body.mode\]\]"),

@@ -96,6 +96,7 @@ def _frets(text: str) -> tuple[int, int]:
 def _setup(options: argparse.Namespace) -> int:
     from synth.native.processors import cores
 
+    common.needed("a set-up needs", ("scipy",), "setup")
     _check_outputs(options)
     preset = _preset(options)
     threads = options.threads or cores()
@@ -118,9 +119,9 @@ def _check_outputs(options: argparse.Namespace) -> None:
                 f"-o {name}: {what} {', '.join(known)}, got {ending or 'no ending'!r}; change the name's ending"
             )
         if ending == ".parquet":
-            common.needed("Parquet files need", ("pyarrow",), "study")
+            common.needed("Parquet files need", ("pyarrow",), "setup")
         if ending in (".png", ".svg", ".pdf"):
-            common.needed("pictures need", ("matplotlib",), "study")
+            common.needed("pictures need", ("matplotlib",), "setup")
         check_target(name)
     read = [Named("preset", preset_path(options.preset))]
     if options.fret_heights is not None:

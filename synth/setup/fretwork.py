@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 
 #: a fret is high from so much on [m], and from so many times the scatter of the others
 LEAST_M, SCATTERS = 20e-6, 4.0
@@ -83,6 +82,8 @@ def _standing_out(excess: np.ndarray) -> np.ndarray:
 
 def _least_absolute(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
     """c that minimises Σ|columns c − values|, and that sum."""
+    from scipy.optimize import linprog
+
     rows, count = columns.shape
     unit = float(np.abs(values - values.mean()).max()) or 1.0
     cost = np.concatenate([np.zeros(count), np.ones(rows)])

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.optimize import linprog
 
 from synth.instrument.preset import Preset
 from synth.native.denormals import enable_ftz, restore
@@ -267,6 +266,8 @@ class _Programme:
         return values, possible
 
     def _solved(self, share: np.ndarray, bounds: Sequence[tuple[float, float]]) -> tuple[list[float], bool]:
+        from scipy.optimize import linprog
+
         count = len(self._turned)
         cost = [_RELIEF_COUNTS if each.name == RELIEF else 1.0 for each in self._turned]
         needed = np.maximum(np.repeat(share, self._counts) * self._needs, 0.0)

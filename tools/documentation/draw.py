@@ -24,6 +24,7 @@ FLOORS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("what is made of it", (("plugin", "CLAP, VST3, LV2, libjawari"), ("dataset", "labelled sound"))),
     ("what is played", (("drone", "a tanpura by itself"), ("author", "the page"))),
     ("live", (("live", "PortAudio, JACK, MIDI, takes"),)),
+    ("set-up", (("setup", "where it buzzes"),)),
     ("studies", (("study", "many runs, each once"),)),
     ("uses", (("host", "songs to files"), ("fit", "from recordings"))),
     ("two families", (("engine", "instruments that are played"), ("research", "one case at a time"))),
