@@ -60,7 +60,7 @@ def threshold(
     if math.isfinite(buzz):
         for factor in _BEYOND:
             beyond = factor * max(high if math.isfinite(high) else buzz, buzz)
-            if beyond <= most_m and at(beyond) < audible_db - uncertain_db:
+            if beyond <= most_m and at(beyond) < lower:
                 returns = beyond
     return Threshold(touch_m, buzz, min(low, buzz), max(high, buzz), returns)
 
