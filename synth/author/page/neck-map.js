@@ -1,12 +1,12 @@
 // The picture of a buzz map: the neck from above, strings as rows with the lowest at the bottom, frets narrowing as on a neck;
-// strings without frets side by side. Each note is coloured by how hard it may be plucked before it buzzes, and says on what.
+// strings without frets side by side, in the order of the file. Each note is coloured by how hard it may be plucked before it buzzes, and says on what.
 //
 //   const map = makeNeckMap({ told(note), hear(note, {threshold}) });   // the note that is looked at; Enter, click; with Shift
 //   map.show(notes, dark);           // rows of the server's map, or null; dark: the paper
 //   map.element
 
 import { differenceRamp, sample, toOklab } from "./colour.js";
-import { noteName, number, s } from "./format.js";
+import { h, noteName, number, s } from "./format.js";
 import { grid } from "./roving.js";
 
 /** A string's name, the open string and the space behind it, a row, the numbers of the frets [px]. */
@@ -15,9 +15,9 @@ const OPEN = 38;
 const NUT = 7;
 const ROW = 38;
 const FOOT = 20;
-/** The narrowest that a fret may be drawn, and the widest that a string without frets is [px]. */
+/** The narrowest that a fret may be drawn, and how wide a string without frets is, at least and at most [px]. */
 const NARROWEST = 17;
-const WIDEST = 96;
+const [LEAST_OPEN, MOST_OPEN] = [42, 96];
 /** Where a colour stands in lightness between those that dark and light letters are read on. */
 const HALF_LIGHT = 0.57;
 
@@ -38,6 +38,9 @@ const stringOf = ({ table, opened }) => `${table} ${opened}`;
 /** What a note buzzes on, in the few letters that a cell has room for: "7", "b3", "310". */
 const short = (name) => name.replace(/^(fret|board at) /, "").replace(/ mm$/, "").replace(/^(bridge)? ?point /, (_, bridge) => (bridge ? "b" : "p"));
 
+/** The same in a sentence. */
+const named = (name) => (/^(bridge$|board|sawari)/.test(name) ? `the ${name}` : name);
+
 /** Marks of a note, as the terminal has them: it buzzes at the stroke, may, comes and goes. */
 const marks = (note) =>
   resting(note) ? "" : `${note.uncertain ? "?" : note.buzzes ? "*" : ""}${note.chaotic_up_to_mm !== null ? "~" : ""}`;
@@ -54,15 +57,15 @@ const figures = (mm) => (mm < 0.1 ? number(mm, 2) : mm.toFixed(2));
 /** What the map says of a note. */
 export function inWords(note) {
   const mm = (value) => `${figures(value)} mm`;
-  if (resting(note)) return `rests on ${note.rests_on} when it is not plucked: lower that fret or raise the string`;
-  const touches = note.touch_mm === null ? null : `touches ${note.touches} from ${mm(note.touch_mm)} on`;
+  if (resting(note)) return `rests on ${named(note.rests_on)} before it is plucked: lower that or raise the string`;
+  const touches = note.touch_mm === null ? null : `touches ${named(note.touches)} from ${mm(note.touch_mm)} on`;
   if (silent(note)) return `${touches ? `${touches}, but ` : ""}no buzz up to ${mm(note.looked_up_to_mm)}`;
   const between = `${mm(note.buzz_mm)} on (${figures(note.buzz_low_mm)} to ${note.buzz_high_mm === null ? "more" : figures(note.buzz_high_mm)})`;
   const velocity = note.buzz_velocity === null ? "" : note.buzz_velocity > 127 ? ", harder than any key" : `, about velocity ${Math.round(note.buzz_velocity)}`;
   const now = note.uncertain ? "may or may not buzz" : note.buzzes ? "buzzes" : "does not buzz";
   return [
     ...(touches ? [touches] : []),
-    `buzzes on ${note.buzzes_on} from ${between}${velocity}`,
+    `buzzes on ${named(note.buzzes_on)} from ${between}${velocity}`,
     ...(note.chaotic_up_to_mm === null ? [] : [`chaotic: up to ${mm(note.chaotic_up_to_mm)} the buzz comes and goes`]),
     `at this stroke, ${mm(note.stroke_mm)}, it ${now}`,
   ].join("; ");
@@ -86,35 +89,37 @@ export function makeNeckMap({ told, hear }) {
     told(note);
   }
 
-  for (const type of ["pointerover", "focusin"]) svg.addEventListener(type, (event) => look(noteAt(event.target)));
-  svg.addEventListener("pointerleave", () => {
+  // around the picture: Chromium makes a picture that listens to the focus a stop of Tab
+  const room = h("div", { class: "neck-map-room" }, svg);
+  for (const type of ["pointerover", "focusin"]) room.addEventListener(type, (event) => look(noteAt(event.target)));
+  room.addEventListener("pointerleave", () => {
     if (svg.contains(document.activeElement)) look(noteAt(document.activeElement));
   });
-  svg.addEventListener("click", (event) => {
+  room.addEventListener("click", (event) => {
     const note = noteAt(event.target);
     if (note === null) return;
     event.target.closest("[data-note]").focus();
     hear(note, { threshold: event.shiftKey });
   });
-  svg.addEventListener("keydown", (event) => {
+  room.addEventListener("keydown", (event) => {
     const note = noteAt(event.target);
     if (note === null || event.repeat || (event.key !== "Enter" && event.key !== " ")) return;
     event.preventDefault();
     event.stopPropagation(); // the space bar is a pedal elsewhere
     hear(note, { threshold: event.shiftKey });
   });
-  const settle = grid(svg);
+  const settle = grid(room);
 
   function draw() {
     if (shown === null || !width) return;
     const focused = svg.contains(document.activeElement) ? document.activeElement.dataset.note : undefined;
     const strings = [...new Set(shown.map(stringOf))];
     const frets = Math.max(...shown.map(({ fret }) => fret));
-    const { size, columns, box } = frets > 0 ? alongNeck(strings, frets, width) : sideBySide(strings, width);
+    const { size, columns, box } = frets > 0 ? alongNeck(strings, frets, width) : sideBySide(strings, strings.map((string) => shown.find((note) => stringOf(note) === string).string), width);
     svg.setAttribute("width", size.width);
     svg.setAttribute("height", size.height);
     svg.setAttribute("viewBox", `0 0 ${size.width} ${size.height}`);
-    const heads = columns.map(({ x, y, text, end }) => s("text", { class: "tick", x, y, "text-anchor": end ? "end" : "middle" }, text));
+    const heads = columns.map(({ x, y, text }) => s("text", { class: "tick", x, y, "text-anchor": "middle" }, text));
     const rows = (frets > 0 ? [...strings].reverse() : [null]).map((string) => {
       const own = shown.filter((note) => string === null || stringOf(note) === string);
       const label = string === null ? "Open strings" : `${own[0].string} string`;
@@ -127,7 +132,7 @@ export function makeNeckMap({ told, hear }) {
     if (focused !== undefined) svg.querySelector(`[data-note="${focused}"]`)?.focus({ preventScroll: true });
   }
 
-  function cell(note, { x, y, w, h }) {
+  function cell(note, { x, y, w, h: high }) {
     const kind = resting(note) ? "rests" : silent(note) ? "clear" : "buzzes";
     const colours = kind === "buzzes" ? shade(note.buzz_mm / note.stroke_mm, dark) : null;
     const first = kind === "clear" ? "–" : short(resting(note) ? note.rests_on : note.buzzes_on);
@@ -145,15 +150,12 @@ export function makeNeckMap({ told, hear }) {
         "data-column": x,
         "aria-label": `${where(note)}: ${inWords(note)}`,
       },
-      s("rect", { x: x + 0.5, y: y + 1, width: Math.max(1, w - 1), height: h - 2, rx: 2, fill: colours?.fill ?? null }),
-      s("text", { class: letters, x: middle, y: y + h / 2 + (second ? -1 : 4), "text-anchor": "middle" }, first),
-      second ? s("text", { class: `${letters} mark`, x: middle, y: y + h / 2 + 13, "text-anchor": "middle" }, second) : null,
+      s("rect", { x: x + 0.5, y: y + 1, width: Math.max(1, w - 1), height: high - 2, rx: 2, fill: colours?.fill ?? null }),
+      s("text", { class: letters, x: middle, y: y + high / 2 + (second ? -1 : 4), "text-anchor": "middle" }, first),
+      second ? s("text", { class: `${letters} mark`, x: middle, y: y + high / 2 + 13, "text-anchor": "middle" }, second) : null,
     );
   }
 
-  const room = document.createElement("div");
-  room.className = "neck-map-room";
-  room.append(svg);
   new ResizeObserver(() => {
     if (!room.clientWidth || room.clientWidth === width) return;
     width = room.clientWidth;
@@ -195,13 +197,13 @@ function alongNeck(strings, frets, room) {
   };
 }
 
-/** The same of strings without frets, the lowest at the left. */
-function sideBySide(strings, room) {
-  const wide = Math.max(2 * NARROWEST, Math.min(WIDEST, room / strings.length));
+/** The same of strings without frets, with their names below them. */
+function sideBySide(strings, names, room) {
+  const wide = Math.max(LEAST_OPEN, Math.min(MOST_OPEN, room / strings.length));
   const at = (string) => strings.indexOf(string) * wide;
   return {
     size: { width: Math.ceil(wide * strings.length), height: ROW + FOOT },
-    columns: [],
+    columns: names.map((text, i) => ({ x: (i + 0.5) * wide, y: ROW + 14, text })),
     box: (note) => ({ x: at(stringOf(note)), y: 0, w: wide, h: ROW }),
   };
 }

@@ -91,16 +91,17 @@ export function mount(element, { store, api }) {
   const intro = h(
     "p",
     { class: "muted" },
-    "The buzz map tells, for each string at each fret, how far you may draw the string before it buzzes, and on which fret.",
+    "The buzz map tells, for each string at each fret, how far you may draw the string before it buzzes, and on what.",
   );
   const map = makeNeckMap({ told: tell, hear });
   const swatches = SHARES.map((share) => h("i", { class: "swatch", "aria-hidden": "true" }));
+  const fretted = h("span", {}, "Number: the fret that it hits. ");
   const legend = h(
     "p",
     { class: "setup-legend unit" },
     h("span", {}, "Buzzes from, of the stroke: "),
     ...SHARES.map((share, i) => h("span", { class: "swatch-text" }, swatches[i], `${100 * share} %`)),
-    h("span", {}, "Number: the fret that it hits. * buzzes at this stroke, ? may, ~ comes and goes (chaotic), – no buzz."),
+    h("span", {}, fretted, "* buzzes at this stroke, ? may, ~ comes and goes (chaotic), – no buzz."),
   );
   const place = h("strong", {});
   const words = h("span", {});
@@ -151,6 +152,7 @@ export function mount(element, { store, api }) {
     if (made !== null) {
       found = { ...made, doc: doc.doc, data: doc.data };
       intro.hidden = true;
+      fretted.hidden = !found.notes.some(({ fret }) => fret > 0);
       result.hidden = false;
       summary.replaceChildren(...found.lines.map((line) => h("li", {}, line)));
       tell(null);
