@@ -9,8 +9,8 @@ import { differenceRamp, sample, toOklab } from "./colour.js";
 import { h, noteName, number, s } from "./format.js";
 import { grid } from "./roving.js";
 
-/** A string's name, the open string and the space behind it, a row, the numbers of the frets [px]. */
-const NAME = 58;
+/** A letter of a string's name and what its margins take, the open string and the space behind it, a row, frets' numbers [px]. */
+const [LETTER, MARGINS] = [7.2, 18];
 const OPEN = 38;
 const NUT = 7;
 const ROW = 38;
@@ -41,9 +41,9 @@ const short = (name) => name.replace(/^(fret|board at) /, "").replace(/ mm$/, ""
 /** The same in a sentence. */
 const named = (name) => (/^(bridge$|board|sawari)/.test(name) ? `the ${name}` : name);
 
-/** Marks of a note, as the terminal has them: it buzzes at the stroke, may, comes and goes. */
+/** Marks of a note, as the terminal has them: it buzzes at the stroke, may, comes and goes; it rests. */
 const marks = (note) =>
-  resting(note) ? "" : `${note.uncertain ? "?" : note.buzzes ? "*" : ""}${note.chaotic_up_to_mm !== null ? "~" : ""}`;
+  resting(note) ? "×" : `${note.uncertain ? "?" : note.buzzes ? "*" : ""}${note.chaotic_up_to_mm !== null ? "~" : ""}`;
 
 /** The velocity that plays a note's threshold, as far as a key gives it. */
 export const thresholdVelocity = (note) =>
@@ -115,7 +115,8 @@ export function makeNeckMap({ told, hear }) {
     const focused = svg.contains(document.activeElement) ? document.activeElement.dataset.note : undefined;
     const strings = [...new Set(shown.map(stringOf))];
     const frets = Math.max(...shown.map(({ fret }) => fret));
-    const { size, columns, box } = frets > 0 ? alongNeck(strings, frets, width) : sideBySide(strings, strings.map((string) => shown.find((note) => stringOf(note) === string).string), width);
+    const names = strings.map((string) => shown.find((note) => stringOf(note) === string).string);
+    const { size, columns, box, left } = frets > 0 ? alongNeck(strings, names, frets, width) : sideBySide(strings, names, width);
     svg.setAttribute("width", size.width);
     svg.setAttribute("height", size.height);
     svg.setAttribute("viewBox", `0 0 ${size.width} ${size.height}`);
@@ -123,10 +124,10 @@ export function makeNeckMap({ told, hear }) {
     const rows = (frets > 0 ? [...strings].reverse() : [null]).map((string) => {
       const own = shown.filter((note) => string === null || stringOf(note) === string);
       const label = string === null ? "Open strings" : `${own[0].string} string`;
-      const name = string === null ? null : s("text", { class: "neck-map-name", x: NAME - 10, y: box(own[0]).y + ROW / 2 + 4, "text-anchor": "end" }, own[0].string);
+      const name = string === null ? null : s("text", { class: "neck-map-name", x: left - 10, y: box(own[0]).y + ROW / 2 + 4, "text-anchor": "end" }, own[0].string);
       return s("g", { role: "row", "aria-label": label }, name, ...own.map((note) => cell(note, box(note))));
     });
-    const nut = frets > 0 ? s("line", { class: "nut", x1: NAME + OPEN + NUT / 2, x2: NAME + OPEN + NUT / 2, y1: 2, y2: size.height - FOOT - 2 }) : null;
+    const nut = frets > 0 ? s("line", { class: "nut", x1: left + OPEN + NUT / 2, x2: left + OPEN + NUT / 2, y1: 2, y2: size.height - FOOT - 2 }) : null;
     svg.replaceChildren(s("g", { "aria-hidden": "true" }, ...heads, ...(nut ? [nut] : [])), ...rows);
     settle();
     if (focused !== undefined) svg.querySelector(`[data-note="${focused}"]`)?.focus({ preventScroll: true });
@@ -177,17 +178,19 @@ export function makeNeckMap({ told, hear }) {
   };
 }
 
-/** Where cells of strings with frets lie: {size, columns: texts below them, box(note)}. */
-function alongNeck(strings, frets, room) {
+/** Where cells of strings with frets lie: {size, columns: texts below them, box(note), left: where the open string begins}. */
+function alongNeck(strings, names, frets, room) {
+  const left = MARGINS + LETTER * Math.max(...names.map((name) => name.length));
   const share = (fret) => 1 - 2 ** (-fret / 12);
   const last = share(frets) - share(frets - 1);
-  const long = Math.max(room - NAME - OPEN - NUT, (NARROWEST * share(frets)) / last);
-  const x = (fret) => NAME + OPEN + NUT + (long * share(fret)) / share(frets);
+  const long = Math.max(room - left - OPEN - NUT, (NARROWEST * share(frets)) / last);
+  const x = (fret) => left + OPEN + NUT + (long * share(fret)) / share(frets);
   const height = strings.length * ROW;
-  const from = (fret) => (fret === 0 ? NAME : x(fret - 1));
+  const from = (fret) => (fret === 0 ? left : x(fret - 1));
   const wide = (fret) => (fret === 0 ? OPEN : x(fret) - x(fret - 1));
   return {
-    size: { width: Math.floor(NAME + OPEN + NUT + long), height: height + FOOT },
+    left,
+    size: { width: Math.floor(left + OPEN + NUT + long), height: height + FOOT },
     columns: Array.from({ length: frets + 1 }, (_, fret) => ({
       x: from(fret) + wide(fret) / 2,
       y: height + 14,

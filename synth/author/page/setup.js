@@ -11,6 +11,11 @@ import { SHARES, inWords, makeNeckMap, shade, thresholdVelocity, where } from ".
 const STROKES = ["soft", "medium", "hard"];
 const USUAL = "medium";
 const EXAMPLES = ["no buzz at medium", "no buzz at hard, except frets 13-20 medium", "no buzz at medium, except open strings hard"];
+/** What a number in a cell is, over each kind of obstacle that has numbers. */
+const HITS = [
+  ["frets", "Number: the fret that it hits. "],
+  ["board", "Number: where it hits the board, in mm. "],
+];
 const LONGEST = "longest buzz at medium";
 
 /** What is computed in the background: a button that begins it, its progress, its end, its error. */
@@ -95,13 +100,13 @@ export function mount(element, { store, api }) {
   );
   const map = makeNeckMap({ told: tell, hear });
   const swatches = SHARES.map((share) => h("i", { class: "swatch", "aria-hidden": "true" }));
-  const fretted = h("span", {}, "Number: the fret that it hits. ");
+  const hits = h("span", {});
   const legend = h(
     "p",
     { class: "setup-legend unit" },
     h("span", {}, "Buzzes from, of the stroke: "),
     ...SHARES.map((share, i) => h("span", { class: "swatch-text" }, swatches[i], `${100 * share} %`)),
-    h("span", {}, fretted, "* buzzes at this stroke, ? may, ~ comes and goes (chaotic), – no buzz."),
+    h("span", {}, hits, "* buzzes at this stroke, ? may, ~ comes and goes (chaotic), – no buzz, × rests on it."),
   );
   const place = h("strong", {});
   const words = h("span", {});
@@ -152,7 +157,7 @@ export function mount(element, { store, api }) {
     if (made !== null) {
       found = { ...made, doc: doc.doc, data: doc.data };
       intro.hidden = true;
-      fretted.hidden = !found.notes.some(({ fret }) => fret > 0);
+      hits.textContent = HITS.find(([kind]) => kind === doc.data.obstacle.kind)?.[1] ?? "";
       result.hidden = false;
       summary.replaceChildren(...found.lines.map((line) => h("li", {}, line)));
       tell(null);

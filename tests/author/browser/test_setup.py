@@ -277,3 +277,33 @@ def test_open_strings_over_a_bridge_lie_side_by_side(driver, tmp_path):
         assert len(set(tops)) == 1
         assert page.errors() == []
         page.open_nothing()
+
+
+def test_strings_that_rest_and_chaotic_notes_are_told_apart_without_colour(page, bass):
+    """As no preset that can be loaded has them all."""
+    notes = [dict(note) for note in bass.values() if note["string"] == "E"]
+    notes[1] |= {"rests_on": "fret 2", "buzz_mm": 0.0, "touch_mm": 0.0}
+    notes[2] |= {"chaotic_up_to_mm": 3.25, "buzzes": True, "uncertain": False}
+    notes[3] |= {"buzz_velocity": 140.2, "buzz_high_mm": None}
+    notes[4] |= {"buzz_mm": None, "buzzes_on": None, "touch_mm": None, "touches": None, "buzz_velocity": None}
+    found = page.result(
+        """const { inWords, makeNeckMap, thresholdVelocity } = await import("/page/neck-map.js");
+        const map = makeNeckMap({ told() {}, hear() {} });
+        const place = document.getElementById("map-result");
+        place.append(map.element);
+        map.element.id = "another-map";
+        while (map.element.clientWidth === 0) await new Promise(requestAnimationFrame);
+        map.show(given[0], false);
+        await new Promise((done) => setTimeout(done, 200));
+        const cells = [...map.element.querySelectorAll(".neck-map-cell")];
+        const shown = cells.map((cell) => [...cell.querySelectorAll("text")].map((text) => text.textContent).join(" "));
+        return [shown, given[0].map(inWords), given[0].map(thresholdVelocity)];""",
+        notes,
+    )
+    page.script("document.getElementById('another-map').remove()")
+    shown, words, velocities = found
+    assert shown[1] == "2 ×" and shown[2].endswith(" *~") and shown[4] == "–"
+    assert words[1] == "rests on fret 2 before it is plucked: lower that or raise the string"
+    assert "chaotic: up to 3.25 mm the buzz comes and goes" in words[2]
+    assert "to more), harder than any key" in words[3] and velocities[3] == 127
+    assert words[4] == f"no buzz up to {notes[4]['looked_up_to_mm']:.2f} mm" and velocities[4] is None
