@@ -46,6 +46,7 @@ function makeRun({ api, label, id, tip, name }) {
       return await job.result;
     } catch (reason) {
       error.textContent = reason.message;
+      error.className = reason.message === "Cancelled" ? "muted" : "fit-refusal";
       error.hidden = false;
       return null;
     } finally {
@@ -212,8 +213,8 @@ export function mount(element, { store, api }) {
     apply.disabled = true;
     const state = await store.editMany(proposal.changes);
     apply.disabled = false;
-    if (state === null) return;
-    store.notify("The controls now hold the proposed set-up; undo reverts it");
+    if (state === null) store.notify("The proposed set-up is refused: see the marked controls", "error");
+    else store.notify("The controls now hold the proposed set-up; undo reverts it");
   }
 
   store.on(["doc"], ({ doc }) => {
