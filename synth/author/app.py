@@ -21,6 +21,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
+from synth.author.beside import compute_beside
 from synth.author.connection import Connection, Stage
 from synth.author.contact_fitting import FittedContact, fit_string_contact
 from synth.author.document import Conflict, Document
@@ -36,7 +37,7 @@ from synth.author.viewing import VIEWS, Gone, Viewer
 from synth.author.voice import phrase_preset, phrase_wav, prepared_engine, warm_up
 from synth.fit import missing, missing_for_contact
 from synth.instrument.planfile import PROMISED, MeasuredPlan
-from synth.instrument.preset import MOST_BYTES, PresetError, load_preset
+from synth.instrument.preset import MOST_BYTES, Preset, PresetError, load_preset
 from synth.jit import compiling
 
 PAGE = Path(__file__).parent / "page"
@@ -218,6 +219,8 @@ class App:
                 on(f"{doc}/apply-fit", self._apply_fit, "POST"),
                 on(f"{doc}/plan", self._plan, "POST"),
                 on(f"{doc}/keep-plan", self._keep_plan, "POST"),
+                on(f"{doc}/buzz-map", self._buzz_map, "POST"),
+                on(f"{doc}/set-up", self._set_up, "POST"),
                 on("/api/fit", self._fit, "POST"),
                 on("/api/mobility", self._mobility, "POST"),
                 on("/api/jobs/{job}", self._job),
@@ -527,6 +530,33 @@ class App:
         if job.made.doc != document.id:
             raise Refused(409, "this plan was measured for another preset; measure it again")
         return await self._told(document, document.keep_plan, job.made.plan)
+
+    async def _buzz_map(self, request: Request) -> Response:
+        """Where the strings of a document buzz under a stroke."""
+        document = self._document(request)
+        stroke = (await Fields.of(request)).get("stroke", str)
+        return await self._beside(f"buzz map of {document.id}", "mapped", document.preset, stroke)
+
+    async def _set_up(self, request: Request) -> Response:
+        """The set-up of a document that a wish asks for."""
+        document = self._document(request)
+        wish = (await Fields.of(request)).get("wish", str)
+        return await self._beside(f"set-up of {document.id}", "proposed", document.preset, wish)
+
+    async def _beside(self, about: str, function: str, preset: Preset, asked: str) -> Response:
+        """A job of `synth.author.buzz_maps`, at the session's quality, where what is asked can be."""
+
+        def check() -> None:
+            from synth.author import buzz_maps
+
+            buzz_maps.CHECKS[function](preset, asked)
+
+        await asyncio.to_thread(check)
+
+        def work(progress: Progress) -> Any:
+            return compute_beside("synth.author.buzz_maps", function, (preset, asked, self.quality), progress)
+
+        return JSONResponse({"job": self.jobs.start(about, work).id})
 
     def _a_job(self, key: str) -> Job:
         try:

@@ -24,9 +24,11 @@ from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
+from synth.fit.tune import single_strings
 from synth.instrument.preset import Preset, playable_notes
 from synth.instrument.ways import switch_keys
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
+from synth.units import midi_to_note
 
 LOG = logging.getLogger(__name__)
 #: how far ahead of real time, how much may wait to be sent, and how much may have been sent unheard, by a page that says
@@ -119,6 +121,8 @@ class Player:
             self._do(lambda: self._set_bend(bend))
         elif kind == "audition":
             preset, text = self._version(message)
+            if "string" in message:
+                preset, text = _on_string(preset, text, message)
             note, velocity = number(message, "note", 0, 127), number(message, "velocity", 1, 127)
             wanted = phrase(str(message.get("phrase", "note")), preset, note, velocity, self._rate_hz)
             self._do(lambda: self._audition(preset, text, wanted))
@@ -422,6 +426,16 @@ class Player:
             self._told_at, self._busy_s = self._frame, 0.0
         if not self._voices and not self._fading:
             self._end()
+
+
+def _on_string(preset: Preset, text: str, message: dict[str, Any]) -> tuple[Preset, str]:
+    """The preset with the one string that a message names by its table's number and its open note, and a text that tells it
+    from the others. Raises ValueError where no key plays such a string."""
+    index, opened = number(message, "string", 0, len(preset.string) - 1), number(message, "opened", 0, 127)
+    for each, note, single in single_strings(preset, {opened}):
+        if (each, note) == (index, opened):
+            return single, f"{text}\n# string {index}, {opened}"
+    raise ValueError(f"opened: no key plays string {index} at {midi_to_note(opened)}")
 
 
 def number(message: dict[str, Any], name: str, low: int, high: int) -> int:

@@ -74,10 +74,11 @@ export class Player extends EventTarget {
     this.link.send({ type: "output", id });
   }
 
-  /** phrase: note, drone, riff or scale; which: current or saved. The engine begins from silence. */
-  audition(phrase, { note, velocity, which }) {
+  /** phrase: note, drone, riff or scale; which: current or saved; where `on` has a string and its open note, on that one
+   * alone. The engine begins from silence. */
+  audition(phrase, { note, velocity, which, ...on }) {
     if (this.output === "browser") this.unlock();
-    this.link.send({ type: "audition", phrase, note, velocity, which });
+    this.link.send({ type: "audition", phrase, note, velocity, which, ...on });
   }
 
   stop() {

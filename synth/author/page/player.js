@@ -42,6 +42,7 @@ export function mount(element, { store, api }) {
     const { note, velocity, which } = store.state;
     player.audition(phrase, { note, velocity, which });
   };
+  store.onHear((wanted) => player.audition("note", { which: "current", ...wanted }));
   const phrases = PHRASES.map(([phrase, label, tip]) =>
     h("button", { type: "button", "data-phrase": phrase, title: tip, onclick: () => play(phrase) }, label),
   );

@@ -6,6 +6,8 @@
 //                             part of the next one; Tab goes on through the parts of the one that has the focus.
 //                             Rows of a table (".row") are to their control as controls are to their group. Gives a function
 //                             to call where something else than hidden or open has put things out of sight.
+//   grid(element)             cells, marked data-row and data-column with where they lie: arrows to the next one that way,
+//                             Home and End within a row. Gives a function to call when the cells are others.
 
 const FOCUSABLE = "button, input, select, textarea, summary, a[href], [tabindex]";
 /** What has its own way of choosing one of several, and keeps the others out of Tab's way itself. */
@@ -105,6 +107,49 @@ export function groups(root, selector) {
   });
 
   new MutationObserver(apply).observe(root, { childList: true, subtree: true, attributes: true, attributeFilter: ["hidden", "open", "aria-selected"] });
+  apply();
+  return apply;
+}
+
+export function grid(element) {
+  const cells = () => [...element.querySelectorAll("[data-row][data-column]")];
+  const row = (cell) => Number(cell.dataset.row);
+  const column = (cell) => Number(cell.dataset.column);
+  const inRow = (at) => cells().filter((each) => row(each) === at).sort((a, b) => column(a) - column(b));
+  /** Of the cell that has, or had last, the focus. */
+  let place = null;
+
+  function apply() {
+    const all = cells();
+    const there = all.find((each) => each.dataset.row === place?.row && each.dataset.column === place.column) ?? all[0];
+    for (const each of all) each.setAttribute("tabindex", each === there ? 0 : -1);
+  }
+
+  /** The next cell in a direction, the nearest in the next row; null: there is none. */
+  function next(cell, key) {
+    const own = inRow(row(cell));
+    const along = { ArrowLeft: -1, ArrowRight: 1 }[key];
+    if (along !== undefined) return own[own.indexOf(cell) + along] ?? null;
+    if (key === "Home" || key === "End") return own.at(key === "Home" ? 0 : -1);
+    const rows = [...new Set(cells().map(row))].sort((a, b) => a - b);
+    const other = inRow(rows[rows.indexOf(row(cell)) + (key === "ArrowUp" ? -1 : 1)]);
+    const aside = (each) => Math.abs(column(each) - column(cell));
+    return other.reduce((best, each) => (best === null || aside(each) < aside(best) ? each : best), null);
+  }
+
+  element.addEventListener("focusin", ({ target }) => {
+    const cell = target.closest("[data-row][data-column]");
+    if (cell === null) return;
+    place = { ...cell.dataset };
+    apply();
+  });
+  element.addEventListener("keydown", (event) => {
+    const cell = event.target.closest("[data-row][data-column]");
+    if (cell === null || !["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"].includes(event.key)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    next(cell, event.key)?.focus();
+  });
   apply();
   return apply;
 }

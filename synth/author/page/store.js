@@ -14,6 +14,8 @@
 // state.parameters  what GET …/parameters lists, [] before it came
 //
 // store.data() is the preset of the version that is shown (state.which); store.value(path) one value of it.
+// store.hear({note, velocity, string, opened}) plays a note of the edited version on one of its strings, by the table's number
+// and the open note; who makes the sound has given store.onHear(listener).
 // Actions return promises. They never throw: what the server refuses is shown as a notice, a refused edit (422) at its field
 // by state.errors, and the promise gives null. Who asks for a name, to save or for a fit is given what is refused, as
 // {refused: {message, reason}}, to say it where it was asked for.
@@ -32,6 +34,7 @@ const KERNELS_MS = 1000;
 export function createStore(api) {
   const listeners = new Set();
   const notices = new Set();
+  const hearers = new Set();
   let state = {
     session: null,
     doc: null,
@@ -341,6 +344,13 @@ export function createStore(api) {
     onNotice: (listener) => {
       notices.add(listener);
       return () => notices.delete(listener);
+    },
+    hear: (wanted) => {
+      for (const hearer of hearers) hearer(wanted);
+    },
+    onHear: (hearer) => {
+      hearers.add(hearer);
+      return () => hearers.delete(hearer);
     },
     data: () => (state.doc === null ? null : state.which === "saved" ? state.doc.saved : state.doc.data),
     value: (path) => valueAt(state.which === "saved" ? state.doc?.saved : state.doc?.data, path),
