@@ -544,7 +544,7 @@ class App:
         return await self._beside(f"set-up of {document.id}", "proposed", document.preset, wish)
 
     async def _beside(self, about: str, function: str, preset: Preset, asked: str) -> Response:
-        """A job of `synth.author.buzz_maps`, at the session's quality, where what is asked can be."""
+        """A job of `synth.author.buzz_maps`, where what is asked can be."""
 
         def check() -> None:
             from synth.author import buzz_maps
@@ -554,7 +554,7 @@ class App:
         await asyncio.to_thread(check)
 
         def work(progress: Progress) -> Any:
-            return compute_beside("synth.author.buzz_maps", function, (preset, asked, self.quality), progress)
+            return compute_beside("synth.author.buzz_maps", function, (preset, asked), progress)
 
         return JSONResponse({"job": self.jobs.start(about, work).id})
 

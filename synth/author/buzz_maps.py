@@ -7,7 +7,7 @@ from typing import Any
 
 from synth.instrument.preset import Preset
 from synth.native.processors import cores
-from synth.setup import longest, proposals
+from synth.setup import longest, missing, proposals
 from synth.setup.buzz_map import buzz_map, velocity_named
 from synth.setup.places import check_touches, places_of
 from synth.setup.report import neck_lines, rows, summary
@@ -29,13 +29,20 @@ def _threads() -> int:
     return max(1, cores() - 1)
 
 
-def check_stroke(preset: Preset, stroke: str) -> None:
-    """Raises PresetError for a preset whose strings touch nothing, ValueError for a stroke that there is not."""
+def _check(preset: Preset) -> None:
+    """Raises PresetError for a preset whose strings touch nothing, ValueError where a package is missing."""
     check_touches(preset)
+    if (why := missing()) is not None:
+        raise ValueError(why)
+
+
+def check_stroke(preset: Preset, stroke: str) -> None:
+    """`_check`; raises ValueError for an unknown stroke, too."""
+    _check(preset)
     velocity_named(stroke)
 
 
-def mapped(preset: Preset, stroke: str, quality: str, told: Told = _silent) -> dict[str, Any]:
+def mapped(preset: Preset, stroke: str, told: Told = _silent) -> dict[str, Any]:
     """The buzz map of a preset.
 
     stroke, velocity, lines   of the map: what is said of all notes
@@ -44,7 +51,7 @@ def mapped(preset: Preset, stroke: str, quality: str, told: Told = _silent) -> d
 
     Raises PresetError, ValueError.
     """
-    found = buzz_map(preset, stroke=stroke, quality=quality, threads=_threads(), told=told)
+    found = buzz_map(preset, stroke=stroke, threads=_threads(), told=told)
     notes = [
         {**row, "key": spot.note, "table": place.index, "opened": place.opened, "uncertain": spot.uncertain}
         for row, spot, place in zip(rows(found), found.spots, places_of(preset), strict=True)
@@ -60,7 +67,7 @@ def mapped(preset: Preset, stroke: str, quality: str, told: Told = _silent) -> d
 def wish_of(preset: Preset, text: str) -> Want:
     """A wish for a preset. Raises ValueError with what is not understood, PresetError where nothing touches or where a long
     buzz is wanted of something else than a bridge."""
-    check_touches(preset)
+    _check(preset)
     names = [name for each in places_of(preset) for name in (each.string, midi_to_note(each.opened))]
     try:
         want = parse(text, list(dict.fromkeys(names)))
@@ -71,17 +78,17 @@ def wish_of(preset: Preset, text: str) -> Want:
     return want
 
 
-def proposed(preset: Preset, text: str, quality: str, told: Told = _silent) -> dict[str, Any]:
+def proposed(preset: Preset, text: str, told: Told = _silent) -> dict[str, Any]:
     """What a wish makes of a preset: `lines` that say it, and `changes`, {path, value} of each. Raises PresetError,
     ValueError."""
     want = wish_of(preset, text)
     if want.longest:
         velocity = want.rules[0].velocity or 1
-        bridges = longest.longest(preset, velocity, quality=quality, threads=_threads(), told=told)
+        bridges = longest.longest(preset, velocity, threads=_threads(), told=told)
         changes = longest.settings(preset, bridges)
         lines = longest.lines(preset, bridges, changes)
     else:
-        answer = proposals.propose(preset, want, quality=quality, threads=_threads(), told=told)
+        answer = proposals.propose(preset, want, threads=_threads(), told=told)
         changes = list(answer.proposal.settings)
         lines = answer.lines()
     return {

@@ -33,7 +33,7 @@ from synth.cli import (
     play,
     presets,
     render,
-    setup,
+    set_up,
     simulate,
     streams,
     sweep,
@@ -160,7 +160,7 @@ def _parser() -> argparse.ArgumentParser:
     devices.add(commands)
     presets.add(commands)
     plan.add(commands)
-    setup.add(commands)
+    set_up.add(commands)
     simulate.add(commands)
     sweep.add(commands)
     doctor.add(commands)

@@ -19,7 +19,7 @@ from synth.physics.modes import mode_shapes
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
 from synth.setup.note import Note, Played
 from synth.setup.places import BOARD_PLACES, Below, Place
-from synth.setup.strokes import Stroke
+from synth.setup.plucking import Stroke
 
 #: the pluck that is played is so large [mm], and strokes are amounts of it
 _FULL_MM = 20.0

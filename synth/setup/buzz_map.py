@@ -21,7 +21,7 @@ from synth.setup.audible import AUDIBLE_DB, WINDOW_S
 from synth.setup.board_note import BoardNote
 from synth.setup.note import Note
 from synth.setup.places import Below, Place, below, check_touches, compiled, opened_string, places_of
-from synth.setup.strokes import VELOCITIES, Stroke, moved, stroke_of, velocity_of
+from synth.setup.plucking import VELOCITIES, Stroke, moved, stroke_of, velocity_of
 from synth.setup.thresholds import UNCERTAIN_DB, Threshold, threshold
 
 #: of a map unless told otherwise: thresholds are the same as at `reference` within 3 % in more than 95 % of random cases

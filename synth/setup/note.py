@@ -19,7 +19,7 @@ from synth.physics.modes import decay_rates, modal_frequencies
 from synth.physics.string import String
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, buzz_seconds, fade
 from synth.setup.places import Below
-from synth.setup.strokes import Stroke
+from synth.setup.plucking import Stroke
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED

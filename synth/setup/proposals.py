@@ -11,9 +11,9 @@ from synth.instrument.preset import FretsObstacle, Preset
 from synth.setup.adjustments import adjustments
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.buzz_map import QUALITY
-from synth.setup.faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults
 from synth.setup.fretwork import Neck
 from synth.setup.lowest import Proposal, lowest, wanted_notes
+from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults
 from synth.setup.places import Place
 from synth.setup.report import by_string
 from synth.setup.wants import Want

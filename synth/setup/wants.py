@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from synth.setup.places import Place
-from synth.setup.strokes import VELOCITIES
+from synth.setup.plucking import VELOCITIES
 from synth.units import midi_to_note
 
 #: what a want may look like, for messages

@@ -31,8 +31,8 @@ def bass(*strings: int) -> Preset:
 def test_the_map_is_that_of_synth_setup_with_keys_and_strings() -> None:
     told: list[tuple[int, int]] = []
     preset = bass(0)
-    found = buzz_maps.mapped(preset, "hard", "draft", lambda done, total: told.append((done, total)))
-    want = buzz_map(preset, stroke="hard", quality="draft")
+    found = buzz_maps.mapped(preset, "hard", lambda done, total: told.append((done, total)))
+    want = buzz_map(preset, stroke="hard")
     assert [{key: note[key] for key in row} for note, row in zip(found["notes"], rows(want), strict=True)] == rows(want)
     assert [(note["table"], note["opened"], note["key"]) for note in found["notes"]] == [(0, 28, 28 + n) for n in range(21)]
     assert [note["uncertain"] for note in found["notes"]] == [spot.uncertain for spot in want.spots]
@@ -47,7 +47,7 @@ def test_the_map_of_a_document_is_of_what_is_edited(server: Server) -> None:
     found = finished(server, doc.do("buzz-map", stroke="soft")["job"])
     assert found["state"] == "done" and found["progress"] == 1.0, found
     edited = load_preset("tanpura").with_setting("obstacle.jiva_um", "9")
-    assert found["result"] == buzz_maps.mapped(edited, "soft", "standard")
+    assert found["result"] == buzz_maps.mapped(edited, "soft")
     doc.do("revert")
 
 
@@ -64,7 +64,7 @@ def test_maps_that_there_are_not(server: Server) -> None:
 def test_what_is_not_plucked_has_no_map() -> None:
     bowed = bass(0).model_copy(update={"excitation": ExcitationTable(kind="bow")})
     with pytest.raises(ValueError, match=r"must be a pluck, got bow"):
-        buzz_maps.mapped(bowed, "medium", "draft")
+        buzz_maps.mapped(bowed, "medium")
 
 
 def test_a_map_is_stopped_and_its_process_ends(server: Server) -> None:
@@ -79,13 +79,13 @@ def test_a_map_is_stopped_and_its_process_ends(server: Server) -> None:
         return share == 0.0
 
     with pytest.raises(Stopped):
-        compute_beside("synth.author.buzz_maps", "mapped", (bass(0, 1), "medium", "draft"), until_some)
+        compute_beside("synth.author.buzz_maps", "mapped", (bass(0, 1), "medium"), until_some)
     assert 0.0 < shares[-1] < 1.0
     assert not [each for each in multiprocessing.active_children() if each.name == "author-long"]
 
 
 def test_what_the_process_raises_is_raised() -> None:
-    arguments: Any = (bass(0), "wild", "draft")
+    arguments: Any = (bass(0), "wild")
     with pytest.raises(ValueError, match="stroke must be"):
         compute_beside("synth.author.buzz_maps", "mapped", arguments, lambda _: True)
 

@@ -8,7 +8,7 @@ from synth.instrument.preset import Preset, load_preset
 from synth.setup.buzz_map import prepare
 from synth.setup.note import Note
 from synth.setup.places import Below, Place, below, compiled, opened_string, places_of
-from synth.setup.strokes import Stroke, stroke_of
+from synth.setup.plucking import Stroke, stroke_of
 
 
 @pytest.fixture(scope="module")

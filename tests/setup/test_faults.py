@@ -9,9 +9,9 @@ import pytest
 from synth.instrument.preset import FretsObstacle, Preset, load_preset
 from synth.instrument.setup_table import Setup
 from synth.physics.obstacle import fret_positions
-from synth.setup.faults import BACKBOW, HIGH_FRET, LOW_ACTION, LOW_NUT, faults
 from synth.setup.fretwork import neck_of
 from synth.setup.lowest import Wanted, wanted_notes
+from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_ACTION, LOW_NUT, faults
 from synth.setup.proposals import propose, with_dressed
 from synth.setup.wants import parse
 

@@ -8,7 +8,7 @@ from synth.author.views.tape import Taped
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import NOTE_ON, make_events
 from synth.setup.places import compiled, places_of
-from synth.setup.strokes import Stroke, moved, stroke_of, velocity_of
+from synth.setup.plucking import Stroke, moved, stroke_of, velocity_of
 
 
 def stroke(preset: Preset, string: str, fret: int, velocity: float, place_m: float | None = None) -> Stroke:

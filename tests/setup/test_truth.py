@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from synth.setup import buzz_map
-from synth.setup.strokes import Stroke
+from synth.setup.plucking import Stroke
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
@@ -36,7 +36,7 @@ def truths() -> list[Truth]:
 
 def test_touch_and_buzz_are_those_of_whole_runs(truths: list[Truth]) -> None:
     for note, true in zip(NOTES, truths, strict=True):
-        row = Row(note, mapped(note), true)
+        row = Row(note, mapped(note, "standard"), true)
         assert abs(row.touch_deviation) < TOUCH, row.cells
         assert abs(row.buzz_deviation) < AGREED, row.cells
         assert row.held, row.cells
@@ -62,7 +62,7 @@ def test_a_wrong_stroke_would_be_noticed(
         return wrong(right(*given))
 
     monkeypatch.setattr(buzz_map, "stroke_of", stroke_of)
-    rows = [Row(note, mapped(note), true) for note, true in zip(NOTES, truths, strict=True)]
+    rows = [Row(note, mapped(note, "standard"), true) for note, true in zip(NOTES, truths, strict=True)]
     assert any(abs(row.touch_deviation) > 1.5 * TOUCH for row in rows), [row.cells for row in rows]
 
 

@@ -127,7 +127,7 @@ export function mount(element, { store, api }) {
     label: "Propose",
     id: "propose",
     name: "Proposal",
-    tip: "Finds the lowest action, relief and nut that keep the wish, or the bridge that buzzes longest; seconds to a few minutes",
+    tip: "Finds the lowest action and relief that keep the wish, or the bridge that buzzes longest; seconds to a few minutes",
   });
   const wish = h("input", { type: "text", id: "wish", list: "wishes", autocomplete: "off", spellcheck: "false", required: true });
   const examples = h("datalist", { id: "wishes" });

@@ -35,7 +35,7 @@ WebSocket.prototype.send = function (text) {
 @pytest.fixture(scope="module")
 def bass():
     """What the server says of the bass at a medium stroke, by place."""
-    found = buzz_maps.mapped(load_preset("fretted-bass"), "medium", "draft")
+    found = buzz_maps.mapped(load_preset("fretted-bass"), "medium")
     return {place(note): note for note in found["notes"]}
 
 

@@ -76,7 +76,7 @@ def add(commands: Any) -> None:
 
 def _stroke(text: str) -> str | int:
     """An option's type: the name of a stroke, or a velocity."""
-    from synth.setup.strokes import VELOCITIES
+    from synth.setup.plucking import VELOCITIES
 
     if text in VELOCITIES:
         return text
@@ -95,8 +95,10 @@ def _frets(text: str) -> tuple[int, int]:
 
 def _setup(options: argparse.Namespace) -> int:
     from synth.native.processors import cores
+    from synth.setup import missing
 
-    common.needed("a set-up needs", ("scipy",), "setup")
+    if (why := missing()) is not None:
+        raise ValueError(why)
     _check_outputs(options)
     preset = _preset(options)
     threads = options.threads or cores()
