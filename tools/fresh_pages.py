@@ -65,6 +65,7 @@ WAYS: dict[str, Way] = {
     ),
     "synth render": _NAME,
     "synth render --rest": _NAME,
+    "synth setup": _NAME,
     "synth simulate": _NAME,
     "tools/bench --publish": _FIGURE,
     "tools/bench --only cold": _FIGURE,

@@ -26,7 +26,7 @@ _ENDINGS = {
     "STUDY": ("toml",),
 }
 #: …and what is written, or of any kind
-_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FILE.png")
+_FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FILE.csv", "FILE.png")
 _FOLDERS = ("DIR", "FOLDER")
 
 #: a function of each shell that offers {names}, the values of an option (the {kind})
