@@ -205,9 +205,7 @@ def lines(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, A
             f"  {each.place.string}: thread {each.now.jiva_um:g} → {each.best.jiva_um:g} µm, buzz {each.now.seconds:.2f} → "
             f"{each.best.seconds:.2f} s; at most a tenth shorter from {low:g} to {high:g} µm"
         )
-    text.append(
-        f"  {what}: {'as it is' if part == 1.0 else f'{part:g} times as large'}, of {PARTS[0]:g} to {PARTS[-1]:g} times"
-    )
+    text.append(f"  {what}: {'as it is' if part == 1.0 else f'{part:g} times as large'}")
     text.append(f"  tried: threads from {JIVA_UM[0]:g} to {JIVA_UM[-1]:g} µm, {what} times {PARTS[0]:g} to {PARTS[-1]:g}")
     text.append("  " + " ".join(f"--set {path}={_written(value)}" for path, value in edits))
     return text
