@@ -8,7 +8,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.instrument.compile import CompiledString, Position, open_string, speaking_string, string_frequency
@@ -337,8 +336,3 @@ def computed(
             pool.shutdown(wait=True, cancel_futures=True)
     made = [each.result() for each in futures if each.done() and not each.cancelled() and each.exception() is None]
     return tuple(made), complete and len(made) == len(items)
-
-
-def shares(spots: Sequence[Spot]) -> np.ndarray:
-    """(notes,) threshold of each note over the map's stroke; inf: it does not buzz up to the limit."""
-    return np.array([each.buzz_m / each.stroke_m for each in spots])
