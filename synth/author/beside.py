@@ -13,7 +13,7 @@ from typing import Any
 from synth.author.jobs import Progress
 from synth.author.worker import NICE
 
-#: how often it is looked whether it is to end [s]
+#: interval between checks whether it is to end [s]
 LOOK_S = 0.1
 
 

@@ -9,15 +9,12 @@ from synth.instrument.preset import Preset
 from synth.native.processors import cores
 from synth.setup import longest, missing, proposals
 from synth.setup.buzz_map import buzz_map, velocity_named
-from synth.setup.places import check_touches, places_of
+from synth.setup.places import check_touches, places_of, string_names
 from synth.setup.report import neck_lines, rows, summary
 from synth.setup.wants import Want, parse
-from synth.units import midi_to_note
 
 #: told how many notes are done, and how many there are
 Told = Callable[[int, int], None]
-#: how a message of the command line names the wish, and how the page does
-_WORDS = ("--want: ", "the wish: ")
 
 
 def _silent(done: int, total: int) -> None:
@@ -68,11 +65,7 @@ def wish_of(preset: Preset, text: str) -> Want:
     """A wish for a preset. Raises ValueError with what is not understood, PresetError where nothing touches or where a long
     buzz is wanted of something else than a bridge."""
     _check(preset)
-    names = [name for each in places_of(preset) for name in (each.string, midi_to_note(each.opened))]
-    try:
-        want = parse(text, list(dict.fromkeys(names)))
-    except ValueError as error:
-        raise ValueError(str(error).replace(*_WORDS)) from None
+    want = parse(text, string_names(preset))
     if want.longest:
         longest.bridge_of(preset)
     return want

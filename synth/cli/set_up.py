@@ -33,7 +33,7 @@ def add(commands: Any) -> None:
     parser.add_argument("preset", metavar="PRESET", help="preset: a name, or a .toml file")
     common.add_settings(parser)
     parser.add_argument(
-        "--stroke", type=_stroke, default="medium", metavar="STROKE",
+        "--stroke", type=_stroke, metavar="STROKE",
         help="soft, medium (default), hard, or a MIDI velocity of 1 to 127: its place, width and speed; notes that buzz at "
         "it are marked",
     )  # fmt: skip
@@ -164,7 +164,7 @@ def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
         found = buzz_map(
             preset,
-            stroke=options.stroke,
+            stroke=options.stroke or "medium",
             place_m=None if options.place is None else 1e-3 * options.place,
             quality=options.quality or QUALITY,
             audible_db=options.audible,
@@ -173,8 +173,6 @@ def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
             threads=threads,
             told=lambda done, total: line.notes(done, total),
         )
-    for name in options.output:
-        _write_map(found, name)
     if options.json:
         about = {
             "preset": found.preset, "stroke": found.stroke, "velocity": found.velocity, "quality": found.quality,
@@ -183,7 +181,11 @@ def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
         print(json.dumps(about, indent=2, allow_nan=False))
     elif not options.quiet:
         strings = string_lines(preset) if options.tension else []
-        print("\n".join([terminal_text(found), *neck_lines(preset), *strings, *options.output]))
+        print("\n".join([terminal_text(found), *neck_lines(preset), *strings]))
+    for name in options.output:  # after what was computed has been printed
+        _write_map(found, name)
+        if not options.quiet and not options.json:
+            print(name)
     if not found.complete:
         print(f"synth: interrupted: {len(found.spots)} notes were computed and are kept", file=sys.stderr)
         return 130
@@ -209,25 +211,28 @@ def _write_map(found: BuzzMap, name: str) -> None:
 
 
 def _wanted(preset: Preset, options: argparse.Namespace, threads: int) -> int:
-    from synth.instrument.preset import midi_to_note
-    from synth.setup.places import check_touches, places_of
+    from synth.setup.places import check_touches, string_names
     from synth.setup.wants import parse
 
+    for name in ("stroke", "tension"):
+        if getattr(options, name):
+            raise ValueError(f"--{name} is for a map, and a wish names its strokes; leave it out beside --want")
     if options.frets is not None:
         raise ValueError('--frets is for a map; with --want name frets in the wish, such as "except frets 13-20 soft"')
     check_touches(preset)
-    names = [name for each in places_of(preset) for name in (each.string, midi_to_note(each.opened))]
-    want = parse(options.want, list(dict.fromkeys(names)))
+    want = parse(options.want, string_names(preset))
     if want.longest:
         about, text, edits = _longest(preset, want.rules[0].velocity or 1, options, threads)
     else:
         about, text, edits = _lowest(preset, want, options, threads)
-    for name in options.output:
-        _write_setup(options, preset, edits, name)
     if options.json:
         print(json.dumps({"preset": preset.name, "want": options.want, **about}, indent=2, allow_nan=False))
     elif not options.quiet:
-        print("\n".join([*text, *options.output]))
+        print("\n".join(text))
+    for name in options.output:
+        _write_setup(options, preset, edits, name)
+        if not options.quiet and not options.json:
+            print(name)
     return 0
 
 
@@ -246,7 +251,7 @@ def _lowest(
             audible_db=options.audible,
             strings=options.strings,
             threads=threads,
-            told=lambda done, total: line.notes(done, total),
+            told=lambda done, total: line.measuring(done / total),
         )
     return found.about(), found.lines(), list(found.proposal.settings)
 

@@ -14,5 +14,5 @@ from importlib.util import find_spec
 
 
 def missing() -> str | None:
-    """Why no set-up can be found here; None: it can."""
+    """Message that names a missing package; None: all are there."""
     return "a set-up needs scipy: pip install 'jawari[setup]'" if find_spec("scipy") is None else None

@@ -6,7 +6,7 @@ Heights under a string are affine in them, which `lowest` makes use of.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,15 @@ class Adjustment:
 
 
 def adjustments(preset: Preset) -> tuple[Adjustment, ...]:
-    """What may be turned on a preset's neck. Raises PresetError for one without frets or board."""
+    """What may be turned on a preset's neck, within bounds that hold its present values. Raises PresetError for one without
+    frets or board."""
+    return tuple(
+        replace(each, low_mm=min(each.low_mm, each.now_mm), high_mm=max(each.high_mm, each.now_mm))
+        for each in _turned_now(preset)
+    )
+
+
+def _turned_now(preset: Preset) -> tuple[Adjustment, ...]:
     shape, setup = preset.obstacle, preset.setup
     if setup is not None and setup.shapes_the_neck:
         bass, treble = setup.actions_mm
@@ -45,8 +53,8 @@ def adjustments(preset: Preset) -> tuple[Adjustment, ...]:
     if isinstance(shape, FretsObstacle):
         return Adjustment("action", action_mm(preset), *ACTION_MM), Adjustment(RELIEF, _relief_mm(shape), *RELIEF_MM)
     raise PresetError(
-        f'{preset.name}: obstacle.kind must be frets or board for an action, got {shape.kind}; ask for "longest buzz" where '
-        "there is a bridge"
+        f"{preset.name}: obstacle.kind must be frets or board to set an action, got {shape.kind}; over a bridge ask for "
+        '"longest buzz"'
     )
 
 

@@ -20,8 +20,8 @@ import numpy as np
 WINDOW_S = 0.25
 #: a band that is so much louder than without contact is heard [dB]
 AUDIBLE_DB = 3.0
-#: bands: from so many times the first partial, up to so many hertz
-FROM_PARTIAL, HIGHEST_HZ = 5.0, 10000.0
+#: bands: from this partial on, but not from a higher frequency than that, up to the last [Hz]
+FROM_PARTIAL, HIGHEST_LOWEST_HZ, HIGHEST_HZ = 5.0, 8000.0, 10000.0
 #: what is so far below the whole note is lost in the noise of a room [dB]
 MASKED_DB = -40.0
 
@@ -55,7 +55,7 @@ def band_energies(y: np.ndarray, rate_hz: float, pitch_hz: float, *, speed: bool
 
     y (n,) from the touch of the finger on, windowed; `speed`: its derivative is heard.
     """
-    weights, edges = _weights(y.size, rate_hz, FROM_PARTIAL * pitch_hz, speed)
+    weights, edges = _weights(y.size, rate_hz, min(FROM_PARTIAL * pitch_hz, HIGHEST_LOWEST_HZ), speed)
     power = np.abs(np.fft.rfft(y)) ** 2 * weights
     sums = np.concatenate([[0.0], np.cumsum(power)])
     return np.diff(sums[edges]), float(sums[-1])

@@ -9,6 +9,7 @@ import numpy as np
 
 from synth.engine.engine import Engine
 from synth.engine.parameters import INDEX_OF
+from synth.engine.stroke import drawn_by
 from synth.fit.fret_model import RATE_HZ, engine_for, stroke_sound
 from synth.instrument.compile import CompiledString, Position, full_pluck_force, open_string
 from synth.instrument.neck import alone, obstacle_under
@@ -18,7 +19,7 @@ from synth.midi.events import NOTE_ON, PARAMETER
 from synth.physics.modes import mode_shapes
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
 from synth.setup.note import Note, Played
-from synth.setup.places import BOARD_PLACES, Below, Place
+from synth.setup.places import Below, Place, below, opened_string
 from synth.setup.plucking import Stroke
 
 #: the pluck that is played is so large [mm], and strokes are amounts of it
@@ -36,12 +37,10 @@ class BoardNote(Note):
         self._preset, self._place, self._string, self._quality = preset, place, string, quality
         self._engines: dict[BoardObstacle, Engine] = {}
         speaking = position.length_m
-        x = [speaking * (i + 1) / (BOARD_PLACES + 1) for i in range(BOARD_PLACES)]
-        end = 1e-3 * _board(preset, place).length_mm - string.open_length_m + speaking
-        x = [each for each in x if each <= end]
+        x = speaking - below(preset, place, opened_string(preset, place), speaking).distances_m
         super().__init__(
             position, stroke, speed=preset.output.kind in ("pickup", "velocity"),
-            shapes=mode_shapes(speaking, np.array(x), position.omega.size),
+            shapes=mode_shapes(speaking, x, position.omega.size),
         )  # fmt: skip
 
     @cached_property
@@ -51,10 +50,8 @@ class BoardNote(Note):
         full = full_pluck_force(
             self._played(_board(self._preset, self._place)), table, open_string(self._preset, table, opened)[0], opened
         )
-        here, stroke = self.position, self.stroke
-        distance = stroke.distance_m
-        per_newton = distance * (here.length_m - distance) / (here.tension_n * here.length_m)
-        return 1.0 / (full * per_newton)
+        here = self.position
+        return 1.0 / drawn_by(full, self.stroke.distance_m, here.length_m, here.tension_n)
 
     def _played(self, board: BoardObstacle) -> Preset:
         """The preset of this string alone, whose pluck is the stroke's, over a board."""

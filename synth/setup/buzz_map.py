@@ -10,9 +10,10 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from synth.engine.stroke import NEAREST
 from synth.instrument.compile import CompiledString, Position, open_string, speaking_string, string_frequency
 from synth.instrument.neck import alone
-from synth.instrument.preset import BoardObstacle, FretsObstacle, Preset, Scaled
+from synth.instrument.preset import BoardObstacle, FretsObstacle, Preset, Scaled, at_note
 from synth.native.denormals import enable_ftz, restore
 from synth.physics.string import String
 from synth.physics.tuning import tuned
@@ -25,7 +26,7 @@ from synth.setup.thresholds import UNCERTAIN_DB, Threshold, threshold
 
 #: of a map unless told otherwise: thresholds are the same as at `reference` within 3 % in more than 95 % of random cases
 QUALITY = "draft"
-#: strokes are looked at up to so many times the hardest of the preset
+#: the largest stroke that is tried, over the hardest of the preset
 LIMIT = 2.0
 #: what a player's place varies by [m], and what a string's diameter does (relative): the map says what that changes
 PLACE_M, GAUGE = 0.005, 0.01
@@ -40,17 +41,17 @@ class Spot:
 
     string, fret, note    where: the string's name, its fret (0: open), the MIDI note
     clearance_m           least clearance of the string at rest; inf over nothing, negative where it rests on a fret
-    stroke_m, stroke_aside   displacement of the map's stroke, and what the whole of it is in parts of that
+    stroke_m              displacement of the map's stroke
     velocity              MIDI velocity of the stroke
     touch_m, touched      least displacement at which the string touches something, and what; inf, "": nothing up to limit_m
-    buzz_m, buzzes_on     least displacement at which a buzz is heard, and on what it loses most
+    buzz_m, buzzes_on     least displacement at which a buzz is heard, and the contact that then gives the largest impulse
     low_m, high_m         interval of buzz_m: numerical error, and the place of the stroke
     buzz_velocity         about the MIDI velocity of that stroke; above 127 no key gives it
-    returns_m             up to which the buzz goes away again now and then: chaotic; nan where it does not
+    returns_m             largest displacement tried beyond buzz_m at which no buzz is heard: chaotic motion; else nan
     place_percent, gauge_percent   change of touch_m with the place of the stroke (±5 mm), and of the plucking force there
                           with the string's diameter (+1 %)
     stroke_db             B of the map's stroke itself [dB]
-    limit_m               up to which strokes were looked at
+    limit_m               largest displacement that was tried
     resting               the string lies on what it touches
     """
 
@@ -59,7 +60,6 @@ class Spot:
     note: int
     clearance_m: float
     stroke_m: float
-    stroke_aside: float
     velocity: int
     touch_m: float
     touched: str
@@ -168,7 +168,7 @@ def _spot(preset: Preset, place: Place, velocity: int, place_m: float | None, qu
     elif math.isfinite(found.buzz_m):
         impulse = note.play(found.buzz_m, under).impulse_ns
         on = under.names[int(impulse.argmax())] if impulse.any() else under.names[int(reach.argmin())]
-    by_place, by_gauge = 0.0, 0.0
+    by_place = by_gauge = math.nan
     if 0.0 < touch <= limit:
         by_place = max(abs(_moved_touch(note, under, by) / touch - 1.0) for by in (-PLACE_M, PLACE_M))
         by_gauge = _force_by_gauge(preset, ready)
@@ -180,7 +180,6 @@ def _spot(preset: Preset, place: Place, velocity: int, place_m: float | None, qu
         place.note,
         float(under.clearance_m(note.position.length_m).min(initial=math.inf)),
         stroke.displacement_m,
-        stroke.aside,
         velocity,
         touched if touched <= limit else math.inf,
         "" if touched > limit else on if resting else under.names[int(reach.argmin())],
@@ -208,7 +207,7 @@ def _interval(found: Threshold, share: float) -> tuple[float, float]:
     buzz = found.buzz_m
     if not math.isfinite(buzz):
         return found.low_m, found.high_m
-    other = share * buzz
+    other = 0.0 if math.isnan(share) else share * buzz
     return max(0.0, buzz - math.hypot(buzz - found.low_m, other)), buzz + math.hypot(found.high_m - buzz, other)
 
 
@@ -244,7 +243,7 @@ def _speaking(single: Preset, place: Place) -> String:
 
 
 def with_gauge(preset: Preset, factor: float) -> Preset:
-    """A preset of one string with one so many times as thick, of the same material."""
+    """A preset of one string, its diameter scaled by `factor`, of the same material."""
     (table,) = preset.string
 
     def times(value: Scaled | None, by: float) -> Any:
@@ -289,6 +288,8 @@ def buzz_map(
     if quality not in UNCERTAIN_DB:
         raise ValueError(f"quality must be one of {', '.join(UNCERTAIN_DB)}, got {quality!r}")
     wanted = places_of(preset, strings, frets)
+    if place_m is not None:
+        _check_place(preset, wanted, place_m)
 
     def one(place: Place) -> Spot:
         return spot(preset, place, velocity=velocity, place_m=place_m, quality=quality, audible_db=audible_db)
@@ -296,6 +297,17 @@ def buzz_map(
     spots, complete = computed(one, wanted, threads, told)
     name = stroke if isinstance(stroke, str) else f"velocity {stroke}"
     return BuzzMap(preset.name, name, velocity, place_m, quality, audible_db, spots, complete)
+
+
+def _check_place(preset: Preset, wanted: Sequence[Place], place_m: float) -> None:
+    """Raises ValueError for a place of plucking that is not on every string that is wanted."""
+    for place in wanted:
+        length = at_note(place.table(preset).length_m, place.opened) * 2.0 ** (-place.fret / 12.0)
+        if place_m > (1.0 - NEAREST) * length:
+            raise ValueError(
+                f"place must lie on every string, got {1e3 * place_m:g} mm from the saddle, where string {place.string} at "
+                f"fret {place.fret} speaks over {1e3 * length:.0f} mm; take a place nearer to it, or lower frets"
+            )
 
 
 def velocity_named(stroke: str | int) -> int:

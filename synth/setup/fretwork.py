@@ -14,8 +14,8 @@ import numpy as np
 LEAST_M, SCATTERS = 20e-6, 4.0
 #: standard deviations in a median absolute deviation
 _MAD = 1.4826
-#: frets from which the neck may fall away, and what another parameter must improve the fit by (relative)
-_KNEES, _WORTH = (10, 11, 12, 13, 14, 15), 0.25
+#: first fret from which a neck may fall away; frets behind the last; what this must improve the fit by (relative)
+_FIRST_KNEE, _BEHIND, _WORTH = 5, 2, 0.25
 #: a neck is bent backwards from so much on [m]
 BACKBOW_M = 0.02e-3
 #: frets fewer than that have no smooth neck to be told apart from
@@ -29,14 +29,12 @@ class Neck:
     excess_m     (F,) by how much each fret stands above the smooth neck [m]
     relief_m     hollow of the smooth neck half way between first and last fret [m]; negative: backbow
     fall_away_m  how far the last fret lies below the line of the frets before the fall-away [m]
-    scatter_m    standard deviation of the frets about the smooth neck, the high ones left out [m]
     high         numbers of the high frets, from 1
     """
 
     excess_m: np.ndarray
     relief_m: float
     fall_away_m: float
-    scatter_m: float
     high: tuple[int, ...]
 
 
@@ -52,9 +50,7 @@ def neck_of(positions_m: np.ndarray, heights_m: np.ndarray) -> Neck:
     plain = np.stack([np.ones_like(s), s, -4.0 * s * (1.0 - s)], axis=1)
     fit, loss = _least_absolute(plain, h)
     columns, best = plain, loss
-    for knee in _KNEES:
-        if knee + 2 > x.size:
-            continue
+    for knee in range(_FIRST_KNEE, x.size - _BEHIND + 1):
         beyond = -np.maximum(0.0, s - s[knee - 1]) / (1.0 - s[knee - 1])
         other = np.column_stack([plain, beyond])
         values, here = _least_absolute(other, h)
@@ -69,7 +65,6 @@ def neck_of(positions_m: np.ndarray, heights_m: np.ndarray) -> Neck:
         excess,
         float(fit[2]),
         float(fit[3]) if fit.size > 3 else 0.0,
-        float(np.sqrt(np.mean(excess[~high] ** 2))),
         tuple(int(k) + 1 for k in np.flatnonzero(high)),
     )
 

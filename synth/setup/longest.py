@@ -21,11 +21,13 @@ from synth.units import midi_to_note
 QUALITY = "standard"
 #: seconds of a note that are played
 SECONDS = 12.0
-#: heights of a thread [µm], distances and radii in parts of what they are now, that are tried first
+#: heights of a thread [µm], and factors of its distance or of a radius, that are tried first
 JIVA_UM = (-5.0, 0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 17.0, 22.0, 30.0, 40.0, 60.0)
 PARTS = (0.8, 0.9, 1.0, 1.1, 1.25)
-#: another place or curve must be so many times as good as what is there
+#: factor by which another place or curve must be better than the present one
 _WORTH = 1.05
+#: of a thread's distance to the string's length, at most (the preset's key)
+MOST_RATIO = 0.2
 #: rounds in which the best height is narrowed down
 _ROUNDS = 2
 
@@ -45,20 +47,24 @@ class Bridge:
 
 @dataclass(frozen=True)
 class Longest:
-    """The bridges that were tried under an open string.
+    """The bridges that were tried under the open strings of one note, which share a thread; seconds are their mean.
 
-    now    as it is
-    best   the best one of the proposed place or curve: how long a buzz lasts differs by a tenth or so from height to
-           height, so that each counts with its neighbours
-    near   heights of the thread [µm] about the best between which a buzz is at most a tenth shorter, neighbours counted
-    tried  all
+    places  these strings
+    now     as it is
+    best    the best one of the proposed place or curve: how long a buzz lasts differs by a tenth or so from height to
+            height, so that each counts with its neighbours
+    near    heights of the thread [µm] about the best between which a buzz is at most a tenth shorter, neighbours counted
     """
 
-    place: Place
+    places: tuple[Place, ...]
     now: Bridge
     best: Bridge
     near: tuple[float, float]
-    tried: tuple[Bridge, ...]
+
+    @property
+    def names(self) -> str:
+        """Of its strings."""
+        return ", ".join(each.string for each in self.places)
 
 
 def with_neighbours(tried: Sequence[Bridge]) -> list[float]:
@@ -105,19 +111,23 @@ def longest(
     """The bridge that lets each open string buzz longest, by strokes of a velocity. Raises PresetError, ValueError;
     KeyboardInterrupt."""
     shape = bridge_of(preset)
-    opened = places_of(preset, strings, {0})
-    jobs = [(place, part) for place in opened for part in PARTS]
+    groups: dict[int, tuple[Place, ...]] = {}
+    for place in places_of(preset, strings, {0}):
+        groups[place.opened] = (*groups.get(place.opened, ()), place)
+    parts = [part for part in PARTS if shape.distance_ratio is None or part * shape.distance_ratio <= MOST_RATIO]
+    jobs = [(note, part) for note in groups for part in parts]
 
-    def one(job: tuple[Place, float]) -> list[Bridge]:
-        place, part = job
+    def one(job: tuple[int, float]) -> list[Bridge]:
+        note, part = job
         tried: dict[float, float] = {}
 
         def play(jiva: float) -> None:
             if jiva not in tried:
-                other = with_bridge(preset, place, jiva, part)
-                tried[jiva] = _seconds(other, place, velocity, place_m, quality, audible_db)
+                other = with_bridge(preset, note, jiva, part)
+                seconds = [_seconds(other, place, velocity, place_m, quality, audible_db) for place in groups[note]]
+                tried[jiva] = sum(seconds) / len(seconds)
 
-        for jiva in sorted({*JIVA_UM, at_note(shape.jiva_um, place.opened)}):
+        for jiva in sorted({*JIVA_UM, at_note(shape.jiva_um, note)}):
             play(jiva)
         for _ in range(_ROUNDS):
             heights = sorted(tried)
@@ -130,24 +140,25 @@ def longest(
     made, complete = computed(one, jobs, threads, told)
     if not complete:
         raise KeyboardInterrupt
-    tried = {(place, part): some for (place, part), some in zip(jobs, made, strict=True)}
+    tried = dict(zip(jobs, made, strict=True))
     best = {job: _best(some) for job, some in tried.items()}
-    # one bridge lies under all strings: its place or curve is what is best for all together; each string has its own thread
-    together = {part: sum(best[place, part][2] for place in opened) for part in PARTS}
-    common = max(PARTS, key=lambda part: together[part])
+    # one bridge lies under all strings: its place or curve is what is best for all together
+    together = {part: sum(len(groups[note]) * best[note, part][2] for note in groups) for part in parts}
+    common = max(parts, key=lambda part: together[part])
     if together[common] < _WORTH * together[1.0]:
         common = 1.0
     found = []
-    for place in opened:
-        jiva = at_note(shape.jiva_um, place.opened)
-        now = next(each for each in tried[place, 1.0] if each.jiva_um == jiva)
-        bridge, near, _ = best[place, common]
-        found.append(Longest(place, now, bridge, near, tuple(each for part in PARTS for each in tried[place, part])))
+    for note, places in groups.items():
+        jiva = at_note(shape.jiva_um, note)
+        now = next(each for each in tried[note, 1.0] if each.jiva_um == jiva)
+        bridge, near, _ = best[note, common]
+        found.append(Longest(places, now, bridge, near))
     return found
 
 
-def with_bridge(preset: Preset, place: Place, jiva_um: float, part: float) -> Preset:
-    """The preset with another thread under every string, its place, or a curved bridge's radius, so many times as large."""
+def with_bridge(preset: Preset, note: int, jiva_um: float, part: float) -> Preset:
+    """The preset with another thread under every string; `part` scales its place under the string of an open note, or the
+    radius of a curved bridge."""
     shape = bridge_of(preset)
     changed: dict[str, Any] = {"jiva_um": jiva_um}
     if not shape.has_thread:
@@ -156,14 +167,16 @@ def with_bridge(preset: Preset, place: Place, jiva_um: float, part: float) -> Pr
         changed["distance_ratio"] = part * shape.distance_ratio
     else:
         assert shape.distance_mm is not None
-        changed["distance_mm"] = part * at_note(shape.distance_mm, place.opened)
+        changed["distance_mm"] = part * at_note(shape.distance_mm, note)
     return preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
 
 
 def settings(preset: Preset, found: Sequence[Longest]) -> list[tuple[str, Any]]:
-    """[(path, value)] of the preset that give each string its best thread, and all of them the proposed place or curve."""
+    """[(path, value)] of the preset that give each string its best thread, and all of them the proposed place or curve.
+    Strings that were not asked for keep their threads."""
     shape = bridge_of(preset)
-    jiva = {midi_to_note(each.place.opened): round(each.best.jiva_um, 2) for each in found}
+    jiva = {midi_to_note(each.opened): at_note(shape.jiva_um, each.opened) for each in places_of(preset, None, {0})}
+    jiva |= {midi_to_note(each.places[0].opened): round(each.best.jiva_um, 2) for each in found}
     values: Any = next(iter(jiva.values())) if len(set(jiva.values())) == 1 else jiva
     edits: list[tuple[str, Any]] = [("obstacle.jiva_um", values)]
     part = found[0].best.part
@@ -197,16 +210,16 @@ def lines(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, A
     """The proposal as text."""
     shape = bridge_of(preset)
     part = found[0].best.part
-    what = "place of the thread" if shape.has_thread else "radius of the bridge"
+    what, gap = ("place of the thread", "thread") if shape.has_thread else ("radius of the bridge", "gap")
     text = [f"{preset.name}: longest buzz of each open string, of at most {SECONDS:g} s that are played"]
     for each in found:
         low, high = each.near
         text.append(
-            f"  {each.place.string}: thread {each.now.jiva_um:g} → {each.best.jiva_um:g} µm, buzz {each.now.seconds:.2f} → "
+            f"  {each.names}: {gap} {each.now.jiva_um:g} → {each.best.jiva_um:g} µm, buzz {each.now.seconds:.2f} → "
             f"{each.best.seconds:.2f} s; at most a tenth shorter from {low:g} to {high:g} µm"
         )
     text.append(f"  {what}: {'as it is' if part == 1.0 else f'{part:g} times as large'}")
-    text.append(f"  tried: threads from {JIVA_UM[0]:g} to {JIVA_UM[-1]:g} µm, {what} times {PARTS[0]:g} to {PARTS[-1]:g}")
+    text.append(f"  tried: {gap} from {JIVA_UM[0]:g} to {JIVA_UM[-1]:g} µm, {what} times {PARTS[0]:g} to {PARTS[-1]:g}")
     text.append("  " + " ".join(f"--set {path}={_written(value)}" for path, value in edits))
     return text
 
@@ -217,7 +230,7 @@ def about(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, A
         "place_or_radius": found[0].best.part,
         "strings": [
             {
-                "string": each.place.string,
+                "strings": [place.string for place in each.places],
                 "now_um": each.now.jiva_um,
                 "now_s": round(each.now.seconds, 3),
                 "um": each.best.jiva_um,

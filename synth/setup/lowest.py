@@ -54,12 +54,13 @@ class Wanted:
         """Where it is."""
         return self.prepared.place
 
-    def _below(self, preset: Preset) -> Below:
+    def below(self, preset: Preset) -> Below:
+        """What lies below it on the neck of a preset."""
         return below(preset, self.place, self.opened, self.prepared.note.position.length_m)
 
     def buzz_db(self, preset: Preset) -> float:
         """B of the stroke over the neck of a preset that differs in that alone; inf where the string rests on it."""
-        under, note = self._below(preset), self.prepared.note
+        under, note = self.below(preset), self.prepared.note
         if np.any(under.heights_m >= 0.0):
             return math.inf
         displacement = note.stroke.displacement_m
@@ -70,7 +71,7 @@ class Wanted:
     def touching_share(self, preset: Preset, audible_db: float) -> float | None:
         """The displacement at which the note touches over that at which it buzzes; None where both lie well beyond the
         stroke, or the string rests on a fret."""
-        under, note = self._below(preset), self.prepared.note
+        under, note = self.below(preset), self.prepared.note
         displacement, touch = note.stroke.displacement_m, float(note.reach_m(under).min(initial=math.inf))
         if touch > _NEAR * displacement or touch <= 0.0:
             return None
@@ -80,10 +81,10 @@ class Wanted:
         )
         return max(_LEAST_SHARE, touch / buzz)
 
-    def least_clearance_m(self, preset: Preset) -> float:
-        """The least clearance of the stroke over that neck [m], were nothing touched."""
+    def least_clearance_m(self, preset: Preset, share: float = 1.0) -> float:
+        """The least clearance of a share of the stroke over that neck [m], were nothing touched."""
         note = self.prepared.note
-        return float(note.clearance_m(note.stroke.displacement_m, self._below(preset)).min(initial=math.inf))
+        return float(note.clearance_m(share * note.stroke.displacement_m, self.below(preset)).min(initial=math.inf))
 
 
 def _flushed(play: Callable[[], Result]) -> Result:
@@ -130,6 +131,8 @@ def wanted_notes(
     """The notes that a want concerns, ready to be played. Raises PresetError, ValueError; KeyboardInterrupt."""
     check_touches(preset)
     concerned = [each for each in places_of(preset, strings) if want.velocity(each) is not None]
+    if not concerned:
+        raise ValueError("the wish lets every note buzz; name notes that must not")
 
     def one(place: Place) -> Wanted:
         velocity = want.velocity(place)
@@ -185,7 +188,7 @@ def lowest(
     tell(_ROUNDS + 2)
     remaining = failing(values)
     at = adjusted(preset, values)
-    room = np.array([each.least_clearance_m(at) / each.prepared.note.stroke.displacement_m for each in notes])
+    room = np.array([each.least_clearance_m(at, part) for each, part in zip(notes, share, strict=True)])
     order = np.argsort(room)[:3]
     return Proposal(
         turned,
@@ -254,8 +257,8 @@ class _Programme:
             for each, moves in zip(self._turned, self.moves, strict=True)
         ]
         values, _ = self._solved(share, bounds)
-        for k, each in enumerate(self._turned):
-            if each.name == RELIEF:
+        for k, (each, moves) in enumerate(zip(self._turned, self.moves, strict=True)):
+            if each.name == RELIEF and moves:
                 relief = _ROUNDED_MM * round(values[k] / _ROUNDED_MM)
                 bounds[k] = (relief, relief)
         values, possible = self._solved(share, bounds)

@@ -11,17 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from synth.instrument.compile import obstacle_of
-from synth.instrument.preset import FretsObstacle, Preset
+from synth.instrument.preset import FretsObstacle, Preset, at_note
 from synth.physics.obstacle import fret_positions
 from synth.setup.adjustments import RELIEF, adjusted, adjustments
 from synth.setup.fretwork import BACKBOW_M, FEWEST, Neck, neck_of
 from synth.setup.lowest import Wanted
-from synth.setup.places import Place, below
+from synth.setup.places import Place, places_of
+from synth.setup.plucking import stroke_of
 
 #: relief that a neck bent backwards is given [mm]
 STRAIGHT_MM = 0.1
 #: notes that touch nothing over a nut this much higher [m] touch because it is low
 _MOST_NUT_M = 1e-3
+
+#: frets that an open string is compared with, and how much softer its stroke at the touch must be
+_FIRST_FRETS, _SOFTER = (1, 2, 3), 0.9
 
 HIGH_FRET, BACKBOW, LOW_NUT, LOW_ACTION = "high fret", "backbow", "low nut", "low action"
 
@@ -61,13 +65,33 @@ class Touching:
         return found
 
 
-def neck_under(preset: Preset, notes: Sequence[Wanted]) -> Neck | None:
-    """The neck under the first of the notes; None where it has too few frets, or none."""
-    if not isinstance(preset.obstacle, FretsObstacle) or preset.obstacle.count < FEWEST or not notes:
+def has_own_heights(preset: Preset) -> bool:
+    """Whether every fret of a preset has a height of its own, so that one may be high."""
+    shape, setup = preset.obstacle, preset.setup
+    if not isinstance(shape, FretsObstacle) or shape.count < FEWEST:
+        return False
+    return bool(setup.fret_heights_mm if setup is not None and setup.shapes_the_neck else shape.heights_mm)
+
+
+def neck_under(preset: Preset) -> Neck | None:
+    """The neck under a preset's lowest string, where a round board adds nothing; None where frets have no heights of their
+    own."""
+    if not has_own_heights(preset):
         return None
-    first = notes[0]
-    whole = obstacle_of(preset, first.place.table(preset), first.place.opened, first.opened.length_m)
+    place = min(places_of(preset, None, {0}), key=lambda each: each.opened)
+    table = place.table(preset)
+    whole = obstacle_of(preset, table, place.opened, at_note(table.length_m, place.opened))
     return neck_of(np.array(whole.positions_m), np.array(whole.heights_m))
+
+
+def relief_of(preset: Preset) -> float | None:
+    """Hollow of a preset's neck [m]; negative: backbow. None where it has no frets."""
+    neck = neck_under(preset)
+    if neck is not None:
+        return neck.relief_m
+    if not isinstance(preset.obstacle, FretsObstacle):
+        return None
+    return 1e-3 * next(each.now_mm for each in adjustments(preset) if each.name == RELIEF)
 
 
 def faults(preset: Preset, notes: Sequence[Wanted]) -> tuple[list[Fault], Neck | None]:
@@ -77,7 +101,7 @@ def faults(preset: Preset, notes: Sequence[Wanted]) -> tuple[list[Fault], Neck |
     """
     touching = Touching(notes)
     now = touching.over(lambda each: _heights(preset, each))
-    neck = neck_under(preset, notes)
+    neck, relief_m = neck_under(preset), relief_of(preset)
     found = []
 
     def fault(kind: str, where: str, by_m: float, mended: Callable[[Wanted], np.ndarray]) -> None:
@@ -89,11 +113,11 @@ def faults(preset: Preset, notes: Sequence[Wanted]) -> tuple[list[Fault], Neck |
         for number in neck.high:
             by = float(neck.excess_m[number - 1])
             fault(HIGH_FRET, str(number), by, lambda each, n=number, h=by: _dressed_heights(preset, each, {n: h}))  # type: ignore[misc]
-        if neck.relief_m < -BACKBOW_M and now:
-            straight = _bent(preset, 1e-3 * STRAIGHT_MM - neck.relief_m)
-            by = 1e-3 * STRAIGHT_MM - neck.relief_m
-            fault(BACKBOW, "", by, lambda each: _heights(straight, each))
-    found += _low_nuts(preset, now)
+    if relief_m is not None and relief_m < -BACKBOW_M and now:
+        more = 1e-3 * STRAIGHT_MM - relief_m
+        straight = _bent(preset, more)
+        fault(BACKBOW, "", more, lambda each: _heights(straight, each))
+    found += _low_nuts(preset, notes, now)
     if now:
         by = _missing_action_m(preset, now)
         fault(LOW_ACTION, "", by, lambda each: _heights(preset, each) - by * _rise(preset, each))
@@ -102,7 +126,7 @@ def faults(preset: Preset, notes: Sequence[Wanted]) -> tuple[list[Fault], Neck |
 
 
 def _heights(preset: Preset, each: Wanted) -> np.ndarray:
-    return below(preset, each.place, each.opened, each.prepared.note.position.length_m).heights_m
+    return each.below(preset).heights_m
 
 
 def _dressed_heights(preset: Preset, each: Wanted, dressed_m: dict[int, float]) -> np.ndarray:
@@ -147,19 +171,34 @@ def _bent(preset: Preset, by_m: float) -> Preset:
     return adjusted(preset, [each.now_mm + (1e3 * by_m if each.name == RELIEF else 0.0) for each in turned])
 
 
-def _low_nuts(preset: Preset, now: Sequence[Wanted]) -> list[Fault]:
-    """Open strings that touch while the same string, stopped at the first frets, does not: their slots are low."""
-    found = []
+def _low_nuts(preset: Preset, notes: Sequence[Wanted], now: Sequence[Wanted]) -> list[Fault]:
+    """Open strings that touch, at softer strokes than the same string stopped at each of the first frets: their slots are
+    low. Strings of which none of these frets is among the notes are left out, and those over a sawari."""
+    shape = preset.obstacle
+    found: list[Fault] = []
+    if not isinstance(shape, FretsObstacle):
+        return found
     for each in now:
-        if each.place.fret != 0:
+        heights = _heights(preset, each)
+        same = (each.place.index, each.place.opened)
+        first = [
+            other for other in notes if (other.place.index, other.place.opened) == same and other.place.fret in _FIRST_FRETS
+        ]
+        if each.place.fret != 0 or not first or heights.size != shape.count:
             continue
-        stopped = [other for other in now if other.place.string == each.place.string and 1 <= other.place.fret <= 3]
-        note, heights = each.prepared.note, _heights(preset, each)
-        if not isinstance(preset.obstacle, FretsObstacle) or heights.size != preset.obstacle.count:
+        if _strength(preset, each) > _SOFTER * min(_strength(preset, other) for other in first):
             continue
+        note = each.prepared.note
         raised = 1.0 - fret_positions(each.opened.length_m, heights.size) / each.opened.length_m
         short = note.stroke.displacement_m * note.deepest + heights
         by = float((short / raised).max())
-        if by <= _MOST_NUT_M and not stopped:
+        if by <= _MOST_NUT_M:
             found.append(Fault(LOW_NUT, each.place.string, by, (each.place,), len(now)))
     return found
+
+
+def _strength(preset: Preset, each: Wanted) -> float:
+    """Displacement at which a note touches over that of the hardest stroke there, whatever stroke the wish has."""
+    ready = each.prepared
+    hardest = stroke_of(preset, ready.string, ready.note.position, 127.0)
+    return float(ready.note.reach_m(each.below(preset)).min()) / hardest.displacement_m

@@ -13,7 +13,6 @@ import numpy as np
 from synth.files.targets import write_whole
 from synth.setup.buzz_map import BuzzMap, Spot
 
-ENDINGS = (".png", ".svg", ".pdf")
 #: colours from a threshold at half of the stroke to one at twice the stroke
 _SCALE, _LEAST, _MOST = "RdYlBu", 0.5, 2.0
 #: notes that do not buzz up to the limit, and strings that rest on a fret
@@ -49,7 +48,7 @@ def draw(found: BuzzMap, path: str | Path) -> None:
     axes.tick_params(length=0)
     for side in axes.spines.values():
         side.set_visible(False)
-    axes.set_xlabel("fret at which the string is stopped; numbers: the fret on which it buzzes")
+    axes.set_xlabel("fret at which the string is stopped; in the cells: what it buzzes on")
     axes.set_title(f"{found.preset}: how hard each note may be plucked before it buzzes", fontsize=10)
     from matplotlib.cm import ScalarMappable
 

@@ -38,6 +38,21 @@ class Played:
     impulse_ns: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Unit:
+    """What a stroke of one metre does over nothing.
+
+    heard     (n,) what is heard
+    lowest    (C,) lowest displacement over each contact, of the whole note; early: until the string is free
+    released  (2, N) q and v as it becomes free
+    """
+
+    heard: np.ndarray
+    lowest: np.ndarray
+    early: np.ndarray
+    released: np.ndarray
+
+
 class Note:
     """A string at a fret, or open, under strokes that differ in displacement alone.
 
@@ -118,8 +133,8 @@ class Note:
             )
 
     @cached_property
-    def _unit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What is heard (n,), displacements at the contacts (n, C), q and v (2, N) as the string becomes free; per metre."""
+    def _unit(self) -> _Unit:
+        """The stroke of one metre, over nothing."""
         here = self.position
         model = self._model(None, np.vstack([self._heard, self._shapes]))
         zero = np.zeros(here.omega.size)
@@ -127,12 +142,13 @@ class Note:
         self._pluck(model, run, 1.0)
         released = np.array([run.q, run.v])
         driver.run(model, run, self.steps - self.free_step)
-        return run.u[:, 0].copy(), run.u[:, 1:].copy(), released
+        at = run.u[:, 1:]
+        return _Unit(run.u[:, 0].copy(), at.min(axis=0), at[: self.free_step + 1].min(axis=0), released)
 
-    @cached_property
+    @property
     def deepest(self) -> np.ndarray:
         """(C,) how far down the string goes over each contact, in parts of the stroke's displacement."""
-        return -self._unit[1].min(axis=0)
+        return -self._unit.lowest
 
     def reach_m(self, below: Below) -> np.ndarray:
         """(C,) the least displacement at which each contact is touched, were it alone [m]; inf: never, 0: at rest."""
@@ -147,7 +163,7 @@ class Note:
 
     @cached_property
     def _free_energies(self) -> tuple[np.ndarray, float]:
-        y = self._unit[0] * fade(self.steps + 1, self.free_step)
+        y = self._unit.heard * fade(self.steps + 1, self.free_step)
         return band_energies(y, 1.0 / self.dt, self.pitch_hz, speed=self.speed)
 
     def play(self, displacement_m: float, below: Below) -> Played:
@@ -162,15 +178,15 @@ class Note:
         """How long the stroke buzzes audibly once the string is free, all moments together [s]."""
         y, _ = self._run(displacement_m, below)
         return buzz_seconds(
-            y, displacement_m * self._unit[0], 1.0 / self.dt, self.free_step, self.pitch_hz, audible_db, speed=self.speed
+            y, displacement_m * self._unit.heard, 1.0 / self.dt, self.free_step, self.pitch_hz, audible_db, speed=self.speed
         )
 
     def _run(self, displacement_m: float, below: Below) -> tuple[np.ndarray, np.ndarray]:
         """What is heard of the stroke (steps + 1,), and the forces of the contacts in each step that was computed [N]."""
-        heard, at, released = self._unit
+        unit = self._unit
         eta, n = below.heights_m, self.position.omega.size
         model = self._model(eta, self._heard)
-        early = bool(eta.max(initial=-1.0) >= 0.0) or bool(np.any(displacement_m * at[: self.free_step + 1] <= eta))
+        early = bool(eta.max(initial=-1.0) >= 0.0) or bool(np.any(displacement_m * unit.early <= eta))
         if early:
             q, force, status = driver.static_contact(model, np.zeros(n))
             if status != SOLVED:
@@ -178,10 +194,10 @@ class Note:
             run = driver.start_run(model, q, np.zeros(n), force, 1, self.steps + 1, False, True)
             self._pluck(model, run, displacement_m)
         else:
-            q, v = displacement_m * released
+            q, v = displacement_m * unit.released
             run = driver.start_run(model, q, v, np.zeros(eta.size), 1, self.steps - self.free_step + 1, False, True)
         driver.run(model, run, self.steps - self.free_step)
-        before = displacement_m * heard[: 0 if early else self.free_step]
+        before = displacement_m * unit.heard[: 0 if early else self.free_step]
         return np.concatenate([before, run.u[:, 0]]), run.contact_force
 
 

@@ -130,6 +130,11 @@ def places_of(preset: Preset, strings: Sequence[str] | None = None, frets: Colle
     return found
 
 
+def string_names(preset: Preset) -> list[str]:
+    """What the strings that keys play may be called: their names, and their open notes."""
+    return list(dict.fromkeys(name for each in places_of(preset) for name in (each.string, midi_to_note(each.opened))))
+
+
 def compiled(preset: Preset, place: Place, quality: str, rate_hz: float = 44100.0) -> tuple[CompiledString, Position]:
     """A place's string and its model, on ends at rest. Where a fret presses the string, its frets are compiled out of its
     reach. Raises PresetError."""

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from synth.engine.articulated import pluck_of
-from synth.engine.stroke import between, drawn_by, finger_distance, finger_width, pluck_force
+from synth.engine.stroke import NEAREST, between, drawn_by, finger_distance, finger_width, pluck_force
 from synth.engine.strokes import LONGEST_DRAW_S, LONGEST_SLIP_S
 from synth.instrument.articulations import NORMAL, Articulation
 from synth.instrument.compile import CompiledString, Position
@@ -28,8 +28,8 @@ class Stroke:
     width_m           base of the finger's triangular weighting
     draw_s, slip_s    times in which the finger draws the string aside and in which the string slides off
     stiffness_n_m, resistance_n_s_m    spring and dashpot between finger and string
-    displacement_m    to which the finger draws the string at this velocity, normal to the board
-    aside             the whole displacement in parts of the normal one, ≥ 1: a finger pulls along the board too
+    displacement_m    to which the finger draws the string at this velocity, normal to the board; along it, too, where the
+                      preset's pluck has a direction
     """
 
     distance_m: float
@@ -39,7 +39,6 @@ class Stroke:
     stiffness_n_m: float
     resistance_n_s_m: float
     displacement_m: float
-    aside: float = 1.0
 
     @property
     def seconds(self) -> float:
@@ -65,15 +64,16 @@ def stroke_of(
         raise ValueError(
             f"excitation of {preset.name} must be a pluck, got {preset.excitation.kind}; take a preset that is plucked"
         )
-    if place_m is not None and not 0.0 < place_m < position.length_m:
-        raise ValueError(
-            f"place must lie between 0 and the speaking length of {1e3 * position.length_m:.0f} mm, got "
-            f"{1e3 * place_m:g} mm; count it from the saddle"
-        )
     share = pluck.position + string.pluck_shift + strength * (pluck.hardest_position - pluck.position)
-    if place_m is not None:
-        share = place_m / string.open_length_m
     distance = finger_distance(share, string.open_length_m, position.length_m)
+    if place_m is not None:
+        least = NEAREST * position.length_m
+        if not least <= place_m <= position.length_m - least:
+            raise ValueError(
+                f"place must lie between {1e3 * least:.0f} and {1e3 * (position.length_m - least):.0f} mm from the saddle "
+                f"on string {string.name} at fret {position.fret}, got {1e3 * place_m:g} mm; take another, or lower frets"
+            )
+        distance = place_m
     force = pluck_force(string.pluck_force_n * way.displacement_ratio, strength, pluck.velocity_exponent)
     drawn = drawn_by(force, distance, position.length_m, position.tension_n)
     across = 0.0 if preset.polarisation is None else math.radians(preset.polarisation.pluck_deg)
@@ -90,7 +90,6 @@ def stroke_of(
         1e3 * pluck.finger_stiffness_n_mm,
         pluck.finger_loss * string.impedance_kg_s,
         drawn * math.cos(across),
-        1.0 / max(math.cos(across), 1e-6),
     )
 
 
@@ -103,5 +102,5 @@ def velocity_of(stroke: Stroke, velocity: float, exponent: float, displacement_m
 
 
 def moved(stroke: Stroke, by_m: float) -> Stroke:
-    """The stroke so much further from the saddle."""
+    """The stroke moved away from the saddle by `by_m`."""
     return replace(stroke, distance_m=stroke.distance_m + by_m)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from synth.instrument.preset import FretsObstacle, Preset
-from synth.setup.adjustments import adjustments
+from synth.setup.adjustments import Adjustment, adjustments
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.buzz_map import QUALITY
 from synth.setup.fretwork import Neck
@@ -50,10 +50,12 @@ class Answer:
         for each, value in zip(found.adjustments, found.values_mm, strict=True):
             lines.append(
                 f"  {each.name}: {each.now_mm:.2f} → {value:.2f} mm ({value - each.now_mm:+.2f}; bounds "
-                f"{each.low_mm:g} and {each.high_mm:g})"
+                f"{each.low_mm:g} and {each.high_mm:g}{_at_bound(value, each)})"
             )
         if found.remaining:
-            lines.append(f"  not enough: {_counted(found.remaining)} there; ask for softer strokes, or raise the nut")
+            lines.append(
+                f"  not enough within these bounds: {_counted(found.remaining)}; ask for softer strokes, or raise the nut"
+            )
         else:
             lines.append("  none of them buzzes there")
         lines.append(f"  first to buzz if it were lower: {_named(found.limiting)}")
@@ -113,14 +115,35 @@ def propose(
     """The lowest set-up of a preset that keeps a want, and the faults of its neck. Raises PresetError, ValueError;
     KeyboardInterrupt."""
     adjustments(preset)  # raises, before anything is computed, where there is no neck
-    notes = wanted_notes(preset, want, place_m=place_m, quality=quality, strings=strings, threads=threads, told=told)
+    parts = _Parts(told)
+    notes = wanted_notes(
+        preset, want, place_m=place_m, quality=quality, strings=strings, threads=threads, told=parts.of(0.0, 0.3)
+    )
     wrong, neck = faults(preset, notes)
-    found = lowest(preset, notes, audible_db=audible_db, threads=threads)
     high = {int(each.where): each.by_m for each in wrong if each.kind == HIGH_FRET}
+    end = 0.65 if high else 1.0
+    found = lowest(preset, notes, audible_db=audible_db, threads=threads, told=parts.of(0.3, end))
     dressed = None
     if high:
-        dressed = lowest(with_dressed(preset, high), notes, audible_db=audible_db, threads=threads)
+        other = with_dressed(preset, high)
+        dressed = lowest(other, notes, audible_db=audible_db, threads=threads, told=parts.of(end, 1.0))
     return Answer(preset.name, found, tuple(wrong), neck, dressed)
+
+
+class _Parts:
+    """One progress, in hundredths, of computations that follow each other."""
+
+    def __init__(self, told: Callable[[int, int], None] | None) -> None:
+        self._told = told
+
+    def of(self, begin: float, end: float) -> Callable[[int, int], None]:
+        """What the computation is told that goes from a share of the whole to another."""
+
+        def told(done: int, total: int) -> None:
+            if self._told is not None:
+                self._told(round(100.0 * (begin + (end - begin) * done / max(1, total))), 100)
+
+        return told
 
 
 def with_dressed(preset: Preset, by_m: dict[int, float]) -> Preset:
@@ -144,10 +167,15 @@ def _fault_text(fault: Fault) -> str:
     if fault.kind == HIGH_FRET:
         return f"high fret: fret {fault.where} stands {1e6 * fault.by_m:.0f} µm above the neck; dressed by that, {gain}"
     if fault.kind == BACKBOW:
-        return f"backbow: the neck is bent backwards; more hollow by {1e3 * fault.by_m:.2f} mm, {gain}"
+        return f"backbow: the neck is bent backwards; with {1e3 * fault.by_m:.2f} mm more relief {gain}"
     if fault.kind == LOW_NUT:
         return f"low nut: the slot of string {fault.where} is {1e3 * fault.by_m:.2f} mm too low; raised by that, {gain}"
     return f"low action: {1e3 * fault.by_m:.2f} mm more at fret 12 at this relief, and {gain}"
+
+
+def _at_bound(value: float, each: Adjustment) -> str:
+    """That a value lies at a bound, which then decides, and not the strings."""
+    return ", at its bound" if value in (each.low_mm, each.high_mm) else ""
 
 
 def _counted(places: Sequence[Place]) -> str:

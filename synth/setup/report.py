@@ -8,12 +8,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from synth.instrument.compile import obstacle_of
-from synth.instrument.preset import FretsObstacle, Preset, at_note
+from synth.instrument.preset import Preset
 from synth.setup.buzz_map import BuzzMap, Spot
-from synth.setup.fretwork import BACKBOW_M, FEWEST, neck_of
+from synth.setup.fretwork import BACKBOW_M
+from synth.setup.neck_faults import neck_under, relief_of
 from synth.setup.places import Place, opened_string, places_of
 from synth.units import midi_to_note
 
@@ -21,7 +19,7 @@ from synth.units import midi_to_note
 COLUMNS = (
     "string", "fret", "note", "clearance_mm", "touch_mm", "touches", "buzz_mm", "buzzes_on", "buzz_low_mm", "buzz_high_mm",
     "chaotic_up_to_mm", "buzz_velocity", "stroke_mm", "stroke_buzz_db", "buzzes", "place_percent", "gauge_percent",
-    "rests_on", "looked_up_to_mm",
+    "rests", "limit_mm",
 )  # fmt: skip
 
 
@@ -36,7 +34,7 @@ def _row(spot: Spot) -> dict[str, Any]:
         spot.touched or None, _mm(spot.buzz_m),
         spot.buzzes_on or None, _mm(spot.low_m), _mm(spot.high_m), _mm(spot.returns_m), _number(spot.buzz_velocity, 1),
         _mm(spot.stroke_m), _number(spot.stroke_db, 2), spot.buzzes, _number(spot.place_percent, 2),
-        _number(spot.gauge_percent, 2), spot.touched if spot.resting else None, _mm(spot.limit_m),
+        _number(spot.gauge_percent, 2), spot.resting, _mm(spot.limit_m),
     )  # fmt: skip
     return dict(zip(COLUMNS, values, strict=True))
 
@@ -99,8 +97,11 @@ def summary(found: BuzzMap) -> list[str]:
         return ["no note was computed"]
     lines = []
     buzzing = [each for each in spots if each.buzzes]
-    said = "none" if not buzzing else by_string(buzzing)
-    lines.append(f"{len(buzzing)} of {len(spots)} notes buzz at this stroke: {said}")
+    lines.append(
+        f"{len(buzzing)} of {len(spots)} notes buzz at this stroke: {by_string(buzzing)}"
+        if buzzing
+        else f"none of the {len(spots)} notes buzzes at this stroke"
+    )
     uncertain = [each for each in spots if each.uncertain and not each.resting]
     if uncertain:
         lines.append(
@@ -144,18 +145,16 @@ def fret_ranges(frets: Sequence[int]) -> str:
 
 
 def neck_lines(preset: Preset) -> list[str]:
-    """The neck's own shape where each fret has a height of its own: which frets are high, and a backbow."""
-    shape = preset.obstacle
-    if not isinstance(shape, FretsObstacle) or shape.count < FEWEST:
-        return []
-    table = next(each for each in preset.string if not each.sympathetic)
-    whole = obstacle_of(preset, table, table.notes[0], at_note(table.length_m, table.notes[0]))
-    neck = neck_of(np.array(whole.positions_m), np.array(whole.heights_m))
-    lines = [
-        f"fret {number} is high: it stands {1e6 * neck.excess_m[number - 1]:.0f} µm above the neck" for number in neck.high
-    ]
-    if neck.relief_m < -BACKBOW_M:
-        lines.append(f"the neck is bent backwards: its relief is {1e3 * neck.relief_m:.2f} mm")
+    """The neck's own shape: which frets are high, where each has a height of its own, and a backbow."""
+    neck, relief_m = neck_under(preset), relief_of(preset)
+    lines = []
+    if neck is not None:
+        lines += [
+            f"fret {number} is high: it stands {1e6 * neck.excess_m[number - 1]:.0f} µm above the neck"
+            for number in neck.high
+        ]
+    if relief_m is not None and relief_m < -BACKBOW_M:
+        lines.append(f"the neck is bent backwards: its relief is {1e3 * relief_m:.2f} mm")
     return lines
 
 
@@ -169,7 +168,15 @@ def string_lines(preset: Preset) -> list[str]:
     for place in places_of(preset, None, {0}):
         string = opened_string(preset, place)
         lines.append(
-            f"string {place.string}: {1e3 * string.diameter_m:.2f} mm (.{string.diameter_m / 25.4e-6:03.0f} in), "
+            f"string {place.string}: {1e3 * string.diameter_m:.2f} mm ({_inches(string.diameter_m)} in), "
             f"{1e3 * string.linear_density_kg_m:.2f} g/m, {string.tension_n:.0f} N ({string.tension_n / _POUND_N:.1f} lb)"
         )
     return lines
+
+
+def _inches(diameter_m: float) -> str:
+    """A gauge as makers write it: .045, and .0095 where it is no whole thousandth."""
+    thousandths = diameter_m / 25.4e-6
+    if abs(thousandths - round(thousandths)) < 0.25:  # diameters are in hundredths of a millimetre
+        return f".{round(thousandths):03d}"
+    return f".{round(10.0 * thousandths):04d}"

@@ -29,7 +29,7 @@ class Threshold:
     touch_m     at which the string touches
     buzz_m      at which a buzz is heard
     low_m, high_m    between which that lies, for what the quality leaves open of its level
-    returns_m   up to which the buzz goes away again, where it does: the motion is chaotic there; else nan
+    returns_m   largest displacement tried beyond it at which no buzz is heard again, as chaotic motion has it; else nan
     """
 
     touch_m: float

@@ -25,7 +25,7 @@ _STRINGS = re.compile(r"strings? +(.+?)(?: +(open|frets? +.+))?$")
 
 @dataclass(frozen=True)
 class Rule:
-    """Whom it concerns (None: all), and the velocity at which nothing may buzz; None: it may.
+    """Notes of a wish, and the velocity at which they must not buzz; None: they may.
 
     open   open strings alone; frets   (low, high); strings   names
     """
@@ -58,23 +58,23 @@ class Want:
 
 
 def parse(text: str, strings: Sequence[str]) -> Want:
-    """A want of a text; `strings`: names of the instrument's. Raises ValueError that says which part is not understood."""
+    """A wish of a text; `strings`: names of the instrument's. Raises ValueError that names what it does not understand."""
     first, *rest = [part.strip() for part in text.strip().split(",")]
     longest = _LONGEST.fullmatch(first)
     if longest is not None:
         if rest:
-            raise ValueError(f'--want: "longest buzz" has no exceptions, got {rest[0]!r}; leave it out')
+            raise ValueError(f'the wish: "longest buzz" has no exceptions, got {rest[0]!r}; leave it out')
         return Want(True, (Rule(_velocity(longest["stroke"])),))
     found = _NO_BUZZ.fullmatch(first)
     if found is None:
-        raise ValueError(f"--want: must begin with a wish such as {EXAMPLES}, got {first!r:.80}")
+        raise ValueError(f"the wish: must begin with a wish such as {EXAMPLES}, got {first!r:.80}")
     rules = [Rule(_velocity(found["stroke"]))]
     for part in rest:
         other = _EXCEPT.fullmatch(part)
         if other is None:
             raise ValueError(
-                f'--want: {part!r:.80} is not understood; say whom and which stroke, such as "except open strings hard" or '
-                '"except string E frets 1-5 may buzz"'
+                f'the wish: {part!r:.80} is not understood; say which notes and which stroke, such as "except open strings '
+                'hard" or "except string E frets 1-5 may buzz"'
             )
         velocity = None if other["free"] else _velocity(other["stroke"])
         rules.append(_rule(other["who"].strip(), velocity, strings))
@@ -90,20 +90,20 @@ def _rule(who: str, velocity: int | None, strings: Sequence[str]) -> Rule:
     named = _STRINGS.fullmatch(who)
     if named is None:
         raise ValueError(
-            f'--want: {who!r:.60} is not known; say "open strings", "fret 5", "frets 1-5", "string E" or '
+            f'the wish: {who!r:.60} is not known; say "open strings", "fret 5", "frets 1-5", "string E" or '
             '"string E frets 1-5"'
         )
     names = tuple(re.split(r" +and +| *\+ *", named[1]))
     for name in names:
         if name not in strings:
-            raise ValueError(f"--want: no string is called {name!r:.40}; the strings are {', '.join(strings)}")
+            raise ValueError(f"the wish: no string is called {name!r:.40}; the strings are {', '.join(strings)}")
     if named[2] is None:
         return Rule(velocity, strings=names)
     if named[2] == "open":
         return Rule(velocity, open=True, strings=names)
     frets = _FRETS.fullmatch(named[2])
     if frets is None:
-        raise ValueError(f'--want: {named[2]!r:.60} is not understood; say "fret 5" or "frets 1-5"')
+        raise ValueError(f'the wish: {named[2]!r:.60} is not understood; say "fret 5" or "frets 1-5"')
     return Rule(velocity, frets=_range(frets), strings=names)
 
 
@@ -111,7 +111,7 @@ def _range(found: re.Match[str]) -> tuple[int, int]:
     low = int(found[1])
     high = low if found[2] is None else int(found[2])
     if high < low:
-        raise ValueError(f"--want: frets must go from low to high, got {low}-{high}")
+        raise ValueError(f"the wish: frets must go from low to high, got {low}-{high}")
     return low, high
 
 
@@ -120,5 +120,5 @@ def _velocity(stroke: str) -> int:
         return VELOCITIES[stroke]
     velocity = int(stroke.split()[1])
     if not 1 <= velocity <= 127:
-        raise ValueError(f"--want: velocity must lie between 1 and 127, got {velocity}")
+        raise ValueError(f"the wish: velocity must lie between 1 and 127, got {velocity}")
     return velocity

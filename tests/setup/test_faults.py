@@ -168,3 +168,33 @@ def test_dressing_a_high_fret_lowers_the_action(bass: Preset) -> None:
     assert not answer.proposal.remaining and not answer.dressed.remaining
     assert sum(answer.dressed.values_mm[:2]) < sum(answer.proposal.values_mm[:2]) - 0.05
     assert any("fret 2 by" in line for line in answer.lines())
+
+
+@pytest.mark.parametrize("knee", range(3, 20))
+def test_a_fall_away_from_any_fret_is_no_high_fret(knee: int) -> None:
+    x = fret_positions(0.864, 22)
+    s = (x - x[0]) / (x[-1] - x[0])
+    fallen = 0.3e-3 * np.maximum(0.0, s - s[knee - 1]) / (1.0 - s[knee - 1])
+    assert neck_of(x, -1e-3 - 0.3e-3 * 4.0 * s * (1.0 - s) - fallen).high == ()
+
+
+def test_a_low_nut_does_not_depend_on_what_is_wished() -> None:
+    """The nut of the electric guitar is sound, however hard open strings alone are to be plucked."""
+    guitar = load_preset("electric-guitar")
+    names = [each.name for each in guitar.string]
+    for text in ("no buzz at hard", "no buzz at medium, except open strings hard"):
+        found = wanted_notes(guitar, parse(text, names), strings=["E4"], threads=2)
+        assert LOW_NUT not in kinds(guitar, found)
+    low = guitar.model_copy(update={"obstacle": guitar.obstacle.model_copy(update={"nut_height_mm": 0.15})})
+    for text in ("no buzz at hard", "no buzz at medium, except open strings hard"):
+        assert LOW_NUT in kinds(low, wanted_notes(low, parse(text, names), strings=["E4"], threads=2))
+
+
+def test_a_neck_given_by_its_action_has_no_high_fret() -> None:
+    guitar = load_preset("electric-guitar")
+    setup = Setup(action_bass_mm=1.8, relief_mm=0.2, fall_away_mm=0.3, fall_away_fret=16)
+    shape = guitar.obstacle.model_copy(update={"action_12th_mm": None})
+    fallen = guitar.model_copy(update={"obstacle": shape, "setup": setup})
+    answer = propose(fallen, parse("no buzz at soft", [each.name for each in guitar.string]), strings=["E2"], threads=2)
+    assert answer.dressed is None and answer.neck is None
+    assert HIGH_FRET not in [each.kind for each in answer.faults]

@@ -124,3 +124,24 @@ def test_a_setup_table_has_an_action_for_each_side() -> None:
 def test_an_instrument_without_a_neck_is_refused() -> None:
     with pytest.raises(PresetError, match='ask for "longest buzz"'):
         adjustments(load_preset("tanpura"))
+
+
+def test_bounds_hold_what_is_there_now() -> None:
+    preset = load_preset("double-bass")
+    action = adjustments(preset)[0]
+    assert action.now_mm == 9.0 == action.high_mm
+
+
+def test_a_wish_that_lets_every_note_buzz_is_refused(guitar: Preset) -> None:
+    with pytest.raises(ValueError, match="lets every note buzz"):
+        notes_of(guitar, "no buzz at medium, except open strings may buzz, except frets 1-30 may buzz")
+
+
+def test_progress_goes_to_the_end_and_never_back() -> None:
+    from synth.setup.proposals import propose
+
+    told: list[float] = []
+    guitar = load_preset("electric-guitar")
+    want = parse("no buzz at medium", [each.name for each in guitar.string])
+    propose(guitar, want, strings=["E2"], threads=2, told=lambda done, total: told.append(done / total))
+    assert told == sorted(told) and told[-1] == 1.0 and len({*told}) > 6

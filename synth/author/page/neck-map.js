@@ -31,7 +31,7 @@ export function shade(share, dark) {
   return { fill: found, light: lightness < HALF_LIGHT };
 }
 
-const resting = (note) => note.rests_on !== null;
+const resting = (note) => note.rests;
 const silent = (note) => note.buzz_mm === null;
 const stringOf = ({ table, opened }) => `${table} ${opened}`;
 
@@ -57,9 +57,9 @@ const figures = (mm) => (mm < 0.1 ? number(mm, 2) : mm.toFixed(2));
 /** What the map says of a note. */
 export function inWords(note) {
   const mm = (value) => `${figures(value)} mm`;
-  if (resting(note)) return `rests on ${named(note.rests_on)} before it is plucked: lower that or raise the string`;
+  if (resting(note)) return `rests on ${named(note.touches)} before it is plucked: lower that or raise the string`;
   const touches = note.touch_mm === null ? null : `touches ${named(note.touches)} from ${mm(note.touch_mm)} on`;
-  if (silent(note)) return `${touches ? `${touches}, but ` : ""}no buzz up to ${mm(note.looked_up_to_mm)}`;
+  if (silent(note)) return `${touches ? `${touches}, but ` : ""}no buzz up to ${mm(note.limit_mm)}`;
   const between = `${mm(note.buzz_mm)} on (${figures(note.buzz_low_mm)} to ${note.buzz_high_mm === null ? "more" : figures(note.buzz_high_mm)})`;
   const velocity = note.buzz_velocity === null ? "" : note.buzz_velocity > 127 ? ", harder than any key" : `, about velocity ${Math.round(note.buzz_velocity)}`;
   const now = note.uncertain ? "may or may not buzz" : note.buzzes ? "buzzes" : "does not buzz";
@@ -136,7 +136,7 @@ export function makeNeckMap({ told, hear }) {
   function cell(note, { x, y, w, h: high }) {
     const kind = resting(note) ? "rests" : silent(note) ? "clear" : "buzzes";
     const colours = kind === "buzzes" ? shade(note.buzz_mm / note.stroke_mm, dark) : null;
-    const first = kind === "clear" ? "–" : short(resting(note) ? note.rests_on : note.buzzes_on);
+    const first = kind === "clear" ? "–" : short(resting(note) ? note.touches : note.buzzes_on);
     const second = marks(note);
     const letters = `neck-map-text${colours ? (colours.light ? " pale" : " deep") : ""}`;
     const middle = x + w / 2;

@@ -292,7 +292,7 @@ def test_open_strings_over_a_bridge_lie_side_by_side(tanpura):
 def test_strings_that_rest_and_chaotic_notes_are_told_apart_without_colour(page, bass):
     """As no preset that can be loaded has them all."""
     notes = [dict(note) for note in bass.values() if note["string"] == "E"]
-    notes[1] |= {"rests_on": "fret 2", "buzz_mm": 0.0, "touch_mm": 0.0}
+    notes[1] |= {"rests": True, "touches": "fret 2", "buzz_mm": 0.0, "touch_mm": 0.0}
     notes[2] |= {"chaotic_up_to_mm": 3.25, "buzzes": True, "uncertain": False}
     notes[3] |= {"buzz_velocity": 140.2, "buzz_high_mm": None}
     notes[4] |= {"buzz_mm": None, "buzzes_on": None, "touch_mm": None, "touches": None, "buzz_velocity": None}
@@ -317,4 +317,4 @@ def test_strings_that_rest_and_chaotic_notes_are_told_apart_without_colour(page,
     assert words[1] == "rests on fret 2 before it is plucked: lower that or raise the string"
     assert "chaotic: up to 3.25 mm the buzz comes and goes" in words[2]
     assert "to more), harder than any key" in words[3] and velocities[3] == 127
-    assert words[4] == f"no buzz up to {notes[4]['looked_up_to_mm']:.2f} mm" and velocities[4] is None
+    assert words[4] == f"no buzz up to {notes[4]['limit_mm']:.2f} mm" and velocities[4] is None
