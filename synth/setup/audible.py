@@ -6,8 +6,8 @@ same stroke over no frets, in third octaves (IEC 61260-1), over the time in whic
     B = max_b 10 log₁₀ (E_b + m) / (E⁰_b + m),    b: bands from 5 f₁ to 10 kHz,    m = 10⁻⁴ E⁰,
 
 E_b and E⁰_b the A-weighted energies of the note with and without contact, E⁰ that of the whole note without, also below
-those bands. Bands begin at the fifth partial, below which a third octave may hold none; what lies 40 dB below the whole note
-is taken as lost in the noise of a quiet room: 30 dB(A) under a note of 70 dB(A).
+those bands. Bands begin at the fifth partial, below which a third octave may hold none, but not from above 8 kHz; what lies
+40 dB below the whole note is taken as lost in the noise of a quiet room: 30 dB(A) under a note of 70 dB(A).
 """
 
 from __future__ import annotations
