@@ -79,13 +79,13 @@ def proposed(preset: Preset, text: str, told: Told = _silent) -> dict[str, Any]:
         velocity = want.rules[0].velocity or 1
         bridges = longest.longest(preset, velocity, threads=_threads(), told=told)
         changes = longest.settings(preset, bridges)
-        lines = longest.lines(preset, bridges, changes)
+        lines = longest.lines(preset, bridges)
     else:
         answer = proposals.propose(preset, want, threads=_threads(), told=told)
         changes = list(answer.proposal.settings)
         lines = answer.lines()
     return {
-        "lines": [line for line in lines if not line.lstrip().startswith("--set ")],  # for the command line
+        "lines": lines,
         "changes": [{"path": path, "value": value} for path, value in changes],
     }
 

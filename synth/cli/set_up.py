@@ -212,6 +212,7 @@ def _write_map(found: BuzzMap, name: str) -> None:
 
 def _wanted(preset: Preset, options: argparse.Namespace, threads: int) -> int:
     from synth.setup.places import check_touches, string_names
+    from synth.setup.report import options_line
     from synth.setup.wants import parse
 
     for name in ("stroke", "tension"):
@@ -228,7 +229,7 @@ def _wanted(preset: Preset, options: argparse.Namespace, threads: int) -> int:
     if options.json:
         print(json.dumps({"preset": preset.name, "want": options.want, **about}, indent=2, allow_nan=False))
     elif not options.quiet:
-        print("\n".join(text))
+        print("\n".join([*text, f"  {options_line(edits)}"]))
     for name in options.output:
         _write_setup(options, preset, edits, name)
         if not options.quiet and not options.json:
@@ -273,7 +274,7 @@ def _longest(
             told=lambda done, total: line.notes(done, total),
         )
     edits = longest.settings(preset, found)
-    return longest.about(preset, found, edits), longest.lines(preset, found, edits), edits
+    return longest.about(preset, found, edits), longest.lines(preset, found), edits
 
 
 def _write_setup(options: argparse.Namespace, preset: Preset, edits: list[tuple[str, Any]], name: str) -> None:

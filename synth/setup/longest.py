@@ -206,7 +206,7 @@ def _seconds(preset: Preset, place: Place, velocity: int, place_m: float | None,
         restore(flush)
 
 
-def lines(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, Any]]) -> list[str]:
+def lines(preset: Preset, found: Sequence[Longest]) -> list[str]:
     """The proposal as text."""
     shape = bridge_of(preset)
     part = found[0].best.part
@@ -220,7 +220,6 @@ def lines(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, A
         )
     text.append(f"  {what}: {'as it is' if part == 1.0 else f'{part:g} times as large'}")
     text.append(f"  tried: {gap} from {JIVA_UM[0]:g} to {JIVA_UM[-1]:g} µm, {what} times {PARTS[0]:g} to {PARTS[-1]:g}")
-    text.append("  " + " ".join(f"--set {path}={_written(value)}" for path, value in edits))
     return text
 
 
@@ -241,10 +240,3 @@ def about(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, A
         ],
         "settings": dict(edits),
     }
-
-
-def _written(value: Any) -> str:
-    """A value as an option of the command line."""
-    if isinstance(value, dict):
-        return "'{ " + ", ".join(f'"{note}" = {each:g}' for note, each in value.items()) + " }'"
-    return f"{value:g}"

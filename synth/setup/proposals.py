@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -68,7 +67,6 @@ class Answer:
                 for each, value in zip(self.dressed.adjustments, self.dressed.values_mm, strict=True)
             )
             lines.append(f"  with {frets} dressed: {values}")
-        lines.append("  " + " ".join(f"--set {path}={_written(value)}" for path, value in found.settings))
         return lines
 
     def about(self) -> dict[str, Any]:
@@ -192,7 +190,3 @@ def _named(places: Sequence[Place]) -> str:
 
 def _plain(place: Place) -> dict[str, Any]:
     return {"string": place.string, "fret": place.fret}
-
-
-def _written(value: Any) -> str:
-    return json.dumps(value) if not isinstance(value, list) else "'" + json.dumps(value) + "'"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -180,3 +181,14 @@ def _inches(diameter_m: float) -> str:
     if abs(thousandths - round(thousandths)) < 0.25:  # diameters are in hundredths of a millimetre
         return f".{round(thousandths):03d}"
     return f".{round(10.0 * thousandths):04d}"
+
+
+def options_line(edits: Sequence[tuple[str, Any]]) -> str:
+    """[(path, value)] of a preset as options of the command line."""
+    return " ".join(f"--set {path}={_written(value)}" for path, value in edits)
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, dict):
+        return "'{ " + ", ".join(f'"{note}" = {each:g}' for note, each in value.items()) + " }'"
+    return f"'{json.dumps(value)}'" if isinstance(value, list) else f"{value:g}"
