@@ -18,7 +18,7 @@ from synth.engine.stroke import WIDEST
 from synth.instrument.compile import make_string, open_string, output_weights
 from synth.instrument.preset import BridgeObstacle, Preset, at_note
 from synth.jit import kernel_helpers
-from synth.native.denormals import enable_ftz, restore
+from synth.native.denormals import flushed
 from synth.physics.excitation import pluck_weights
 from synth.physics.modes import (
     base_frequencies,
@@ -32,15 +32,12 @@ from synth.physics.obstacle import Obstacle, parabola_height
 from synth.physics.string import String
 from synth.physics.tail import lumped_tail
 from synth.solver import driver
-from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD
-from synth.solver.stepwise import finger_row
+from synth.solver.plucked import pluck
 
 Real = NDArray[np.float64]
 #: modes beyond that are left out [Hz]: features end far below
 HIGHEST_MODE_HZ = 22000.0
-#: spring of a finger whose path is a force that is given [N/m]
-_SOFT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -210,26 +207,14 @@ class ContactModel:
         width = min(self.hand.width_m, WIDEST * place)
         weights = np.zeros(model.omega.size)
         weights[:n] = pluck_weights(string.length_m, string.length_m - place, width, n)
-        coupling = np.zeros(model.eta.size)
-        own = finger_row(model.law, model.part_coef, model.shapes, weights, coupling)
         impedance = math.sqrt(string.tension_n * string.linear_density_kg_m)
-        here = float(weights @ q)
-        state = np.array([here, 0.0])
-
-        def cosine(shares: Real, start: float, end: float) -> Real:
-            return np.asarray(start + 0.5 * (end - start) * (1.0 - np.cos(np.pi * np.clip(shares, 0.0, 1.0))))
-
-        flush = enable_ftz()
-        try:
-            # both times count in parts of a step: what is heard has to change with them smoothly
-            path = cosine(1.0 - np.arange(draw, -1, -1) / (stroke.draw_s * rate), here, stroke.displacement_m)
-            driver.run(model, run, draw, Finger(
-                weights, coupling, own, self.hand.stiffness_n_m, self.hand.loss * impedance, path, state
-            ))  # fmt: skip
-            if slip >= 1:
-                path = cosine(np.arange(slip + 1) / (stroke.slip_s * rate), float(state[1]) / _SOFT, 0.0)
-                driver.run(model, run, min(slip, frames), Finger(weights, coupling, own, _SOFT, 0.0, path, state))
-            driver.run(model, run, frames - min(slip, frames) if slip else frames)
-        finally:
-            restore(flush)
+        # both times count in parts of a step: what is heard has to change with them smoothly
+        drawn = 1.0 - np.arange(draw, -1, -1) / (stroke.draw_s * rate)
+        slipped = np.arange(slip + 1) / (stroke.slip_s * rate) if slip else np.zeros(1)
+        with flushed():
+            pluck(
+                model, run, weights, self.hand.stiffness_n_m, self.hand.loss * impedance, stroke.displacement_m, drawn,
+                slipped,
+            )  # fmt: skip
+            driver.run(model, run, max(0, frames - slip))
         return Played(run.u[draw + 1 : draw + 1 + frames, 0], int(run.counts[driver.CONTACT_STEPS]) / (draw + frames))

@@ -18,7 +18,12 @@ arrays, or in a function of its own, between the two calls::
     previous = enable_ftz()
     render(state, out)
     restore(previous)
+
+Python has `with flushed():` for the same.
 """
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import llvmlite.binding
 from llvmlite import ir
@@ -108,3 +113,13 @@ def restore(previous):
     """Put back the control register that :func:`enable_ftz` returned."""
     if _FLUSH_BITS != 0:
         _write_control(previous)  # type: ignore
+
+
+@contextmanager
+def flushed() -> Iterator[None]:
+    """Subnormals flush to zero in this thread as long as the block runs."""
+    previous = enable_ftz()
+    try:
+        yield
+    finally:
+        restore(previous)

@@ -1,7 +1,7 @@
 """One note of an instrument under strokes of any strength: when the string touches, and what is heard of it.
 
 Until something is touched the string is linear: one run over nothing, by a stroke that draws it one metre aside, holds all
-strokes of that kind. `Note.touch_m` follows from it without another run; only what follows the first touch is computed with
+strokes of that kind. `Note.reach_m` follows from it without another run; only what follows the first touch is computed with
 the contacts.
 """
 
@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from synth.instrument.compile import Position
+from synth.native.denormals import flushed
 from synth.physics.excitation import pluck_weights
 from synth.physics.modes import decay_rates, modal_frequencies
 from synth.physics.string import String
@@ -23,7 +24,7 @@ from synth.setup.plucking import Stroke
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
-from synth.solver.stepwise import LEAST_STIFFNESS, finger_row
+from synth.solver.plucked import pluck
 
 
 @dataclass(frozen=True)
@@ -116,21 +117,9 @@ class Note:
 
     def _pluck(self, model: driver.Model, run: driver.Run, displacement_m: float) -> None:
         """The finger draws the string to a displacement and lets it slide off."""
-        coupling = np.zeros(model.eta.size)
-        own = finger_row(model.law, model.part_coef, model.shapes, self._weights, coupling)
-        state = np.array([float(self._weights @ run.q), 0.0])
-        begin = state[0]
-        path = begin + (displacement_m - begin) * _risen(self._draw)
-        held = driver.Finger(
-            self._weights, coupling, own, self.stroke.stiffness_n_m, self.stroke.resistance_n_s_m, path, state
-        )
-        driver.run(model, run, self._draw, held)
-        if self._slip:
-            pull = state[1] / LEAST_STIFFNESS
-            path = pull * (1.0 - _risen(self._slip))
-            driver.run(
-                model, run, self._slip, driver.Finger(self._weights, coupling, own, LEAST_STIFFNESS, 0.0, path, state)
-            )
+        stroke = self.stroke
+        drawn, slipped = (np.linspace(0.0, 1.0, steps + 1) for steps in (self._draw, self._slip))
+        pluck(model, run, self._weights, stroke.stiffness_n_m, stroke.resistance_n_s_m, displacement_m, drawn, slipped)
 
     @cached_property
     def _unit(self) -> _Unit:
@@ -139,9 +128,10 @@ class Note:
         model = self._model(None, np.vstack([self._heard, self._shapes]))
         zero = np.zeros(here.omega.size)
         run = driver.start_run(model, zero, zero, np.zeros(0), 1, self.steps + 1, False, True)
-        self._pluck(model, run, 1.0)
-        released = np.array([run.q, run.v])
-        driver.run(model, run, self.steps - self.free_step)
+        with flushed():
+            self._pluck(model, run, 1.0)
+            released = np.array([run.q, run.v])
+            driver.run(model, run, self.steps - self.free_step)
         at = run.u[:, 1:]
         return _Unit(run.u[:, 0].copy(), at.min(axis=0), at[: self.free_step + 1].min(axis=0), released)
 
@@ -192,15 +182,12 @@ class Note:
             if status != SOLVED:
                 raise ValueError("no static shape of the string lies over its contacts; lower them")
             run = driver.start_run(model, q, np.zeros(n), force, 1, self.steps + 1, False, True)
-            self._pluck(model, run, displacement_m)
         else:
             q, v = displacement_m * unit.released
             run = driver.start_run(model, q, v, np.zeros(eta.size), 1, self.steps - self.free_step + 1, False, True)
-        driver.run(model, run, self.steps - self.free_step)
+        with flushed():
+            if early:
+                self._pluck(model, run, displacement_m)
+            driver.run(model, run, self.steps - self.free_step)
         before = displacement_m * unit.heard[: 0 if early else self.free_step]
         return np.concatenate([before, run.u[:, 0]]), run.contact_force
-
-
-def _risen(steps: int) -> np.ndarray:
-    """(steps + 1,) half a cosine from 0 to 1."""
-    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, steps + 1))))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from synth.native.arrays import allocate
-from synth.native.denormals import enable_ftz, restore
+from synth.native.denormals import flushed
 from synth.native.views import table
 from synth.physics.modes import mode_shapes
 from synth.research.coupled.coupled_case import DirectedFingerTable, FretTable
@@ -288,11 +288,8 @@ class CoupledPlayer:
         while frames > 0:
             count = min(frames, CHUNK)
             self._fill(count)
-            flushed = enable_ftz()
-            try:
+            with flushed():
                 advance_study(self.address, count)
-            finally:
-                restore(flushed)
             self.frame += count
             frames -= count
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from synth.native.denormals import enable_ftz, restore
+from synth.native.denormals import flushed
 from synth.physics.modes import mode_shapes
 from synth.research.case import CaseError
 from synth.research.scene import Scene
@@ -36,11 +36,8 @@ def run_compliant(scene: Scene) -> Outcome:
         inner = np.arange(1, cells) * scene.string.length_m / cells
         grid = mode_shapes(scene.string.length_m, inner, scene.case.run.modes)
     model = two_step.make_model(problem, table.name, law, grid, nodes)
-    flush = enable_ftz()
-    try:
+    with flushed():
         outcome = two_step.solve(problem, model, scene.case.run.ledger, scene.kept, scene.first)
-    finally:
-        restore(flush)
     if nodes is not None:
         moved = (nodes + 1) * scene.string.length_m / (scene.case.run.modes + 1) - scene.positions
         outcome.notes["contacts_moved_m"] = float(np.abs(moved).max(initial=0.0))

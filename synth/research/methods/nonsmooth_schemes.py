@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from synth.jit import kernel_helpers
-from synth.native.denormals import enable_ftz, restore
+from synth.native.denormals import flushed
 from synth.research.case import CaseError, FingerTable
 from synth.research.finger_paths import Way, last_steps, sliding_off
 from synth.research.scene import Scene
@@ -44,9 +44,8 @@ def run_law(scene: Scene) -> Outcome:
             if hold.slips_at <= scene.first:
                 hold.slide(float(kept_array(kept, "slip_force", ())))
     _compile(scene, state, tuning.model)
-    flush = enable_ftz()
     started = time.perf_counter()
-    try:
+    with flushed():
         for finger in scene.fingers[done:]:
             if hold is None:
                 begin = max(_step(scene, finger.start_s), int(state.counts[driver.STEPS]))
@@ -64,8 +63,6 @@ def run_law(scene: Scene) -> Outcome:
             hold = None
             done += 1
         _advance(scene, state, tuning, scene.last, None)
-    finally:
-        restore(flush)
     seconds = time.perf_counter() - started
     ended = driver.kept_of(state) | {"fingers": np.array(done)}
     if hold is not None:

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from synth.native.denormals import enable_ftz, restore
+from synth.native.denormals import flushed
 from synth.research.case import CaseError
 from synth.research.scene import Scene
 from synth.solver import wall
@@ -35,11 +35,8 @@ class ContactRows:
 
 
 def _advanced(problem: Problem, model: wall.Wall, state: wall.Run) -> wall.Run:
-    flush = enable_ftz()
-    try:
+    with flushed():
         wall.advance(model, state, problem.steps, problem.every)
-    finally:
-        restore(flush)
     return state
 
 
