@@ -6,6 +6,7 @@ import argparse
 import json
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +59,7 @@ def add(commands: Any) -> None:
         help='what the set-up must keep, such as "no buzz at medium, except open strings hard" or "longest buzz at medium"',
     )  # fmt: skip
     parser.add_argument(
-        "--audible", type=common.number(float, 0.5, 40, " dB"), default=3.0, metavar="DB",
+        "--audible", type=common.number(float, 0.5, 40, " dB"), metavar="DB",
         help="from how many dB on a buzz counts (default 3)",
     )  # fmt: skip
     parser.add_argument("--quality", choices=common.QUALITIES, help="accuracy (default: draft, of a longest buzz standard)")
@@ -94,17 +95,29 @@ def _frets(text: str) -> tuple[int, int]:
 
 
 def _setup(options: argparse.Namespace) -> int:
-    from synth.native.processors import cores
     from synth.setup import missing
 
     if (why := missing()) is not None:
         raise ValueError(why)
     _check_outputs(options)
-    preset = _preset(options)
-    threads = options.threads or cores()
+    text, edits, preset = _read(options)
     if options.want is not None:
-        return _wanted(preset, options, threads)
-    return _mapped(preset, options, threads)
+        return _wanted(preset, options, lambda more: _changed(text, [*edits, *more]))
+    return _mapped(preset, options)
+
+
+def _asked(options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments that maps and answers to wishes share; what is not given is theirs to choose."""
+    from synth.native.processors import cores
+
+    asked: dict[str, Any] = {"strings": options.strings, "threads": options.threads or cores()}
+    if options.place is not None:
+        asked["place_m"] = 1e-3 * options.place
+    if options.quality is not None:
+        asked["quality"] = options.quality
+    if options.audible is not None:
+        asked["audible_db"] = options.audible
+    return asked
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
@@ -131,33 +144,29 @@ def _check_outputs(options: argparse.Namespace) -> None:
     check_apart(read, [Named("-o", name) for name in options.output])
 
 
-def _edits(options: argparse.Namespace, preset: Preset) -> list[tuple[str, Any]]:
-    """[(path, value)] that options change of a preset. Raises ValueError."""
+def _read(options: argparse.Namespace) -> tuple[str, list[tuple[str, Any]], Preset]:
+    """The preset's text, which may come from a pipe, [(path, value)] that options change, and the preset with these. Raises
+    ValueError, PresetError, OSError."""
+    from synth.instrument.fret_heights import read_fret_heights
+    from synth.instrument.preset import parse_preset, preset_path, read_preset, with_plan_beside
     from synth.instrument.table import written_value
 
+    text = read_preset(options.preset)
+    preset = with_plan_beside(parse_preset(text, options.preset), preset_path(options.preset))
     edits: list[tuple[str, Any]] = []
     for only, key, value in options.settings:
         if only is not None and only != preset.name:
             raise ValueError(f"--set {only}:{key}: this command has one preset, {preset.name}; leave out {only + ':'!r}")
         edits.append((key, written_value(value)))
     if options.fret_heights is not None:
-        from synth.instrument.fret_heights import read_fret_heights
-
         edits.append(("setup.fret_heights_mm", [round(each, 6) for each in read_fret_heights(options.fret_heights)]))
-    return edits
-
-
-def _preset(options: argparse.Namespace) -> Preset:
-    from synth.instrument.preset import load_preset
-
-    preset = load_preset(options.preset)
-    for key, value in _edits(options, preset):
+    for key, value in edits:
         preset = preset.with_setting(key, value if isinstance(value, str) else json.dumps(value))
-    return preset
+    return text, edits, preset
 
 
-def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
-    from synth.setup.buzz_map import QUALITY, buzz_map
+def _mapped(preset: Preset, options: argparse.Namespace) -> int:
+    from synth.setup.buzz_map import buzz_map
     from synth.setup.report import neck_lines, rows, string_lines, terminal_text
 
     frets = None if options.frets is None else range(options.frets[0], options.frets[1] + 1)
@@ -165,13 +174,9 @@ def _mapped(preset: Preset, options: argparse.Namespace, threads: int) -> int:
         found = buzz_map(
             preset,
             stroke=options.stroke or "medium",
-            place_m=None if options.place is None else 1e-3 * options.place,
-            quality=options.quality or QUALITY,
-            audible_db=options.audible,
-            strings=options.strings,
             frets=frets,
-            threads=threads,
-            told=lambda done, total: line.notes(done, total),
+            told=line.notes,
+            **_asked(options),
         )
     if options.json:
         about = {
@@ -210,7 +215,11 @@ def _write_map(found: BuzzMap, name: str) -> None:
         draw(found, name)
 
 
-def _wanted(preset: Preset, options: argparse.Namespace, threads: int) -> int:
+def _wanted(preset: Preset, options: argparse.Namespace, changed: Callable[[list[tuple[str, Any]]], str]) -> int:
+    """An answer to a wish. changed: the preset's text with [(path, value)] changed, too."""
+    from synth.files.targets import write_text
+    from synth.instrument.preset import parse_preset
+    from synth.setup import longest, proposals
     from synth.setup.places import check_touches, string_names
     from synth.setup.report import options_line
     from synth.setup.wants import parse
@@ -222,72 +231,34 @@ def _wanted(preset: Preset, options: argparse.Namespace, threads: int) -> int:
         raise ValueError('--frets is for a map; with --want name frets in the wish, such as "except frets 13-20 soft"')
     check_touches(preset)
     want = parse(options.want, string_names(preset))
-    if want.longest:
-        about, text, edits = _longest(preset, want.rules[0].velocity or 1, options, threads)
-    else:
-        about, text, edits = _lowest(preset, want, options, threads)
+    with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
+        if want.longest:
+            bridges = longest.longest(preset, want.rules[0].velocity or 1, told=line.notes, **_asked(options))
+            edits = longest.settings(preset, bridges)
+            about, text = longest.about(bridges, edits), longest.lines(preset, bridges)
+        else:
+            found = proposals.propose(preset, want, told=lambda done, total: line.measuring(done / total), **_asked(options))
+            edits, about, text = list(found.proposal.settings), found.about(), found.lines()
     if options.json:
         print(json.dumps({"preset": preset.name, "want": options.want, **about}, indent=2, allow_nan=False))
     elif not options.quiet:
         print("\n".join([*text, f"  {options_line(edits)}"]))
     for name in options.output:
-        _write_setup(options, preset, edits, name)
+        proposed = changed(edits)
+        parse_preset(proposed, name)
+        write_text(name, proposed)
         if not options.quiet and not options.json:
             print(name)
     return 0
 
 
-def _lowest(
-    preset: Preset, want: Any, options: argparse.Namespace, threads: int
-) -> tuple[dict[str, Any], list[str], list[tuple[str, Any]]]:
-    from synth.setup import proposals
-    from synth.setup.buzz_map import QUALITY
-
-    with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
-        found = proposals.propose(
-            preset,
-            want,
-            place_m=None if options.place is None else 1e-3 * options.place,
-            quality=options.quality or QUALITY,
-            audible_db=options.audible,
-            strings=options.strings,
-            threads=threads,
-            told=lambda done, total: line.measuring(done / total),
-        )
-    return found.about(), found.lines(), list(found.proposal.settings)
-
-
-def _longest(
-    preset: Preset, velocity: int, options: argparse.Namespace, threads: int
-) -> tuple[dict[str, Any], list[str], list[tuple[str, Any]]]:
-    from synth.setup import longest
-
-    with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
-        found = longest.longest(
-            preset,
-            velocity,
-            place_m=None if options.place is None else 1e-3 * options.place,
-            quality=options.quality or longest.QUALITY,
-            audible_db=options.audible,
-            strings=options.strings,
-            threads=threads,
-            told=lambda done, total: line.notes(done, total),
-        )
-    edits = longest.settings(preset, found)
-    return longest.about(preset, found, edits), longest.lines(preset, found), edits
-
-
-def _write_setup(options: argparse.Namespace, preset: Preset, edits: list[tuple[str, Any]], name: str) -> None:
-    """The preset's text, comments and all, with what options and a proposal change."""
+def _changed(text: str, edits: list[tuple[str, Any]]) -> str:
+    """A preset's text, comments and all, with [(path, value)] changed."""
     import tomlkit
 
     from synth.author.toml_edit import change_in
-    from synth.files.targets import write_text
-    from synth.instrument.preset import parse_preset, read_preset
 
-    document = tomlkit.parse(read_preset(options.preset))
-    for path, value in [*_edits(options, preset), *edits]:
+    document = tomlkit.parse(text)
+    for path, value in edits:
         document = change_in(document, path, value)
-    text = tomlkit.dumps(document)
-    parse_preset(text, name)
-    write_text(name, text)
+    return tomlkit.dumps(document)

@@ -116,6 +116,23 @@ def test_a_wish_is_answered_and_written(folder: Path, capsys: pytest.CaptureFixt
     assert about["remaining"] == []
 
 
+def test_a_preset_comes_from_a_pipe_and_is_read_once(folder: Path) -> None:
+    """`synth setup <(…) --want … -o mine.toml`: there is nothing to read a second time."""
+    text = (Path(__file__).parents[2] / "presets" / "electric-guitar.toml").read_bytes()
+    ours, theirs = os.pipe()
+    words = [sys.executable, "-m", "synth", "setup", f"/dev/fd/{ours}", "--want", "no buzz at soft", "--string", "G3",
+             "--quality", "draft", "-o", "mine.toml"]  # fmt: skip
+    running = subprocess.Popen(words, pass_fds=[ours], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
+                               env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])})  # fmt: skip
+    os.close(ours)
+    with os.fdopen(theirs, "wb") as pipe:
+        pipe.write(text)
+    out, said = running.communicate(timeout=compiling_s())
+    assert running.returncode == 0, said
+    assert out.splitlines()[-1] == "mine.toml"
+    assert load_preset(folder / "mine.toml").name == "electric-guitar"
+
+
 def test_the_longest_buzz_of_a_bridge(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
