@@ -92,11 +92,12 @@ def with_action(preset: Preset, action: float, index: int = 0) -> Preset:
     if shape.action_12th_mm is not None:
         changed: dict[str, Any] = {"action_12th_mm": action}
     else:
-        changed = {"heights_mm": _raised(shape, action)}
+        changed = {"heights_mm": raised(shape, action)}
     return preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
 
 
-def _raised(shape: FretsObstacle, action: float) -> tuple[float, ...]:
+def raised(shape: FretsObstacle, action: float) -> tuple[float, ...]:
+    """Heights [mm] of frets that were measured one by one, the saddle raised to an action [mm]."""
     at = measured_fret(shape) - 1
     x = fret_positions(1.0, shape.count)
     return tuple(

@@ -82,6 +82,11 @@ def at_note(value: float | dict[int, float], note: float) -> float:
     return points[-1][1]
 
 
+def scaled(value: float | dict[int, float], factor: float) -> float | dict[int, float]:
+    """A number, or numbers at anchor notes, times a factor."""
+    return {note: each * factor for note, each in value.items()} if isinstance(value, dict) else value * factor
+
+
 @dataclass(frozen=True)
 class Between:
     """A plain or anchored number lies in [low, high]."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from synth.engine.layout import LINEAR, RATIO
+from synth.instrument.fields import scaled
 from synth.instrument.preset import Preset, validate_preset
 
 Data = dict[str, Any]
@@ -100,11 +101,6 @@ def _plain(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
-def _scaled(value: Any, factor: float) -> Any:
-    """A number, or numbers at notes, times a factor."""
-    return {note: each * factor for note, each in value.items()} if isinstance(value, dict) else value * factor
-
-
 def _one_length(preset: Preset) -> float | None:
     """Of all strings, where they have the same."""
     first = _plain(preset.string[0].length_m)
@@ -121,7 +117,7 @@ def _scale(*keys: str, powers: Mapping[str, int] | None = None) -> Callable[[Dat
         for string in data["string"]:
             for key in keys:
                 if string.get(key) is not None:
-                    string[key] = _scaled(string[key], factor ** (powers or {}).get(key, 1))
+                    string[key] = scaled(string[key], factor ** (powers or {}).get(key, 1))
 
     return change
 
@@ -150,7 +146,7 @@ def _at_notes(key: str) -> Callable[[Preset], float | None]:
 
 def _scale_obstacle(key: str) -> Callable[[Data, float], None]:
     def change(data: Data, factor: float) -> None:
-        data["obstacle"][key] = _scaled(data["obstacle"][key], factor)
+        data["obstacle"][key] = scaled(data["obstacle"][key], factor)
 
     return change
 

@@ -8,6 +8,7 @@ neck_picture   a map as a picture                      wants       a wish in wor
 adjustments    what a maker turns on a neck            lowest      the lowest set-up that keeps a wish
 fretwork       high frets, from the heights of all     neck_faults what is wrong with a neck that buzzes
 proposals      a wish answered                         longest     the bridge that buzzes longest
+side_by_side   notes computed on several threads
 """
 
 from importlib.util import find_spec

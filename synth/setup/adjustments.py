@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.fit.fret_model import action_mm
+from synth.fit.fret_model import action_mm, raised
 from synth.instrument.preset import BoardObstacle, FretsObstacle, Preset, PresetError
 from synth.physics.obstacle import fret_positions
 
@@ -104,5 +104,4 @@ def _turned(shape: FretsObstacle, action: float, relief: float) -> tuple[float, 
     if x.size > 2:
         s = (x - x[0]) / (x[-1] - x[0])
         h = h - (relief - _relief_mm(shape)) * 4.0 * s * (1.0 - s)
-    at = min(12, shape.count) - 1
-    return tuple(float(each) for each in h - (action + h[at]) * x / x[at])
+    return raised(shape.model_copy(update={"heights_mm": tuple(h.tolist())}), action)

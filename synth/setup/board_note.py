@@ -19,7 +19,7 @@ from synth.midi.events import NOTE_ON, PARAMETER
 from synth.physics.modes import mode_shapes
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
 from synth.setup.note import Note, Played
-from synth.setup.places import Below, Place, below, opened_string
+from synth.setup.places import Below, Place
 from synth.setup.plucking import Stroke
 
 #: the pluck that is played is so large [mm], and strokes are amounts of it
@@ -32,15 +32,20 @@ class BoardNote(Note):
     """`note.Note` over a board. Until it touches, the string swings freely as over frets; what follows the engine has."""
 
     def __init__(
-        self, preset: Preset, place: Place, string: CompiledString, position: Position, stroke: Stroke, quality: str
+        self,
+        preset: Preset,
+        place: Place,
+        string: CompiledString,
+        position: Position,
+        stroke: Stroke,
+        quality: str,
+        under: Below,
     ) -> None:
         self._preset, self._place, self._string, self._quality = preset, place, string, quality
         self._engines: dict[BoardObstacle, Engine] = {}
-        speaking = position.length_m
-        x = speaking - below(preset, place, opened_string(preset, place), speaking).distances_m
         super().__init__(
             position, stroke, speed=preset.output.kind in ("pickup", "velocity"),
-            shapes=mode_shapes(speaking, x, position.omega.size),
+            shapes=mode_shapes(position.length_m, position.length_m - under.distances_m, position.omega.size),
         )  # fmt: skip
 
     @cached_property

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any, TypeVar
-
-from threadpoolctl import threadpool_limits
 
 from synth.engine.stroke import NEAREST
-from synth.instrument.compile import CompiledString, Position, open_string, speaking_string, string_frequency
+from synth.instrument.compile import CompiledString, open_string, speaking_string
+from synth.instrument.fields import scaled
 from synth.instrument.neck import alone
-from synth.instrument.preset import BoardObstacle, FretsObstacle, Preset, Scaled, at_note
-from synth.native.denormals import enable_ftz, restore
+from synth.instrument.preset import BoardObstacle, Preset, at_note
 from synth.physics.string import String
-from synth.physics.tuning import tuned
 from synth.setup.audible import AUDIBLE_DB, WINDOW_S
 from synth.setup.board_note import BoardNote
 from synth.setup.note import Note
 from synth.setup.places import Below, Place, below, check_touches, compiled, opened_string, places_of
-from synth.setup.plucking import VELOCITIES, Stroke, moved, stroke_of, velocity_of
+from synth.setup.plucking import VELOCITIES, moved, stroke_of, velocity_of
+from synth.setup.side_by_side import computed
 from synth.setup.thresholds import UNCERTAIN_DB, Threshold, threshold
 
 #: of a map unless told otherwise: thresholds are the same as at `reference` within 3 % in more than 95 % of random cases
@@ -30,9 +26,6 @@ QUALITY = "draft"
 LIMIT = 2.0
 #: what a player's place varies by [m], and what a string's diameter does (relative): the map says what that changes
 PLACE_M, GAUGE = 0.005, 0.01
-
-Item = TypeVar("Item")
-Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -102,11 +95,12 @@ class BuzzMap:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A note ready to be played, and what lies below it."""
+    """A note ready to be played: its open string, and what lies below it."""
 
     place: Place
     string: CompiledString
     note: Note
+    opened: String
     below: Below
 
 
@@ -116,36 +110,19 @@ def prepare(
     """A place of a preset under strokes of a velocity, played for so long. Raises PresetError, ValueError."""
     string, position = compiled(preset, place, quality)
     stroke = stroke_of(preset, string, position, velocity, place_m)
-    under = below(preset, place, opened_string(preset, place), position.length_m)
-    return Prepared(place, string, _note(preset, place, string, position, stroke, quality, seconds), under)
-
-
-def _note(
-    preset: Preset,
-    place: Place,
-    string: CompiledString,
-    position: Position,
-    stroke: Stroke,
-    quality: str,
-    seconds: float,
-) -> Note:
+    opened = opened_string(preset, place)
+    under = below(preset, place, opened, position.length_m)
     if isinstance(preset.obstacle, BoardObstacle):
-        return BoardNote(preset, place, string, position, stroke, quality)
-    return Note(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"), seconds=seconds)
+        note: Note = BoardNote(preset, place, string, position, stroke, quality, under)
+    else:
+        note = Note(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"), seconds=seconds)
+    return Prepared(place, string, note, opened, under)
 
 
 def spot(
     preset: Preset, place: Place, *, velocity: int, place_m: float | None, quality: str, audible_db: float = AUDIBLE_DB
 ) -> Spot:
     """One note of a map. Raises PresetError, ValueError."""
-    flush = enable_ftz()
-    try:
-        return _spot(preset, place, velocity, place_m, quality, audible_db)
-    finally:
-        restore(flush)
-
-
-def _spot(preset: Preset, place: Place, velocity: int, place_m: float | None, quality: str, audible_db: float) -> Spot:
     ready = prepare(preset, place, velocity, place_m, quality)
     note, under, stroke = ready.note, ready.below, ready.note.stroke
     hardest = stroke_of(preset, ready.string, note.position, 127.0, place_m)
@@ -226,36 +203,22 @@ def _force_by_gauge(preset: Preset, ready: Prepared) -> float:
     single = alone(preset.on_rigid_ends, place.table(preset.on_rigid_ends), place.opened)
     forces = []
     for factor in (1.0, 1.0 + GAUGE):
-        string = _speaking(with_gauge(single, factor), place)
+        other = with_gauge(single, factor)
+        (table,) = other.string
+        opened, under = open_string(other, table, place.opened)
+        string, _, _ = speaking_string(other, table, place.opened, place.fret, opened, under)
         forces.append(string.tension_n * float(note.with_string(string).reach_m(ready.below).min()))
     return forces[1] / forces[0] - 1.0
-
-
-def _speaking(single: Preset, place: Place) -> String:
-    """The speaking string of a place, of a preset of its string alone."""
-    (table,) = single.string
-    opened, under = open_string(single, table, place.opened)
-    if isinstance(single.obstacle, FretsObstacle):  # whose heights do not count here
-        length = opened.length_m * 2.0 ** (-place.fret / 12.0)
-        hz = string_frequency(single, table, place.note)
-        return tuned(opened.with_length(length), hz) if place.fret else opened
-    return speaking_string(single, table, place.opened, place.fret, opened, under)[0]
 
 
 def with_gauge(preset: Preset, factor: float) -> Preset:
     """A preset of one string, its diameter scaled by `factor`, of the same material."""
     (table,) = preset.string
 
-    def times(value: Scaled | None, by: float) -> Any:
-        if value is None:
-            return None
-        return {note: by * each for note, each in value.items()} if isinstance(value, dict) else by * value
-
-    changed: dict[str, Any] = {
-        name: times(getattr(table, name), factor) for name in ("diameter_mm", "core_diameter_mm", "winding_diameter_mm")
+    powers = {"diameter_mm": 1, "core_diameter_mm": 1, "winding_diameter_mm": 1, "linear_density_g_m": 2, "inharmonicity": 2}
+    changed = {
+        key: scaled(value, factor**power) for key, power in powers.items() if (value := getattr(table, key)) is not None
     }
-    changed["linear_density_g_m"] = times(table.linear_density_g_m, factor**2)
-    changed["inharmonicity"] = times(table.inharmonicity, factor**2)
     return preset.model_copy(update={"string": (table.model_copy(update=changed),)})
 
 
@@ -319,32 +282,3 @@ def velocity_named(stroke: str | int) -> int:
     if not 1 <= stroke <= 127:
         raise ValueError(f"stroke must be {', '.join(VELOCITIES)} or a velocity of 1 to 127, got {stroke}")
     return int(stroke)
-
-
-def computed(
-    one: Callable[[Item], Made],
-    items: Sequence[Item],
-    threads: int,
-    told: Callable[[int, int], None] | None = None,
-) -> tuple[tuple[Made, ...], bool]:
-    """What `one` makes of each item, in their order, `threads` at a time; of those that were done where a KeyboardInterrupt
-    came, and whether none did. What `one` raises is raised."""
-    futures: list[Future[Made]] = []
-    pool = ThreadPoolExecutor(max(1, threads))
-    complete = True
-    with threadpool_limits(1, user_api="blas"):  # small matrices: BLAS's threads would only wait for each other
-        try:
-            futures = [pool.submit(one, item) for item in items]
-            pending = set(futures)
-            while pending:
-                done, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                for each in done:
-                    each.result()
-                if told is not None:
-                    told(len(futures) - len(pending), len(futures))
-        except KeyboardInterrupt:
-            complete = False
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-    made = [each.result() for each in futures if each.done() and not each.cancelled() and each.exception() is None]
-    return tuple(made), complete and len(made) == len(items)

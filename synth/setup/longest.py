@@ -1,7 +1,7 @@
 """The bridge that lets a string buzz longest: height of the thread (jiva), its place, or the curve of the bridge.
 
-A buzz lasts until no third octave of the note is louder by `audible_db` than of the same stroke over nothing, what is 40 dB
-below the loudest moment of that stroke being lost in the room (`audible`).
+A buzz lasts for all moments together in which some third octave of the note is louder by `audible_db` than of the same
+stroke over nothing, what is 40 dB below the loudest moment of that stroke being lost in the room (`audible`).
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from synth.instrument.preset import BridgeObstacle, Preset, PresetError, Scaled, at_note
-from synth.native.denormals import enable_ftz, restore
 from synth.setup.audible import AUDIBLE_DB
-from synth.setup.buzz_map import computed, prepare
+from synth.setup.buzz_map import prepare
 from synth.setup.places import Place, places_of
+from synth.setup.side_by_side import all_computed
 from synth.units import midi_to_note
 
 #: of the computation unless told otherwise
@@ -137,10 +137,7 @@ def longest(
                     play(round(0.5 * (heights[k] + heights[other]), 2))
         return [Bridge(jiva, part, tried[jiva]) for jiva in sorted(tried)]
 
-    made, complete = computed(one, jobs, threads, told)
-    if not complete:
-        raise KeyboardInterrupt
-    tried = dict(zip(jobs, made, strict=True))
+    tried = dict(zip(jobs, all_computed(one, jobs, threads, told), strict=True))
     best = {job: _best(some) for job, some in tried.items()}
     # one bridge lies under all strings: its place or curve is what is best for all together
     together = {part: sum(len(groups[note]) * best[note, part][2] for note in groups) for part in parts}
@@ -198,12 +195,8 @@ def _times(value: Scaled, part: float) -> Any:
 
 
 def _seconds(preset: Preset, place: Place, velocity: int, place_m: float | None, quality: str, audible_db: float) -> float:
-    flush = enable_ftz()
-    try:
-        ready = prepare(preset, place, velocity, place_m, quality, SECONDS)
-        return ready.note.buzz_seconds(ready.note.stroke.displacement_m, ready.below, audible_db)
-    finally:
-        restore(flush)
+    ready = prepare(preset, place, velocity, place_m, quality, SECONDS)
+    return ready.note.buzz_seconds(ready.note.stroke.displacement_m, ready.below, audible_db)
 
 
 def lines(preset: Preset, found: Sequence[Longest]) -> list[str]:
@@ -223,7 +216,7 @@ def lines(preset: Preset, found: Sequence[Longest]) -> list[str]:
     return text
 
 
-def about(preset: Preset, found: Sequence[Longest], edits: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+def about(found: Sequence[Longest], edits: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     """The proposal as plain values."""
     return {
         "place_or_radius": found[0].best.part,

@@ -12,21 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from synth.instrument.preset import Preset
-from synth.native.denormals import enable_ftz, restore
-from synth.physics.string import String
 from synth.setup.adjustments import RELIEF, Adjustment, adjusted, adjustments, settings
 from synth.setup.audible import AUDIBLE_DB
-from synth.setup.buzz_map import QUALITY, Prepared, computed, prepare
-from synth.setup.places import Below, Place, below, check_touches, opened_string, places_of
+from synth.setup.buzz_map import QUALITY, Prepared, prepare
+from synth.setup.places import Below, Place, below, check_touches, places_of
+from synth.setup.side_by_side import all_computed
 from synth.setup.thresholds import first_reaching
 from synth.setup.wants import Want
-
-Result = TypeVar("Result")
 
 #: what a millimetre of relief counts beside one of action
 _RELIEF_COUNTS = 0.5
@@ -47,7 +44,6 @@ class Wanted:
     """A note at which nothing may buzz, by the stroke that is wanted there."""
 
     prepared: Prepared
-    opened: String
 
     @property
     def place(self) -> Place:
@@ -56,7 +52,7 @@ class Wanted:
 
     def below(self, preset: Preset) -> Below:
         """What lies below it on the neck of a preset."""
-        return below(preset, self.place, self.opened, self.prepared.note.position.length_m)
+        return below(preset, self.place, self.prepared.opened, self.prepared.note.position.length_m)
 
     def buzz_db(self, preset: Preset) -> float:
         """B of the stroke over the neck of a preset that differs in that alone; inf where the string rests on it."""
@@ -66,7 +62,7 @@ class Wanted:
         displacement = note.stroke.displacement_m
         if displacement <= float(note.reach_m(under).min(initial=math.inf)):
             return 0.0
-        return _flushed(lambda: note.play(displacement, under).buzz_db)
+        return note.play(displacement, under).buzz_db
 
     def touching_share(self, preset: Preset, audible_db: float) -> float | None:
         """The displacement at which the note touches over that at which it buzzes; None where both lie well beyond the
@@ -76,24 +72,13 @@ class Wanted:
         if touch > _NEAR * displacement or touch <= 0.0:
             return None
         most = touch / _LEAST_SHARE
-        buzz = _flushed(
-            lambda: first_reaching(lambda d: note.play(d, under).buzz_db, touch, most, audible_db, _SHARE_WITHIN)
-        )
+        buzz = first_reaching(lambda d: note.play(d, under).buzz_db, touch, most, audible_db, _SHARE_WITHIN)
         return max(_LEAST_SHARE, touch / buzz)
 
     def least_clearance_m(self, preset: Preset, share: float = 1.0) -> float:
         """The least clearance of a share of the stroke over that neck [m], were nothing touched."""
         note = self.prepared.note
         return float(note.clearance_m(share * note.stroke.displacement_m, self.below(preset)).min(initial=math.inf))
-
-
-def _flushed(play: Callable[[], Result]) -> Result:
-    """What `play` returns, denormals flushed."""
-    flush = enable_ftz()
-    try:
-        return play()
-    finally:
-        restore(flush)
 
 
 @dataclass(frozen=True)
@@ -139,12 +124,9 @@ def wanted_notes(
         assert velocity is not None
         ready = prepare(preset, place, velocity, place_m, quality)
         _ = ready.note.deepest
-        return Wanted(ready, opened_string(preset, place))
+        return Wanted(ready)
 
-    made, complete = computed(one, concerned, threads, told)
-    if not complete:
-        raise KeyboardInterrupt
-    return list(made)
+    return list(all_computed(one, concerned, threads, told))
 
 
 def lowest(
@@ -161,9 +143,7 @@ def lowest(
 
     def failing(values: Sequence[float]) -> list[Wanted]:
         at = adjusted(preset, values)
-        found, complete = computed(lambda each: each.buzz_db(at), list(notes), threads)
-        if not complete:
-            raise KeyboardInterrupt
+        found = all_computed(lambda each: each.buzz_db(at), notes, threads)
         return [each for each, level in zip(notes, found, strict=True) if level >= audible_db]
 
     def tell(done: int) -> None:
@@ -203,9 +183,7 @@ def lowest(
 
 def _shares(preset: Preset, notes: Sequence[Wanted], before: np.ndarray, audible_db: float, threads: int) -> np.ndarray:
     """(notes,) touching share of each note at a set-up; what it was before where that is not known."""
-    found, complete = computed(lambda each: each.touching_share(preset, audible_db), list(notes), threads)
-    if not complete:
-        raise KeyboardInterrupt
+    found = all_computed(lambda each: each.touching_share(preset, audible_db), notes, threads)
     return np.array([old if here is None else here for old, here in zip(before, found, strict=True)])
 
 
@@ -235,7 +213,7 @@ class _Programme:
         rows, offsets, needs = [], [], []
         for each in notes:
             note = each.prepared.note
-            heights = [below(at, each.place, each.opened, note.position.length_m).heights_m for at in presets]
+            heights = [each.below(at).heights_m for at in presets]
             slopes = np.array([1e3 * (heights[0] - other) for other in heights[1:]]).T  # clearance by each [mm/mm]
             rows.append(slopes)
             offsets.append(-1e3 * heights[0] - slopes @ now)

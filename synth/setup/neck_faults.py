@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,11 @@ _MOST_NUT_M = 1e-3
 
 #: frets that an open string is compared with, and how much softer its stroke at the touch must be
 _FIRST_FRETS, _SOFTER = (1, 2, 3), 0.9
+
+#: keys of [setup] that are measured at a fret, by its number
+_MEASURED_AT = {1: ("nut_bass_mm", "nut_treble_mm"), 12: ("action_bass_mm", "action_treble_mm")}
+#: heights under a note (C,) [m]
+Heights = Callable[[Wanted], np.ndarray]
 
 HIGH_FRET, BACKBOW, LOW_NUT, LOW_ACTION = "high fret", "backbow", "low nut", "low action"
 
@@ -48,21 +54,15 @@ class Fault:
     of: int
 
 
-@dataclass(frozen=True)
-class Touching:
-    """The notes of a want over the necks that are compared: which of them touch."""
+def _touching(notes: Sequence[Wanted], heights: Heights) -> list[Wanted]:
+    """Those of the notes whose strokes touch over heights [m]."""
+    return [each for each in notes if np.any(-heights(each) < _deepest_m(each))]
 
-    notes: Sequence[Wanted]
 
-    def over(self, heights: Callable[[Wanted], np.ndarray]) -> list[Wanted]:
-        """Those whose strokes touch over heights [m]."""
-        found = []
-        for each in self.notes:
-            note = each.prepared.note
-            eta = heights(each)
-            if eta.size and np.any(-eta < note.stroke.displacement_m * note.deepest):
-                found.append(each)
-        return found
+def _deepest_m(each: Wanted) -> np.ndarray:
+    """How far down a note's stroke goes over each contact (C,) [m]."""
+    note = each.prepared.note
+    return note.stroke.displacement_m * note.deepest
 
 
 def has_own_heights(preset: Preset) -> bool:
@@ -99,28 +99,37 @@ def faults(preset: Preset, notes: Sequence[Wanted]) -> tuple[list[Fault], Neck |
 
     notes: as `lowest.wanted_notes` has them. Without one that touches there is no fault but frets that are high.
     """
-    touching = Touching(notes)
-    now = touching.over(lambda each: _heights(preset, each))
+
+    def heights(each: Wanted) -> np.ndarray:
+        return _heights(preset, each)
+
+    now = _touching(notes, heights)
     neck, relief_m = neck_under(preset), relief_of(preset)
     found = []
 
-    def fault(kind: str, where: str, by_m: float, mended: Callable[[Wanted], np.ndarray]) -> None:
-        left = {id(each) for each in touching.over(mended)}
+    def fault(kind: str, where: str, by_m: float, mended: Heights) -> None:
+        left = {id(each) for each in _touching(notes, mended)}
         clears = tuple(each.place for each in now if id(each) not in left)
         found.append(Fault(kind, where, by_m, clears, len(now)))
 
     if neck is not None:
         for number in neck.high:
             by = float(neck.excess_m[number - 1])
-            fault(HIGH_FRET, str(number), by, lambda each, n=number, h=by: _dressed_heights(preset, each, {n: h}))  # type: ignore[misc]
+            dressed = with_dressed(preset, {number: by})
+            fault(HIGH_FRET, str(number), by, lambda each, dressed=dressed: _heights(dressed, each))  # type: ignore[misc]
     if relief_m is not None and relief_m < -BACKBOW_M and now:
         more = 1e-3 * STRAIGHT_MM - relief_m
-        straight = _bent(preset, more)
+        straight = _turned(preset, relief_m=more)
         fault(BACKBOW, "", more, lambda each: _heights(straight, each))
     found += _low_nuts(preset, notes, now)
     if now:
-        by = _missing_action_m(preset, now)
-        fault(LOW_ACTION, "", by, lambda each: _heights(preset, each) - by * _rise(preset, each))
+        raised = _turned(preset, action_m=1e-3)
+
+        def rise(each: Wanted) -> np.ndarray:
+            return 1e3 * (heights(each) - _heights(raised, each))
+
+        by = _missing_action_m(now, heights, rise)
+        fault(LOW_ACTION, "", by, lambda each: heights(each) - by * rise(each))
     found.sort(key=lambda each: (each.kind == LOW_ACTION, -len(each.clears)))
     return found, neck
 
@@ -129,46 +138,41 @@ def _heights(preset: Preset, each: Wanted) -> np.ndarray:
     return each.below(preset).heights_m
 
 
-def _dressed_heights(preset: Preset, each: Wanted, dressed_m: dict[int, float]) -> np.ndarray:
-    """Heights under a note where some frets are lower by so much: the string that is stopped at one goes down with it."""
-    heights = _heights(preset, each).copy()
-    if not isinstance(preset.obstacle, FretsObstacle):
-        return heights
-    count = preset.obstacle.count
-    fret, speaking = each.place.fret, each.prepared.note.position.length_m
-    numbers = np.arange(fret + 1, count + 1)
-    x = fret_positions(each.opened.length_m, count)[fret:]
-    at = heights.size - numbers.size  # a sawari comes first
-    for number, by in dressed_m.items():
-        if number == fret:
-            heights[at:] += by * (each.opened.length_m - x) / speaking
-        heights[at:][numbers == number] -= by
-    return heights
+def with_dressed(preset: Preset, by_m: dict[int, float]) -> Preset:
+    """The preset with frets, by number, lower by so much [m], its strings where they are: only where each fret has a height
+    of its own. Clearances that [setup] has at frets 1 and 12 are measured on the dressed ones."""
+    shape, setup = preset.obstacle, preset.setup
+    assert isinstance(shape, FretsObstacle)
+    if setup is None or not setup.shapes_the_neck:
+        lowered = _lowered(shape.heights_mm, by_m)
+        return preset.model_copy(update={"obstacle": shape.model_copy(update={"heights_mm": lowered})})
+    changed: dict[str, Any] = {"fret_heights_mm": _lowered(setup.fret_heights_mm, by_m)}
+    for number, keys in _MEASURED_AT.items():
+        for key in keys:
+            if (value := getattr(setup, key)) is not None:
+                changed[key] = value + 1e3 * by_m.get(number, 0.0)
+    return preset.model_copy(update={"setup": setup.model_copy(update=changed)})
 
 
-def _rise(preset: Preset, each: Wanted) -> np.ndarray:
-    """Clearance at each contact of a note by a metre more of action."""
-    turned = adjustments(preset)
-    now = np.array([one.now_mm for one in turned])
-    step = np.array([0.0 if one.name == RELIEF else 1.0 for one in turned])
-    return 1e3 * (_heights(preset, each) - _heights(adjusted(preset, now + step), each))
+def _lowered(heights_mm: Sequence[float], by_m: dict[int, float]) -> tuple[float, ...]:
+    return tuple(each - 1e3 * by_m.get(number, 0.0) for number, each in enumerate(heights_mm, start=1))
 
 
-def _missing_action_m(preset: Preset, now: Sequence[Wanted]) -> float:
-    """Action that the notes which touch are short of [m]."""
+def _turned(preset: Preset, *, action_m: float = 0.0, relief_m: float = 0.0) -> Preset:
+    """The preset with so much more action and relief."""
+    return adjusted(
+        preset, [each.now_mm + 1e3 * (relief_m if each.name == RELIEF else action_m) for each in adjustments(preset)]
+    )
+
+
+def _missing_action_m(notes: Sequence[Wanted], heights: Heights, rise: Heights) -> float:
+    """Action that notes which touch are short of [m]; rise: clearance at each contact by a metre more of action."""
     missing = 0.0
-    for each in now:
-        note, rise = each.prepared.note, _rise(preset, each)
-        short = note.stroke.displacement_m * note.deepest + _heights(preset, each)
-        able = rise > 1e-6
-        missing = max(missing, float((short[able] / rise[able]).max(initial=0.0)))
+    for each in notes:
+        short, slope = _deepest_m(each) + heights(each), rise(each)
+        able = slope > 1e-6
+        missing = max(missing, float((short[able] / slope[able]).max(initial=0.0)))
     return missing * (1.0 + 1e-9)
-
-
-def _bent(preset: Preset, by_m: float) -> Preset:
-    """The preset with a neck so much more hollow, its action as it is."""
-    turned = adjustments(preset)
-    return adjusted(preset, [each.now_mm + (1e3 * by_m if each.name == RELIEF else 0.0) for each in turned])
 
 
 def _low_nuts(preset: Preset, notes: Sequence[Wanted], now: Sequence[Wanted]) -> list[Fault]:
@@ -188,10 +192,8 @@ def _low_nuts(preset: Preset, notes: Sequence[Wanted], now: Sequence[Wanted]) ->
             continue
         if _strength(preset, each) > _SOFTER * min(_strength(preset, other) for other in first):
             continue
-        note = each.prepared.note
-        raised = 1.0 - fret_positions(each.opened.length_m, heights.size) / each.opened.length_m
-        short = note.stroke.displacement_m * note.deepest + heights
-        by = float((short / raised).max())
+        raised = 1.0 - fret_positions(1.0, heights.size)
+        by = float(((_deepest_m(each) + heights) / raised).max())
         if by <= _MOST_NUT_M:
             found.append(Fault(LOW_NUT, each.place.string, by, (each.place,), len(now)))
     return found

@@ -115,7 +115,7 @@ def places_of(preset: Preset, strings: Sequence[str] | None = None, frets: Colle
         for fret in range(string_places(preset, table, note))
     ]
     if strings is not None:
-        names = list(dict.fromkeys(name for each in found for name in (each.string, midi_to_note(each.opened))))
+        names = _names(found)
         for wanted in strings:
             if wanted not in names:
                 raise PresetError(
@@ -132,7 +132,11 @@ def places_of(preset: Preset, strings: Sequence[str] | None = None, frets: Colle
 
 def string_names(preset: Preset) -> list[str]:
     """What the strings that keys play may be called: their names, and their open notes."""
-    return list(dict.fromkeys(name for each in places_of(preset) for name in (each.string, midi_to_note(each.opened))))
+    return _names(places_of(preset))
+
+
+def _names(places: Sequence[Place]) -> list[str]:
+    return list(dict.fromkeys(name for each in places for name in (each.string, midi_to_note(each.opened))))
 
 
 def compiled(preset: Preset, place: Place, quality: str, rate_hz: float = 44100.0) -> tuple[CompiledString, Position]:

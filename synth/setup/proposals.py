@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from synth.instrument.preset import FretsObstacle, Preset
+from synth.instrument.preset import Preset
 from synth.setup.adjustments import Adjustment, adjustments
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.buzz_map import QUALITY
 from synth.setup.fretwork import Neck
 from synth.setup.lowest import Proposal, lowest, wanted_notes
-from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults
+from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults, with_dressed
 from synth.setup.places import Place
 from synth.setup.report import by_string
 from synth.setup.wants import Want
@@ -142,20 +142,6 @@ class _Parts:
                 self._told(round(100.0 * (begin + (end - begin) * done / max(1, total))), 100)
 
         return told
-
-
-def with_dressed(preset: Preset, by_m: dict[int, float]) -> Preset:
-    """The preset with frets, by number, lower by so much [m]: only where each has a height of its own."""
-    shape, setup = preset.obstacle, preset.setup
-    assert isinstance(shape, FretsObstacle)
-    if setup is not None and setup.fret_heights_mm:
-        crowns = _lowered(setup.fret_heights_mm, by_m)
-        return preset.model_copy(update={"setup": setup.model_copy(update={"fret_heights_mm": crowns})})
-    return preset.model_copy(update={"obstacle": shape.model_copy(update={"heights_mm": _lowered(shape.heights_mm, by_m)})})
-
-
-def _lowered(heights_mm: Sequence[float], by_m: dict[int, float]) -> tuple[float, ...]:
-    return tuple(each - 1e3 * by_m.get(number, 0.0) for number, each in enumerate(heights_mm, start=1))
 
 
 def _fault_text(fault: Fault) -> str:

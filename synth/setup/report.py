@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from synth.instrument.preset import Preset
+from synth.instrument.wires import INCH_M, POUND_KG
 from synth.setup.buzz_map import BuzzMap, Spot
 from synth.setup.fretwork import BACKBOW_M
 from synth.setup.neck_faults import neck_under, relief_of
@@ -160,7 +161,7 @@ def neck_lines(preset: Preset) -> list[str]:
 
 
 #: newtons in a pound of force
-_POUND_N = 4.4482216
+_POUND_N = POUND_KG * 9.80665
 
 
 def string_lines(preset: Preset) -> list[str]:
@@ -177,7 +178,7 @@ def string_lines(preset: Preset) -> list[str]:
 
 def _inches(diameter_m: float) -> str:
     """A gauge as makers write it: .045, and .0095 where it is no whole thousandth."""
-    thousandths = diameter_m / 25.4e-6
+    thousandths = 1e3 * diameter_m / INCH_M
     if abs(thousandths - round(thousandths)) < 0.25:  # diameters are in hundredths of a millimetre
         return f".{round(thousandths):03d}"
     return f".{round(10.0 * thousandths):04d}"

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from synth.instrument.preset import Preset, PresetError, load_preset
-from synth.setup.buzz_map import BuzzMap, Spot, buzz_map, computed, with_gauge
+from synth.setup.buzz_map import BuzzMap, Spot, buzz_map, with_gauge
 from synth.setup.places import below, opened_string, places_of
 from synth.setup.report import COLUMNS, csv_text, fret_ranges, rows, summary, terminal_text
+from synth.setup.side_by_side import computed
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from synth.instrument.compile import obstacle_of
 from synth.instrument.preset import FretsObstacle, Preset, load_preset
 from synth.instrument.setup_table import Setup
 from synth.physics.obstacle import fret_positions
 from synth.setup.fretwork import neck_of
 from synth.setup.lowest import Wanted, wanted_notes
-from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_ACTION, LOW_NUT, faults
-from synth.setup.proposals import propose, with_dressed
+from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_ACTION, LOW_NUT, faults, with_dressed
+from synth.setup.proposals import propose
 from synth.setup.wants import parse
 
 COUNT = 20
@@ -102,16 +103,16 @@ def test_a_raised_nut_slot_clears_the_open_string(bass: Preset, notes: list[Want
     low = [each for each in faults(preset, notes)[0] if each.kind == LOW_NUT and each.where == "G"]
     open_g = next(each for each in notes if each.place.string == "G" and each.place.fret == 0)
     (fault,) = low
-    x = fret_positions(open_g.opened.length_m, COUNT)
+    x = fret_positions(open_g.prepared.opened.length_m, COUNT)
     for raised, clear in ((0.98 * fault.by_m, False), (1.02 * fault.by_m, True)):
         gap = open_g.prepared.note.clearance_m(open_g.prepared.note.stroke.displacement_m, _under(preset, open_g))
-        assert bool((gap + raised * (1.0 - x / open_g.opened.length_m)).min() > 0.0) == clear
+        assert bool((gap + raised * (1.0 - x / open_g.prepared.opened.length_m)).min() > 0.0) == clear
 
 
 def _under(preset: Preset, each: Wanted) -> Any:
     from synth.setup.places import below
 
-    return below(preset, each.place, each.opened, each.prepared.note.position.length_m)
+    return below(preset, each.place, each.prepared.opened, each.prepared.note.position.length_m)
 
 
 def test_a_fret_that_is_dressed_clears_what_touched_it(bass: Preset, notes: list[Wanted]) -> None:
@@ -198,3 +199,15 @@ def test_a_neck_given_by_its_action_has_no_high_fret() -> None:
     answer = propose(fallen, parse("no buzz at soft", [each.name for each in guitar.string]), strings=["E2"], threads=2)
     assert answer.dressed is None and answer.neck is None
     assert HIGH_FRET not in [each.kind for each in answer.faults]
+
+
+@pytest.mark.parametrize("number", [1, 7, 12, 20])
+@pytest.mark.parametrize("by_setup", [True, False])
+def test_dressing_lowers_one_fret_and_moves_no_string(bass: Preset, number: int, by_setup: bool) -> None:
+    """Also the frets at which the clearances of [setup] are measured."""
+    preset = neck(bass, np.random.default_rng(42), number, nut_treble_mm=0.7) if by_setup else bass
+    dressed = with_dressed(preset, {number: 50e-6})
+    for table in (preset.string[0], preset.string[2]):
+        before, after = (np.array(obstacle_of(each, table, table.notes[0], 0.863).heights_m) for each in (preset, dressed))
+        expected = np.where(np.arange(1, COUNT + 1) == number, 50e-6, 0.0)
+        assert np.abs(before - after - expected).max() < 1e-12

@@ -69,7 +69,7 @@ def test_heights_are_affine_in_what_is_turned(guitar: Preset, wanted: list[Wante
 
         def at(values: np.ndarray, each: Wanted = each) -> np.ndarray:
             preset = adjusted(guitar, values)
-            return below(preset, each.place, each.opened, each.prepared.note.position.length_m).heights_m
+            return below(preset, each.place, each.prepared.opened, each.prepared.note.position.length_m).heights_m
 
         step = np.array([0.3, -0.1])
         assert at(now + 2.0 * step) - at(now) == pytest.approx(2.0 * (at(now + step) - at(now)), abs=1e-12)
