@@ -82,7 +82,10 @@ def sanitize(arguments: list[str]) -> int:
 def on_aarch64() -> int:
     """Builds a program of the core's C part and kernels for AArch64, lets it play, and prints how far that is from here; 1
     if that may be heard, 2 if it cannot be tried."""
+    from synth.plugin import links
     from synth.plugin.library import SOURCES, kernels_version, zig
+    from synth.plugin.sources import sources
+    from synth.plugin.targets import TARGETS
 
     if shutil.which("qemu-aarch64") is None or zig() is None:
         print("qemu-aarch64 (apt-get install qemu-user) and ziglang (pip install ziglang) are needed", file=sys.stderr)
@@ -99,11 +102,13 @@ def on_aarch64() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         emit("aarch64", folder / "kernels.o")
-        core = [str(path) for path in SOURCES.glob("*.c") if path.name.startswith(("core", "bank", "midi", "checksum"))]
-        defined = ["-DJAWARI_HAS_aarch64=1", f'-DJAWARI_KERNELS="{kernels_version()}"', f"-I{SOURCES}"]
-        what = [str(ROOT / "tests" / "plugin" / "playbank.c"), *core, str(folder / "kernels.o"), "-lm"]
+        told = links.made(["aarch64"], version="", kernels=kernels_version(), sources="")
+        (folder / "levels.c").write_text(told, encoding="utf-8")
+        core = [str(path) for path in sources(TARGETS["linux-arm64"], "engine")]
+        written = [str(ROOT / "tests" / "plugin" / "playbank.c"), str(folder / "levels.c")]
+        what = [f"-I{SOURCES}", *written, *core, str(folder / "kernels.o"), "-lm"]
         compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-musl", "-static", "-O2", "-std=gnu11"]
-        subprocess.run([*compiler, *defined, "-o", str(folder / "play"), *what], check=True)
+        subprocess.run([*compiler, "-o", str(folder / "play"), *what], check=True)
         heard = False
         for preset in map(load_preset, ("tanpura", "fretted-bass", "jawari-harp")):
             (folder / "bank").write_bytes(bank([preset], [44100.0]))
