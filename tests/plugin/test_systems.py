@@ -1,0 +1,197 @@
+"""The C part on every system: that it compiles and links there, asks for no system outside of the files for them, and plays
+banks that are no files."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from synth.plugin import library as native_library
+from synth.plugin.emit import table_symbol
+from synth.plugin.links import compiling
+from synth.plugin.sources import SOURCES, sources
+from synth.plugin.targets import TARGETS, WEB, Target
+
+from .native import Bank, Refused
+
+EVERY = [*TARGETS.values(), WEB]
+#: files that may ask for the system: those of systems, the declaration of what is exported, VST 3's own numbers
+ASKING = {"jawari.h": {"_WIN32"}, "vst3_api.h": {"_WIN32"}, "system_linux.c": {"POSIX_SPAWN_SETSID"}}
+#: what is asked for everywhere: the language, and whether formats can be checked
+LANGUAGE = {"__cplusplus", "__GNUC__"}
+#: what a DLL may need
+OF_WINDOWS = re.compile(r"KERNEL32\.dll|api-ms-win-crt-.*\.dll|ucrtbase\.dll|msvcrt\.dll", re.IGNORECASE)
+NOTES = [(0, 1, 0, 48, 100), (99, 1, 0, 43, 100)]
+
+
+def _name(target: Target) -> str:
+    return target.name
+
+
+def _zig(target: Target) -> list[str]:
+    command = native_library.zig(target)
+    if command is None:
+        pytest.skip("there is no compiler for other systems (pip install ziglang)")
+    return command
+
+
+def test_every_source_belongs_somewhere():
+    used = {path for target in EVERY for path in sources(target) if target is not WEB}
+    used |= set(sources(WEB, "clap"))
+    assert used == set(SOURCES.glob("*.c"))
+
+
+def test_a_page_has_no_more_than_the_engine():
+    assert set(sources(WEB, "engine")) < set(sources(WEB, "clap"))
+    assert not any(path.name.startswith(("clap", "plugin", "vst3", "lv2")) for path in sources(WEB, "engine"))
+
+
+@pytest.mark.parametrize("path", sorted(SOURCES.glob("*.[ch]")), ids=lambda path: path.name)
+def test_nothing_else_asks_for_the_system(path):
+    asked = set()
+    for condition in re.findall(r"^\s*#\s*(?:if|ifdef|ifndef|elif)\b(.*)$", path.read_text(encoding="utf-8"), re.MULTILINE):
+        asked |= {word for word in re.findall(r"[A-Za-z_]\w*", condition) if word != "defined"}
+    guard = f"JAWARI_{path.stem.removeprefix('jawari').upper()}_H".replace("__", "_")
+    assert asked - LANGUAGE - {guard} <= ASKING.get(path.name, set())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", EVERY, ids=_name)
+def test_it_compiles_without_a_warning(target, tmp_path):
+    command = [*_zig(target), *compiling(target), "-Werror", "-c", "-o", str(tmp_path / "x.o")]
+    for source in sources(target, "clap" if target is WEB else "plugin"):
+        done = subprocess.run([*command, str(source)], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, ""), source.name
+
+
+def test_it_compiles_here_without_a_warning(tmp_path):
+    target = TARGETS["linux-x86-64"]
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        pytest.skip("gcc is not installed")
+    command = [gcc, *compiling(target), "-Werror", "-fsyntax-only", *map(str, sources(target))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def _no_kernels(level: str, path: Path, target: Target) -> None:
+    """An object with an empty table in the place of a level's."""
+    source, symbol = path.with_suffix(".empty.c"), table_symbol(level)
+    source.write_text(f'#include "core.h"\nextern const struct kernels {symbol};\nconst struct kernels {symbol} = {{0}};\n')
+    command = [*_zig(target), "-fvisibility=hidden", f"-I{SOURCES}", "-c", "-o", str(path), str(source)]
+    subprocess.run(command, check=True)
+
+
+def _linked(target: Target, folder: Path, **more) -> Path:
+    """A library without kernels."""
+    _zig(target)
+    return native_library.build(folder, target=target, command=_zig(target), kernels=_no_kernels, **more)
+
+
+@pytest.mark.slow
+def test_a_dll_needs_nothing_but_windows(tmp_path):
+    lief = pytest.importorskip("lief", reason="reads DLLs (pip install lief)")
+    library = lief.parse(str(_linked(TARGETS["windows-x86-64"], tmp_path)))
+    assert [each.name for each in library.imports if not OF_WINDOWS.fullmatch(each.name)] == []
+    given = {each.name for each in library.get_export().entries}
+    assert {"clap_entry", "GetPluginFactory", "InitDll", "ExitDll", "lv2_descriptor", "jawari_open_bytes"} <= given
+    assert not any(name.startswith(("jawari_system", "jawari_kernels_x86")) for name in given)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.system == "macos"])
+def test_a_library_of_macos_has_room_for_a_signature(tmp_path, name):
+    lief = pytest.importorskip("lief", reason="reads Mach-O (pip install lief)")
+    library = lief.parse(str(_linked(TARGETS[name], tmp_path)))
+    assert {each.name for each in library.libraries} == {"@rpath/libjawari.dylib", "/usr/lib/libSystem.B.dylib"}
+    begins = min(section.offset for section in library.sections if section.offset)
+    assert begins - 32 - library.header.sizeof_cmds >= 0x400 - 32
+    given = {each.name for each in library.exported_symbols}
+    assert {"_clap_entry", "_GetPluginFactory", "_bundleEntry", "_bundleExit", "_lv2_descriptor", "_jawari_open"} <= given
+    assert not any(each.startswith("_jawari_system") for each in given)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["engine", "clap"])
+def test_a_module_for_the_web_asks_nothing_of_who_runs_it(tmp_path, kind):
+    wasmtime = pytest.importorskip("wasmtime", reason="runs WebAssembly (pip install wasmtime)")
+    module = wasmtime.Module.from_file(wasmtime.Engine(), str(_linked(WEB, tmp_path, kind=kind)))
+    assert [(each.module, each.name) for each in module.imports] == []
+    given = {each.name for each in module.exports}
+    assert {"memory", "_initialize", "jawari_alloc", "jawari_free", "jawari_open_bytes", "jawari_process"} <= given
+    assert ({"clap_entry", "malloc", "free", "__indirect_function_table"} <= given) == (kind == "clap")
+
+
+@pytest.mark.slow
+def test_the_host_for_other_systems_is_c_without_a_warning(tmp_path):
+    source = Path(__file__).with_name("clapplay.c")
+    for target in TARGETS.values():
+        command = [*_zig(target), "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{SOURCES}", str(source)]
+        done = subprocess.run([*command, "-o", str(tmp_path / "x"), "-ldl"], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, (target.name, done.stderr)
+
+
+# --- banks that are no files ---
+
+
+class Bytes:
+    """A copy of bytes on a border of 64, or beside one."""
+
+    def __init__(self, data: bytes, beside: int = 0) -> None:
+        self._room = np.zeros(len(data) + 128, np.uint8)
+        begin = -self._room.ctypes.data % 64 + beside
+        self._room[begin : begin + len(data)] = np.frombuffer(data, np.uint8)
+        self.address, self.size = self._room.ctypes.data + begin, len(data)
+
+    def open(self, library) -> Bank:
+        """Raises Refused."""
+        return Bank(library, library.told(library.open_bytes, ctypes.c_void_p(self.address), self.size))
+
+
+def test_a_bank_of_bytes_plays_as_one_of_a_file(library, bank_files):
+    kept = Bytes(bank_files["all"].read_bytes())
+    one, other = library.open_bank(bank_files["all"]), kept.open(library)
+    sounds = [each.engine(threads=2).play(NOTES, 6000) for each in (one, other)]
+    assert np.abs(sounds[0]).max() > 0.01
+    np.testing.assert_array_equal(*sounds)
+    one.close()
+    other.close()
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        (lambda data: data[:100], "it was cut off"),
+        (lambda data: data[: len(data) // 2], "it was cut off"),
+        (lambda data: b"", "it was cut off"),
+        (lambda data: b"x" + data[1:], "it does not begin like one"),
+        (lambda data: data[:400] + bytes([data[400] ^ 1]) + data[401:], "its checksum is wrong"),
+    ],
+    ids=["no head", "half", "nothing", "begin", "a bit"],
+)
+def test_damaged_bytes_are_refused_with_a_reason(library, bank_files, damage, why):
+    with pytest.raises(Refused, match=f"memory holds no bank that can be played: .*{why}"):
+        Bytes(damage(bank_files["tanpura"].read_bytes())).open(library)
+
+
+def test_damaged_sound_in_bytes_is_refused_where_it_is_to_be_played(library, bank_files):
+    data = bytearray(bank_files["tanpura"].read_bytes())
+    data[-1] ^= 1
+    kept = Bytes(bytes(data))
+    bank = kept.open(library)
+    with pytest.raises(Refused, match="the checksum for 44100 Hz is wrong"):
+        bank.engine()
+    bank.close()
+
+
+def test_bytes_beside_a_border_are_refused(library, bank_files):
+    with pytest.raises(Refused, match="no bytes on a border of 64 were given"):
+        Bytes(bank_files["tanpura"].read_bytes(), beside=8).open(library)
+    with pytest.raises(Refused, match="no bytes on a border of 64 were given"):
+        library.told(library.open_bytes, None, 0)
