@@ -137,6 +137,58 @@ def test_the_host_for_other_systems_is_c_without_a_warning(tmp_path):
         assert done.returncode == 0, (target.name, done.stderr)
 
 
+# --- the own bank, where nothing may stand behind the end of a library ---
+
+
+@pytest.fixture(scope="module")
+def own_bank(tmp_path_factory) -> Path:
+    """A program that looks for its bank as libraries do on macOS."""
+    folder = tmp_path_factory.mktemp("ownbank")
+    text = (SOURCES / "system_macos.c").read_text(encoding="utf-8")
+    found = re.search(r"^bool system_bank_beside\(.*?^}$", text, re.MULTILINE | re.DOTALL)
+    assert found is not None
+    beside = folder / "beside.c"
+    beside.write_text(f'#include <stdio.h>\n#include <string.h>\n#include "system.h"\n{found[0]}\n', encoding="utf-8")
+    command = [*native_library.compiler(), "-std=gnu11", f"-I{SOURCES}"]
+    linux = folder / "linux.o"
+    renamed = "-Dsystem_bank_beside=beside_on_linux"
+    subprocess.run([*command, renamed, "-c", "-o", str(linux), str(SOURCES / "system_linux.c")], check=True)
+    used = [Path(__file__).with_name("ownbank.c"), beside, linux, SOURCES / "bank_file.c", SOURCES / "system_posix.c"]
+    subprocess.run([*command, "-o", str(folder / "program"), *map(str, used), "-lpthread", "-ldl"], check=True)
+    return folder / "program"
+
+
+def _said(program: Path) -> list[str]:
+    return subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_bundle_has_its_bank_among_its_resources(own_bank, tmp_path):
+    contents = tmp_path / "x.clap" / "Contents"
+    for name in ("MacOS", "Resources"):
+        (contents / name).mkdir(parents=True)
+    program = Path(shutil.copy(own_bank, contents / "MacOS" / "x"))
+    assert _said(program) == ["refused"]
+    bank = contents / "Resources" / "bank.jawari"
+    bank.write_bytes(b"JAWARIBK one")
+    (contents / "MacOS" / "bank.jawari").write_bytes(b"JAWARIBK not")
+    assert _said(program) == [str(bank), "JAWARIBK", "one"]
+
+
+def test_a_bare_library_has_its_bank_beside_it(own_bank, tmp_path):
+    program = Path(shutil.copy(own_bank, tmp_path / "x.dylib"))
+    assert _said(program) == ["refused"]
+    (tmp_path / "bank.jawari").write_bytes(b"JAWARIBK two")
+    assert _said(program) == [str(tmp_path / "bank.jawari"), "JAWARIBK", "two"]
+
+
+def test_what_stands_behind_its_end_counts_before_what_lies_beside(own_bank, tmp_path):
+    (tmp_path / "bank.jawari").write_bytes(b"JAWARIBK two")
+    program = tmp_path / "x.dylib"
+    program.write_bytes(native_library.with_bank(own_bank, b"JAWARIBK own"))
+    program.chmod(0o755)
+    assert _said(program) == [str(program), "JAWARIBK", "own"]
+
+
 # --- banks that are no files ---
 
 
