@@ -17,6 +17,7 @@ from synth.plugin.emit import table_symbol
 from synth.plugin.links import compiling
 from synth.plugin.sources import SOURCES, sources
 from synth.plugin.targets import TARGETS, WEB, Target
+from synth.plugin.wasmbank import with_own_bank
 
 from .native import Bank, Refused
 
@@ -135,6 +136,26 @@ def test_the_host_for_other_systems_is_c_without_a_warning(tmp_path):
         command = [*_zig(target), "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{SOURCES}", str(source)]
         done = subprocess.run([*command, "-o", str(tmp_path / "x"), "-ldl"], capture_output=True, text=True, check=False)
         assert done.returncode == 0, (target.name, done.stderr)
+
+
+@pytest.mark.slow
+def test_a_module_for_the_web_holds_its_bank_in_memory(tmp_path):
+    wasmtime = pytest.importorskip("wasmtime", reason="runs WebAssembly (pip install wasmtime)")
+    plain = _linked(WEB, tmp_path).read_bytes()
+    bank = bytes(range(256)) * 1000
+    for module, told in ((plain, "there is no bank in this module"), (with_own_bank(plain, bank), "this library was built")):
+        store = wasmtime.Store()
+        exports = wasmtime.Instance(store, wasmtime.Module(store.engine, module), []).exports(store)
+        exports["_initialize"](store)
+        why, memory = exports["jawari_alloc"](store, 512), exports["memory"]
+        assert exports["jawari_open_own"](store, why) == 0
+        assert bytes(memory.read(store, why, why + 512)).decode().startswith(told)
+    place = module.index(b"jawari-own-bank\0") + 16
+    begin, size = (int.from_bytes(module[at : at + 4], "little") for at in (place, place + 4))
+    assert begin % 64 == 0 and exports["jawari_alloc"](store, 10_000_000) > begin + size
+    assert bytes(memory.read(store, begin, begin + size)) == bank
+    with pytest.raises(ValueError, match="has one already"):
+        with_own_bank(module, bank)
 
 
 # --- the own bank, where nothing may stand behind the end of a library ---
