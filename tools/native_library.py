@@ -97,11 +97,12 @@ def on_aarch64() -> int:
     from synth.midi.events import NOTE_ON
     from synth.plugin.bankfile import bank
     from synth.plugin.emit import emit
+    from synth.plugin.targets import TARGETS
     from tests.engine.kit import play
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        emit("aarch64", folder / "kernels.o")
+        emit("aarch64", folder / "kernels.o", TARGETS["linux-arm64"])
         told = links.made(["aarch64"], version="", kernels=kernels_version(), sources="")
         (folder / "levels.c").write_text(told, encoding="utf-8")
         core = [str(path) for path in sources(TARGETS["linux-arm64"], "engine")]

@@ -31,6 +31,8 @@ NAME = TARGETS["linux-x86-64"].library
 #: behind a bank: where it begins (8 bytes), and this
 FOOT = b"JAWARIFT"
 _PAGE = 4096
+#: modules that say how a library is put together
+_PUT_TOGETHER = ("library", "links", "sources", "emit", "retarget", "one_rounding", "wasm_memory")
 #: makes the object of a level at a path
 Kernels = Callable[[str, Path, Target], None]
 
@@ -64,8 +66,7 @@ def kernels_version() -> str:
 def sources_version() -> str:
     """As `kernels_version`, of the C sources and of how they are put together too: a library of another is out of date."""
     digest = hashlib.blake2b(sources_id().encode(), digest_size=8)
-    written = (Path(__file__).with_name(name) for name in ("library.py", "emit.py", "links.py", "sources.py"))
-    for path in (*written, *sorted(SOURCES.glob("*.[ch]"))):
+    for path in (*(Path(__file__).with_name(f"{name}.py") for name in _PUT_TOGETHER), *sorted(SOURCES.glob("*.[ch]"))):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -112,7 +113,7 @@ def build(
     kind = kind or ("engine" if target.system == "web" else "plugin")
     levels = target.levels if levels is None else levels
     command = command or (compiler() if target == here else _cross_compiler(target))
-    kernels = kernels or _emitted
+    kernels = kernels or emit
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as temporary:
         place = Path(temporary)
@@ -133,10 +134,6 @@ def build(
         _run([*command, "-fPIC", *flags, *stripped, "-o", str(whole), *map(str, objects), *linked])
         whole.replace(folder / target.library)
     return folder / target.library
-
-
-def _emitted(level: str, path: Path, target: Target) -> None:
-    emit(level, path)
 
 
 def _cross_compiler(target: Target) -> list[str]:
