@@ -97,7 +97,6 @@ def on_aarch64() -> int:
     from synth.midi.events import NOTE_ON
     from synth.plugin.bankfile import bank
     from synth.plugin.emit import emit
-    from synth.plugin.targets import TARGETS
     from tests.engine.kit import play
 
     with tempfile.TemporaryDirectory() as name:
