@@ -39,7 +39,7 @@ def test_plugins_say_it() -> None:
     """The native library, and so each plugin, is told the version of the package when it is built."""
     from synth.plugin import library
 
-    assert 'JAWARI_VERSION="{synth.__version__}"' in Path(library.__file__).read_text(encoding="utf-8")
+    assert "version=synth.__version__" in Path(library.__file__).read_text(encoding="utf-8")
     for source in library.SOURCES.glob("*.[ch]"):
         assert _version.__version__ not in source.read_text(encoding="utf-8"), source.name
 

@@ -1,10 +1,11 @@
 """The native library: kernels for the levels of processors, the C sources, one shared object.
 
-    path = build(Path("native"))              # native/libjawari.so
-    plugin = with_bank(path, bank(presets))   # its bytes with a bank behind them
+    path = build(Path("native"))                                    # native/libjawari.so, for this machine
+    path = build(Path("native"), target=TARGETS["windows-x86-64"])  # native/jawari.dll
+    plugin = with_bank(path, bank(presets))                         # its bytes with a bank behind them
 
-It is made with the machine's C compiler, or with zig's of the package `ziglang` where there is none; it needs the C library
-and libm, nothing else.
+For this machine it is made with its C compiler, or with zig's of the package `ziglang` where there is none; for others
+always with zig's. It needs the C library and libm, nothing else (`links`).
 """
 
 from __future__ import annotations
@@ -22,34 +23,34 @@ from pathlib import Path
 import synth
 from synth.jit.kernel_sources import sources_id
 from synth.plugin.emit import LEVELS, EmitError, emit
+from synth.plugin.links import EXPORTED, KERNELS_MARK, SOURCES_MARK, compiling, linking, made
+from synth.plugin.sources import SOURCES, Kind, sources
+from synth.plugin.targets import TARGETS, Target, host
 
-#: the folder of the C sources
-SOURCES = Path(__file__).resolve().parent / "c"
-NAME = "libjawari.so"
-#: what is seen from outside: the core's interface, and where hosts enter
-EXPORTED = ("jawari_*", "clap_entry", "GetPluginFactory", "ModuleEntry", "ModuleExit", "lv2_descriptor")
-#: oldest C library that what zig links runs with
-ZIG_TARGET = "x86_64-linux-gnu.2.17"
+NAME = TARGETS["linux-x86-64"].library
 #: behind a bank: where it begins (8 bytes), and this
 FOOT = b"JAWARIFT"
-_KERNELS_MARK, _SOURCES_MARK = b"jawari-kernels:", b"jawari-sources:"
 _PAGE = 4096
-_FLAGS = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wshadow", "-Wconversion")
-#: a plugin's calls within itself stay there, also where a host loads several for all to see (-Bsymbolic)
-_LINK = ("-shared", "-Wl,-Bsymbolic", "-Wl,-z,defs", "-Wl,-z,relro", "-Wl,-z,now", "-Wl,--gc-sections")
+#: modules that say how a library is put together
+_PUT_TOGETHER = ("library", "links", "sources", "emit", "retarget", "one_rounding", "wasm_memory")
+#: makes the object of a level at a path
+Kernels = Callable[[str, Path, Target], None]
 
 __all__ = [
     "EXPORTED",
     "LEVELS",
     "NAME",
+    "SOURCES",
     "BuildError",
     "EmitError",
     "build",
+    "compiler",
     "kernels_version",
     "sources_of",
     "sources_version",
     "version_of",
     "with_bank",
+    "zig",
 ]
 
 
@@ -65,7 +66,7 @@ def kernels_version() -> str:
 def sources_version() -> str:
     """As `kernels_version`, of the C sources and of how they are put together too: a library of another is out of date."""
     digest = hashlib.blake2b(sources_id().encode(), digest_size=8)
-    for path in (Path(__file__), Path(__file__).with_name("emit.py"), *sorted(SOURCES.glob("*.[ch]"))):
+    for path in (*(Path(__file__).with_name(f"{name}.py") for name in _PUT_TOGETHER), *sorted(SOURCES.glob("*.[ch]"))):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -80,52 +81,66 @@ def compiler() -> list[str]:
     raise BuildError("there is no C compiler; install one (Debian: apt-get install gcc), or: pip install ziglang")
 
 
-def zig() -> list[str] | None:
-    """The command of the C compiler in the package `ziglang`, which links for an old C library; None: it is not there."""
+def zig(target: Target = TARGETS["linux-x86-64"]) -> list[str] | None:
+    """The command of the C compiler in the package `ziglang`, which links for old systems; None: it is not there."""
     if importlib.util.find_spec("ziglang") is None:
         return None
-    return [sys.executable, "-m", "ziglang", "cc", "-target", ZIG_TARGET]
+    return [sys.executable, "-m", "ziglang", "cc", "-target", target.zig]
 
 
 def build(
     folder: Path,
-    levels: Sequence[str] = LEVELS,
+    levels: Sequence[str] | None = None,
     say: Callable[[str], None] | None = None,
     *,
+    target: Target | None = None,
+    kind: Kind | None = None,
     flags: Sequence[str] = (),
     command: Sequence[str] | None = None,
+    kernels: Kernels | None = None,
 ) -> Path:
     """Make the library in a folder, which is made too; where it is then.
 
-    levels: of processors that it is for. say: told what is being done. flags: more for compiler and linker.
-    command: of the C compiler, if not `compiler()`'s.
+    levels: of processors that it is for, if not all of the target. say: told what is being done. target: the system that
+    it is for, if not this one. kind: of what it is made; None: of all formats, for pages of the engine. flags: more for
+    compiler and linker. command: of the C compiler, if not `compiler()`'s, or zig's for another target. kernels: makes the
+    objects of levels, if not `emit`.
     Raises ValueError for a level that there is not, EmitError or BuildError where kernels or C cannot be compiled, OSError.
     """
     say = say or (lambda text: None)
-    command = command or compiler()
+    here = host() or TARGETS["linux-x86-64"]
+    target = target or here
+    kind = kind or ("engine" if target.system == "web" else "plugin")
+    levels = target.levels if levels is None else levels
+    command = command or (compiler() if target == here else _cross_compiler(target))
+    kernels = kernels or emit
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as temporary:
         place = Path(temporary)
-        script = place / "exported.map"
-        script.write_text("{ global: " + " ".join(f"{name};" for name in EXPORTED) + " local: *; };\n", encoding="ascii")
-        defined = [f"-DJAWARI_HAS_{level.replace('-', '_')}=1" for level in levels]
-        defined += [f'-DJAWARI_VERSION="{synth.__version__}"', f'-DJAWARI_KERNELS="{kernels_version()}"']
-        defined += [f'-DJAWARI_SOURCES="{sources_version()}"']
+        told = made(levels, version=synth.__version__, kernels=kernels_version(), sources=sources_version())
+        (place / "levels.c").write_text(told, encoding="utf-8")
         objects = []
-        for source in sorted(SOURCES.glob("*.c")):  # first: a compiler that fails does so at once
+        for source in (place / "levels.c", *sources(target, kind)):  # first: a compiler that fails does so at once
             objects.append(place / f"{source.stem}.o")
-            _run([*command, *_FLAGS, *flags, *defined, "-c", str(source), "-o", str(objects[-1])])
+            _run([*command, *compiling(target), *flags, f"-I{SOURCES}", "-c", str(source), "-o", str(objects[-1])])
         for level in levels:
             say(f"kernels for {level}")
             objects.append(place / f"{level}.o")
-            emit(level, objects[-1])
+            kernels(level, objects[-1], target)
         say("the library")
-        made = place / NAME
+        whole = place / target.library
         stripped = [] if flags else ["-s"]
-        linked = [*_LINK, f"-Wl,--version-script={script}", "-lm", "-lpthread", "-ldl"]
-        _run([*command, "-fPIC", *flags, *stripped, "-o", str(made), *map(str, objects), *linked])
-        made.replace(folder / NAME)
-    return folder / NAME
+        linked = linking(target, kind, place)
+        _run([*command, "-fPIC", *flags, *stripped, "-o", str(whole), *map(str, objects), *linked])
+        whole.replace(folder / target.library)
+    return folder / target.library
+
+
+def _cross_compiler(target: Target) -> list[str]:
+    command = zig(target)
+    if command is None:
+        raise BuildError(f"{target.name} needs a compiler for other systems: pip install ziglang")
+    return command
 
 
 def with_bank(library: Path, bank: bytes) -> bytes:
@@ -137,12 +152,12 @@ def with_bank(library: Path, bank: bytes) -> bytes:
 
 def version_of(library: Path) -> str | None:
     """The `kernels_version` that a library was built with; None: it is none. Raises OSError."""
-    return _marked(library, _KERNELS_MARK)
+    return _marked(library, KERNELS_MARK.encode())
 
 
 def sources_of(library: Path) -> str | None:
     """The `sources_version` that a library was built from; None: it is none. Raises OSError."""
-    return _marked(library, _SOURCES_MARK)
+    return _marked(library, SOURCES_MARK.encode())
 
 
 def _marked(library: Path, mark: bytes) -> str | None:

@@ -38,6 +38,7 @@ _FUNCTIONS = {
     "version": (_S,),
     "processor": (_S, _P),
     "open": (_P, _S, _P),
+    "open_bytes": (_P, _P, c.c_size_t, _P),
     "open_own": (_P, _P),
     "hold": (_P, _P),
     "close": (None, _P),

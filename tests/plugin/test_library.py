@@ -17,18 +17,20 @@ from synth.jit.kernel_sources import sources_id
 from synth.plugin import emit, retarget
 from synth.plugin import library as native_library
 from synth.plugin.library import EXPORTED, BuildError, version_of
-from synth.plugin.targets import TARGETS
+from synth.plugin.sources import sources
+from synth.plugin.targets import TARGETS, host
 
 ROOT = Path(__file__).resolve().parents[2]
 #: of the C library and libm; who adds one looks whether a block may call it
 KNOWN = set(
     """
-    bcmp calloc ceil clock_gettime close cos dladdr eventfd exp exp2 expm1 floor fmax fmin fprintf free fstat getenv
+    bcmp calloc ceil clock_gettime close cos dladdr eventfd exp exp2 expm1 floor fmax fmin fputc free fstat getenv
     llrint llround log log10 log2 lrint malloc memchr memcmp memcpy memmove memset mmap munmap nanosleep open
     posix_memalign pow pread
-    pthread_create pthread_join pthread_mutex_destroy pthread_mutex_init pthread_mutex_lock pthread_mutex_unlock
-    pthread_once pthread_sigmask read realloc realpath round sched_getaffinity sched_yield sigfillset sin sincos snprintf
-    sqrt stderr strcmp strerror strlen strncmp strspn strtol sysconf vsnprintf write
+    pthread_attr_destroy pthread_attr_init pthread_attr_setinheritsched pthread_attr_setstacksize
+    pthread_create pthread_join pthread_mutex_lock pthread_mutex_unlock
+    pthread_sigmask read realloc realpath round sched_getaffinity sched_yield sigfillset sin sincos snprintf
+    sqrt stderr strcmp strcpy strerror strlen strncmp strspn strtol sysconf vfprintf vsnprintf write
     """.split()
 )
 #: the same, of what starts Python for another setup, which no block does
@@ -36,8 +38,7 @@ KNOWN |= set(
     """
     access atoi clock_gettime dlsym fcntl geteuid kill pipe2 poll posix_spawn posix_spawn_file_actions_adddup2
     posix_spawn_file_actions_destroy posix_spawn_file_actions_init posix_spawnattr_destroy posix_spawnattr_init
-    posix_spawnattr_setflags posix_spawnattr_setsigdefault posix_spawnattr_setsigmask pthread_attr_destroy
-    pthread_attr_init pthread_attr_setinheritsched pthread_attr_setstacksize realpath secure_getenv sigemptyset stat
+    posix_spawnattr_setflags posix_spawnattr_setsigdefault posix_spawnattr_setsigmask secure_getenv sigemptyset stat
     strchr strrchr strstr waitid waitpid
     """.split()
 )
@@ -217,9 +218,10 @@ def test_a_block_allocates_locks_and_opens_nothing(library_file, bank_files, tmp
 def test_who_copies_what_sounds_for_a_host_that_saves(tmp_path):
     """The thread that asks for it, beside the audio thread, as long as that holds; else the audio thread itself."""
     program, place = tmp_path / "savebeside", native_library.SOURCES
-    sources = [Path(__file__).with_name("savebeside.c"), place / "checksum.c", place / "drone_score.c"]
-    sources += sorted(place.glob("plugin*.c"))
-    made = [*native_library.compiler(), "-std=gnu11", "-O1", f"-I{place}", "-o", program, *sources, "-lpthread", "-lm"]
+    parts = ("plugin", "system", "checksum", "drone_score")
+    used = [path for path in sources(host() or TARGETS["linux-x86-64"]) if path.name.startswith(parts)]
+    used.insert(0, Path(__file__).with_name("savebeside.c"))
+    made = [*native_library.compiler(), "-std=gnu11", "-O1", f"-I{place}", "-o", program, *used, "-lpthread", "-lm"]
     built = subprocess.run(list(map(str, made)), capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     done = subprocess.run([str(program)], capture_output=True, text=True, timeout=60, check=False)

@@ -1,15 +1,8 @@
-/* Banks: mapped read-only, checked before anything in them is used, shared by all engines. */
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <errno.h>
-#include <fcntl.h>
+/* Banks: bytes, checked before anything in them is used, shared by all engines. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
 #include "checksum.h"
 #include "core.h"
 #include "drone_score.h"
@@ -50,15 +43,14 @@ _Static_assert(sizeof(struct bank_condition) == 24, "as limits.CONDITION");
 _Static_assert(sizeof(struct bank_name) == 40, "as limits.NAME");
 
 static const char MAGIC[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
-static const char FOOT[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'F', 'T'};
-enum { VERSION = 4, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
+enum { VERSION = 4, BORDER = 64, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
 /* larger than any bank: sums of two do not overflow */
 #define MOST_BYTES ((uint64_t)1 << 40)
 /* of an engine; that of the largest preset takes some megabytes */
 #define MOST_MEMORY ((uint64_t)1 << 31)
 
 /* Guards `holds` of every bank, and `own`. */
-static pthread_mutex_t holding = PTHREAD_MUTEX_INITIALIZER;
+static system_guard holding;
 static jawari_bank *own;
 
 /* Whether `count` things of `size` bytes lie from `at` on before `end`, on a border of eight bytes. */
@@ -88,7 +80,7 @@ static bool check_tables(const struct bank_header *h, uint64_t room, const char 
     struct bank_header blank = *h;
     blank.checksum = 0;
     uint32_t sum = crc32_of(0, &blank, sizeof blank);
-    sum = crc32_of(sum, (const uint8_t *)h + sizeof *h, h->tables_end - sizeof *h);
+    sum = crc32_of(sum, (const uint8_t *)h + sizeof *h, (size_t)h->tables_end - sizeof *h);
     if (sum != h->checksum)
         return refuse(why, path, "it was changed (its checksum is wrong)");
     if (!ended(h->kernels, sizeof h->kernels) || !ended(h->id, sizeof h->id) || !ended(h->name, sizeof h->name))
@@ -219,8 +211,7 @@ static bool read_tables(jawari_bank *bank, const char *path, char *why) {
 }
 
 static void free_bank(jawari_bank *bank) {
-    if (bank->map != NULL)
-        munmap(bank->map, bank->mapped);
+    system_unmap(&bank->map);
     free(bank->preset);
     free(bank->parameter);
     free(bank->function);
@@ -228,127 +219,51 @@ static void free_bank(jawari_bank *bank) {
     free(bank);
 }
 
-/* Where the bank begins in an open file, and how many bytes there are for it. */
-static bool find(int file, const char *path, uint64_t *at, uint64_t *room, char *why) {
-    struct stat about;
-    struct {
-        uint64_t at;
-        char foot[8];
-    } end;
-    char begin[sizeof MAGIC];
-    if (fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) {
-        core_say(why, "%s is no file; name a bank or a plugin", path);
-        return false;
-    }
-    const uint64_t size = (uint64_t)about.st_size;
-    if (size >= sizeof(struct bank_header) && pread(file, begin, sizeof begin, 0) == (ssize_t)sizeof begin &&
-        memcmp(begin, MAGIC, sizeof MAGIC) == 0) {
-        *at = 0;
-        *room = size;
-        return true;
-    }
-    if (size < sizeof end || pread(file, &end, sizeof end, (off_t)(size - sizeof end)) != (ssize_t)sizeof end ||
-        memcmp(end.foot, FOOT, sizeof FOOT) != 0) {
-        core_say(why, "there is no bank in %s; export presets into it", path);
-        return false;
-    }
-    if (end.at % 64 != 0 || end.at > size - sizeof end || size - sizeof end - end.at < sizeof(struct bank_header))
-        return refuse(why, path, "its place is outside of the file");
-    *at = end.at;
-    *room = size - sizeof end - end.at;
-    return true;
-}
-
-static jawari_bank *open_file(int file, const char *path, char *why) {
-    uint64_t at, room;
-    if (core_kernels(why) == NULL || !find(file, path, &at, &room, why))
+jawari_bank *bank_of_bytes(const uint8_t *bytes, uint64_t room, const char *name, char *why) {
+    if (core_kernels(why) == NULL)
         return NULL;
+    if (room < sizeof(struct bank_header)) {
+        refuse(why, name, "it was cut off");
+        return NULL;
+    }
     jawari_bank *bank = calloc(1, sizeof *bank);
     if (bank == NULL) {
-        core_say(why, "no memory for the bank in %s; close other programs", path);
+        core_say(why, "no memory for the bank in %s; close other programs", name);
         return NULL;
     }
-    const uint64_t page = (uint64_t)sysconf(_SC_PAGESIZE), begin = at / page * page;
-    bank->mapped = (size_t)(at - begin + room);
-    bank->map = mmap(NULL, bank->mapped, PROT_READ, MAP_PRIVATE, file, (off_t)begin);
-    if (bank->map == MAP_FAILED) {
-        core_say(why, "%s cannot be mapped: %s", path, strerror(errno));
-        bank->map = NULL;
-        free_bank(bank);
-        return NULL;
-    }
-    bank->data = (const uint8_t *)bank->map + (at - begin);
+    bank->data = bytes;
     bank->holds = 1;
-    if (!check_tables((const void *)bank->data, room, path, why) || !read_tables(bank, path, why)) {
+    if (!check_tables((const void *)bytes, room, name, why) || !read_tables(bank, name, why)) {
         free_bank(bank);
         return NULL;
     }
     return bank;
 }
 
-jawari_bank *jawari_open(const char *path, char *why) {
-    if (path == NULL) {
-        core_say(why, "no file was named; name a bank or a plugin");
+jawari_bank *jawari_open_bytes(const void *data, size_t size, char *why) {
+    if (data == NULL || (uintptr_t)data % BORDER != 0) {
+        core_say(why, "no bytes on a border of %d were given; copy the bank to such a place", BORDER);
         return NULL;
     }
-    const int file = open(path, O_RDONLY | O_CLOEXEC);
-    if (file < 0) {
-        core_say(why, "%s cannot be read: %s", path, strerror(errno));
-        return NULL;
-    }
-    jawari_bank *bank = open_file(file, path, why);
-    close(file);
-    return bank;
+    return bank_of_bytes(data, size, "memory", why);
 }
 
-/* The file from which the library was loaded, kept open: an export may replace it meanwhile, and of a file with several names
- * (the formats of one export) the one by which it was loaded may go. −1: it cannot be opened. Neither environment, nor working
- * directory, nor a state can name another. */
-static int own_file = -1;
-/* Its path from the root on, for messages: it may have been named from a folder that the program leaves later. */
-static char *own_path;
-
-__attribute__((constructor)) static void find_own_file(void) {
-    Dl_info info;
-    /* any object of the library's; of a function the standard knows no such pointer */
-    if (dladdr(MAGIC, &info) != 0 && info.dli_fname != NULL)
-        own_path = realpath(info.dli_fname, NULL);
-    if (own_path != NULL)
-        own_file = open(own_path, O_RDONLY | O_CLOEXEC);
-}
-
-__attribute__((destructor)) static void forget_own_file(void) {
-    if (own_file >= 0)
-        close(own_file);
-    own_file = -1;
-    free(own_path);
-    own_path = NULL;
-}
-
-jawari_bank *jawari_open_own(char *why) {
-    if (own_path == NULL) {
-        core_say(why, "the system does not say from which file the library was loaded");
-        return NULL;
-    }
-    if (own_file < 0) {
-        core_say(why, "%s could not be read when it was loaded; load it again", own_path);
-        return NULL;
-    }
-    pthread_mutex_lock(&holding);
+jawari_bank *bank_own(jawari_bank *(*open)(char *why), char *why) {
+    system_lock(&holding);
     if (own != NULL)
         own->holds++;
     else
-        own = open_file(own_file, own_path, why);
+        own = open(why);
     jawari_bank *bank = own;
-    pthread_mutex_unlock(&holding);
+    system_unlock(&holding);
     return bank;
 }
 
 jawari_bank *jawari_hold(jawari_bank *bank) {
     if (bank != NULL) {
-        pthread_mutex_lock(&holding);
+        system_lock(&holding);
         bank->holds++;
-        pthread_mutex_unlock(&holding);
+        system_unlock(&holding);
     }
     return bank;
 }
@@ -356,11 +271,11 @@ jawari_bank *jawari_hold(jawari_bank *bank) {
 void jawari_close(jawari_bank *bank) {
     if (bank == NULL)
         return;
-    pthread_mutex_lock(&holding);
+    system_lock(&holding);
     const bool last = --bank->holds == 0;
     if (last && bank == own)
         own = NULL;
-    pthread_mutex_unlock(&holding);
+    system_unlock(&holding);
     if (last)
         free_bank(bank);
 }
@@ -392,7 +307,7 @@ const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why)
         if (!(fabs(r->rate_hz - rate_hz) < 0.5))
             continue;
         if (!atomic_load(&bank->sound[k])) {
-            if (crc32_of(0, bank->data + r->at, r->size) != r->checksum || !check_relocations(bank, r) ||
+            if (crc32_of(0, bank->data + r->at, (size_t)r->size) != r->checksum || !check_relocations(bank, r) ||
                 !core_limits_fit(r, bank->data + r->at)) {
                 core_say(why, "the bank of %s was changed (the checksum for %g Hz is wrong); export it again", bank->name, rate_hz);
                 return NULL;

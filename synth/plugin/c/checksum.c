@@ -1,9 +1,9 @@
 #include "checksum.h"
-#include <pthread.h>
+#include "system.h"
 
 /* remainder[k][b]: of the byte b with k zero bytes behind it; eight bytes are then looked up at once (banks have megabytes) */
 static uint32_t remainder_of[8][256];
-static pthread_once_t filled = PTHREAD_ONCE_INIT;
+static system_once filled;
 
 static void fill(void) {
     for (uint32_t b = 0; b < 256; b++) {
@@ -20,7 +20,7 @@ static void fill(void) {
 uint32_t crc32_of(uint32_t before, const void *data, size_t size) {
     const uint8_t *bytes = data;
     uint32_t crc = ~before;
-    pthread_once(&filled, fill);
+    system_do_once(&filled, fill);
     for (; size >= 8; size -= 8, bytes += 8) {
         uint32_t low = crc ^ ((uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24);
         crc = remainder_of[7][low & 255] ^ remainder_of[6][low >> 8 & 255] ^ remainder_of[5][low >> 16 & 255] ^

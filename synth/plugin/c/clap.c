@@ -1,13 +1,10 @@
 /* clap.c: the plugin for CLAP hosts: entry, factory, an instance's life. */
-#if !defined(_POSIX_C_SOURCE) && !defined(_GNU_SOURCE)
-#define _POSIX_C_SOURCE 200809L /* sysconf */
-#endif
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "clap_private.h"
+#include "system.h"
 
 static clap_instance *me(const clap_plugin_t *self) { return self->plugin_data; }
 
@@ -20,7 +17,7 @@ static void log_as(const clap_instance *m, int32_t severity, const char *why) {
     if (m->host_log && m->host_log->log)
         m->host_log->log(m->host, severity, why);
     else
-        fprintf(stderr, "jawari: %s\n", why);
+        system_say("jawari: %s", why);
 }
 
 static void say(const clap_instance *m, const char *why) { log_as(m, CLAP_LOG_ERROR, why); }
@@ -151,12 +148,12 @@ static void instance_on_main_thread(const clap_plugin_t *self) {
 /* ---- what there is in this file: one plugin, its bank's ---- */
 
 static struct {
-    pthread_mutex_t guard;
+    system_guard guard;
     int holds;
     jawari_bank *bank;
     char id[256], description[512];
     clap_plugin_descriptor_t descriptor;
-} here = {.guard = PTHREAD_MUTEX_INITIALIZER};
+} here;
 
 static void describe(void) {
     static const char *const features[] = {"instrument", "synthesizer", "stereo", NULL};
@@ -200,27 +197,27 @@ static const clap_plugin_factory_t FACTORY = {factory_count, factory_descriptor,
 static bool entry_init(const char *plugin_path) {
     (void)plugin_path; /* the bank stands behind the file that this code was loaded from */
     char why[JAWARI_WHY];
-    pthread_mutex_lock(&here.guard);
+    system_lock(&here.guard);
     if (!here.bank) {
         here.bank = jawari_open_own(why);
         if (here.bank)
             describe();
         else
-            fprintf(stderr, "jawari: %s\n", why);
+            system_say("jawari: %s", why);
     }
     bool there = here.bank != NULL;
     here.holds += there;
-    pthread_mutex_unlock(&here.guard);
+    system_unlock(&here.guard);
     return there;
 }
 
 static void entry_deinit(void) {
-    pthread_mutex_lock(&here.guard);
+    system_lock(&here.guard);
     if (here.holds > 0 && --here.holds == 0) {
         jawari_close(here.bank);
         here.bank = NULL;
     }
-    pthread_mutex_unlock(&here.guard);
+    system_unlock(&here.guard);
 }
 
 static const void *entry_factory(const char *factory_id) {

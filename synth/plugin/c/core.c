@@ -1,9 +1,6 @@
 /* Engines: memory as a bank has it, addresses put in, and blocks of sound. */
-#define _GNU_SOURCE
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 #include "core.h"
 
 /* as `synth.midi.events.EVENT`: kernels are handed events as they are */
@@ -16,11 +13,11 @@ static const double FADE_S = 0.003;
 
 /* A region of an engine: what it begins with, and zeros. */
 static uint8_t *region(const uint8_t *stored, uint64_t size_stored, uint64_t size) {
-    void *memory;
-    if (posix_memalign(&memory, 4096, (size_t)size + 64) != 0)
+    uint8_t *memory = system_alloc(4096, (size_t)size + 64);
+    if (memory == NULL)
         return NULL;
-    memcpy(memory, stored, size_stored);
-    memset((uint8_t *)memory + size_stored, 0, size + 64 - size_stored);
+    memcpy(memory, stored, (size_t)size_stored);
+    memset(memory + size_stored, 0, (size_t)(size + 64 - size_stored));
     return memory;
 }
 
@@ -69,21 +66,20 @@ jawari_engine *jawari_create(jawari_bank *bank, double rate_hz, int32_t threads,
     const struct bank_rate *r = calls == NULL ? NULL : bank_block(bank, rate_hz, why);
     if (r == NULL)
         return NULL;
-    jawari_engine *engine;
-    void *memory;
-    if (posix_memalign(&memory, 64, sizeof *engine) != 0) {
+    jawari_engine *engine = system_alloc(64, sizeof *engine);
+    if (engine == NULL) {
         core_say(why, "no memory for an engine; close other programs");
         return NULL;
     }
-    engine = memset(memory, 0, sizeof *engine);
+    memset(engine, 0, sizeof *engine);
     engine->bank = jawari_hold(bank);
     engine->rate = r;
     engine->calls = calls;
     engine->block = bank->data + r->at;
-    engine->token = -1;
+    engine->tokens = (system_tokens){-1, -1};
     const int32_t strings = (int32_t)r->places[PLACE_AWAKE].count;
     /* more threads than processors, and the block's own would wait for its turn */
-    const int32_t processors = core_processors();
+    const int32_t most = system_processors(), processors = most > CORE_MOST_THREADS ? CORE_MOST_THREADS : most;
     engine->threads = threads < 1 ? 1 : threads > processors ? processors : threads;
     if (engine->threads > strings)
         engine->threads = strings;
@@ -114,11 +110,11 @@ void jawari_destroy(jawari_engine *engine) {
         return;
     core_end_workers(engine);
     for (int32_t k = 0; k < CORE_MOST_THREADS; k++)
-        free(engine->thread[k].memory);
-    free(engine->memory);
-    free(engine->fade);
+        system_free(engine->thread[k].memory);
+    system_free(engine->memory);
+    system_free(engine->fade);
     jawari_close(engine->bank);
-    free(engine);
+    system_free(engine);
 }
 
 /* ---- blocks ---- */
@@ -224,8 +220,8 @@ void core_first(const struct bank_rate *r, const uint8_t *block, uint8_t *state)
     const uint64_t stored = r->core_stored < r->sounding       ? r->sounding
                             : r->core_stored > r->sounding_end ? r->sounding_end
                                                                : r->core_stored;
-    memcpy(state, block + r->core_at + r->sounding, stored - r->sounding);
-    memset(state + (stored - r->sounding), 0, r->sounding_end - stored);
+    memcpy(state, block + r->core_at + r->sounding, (size_t)(stored - r->sounding));
+    memset(state + (stored - r->sounding), 0, (size_t)(r->sounding_end - stored));
 }
 
 void core_begin_anew(jawari_engine *engine) {

@@ -2,10 +2,10 @@
 #ifndef JAWARI_CORE_H
 #define JAWARI_CORE_H
 
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include "jawari.h"
+#include "system.h"
 
 /* ---- sentences ---- */
 
@@ -29,6 +29,21 @@ struct kernels {
     struct kernel list[];
 };
 
+/* Kernels for processors of a level and above (processor.h). */
+struct core_level {
+    const char *name;
+    int least;
+    const struct kernels *kernels;
+};
+/* What this library was made of, the levels from the plainest on: in a source that the build writes (library.py). */
+struct core_made {
+    const char *version;
+    const char *marks; /* "jawari-kernels:…", its end, and another one, by which the file is known without being loaded */
+    int32_t levels;
+    struct core_level level[];
+};
+extern const struct core_made core_made;
+
 /* What the core itself calls of those for this processor. */
 struct core_calls {
     void (*process)(int64_t core, int64_t thread, int64_t events, int64_t count, int64_t out, int64_t frames, int64_t channels,
@@ -44,7 +59,7 @@ const struct core_calls *core_kernels(char *why);
 /* NULL: there is none of that name. */
 core_function *core_find(const char *name);
 
-/* ---- the bank (bank.c); its records as bankfile.py writes them ---- */
+/* ---- the bank (bank.c, of a file: bank_file.c); its records as bankfile.py writes them ---- */
 
 struct bank_place {
     uint64_t at, stride, count;
@@ -138,8 +153,7 @@ struct bank_name {
 
 struct jawari_bank {
     int64_t holds;       /* guarded by bank.c */
-    void *map;           /* of the file's pages, from the one on which the bank begins */
-    size_t mapped;
+    system_map map;      /* of the file, where it is one */
     const uint8_t *data; /* the bank */
     const char *id, *name;
     const uint8_t *uid;
@@ -153,6 +167,12 @@ struct jawari_bank {
     uint32_t checksum;   /* of header and tables, which hold those of the blocks: tells banks apart */
 };
 
+/* A bank of bytes that stay, `room` of them, held once; NULL, with `why`, where they are none. name: where they are from. */
+jawari_bank *bank_of_bytes(const uint8_t *bytes, uint64_t room, const char *name, char *why);
+/* The library's own bank: opened where it is not open yet. */
+jawari_bank *bank_own(jawari_bank *(*open)(char *why), char *why);
+/* The file in which the library's own bank lies; NULL: it lies in none, or that is not known. */
+const char *bank_own_file(void);
 /* The record of a rate whose block can be used; NULL with `why`. */
 const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why);
 
@@ -170,7 +190,7 @@ enum { CORE_MOST_THREADS = 64, CORE_CHUNK = 512, CORE_EVENTS = 256 };
 struct core_thread {
     uint8_t *memory;
     jawari_engine *engine;
-    pthread_t id; /* of a worker, if `started` */
+    system_thread worker; /* if `started` */
     bool started;
     atomic_bool busy; /* a lent thread works on it */
 };
@@ -182,7 +202,7 @@ struct jawari_engine {
     const uint8_t *block;
     uint8_t *memory;  /* the core */
     int32_t threads;  /* the caller's included */
-    int token;        /* descriptor that wakes workers, −1: there are none */
+    system_tokens tokens; /* that wake workers */
     bool touched;        /* since it was silent something came that may sound */
     int64_t quiet;       /* frames since something sounded */
     atomic_bool working; /* a block is being computed */
@@ -209,8 +229,6 @@ void core_fade_out(jawari_engine *engine);
 
 /* ---- threads (core_threads.c) ---- */
 
-/* Processors that the calling thread may use, and with it those that it starts. */
-int32_t core_processors(void);
 /* As many workers as there are threads beside the caller's; fewer where there are none to be had. */
 void core_start_workers(jawari_engine *engine);
 void core_end_workers(jawari_engine *engine);

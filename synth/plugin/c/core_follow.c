@@ -14,7 +14,7 @@ static void copy_rows(jawari_engine *engine, const jawari_engine *from, int plac
     const struct bank_place *mine = &engine->rate->places[place], *theirs = &from->rate->places[place];
     const uint64_t stride = mine->stride < theirs->stride ? mine->stride : theirs->stride;
     for (uint64_t k = 0; k < mine->count && k < theirs->count; k++)
-        memcpy(core_word(engine, place, k), core_word(from, place, k), stride);
+        memcpy(core_word(engine, place, k), core_word(from, place, k), (size_t)stride);
 }
 
 /* Keys that were tuned keep their pitches: in a bank of another concert pitch these are other distances. */

@@ -2,12 +2,8 @@
  *
  * Both take instruments from the list that `engine.team` works off; which thread takes which changes no sample. The block's own
  * thread waits for nobody but those who have an instrument in hand: a helper that never comes keeps nothing up. */
-#define _GNU_SOURCE
-#include <sched.h>
-#include <signal.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 #include "core.h"
+#include "processor.h"
 
 static void store(const jawari_engine *engine, int place, int64_t value) {
     __atomic_store_n(core_word(engine, place, 0), value, __ATOMIC_SEQ_CST);
@@ -18,57 +14,43 @@ static int64_t thread_of(const jawari_engine *engine, int32_t k) {
     return (int64_t)(intptr_t)(engine->thread[k].memory + engine->rate->thread_table);
 }
 
-static void *live(void *given) {
+static void live(void *given) {
     struct core_thread *me = given;
     const jawari_engine *engine = me->engine;
-    engine->calls->attend(core_of(engine), thread_of(engine, (int32_t)(me - engine->thread)), engine->token);
-    return NULL;
-}
-
-int32_t core_processors(void) {
-    cpu_set_t mine;
-    const long count = sched_getaffinity(0, sizeof mine, &mine) == 0 ? CPU_COUNT(&mine) : sysconf(_SC_NPROCESSORS_ONLN);
-    return count < 1 ? 1 : count > CORE_MOST_THREADS ? CORE_MOST_THREADS : (int32_t)count;
+    engine->calls->attend(core_of(engine), thread_of(engine, (int32_t)(me - engine->thread)), engine->tokens.receive);
 }
 
 void core_start_workers(jawari_engine *engine) {
     if (engine->threads < 2)
         return;
-    engine->token = eventfd(0, EFD_SEMAPHORE | EFD_CLOEXEC);
-    if (engine->token < 0)
+    engine->tokens = system_tokens_new();
+    if (engine->tokens.receive < 0)
         return;
-    store(engine, PLACE_WAKE, engine->token);
-    /* signals are the host's */
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
+    store(engine, PLACE_WAKE, engine->tokens.send);
     int32_t started = 0;
     for (int32_t k = 1; k < engine->threads; k++) {
         engine->thread[k].engine = engine;
-        if (pthread_create(&engine->thread[k].id, NULL, live, &engine->thread[k]) != 0)
+        if (!system_thread_start(&engine->thread[k].worker, live, &engine->thread[k], 0, false))
             break;
         engine->thread[k].started = true;
         started++;
     }
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
     store(engine, PLACE_WORKERS, started);
 }
 
 void core_end_workers(jawari_engine *engine) {
-    if (engine->token < 0)
+    if (engine->tokens.receive < 0)
         return;
     store(engine, PLACE_WORKERS, 0);
     store(engine, PLACE_ENDING, 1);
-    for (int32_t k = 1; k < engine->threads; k++) {
-        const uint64_t one = 1;
-        while (engine->thread[k].started && write(engine->token, &one, sizeof one) != (ssize_t)sizeof one) {
+    for (int32_t k = 1; k < engine->threads; k++)
+        while (engine->thread[k].started && !system_tokens_send(engine->tokens)) {
         }
-    }
     for (int32_t k = 1; k < engine->threads; k++)
         if (engine->thread[k].started)
-            pthread_join(engine->thread[k].id, NULL);
-    close(engine->token);
-    engine->token = -1;
+            system_thread_join(&engine->thread[k].worker);
+    system_tokens_free(engine->tokens);
+    engine->tokens = (system_tokens){-1, -1};
 }
 
 void jawari_lend(jawari_engine *engine) {
@@ -94,15 +76,10 @@ void jawari_help(jawari_engine *engine, int32_t k) {
         if (engine->calls->take(core_of(engine), thread_of(engine, k)) != 0)
             idle = 0;
         else if (++idle >= LOOKS) {
-            sched_yield();
+            system_yield();
             idle = 0;
-        } else {
-#if defined(__x86_64__)
-            __builtin_ia32_pause();
-#elif defined(__aarch64__)
-            __asm__ volatile("yield");
-#endif
-        }
+        } else
+            processor_pause();
     }
     engine->calls->restore(control);
     atomic_store(&me->busy, false);

@@ -20,7 +20,7 @@ static bool parameter_fits(const struct drone_parameter *q) {
     for (int k = 0; fits && k < DRONE_TEXTS; k++)
         fits = memchr(q->texts[k], 0, sizeof q->texts[k]) != NULL;
     /* each whole number of those that have texts has one */
-    return fits && (!*q->texts[0] || (q->stepped && between(0.0, q->minimum, 0.0) && q->maximum < DRONE_TEXTS));
+    return fits && (!*q->texts[0] || (q->stepped && between(0.0, q->minimum, 0.0) && q->maximum < (double)DRONE_TEXTS));
 }
 
 bool drone_score_fits(const struct drone_score *s, uint64_t size, uint32_t presets) {

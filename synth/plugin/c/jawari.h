@@ -26,7 +26,9 @@
 extern "C" {
 #endif
 
-#if defined(__GNUC__)
+#if defined(_WIN32)
+#define JAWARI_API __declspec(dllexport)
+#elif defined(__GNUC__)
 #define JAWARI_API __attribute__((visibility("default")))
 #else
 #define JAWARI_API
@@ -42,7 +44,7 @@ typedef struct jawari_engine jawari_engine;
 /* The version of the program that this library comes from, like "0.8.0". [any] */
 JAWARI_API const char *jawari_version(void);
 
-/* The instructions that it uses on this processor ("x86-64-v4", "x86-64-v3", "aarch64"); NULL: there are none. [any] */
+/* The instructions that it uses on this processor ("x86-64-v4", "x86-64-v3", "aarch64", "portable"); NULL: there are none. [any] */
 JAWARI_API const char *jawari_processor(char *why);
 
 /* The bank in a file: a file of its own, or one that stands behind the end of a library or plugin.
@@ -51,8 +53,12 @@ JAWARI_API const char *jawari_processor(char *why);
  * can end the program. Open banks only from where your own program keeps them. States are checked number by number. */
 JAWARI_API jawari_bank *jawari_open(const char *path, char *why);
 
+/* The bank in bytes that the caller keeps as they are, on a border of 64, until it is closed. */
+JAWARI_API jawari_bank *jawari_open_bytes(const void *data, size_t size, char *why);
+
 /* The bank that stands behind the end of the file from which this library was loaded, even where another file has that name by
- * now: it is kept open from then on. Opened twice it is there once. */
+ * now: it is kept open from then on. Where a signature forbids that (macOS), it is the file bank.jawari among the resources of
+ * the library's bundle, or beside the library where it has none. Opened twice it is there once. */
 JAWARI_API jawari_bank *jawari_open_own(char *why);
 
 /* Another hold on an open bank, to be closed as well. */

@@ -5,7 +5,6 @@
  * holds is a float: it is taken over only when it moves, and a parameter's initial value is meant where its float is given.
  */
 #include <math.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,7 +47,7 @@ static void complain(const LV2_Log_Log *log, LV2_URID error, const char *why) {
     if (log)
         log->printf(log->handle, error, "%s: %s\n", descriptor.URI, why);
     else
-        fprintf(stderr, "%s: %s\n", descriptor.URI, why);
+        system_say("%s: %s", descriptor.URI, why);
 }
 
 static bool switch_on(lv2 *me, double rate, char *why) {
@@ -227,14 +226,14 @@ static const void *extension_data(const char *uri) {
 /* ---- the library's entry ---- */
 
 static char uri[192];
-static pthread_once_t described = PTHREAD_ONCE_INIT;
+static system_once described;
 
 /* The bank gives the name; it is not kept open for it. */
 static void describe(void) {
     char why[JAWARI_WHY] = "";
     jawari_bank *bank = jawari_open_own(why);
     if (!bank) {
-        fprintf(stderr, "jawari: %s\n", why);
+        system_say("jawari: %s", why);
         return;
     }
     snprintf(uri, sizeof uri, "urn:jawari:%s", jawari_bank_id(bank));
@@ -243,6 +242,6 @@ static void describe(void) {
 }
 
 JAWARI_API const LV2_Descriptor *lv2_descriptor(uint32_t index) {
-    pthread_once(&described, describe);
+    system_do_once(&described, describe);
     return index == 0 && descriptor.URI ? &descriptor : NULL;
 }

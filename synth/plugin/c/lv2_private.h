@@ -4,6 +4,7 @@
 
 #include "lv2_api.h"
 #include "plugin.h"
+#include "system.h"
 
 enum { TIME_BAR, TIME_BAR_BEAT, TIME_BEAT, TIME_BEAT_UNIT, TIME_BEATS_PER_BAR, TIME_BEATS_PER_MINUTE, TIME_SPEED, TIME_KEYS };
 

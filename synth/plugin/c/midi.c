@@ -20,7 +20,7 @@ static void give(struct sink *to, int32_t kind, int32_t channel, int32_t a, int3
 static void give_tuning(struct sink *to, int32_t key, const uint8_t *pitch, int32_t at_once) {
     if (pitch[0] == 0x7f && pitch[1] == 0x7f && pitch[2] == 0x7f)
         return;
-    give(to, JAWARI_TUNING, 0, key, at_once, pitch[0] + (double)(pitch[1] << 7 | pitch[2]) / FINE);
+    give(to, JAWARI_TUNING, 0, key, at_once, pitch[0] + (double)(pitch[1] << 7 | pitch[2]) / (double)FINE);
 }
 
 static double value_of(const uint8_t *bytes) {

@@ -113,8 +113,7 @@ plugin *plugin_new(char *why) {
     if (!bank)
         return NULL;
     plugin *p = calloc(1, sizeof *p);
-    if (!p || pthread_mutex_init(&p->guard, NULL)) {
-        free(p);
+    if (!p) {
         jawari_close(bank);
         if (why)
             snprintf(why, JAWARI_WHY, "there is not enough memory for another instance");
@@ -182,7 +181,6 @@ void plugin_free(plugin *p) {
     plugin_sweep(p);
     plugin_message_free(atomic_exchange(&p->incoming, NULL));
     plugin_rebuild_free(p);
-    pthread_mutex_destroy(&p->guard);
     jawari_close(p->bank);
     free(p->parameters);
     free(p->targets);
@@ -247,7 +245,7 @@ void plugin_set(plugin *p, uint32_t k, double value) {
 /* ---- sound on and off ---- */
 
 int32_t plugin_wanted_threads(void) {
-    const char *wanted = getenv("JAWARI_THREADS");
+    const char *wanted = system_variable("JAWARI_THREADS");
     if (!wanted || !*wanted)
         return 0;
     char *end;
@@ -263,7 +261,7 @@ bool plugin_activate(plugin *p, double rate_hz, int32_t threads, bool host_threa
     jawari_engine *engine = plugin_rebuild_create(p, rate_hz, threads, host_threads, why);
     if (!engine)
         return false;
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     plugin_sweep(p);
     p->engine = engine;
     p->threads = jawari_threads(engine);
@@ -276,18 +274,18 @@ bool plugin_activate(plugin *p, double rate_hz, int32_t threads, bool host_threa
     memset(p->drone.events, 0, (size_t)p->drone.room * sizeof *p->drone.events);
     plugin_begin_anew(p, INT64_MAX / 2);
     p->drone.rate = rate_hz;
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
     plugin_rebuild_begin(p);
     return true;
 }
 
 void plugin_deactivate(plugin *p) {
     plugin_rebuild_end(p);
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     jawari_engine *engine = p->engine;
     p->engine = NULL;
     p->threads = 1;
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
     jawari_destroy(engine);
 }
 
@@ -298,14 +296,14 @@ int32_t plugin_threads(const plugin *p) { return p->threads; }
 /* Latency and tail before there is an engine: those of one that is made to be asked. */
 static void measure(const plugin *p) {
     plugin *mine = (plugin *)(uintptr_t)p; /* what is remembered here changes nothing that can be seen */
-    pthread_mutex_lock(&mine->guard);
+    system_lock(&mine->guard);
     if (p->latency < 0) {
         jawari_engine *engine = jawari_create(p->bank, jawari_rate_of(p->bank, 0), 1, NULL);
         mine->latency = engine ? jawari_latency(engine) : 0;
         mine->tail = engine ? jawari_tail(engine) : 0;
         jawari_destroy(engine);
     }
-    pthread_mutex_unlock(&mine->guard);
+    system_unlock(&mine->guard);
 }
 
 int32_t plugin_latency(const plugin *p) {

@@ -200,7 +200,7 @@ static void seek(plugin *p, int64_t frame, const before *b) {
 static void follow(plugin *p, int64_t frame, const before *b, bool jumped) {
     plugin_drone *d = &p->drone;
     drone_place *m = &d->place;
-    const bool wanted = m->value[DRONE_MODE] == DRONE_ON || (m->value[DRONE_MODE] == DRONE_WITH_HOST && m->playing);
+    const bool wanted = m->value[DRONE_MODE] == (double)DRONE_ON || (m->value[DRONE_MODE] == (double)DRONE_WITH_HOST && m->playing);
     const bool lock = wanted && by_host(d) && m->playing && isfinite(m->beat);
     if (!wanted) {
         if (m->running)
@@ -373,7 +373,7 @@ int32_t plugin_drone_play(plugin *p, const jawari_event *events, int32_t count, 
 
 bool plugin_drone_waits(const plugin *p) {
     const drone_place *m = &p->drone.place;
-    return p->drone.score && (m->running || m->turn >= 0 || m->value[DRONE_MODE] != DRONE_OFF);
+    return p->drone.score && (m->running || m->turn >= 0 || m->value[DRONE_MODE] != (double)DRONE_OFF);
 }
 
 /* ---- states ---- */

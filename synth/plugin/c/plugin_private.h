@@ -7,11 +7,11 @@
 #ifndef JAWARI_PLUGIN_PRIVATE_H
 #define JAWARI_PLUGIN_PRIVATE_H
 
-#include <pthread.h>
 #include <stdatomic.h>
 
 #include "plugin.h"
 #include "plugin_drone.h"
+#include "system.h"
 
 enum {
     PLUGIN_EVENTS = 8192,  /* gathered in one block at most */
@@ -71,7 +71,7 @@ struct plugin {
     plugin_target *targets;
     _Atomic uint64_t *values; /* bits of a double */
 
-    pthread_mutex_t guard;
+    system_guard guard;
     _Atomic(jawari_engine *) engine; /* changed only while no audio thread runs, and by that one (plugin_rebuild.c) */
     int32_t threads;
     int32_t latency; /* −1: not known yet */

@@ -5,11 +5,9 @@
  * when its input does, so with the host.
  */
 #define _GNU_SOURCE
-#include <dlfcn.h>
+#define _DARWIN_C_SOURCE
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
-#include <poll.h>
 #include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -19,7 +17,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "core.h"
 #include "plugin_rebuild.h"
+#include "system_posix.h"
 
 enum { PATIENCE_S = 300 }; /* without the native library all kernels are compiled first */
 
@@ -41,19 +41,19 @@ static bool trusted(const char *path, mode_t open_to) {
     return stat(path, &about) == 0 && stat(folder, &around) == 0 && ours(&about, open_to) && ours(&around, open_to);
 }
 
-bool plugin_python_trusted(const char *path) { return trusted(path, S_IWOTH); }
+static bool python_trusted(const char *path) { return trusted(path, S_IWOTH); }
 bool plugin_bank_trusted(const char *path) { return trusted(path, S_IWOTH | S_IWGRP); }
 
 static bool runnable(const char *path) {
     struct stat about;
-    return plugin_python_trusted(path) && stat(path, &about) == 0 && S_ISREG(about.st_mode) && access(path, X_OK) == 0;
+    return python_trusted(path) && stat(path, &about) == 0 && S_ISREG(about.st_mode) && access(path, X_OK) == 0;
 }
 
 /* ---- where it is ---- */
 
 /* The user's cache of this program; false: there is no home. */
 static bool cache(char *to, size_t room) {
-    const char *base = secure_getenv("XDG_CACHE_HOME"), *home = secure_getenv("HOME");
+    const char *base = system_own_variable("XDG_CACHE_HOME"), *home = system_own_variable("HOME");
     int size = -1;
     if (base && *base == '/')
         size = snprintf(to, room, "%s/jawari", base);
@@ -66,7 +66,7 @@ static bool cache(char *to, size_t room) {
 static bool read_record(const char *folder, char *program, char *packages) {
     char path[PYTHON_PATH + 64], text[2 * PYTHON_PATH];
     snprintf(path, sizeof path, "%s/python-%s", folder, jawari_kernels_version());
-    const int file = plugin_python_trusted(path) ? open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW) : -1;
+    const int file = python_trusted(path) ? open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW) : -1;
     if (file < 0)
         return false;
     const ssize_t size = read(file, text, sizeof text - 1);
@@ -80,7 +80,7 @@ static bool read_record(const char *folder, char *program, char *packages) {
     plugin_copy_text(packages, PYTHON_PATH, end + 1);
     char package[PYTHON_PATH + 16];
     snprintf(package, sizeof package, "%s/synth", packages);
-    return plugin_python_trusted(package);
+    return python_trusted(package);
 }
 
 static bool put_variable(plugin_python *python, const char *name, const char *value) {
@@ -110,12 +110,12 @@ bool plugin_python_find(plugin_python *python) {
                                          "OPENBLAS_NUM_THREADS"};
     char folder[PYTHON_PATH - 16], packages[PYTHON_PATH] = "";
     memset(python, 0, sizeof *python);
-    Dl_info info;
-    if (!cache(folder, sizeof folder) || dladdr((const void *)passed, &info) == 0 || !info.dli_fname ||
-        !realpath(info.dli_fname, python->plugin))
+    const char *own = bank_own_file();
+    if (!cache(folder, sizeof folder) || !own || strlen(own) >= sizeof python->plugin)
         return false;
+    plugin_copy_text(python->plugin, sizeof python->plugin, own);
     snprintf(python->banks, sizeof python->banks, "%s/banks", folder);
-    const char *asked = secure_getenv("JAWARI_PYTHON"), *patience = secure_getenv("JAWARI_PYTHON_TIMEOUT");
+    const char *asked = system_own_variable("JAWARI_PYTHON"), *patience = system_own_variable("JAWARI_PYTHON_TIMEOUT");
     if (asked && *asked)
         plugin_copy_text(python->program, sizeof python->program, asked);
     else if (!read_record(folder, python->program, packages))
@@ -126,9 +126,9 @@ bool plugin_python_find(plugin_python *python) {
     python->timeout_ms = 1000 * (seconds > 0 && seconds <= 86400 ? seconds : PATIENCE_S);
     /* a host's own Python, and libraries that it puts before others', are none of this one's business */
     bool made = put_variable(python, "PYTHONSAFEPATH", "1"); /* nor is the folder that the host stands in */
-    made = made && put_variable(python, "PYTHONPATH", asked && *asked ? secure_getenv("PYTHONPATH") : packages);
+    made = made && put_variable(python, "PYTHONPATH", asked && *asked ? system_own_variable("PYTHONPATH") : packages);
     for (size_t k = 0; k < sizeof passed / sizeof *passed; k++)
-        made = made && put_variable(python, passed[k], secure_getenv(passed[k]));
+        made = made && put_variable(python, passed[k], system_own_variable(passed[k]));
     if (!made)
         plugin_python_free(python);
     return made;
@@ -149,19 +149,8 @@ static bool set_up(posix_spawn_file_actions_t *files, posix_spawnattr_t *how, in
     sigfillset(&all);
     int wrong = posix_spawn_file_actions_adddup2(files, in, 0) | posix_spawn_file_actions_adddup2(files, out, 1) |
                 posix_spawn_file_actions_adddup2(files, out, 2);
-    /* of C libraries that have it: what a host has left open to its children, it closes itself else (rebuild.py) */
-    int (*close_from)(posix_spawn_file_actions_t *, int);
-    void *found = dlsym(RTLD_DEFAULT, "posix_spawn_file_actions_addclosefrom_np");
-    memcpy(&close_from, &found, sizeof close_from);
-    if (found)
-        wrong |= close_from(files, 3);
-    short flags = POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP;
-#ifdef POSIX_SPAWN_SETSID
-    flags = POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSID;
-#endif
-    wrong |= posix_spawnattr_setsigmask(how, &none) | posix_spawnattr_setsigdefault(how, &all) |
-             posix_spawnattr_setflags(how, flags);
-    return wrong == 0;
+    wrong |= posix_spawnattr_setsigmask(how, &none) | posix_spawnattr_setsigdefault(how, &all);
+    return system_spawn_apart(files, how, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF) && wrong == 0;
 }
 
 static void close_both(const int ends[2]) {
@@ -176,7 +165,7 @@ bool plugin_python_start(const plugin_python *python, char *const arguments[], p
     *child = (plugin_child){.in = -1, .out = -1};
     posix_spawn_file_actions_t files;
     posix_spawnattr_t how;
-    if (pipe2(in, O_CLOEXEC) || pipe2(out, O_CLOEXEC))
+    if (!system_pipe(in) || !system_pipe(out))
         wrong = errno;
     else if (posix_spawn_file_actions_init(&files))
         wrong = ENOMEM;

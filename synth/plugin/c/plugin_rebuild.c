@@ -1,16 +1,11 @@
 /* plugin_rebuild.c: an instance's wishes for another setup, and how it goes over to it; see plugin_rebuild.h. */
-#define _GNU_SOURCE
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
 #include "plugin_rebuild.h"
 
-enum { STACK = 1 << 20 };
 /* so many blocks are waited for one in which no event is on its way; what sounds fades over so many seconds */
 enum { MOST_WAITED = 200 };
 static const double FADE_S = 0.02;
@@ -56,7 +51,7 @@ static jawari_bank *bank_of(const plugin *p, const char *key, char *why) {
     if (!*key)
         return jawari_hold(p->bank);
     char path[PYTHON_PATH + 160];
-    plugin_path_of(p, key, path, sizeof path);
+    plugin_maker_path(p, key, path, sizeof path);
     if (!plugin_bank_trusted(path)) {
         snprintf(why, JAWARI_WHY, "there is no bank of it in the cache, or it is not the user's alone");
         return NULL;
@@ -107,9 +102,9 @@ static void free_plugin_handovers(plugin_handover *h) {
 
 /* Engines that the audio thread is done with. What is saved at this moment may be looking at one: so with the plugin's guard. */
 void plugin_sweep_engines(plugin *p) {
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     free_plugin_handovers(atomic_exchange(&p->rebuild->gone, NULL));
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
 }
 
 /* Hands an engine of a wish to the audio thread, if there is a bank of it; false with `why`. With r->guard. */
@@ -139,19 +134,15 @@ bool plugin_rebuild_new(plugin *p) {
     plugin_rebuild *r = p->rebuild = calloc(1, sizeof *r);
     if (!r)
         return false;
-    r->token = -1;
     r->played = calloc(p->setups + 1u, sizeof *r->played);
-    if (!r->played || pthread_mutex_init(&r->guard, NULL)) {
-        free(r->played);
+    if (!r->played) {
         free(r);
         p->rebuild = NULL;
         return false;
     }
     for (uint32_t j = 0; j < p->setups; j++)
         store(&r->played[j], p->parameters[p->of_presets + j].initial);
-    if (p->setups && plugin_python_find(&r->python))
-        r->token = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    r->there = r->token >= 0;
+    r->there = p->setups && plugin_maker_new(r);
     return true;
 }
 
@@ -159,10 +150,7 @@ void plugin_rebuild_free(plugin *p) {
     plugin_rebuild *r = p->rebuild;
     if (!r)
         return;
-    if (r->token >= 0)
-        close(r->token);
-    plugin_python_free(&r->python);
-    pthread_mutex_destroy(&r->guard);
+    plugin_maker_free(r);
     free(r->played);
     free(r);
     p->rebuild = NULL;
@@ -195,18 +183,7 @@ jawari_engine *plugin_rebuild_create(plugin *p, double rate_hz, int32_t threads,
 void plugin_rebuild_begin(plugin *p) {
     plugin_rebuild *r = p->rebuild;
     atomic_store(&r->ending, false);
-    pthread_attr_t how;
-    if (!r->there || pthread_attr_init(&how))
-        return;
-    /* it is the host's thread in nothing: not in its priority, and it hears no signals for it */
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_attr_setstacksize(&how, STACK);
-    pthread_attr_setinheritsched(&how, PTHREAD_EXPLICIT_SCHED);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    r->running = pthread_create(&r->thread, &how, plugin_see_to_wishes, p) == 0;
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    pthread_attr_destroy(&how);
+    r->running = r->there && plugin_maker_start(p);
 }
 
 void plugin_rebuild_end(plugin *p) {
@@ -216,15 +193,15 @@ void plugin_rebuild_end(plugin *p) {
     if (r->running) {
         atomic_store(&r->ending, true);
         plugin_wake(r);
-        pthread_join(r->thread, NULL);
+        system_thread_join(&r->thread);
         r->running = false;
     }
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     free_plugin_handovers(atomic_exchange(&r->arriving, NULL));
     free_plugin_handovers(atomic_exchange(&r->gone, NULL));
     free_plugin_handovers(r->leaving);
     r->leaving = NULL;
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
 }
 
 void plugin_rebuild_loaded(plugin *p) {
@@ -233,7 +210,7 @@ void plugin_rebuild_loaded(plugin *p) {
     if (!w)
         return;
     char why[JAWARI_WHY];
-    pthread_mutex_lock(&r->guard);
+    system_lock(&r->guard);
     if (r->there && p->engine)
         plugin_go_over(p, w, why); /* where that is not there yet, the thread sees to it */
     else if (!r->there && w->count)
@@ -241,7 +218,7 @@ void plugin_rebuild_loaded(plugin *p) {
                  "the song was saved with another setup (%s%s); this plays as compiled: Python with jawari is needed for it, install "
                  "that and export again",
                  w->settings[0], w->count > 1 ? ", …" : "");
-    pthread_mutex_unlock(&r->guard);
+    system_unlock(&r->guard);
     free(w);
     plugin_wake(r);
 }
@@ -250,12 +227,12 @@ void plugin_rebuild_loaded(plugin *p) {
 
 bool plugin_remark(plugin *p, char *why) {
     plugin_rebuild *r = p->rebuild;
-    pthread_mutex_lock(&r->guard);
+    system_lock(&r->guard);
     const bool any = *r->remark != 0;
     if (any)
         plugin_copy_text(why, JAWARI_WHY, r->remark);
     *r->remark = 0;
-    pthread_mutex_unlock(&r->guard);
+    system_unlock(&r->guard);
     return any;
 }
 
@@ -270,7 +247,7 @@ void plugin_rebuild_text(const plugin *p, uint32_t k, double value, char *text, 
     int n = snprintf(whole, sizeof whole, "%s%s%s", number, *unit ? " " : "", unit);
     char *more = whole + n;
     const size_t left = sizeof whole - (size_t)n;
-    pthread_mutex_lock(&r->guard);
+    system_lock(&r->guard);
     if (!r->there && other)
         snprintf(more, left, " (not played, but %s: needs Python with jawari; install it and export again)", plays);
     else if (!r->there)
@@ -279,7 +256,7 @@ void plugin_rebuild_text(const plugin *p, uint32_t k, double value, char *text, 
         snprintf(more, left, " (%s plays: %s)", plays, r->why);
     else if (other && p->engine)
         snprintf(more, left, " (%s plays, this is being made)", plays);
-    pthread_mutex_unlock(&r->guard);
+    system_unlock(&r->guard);
     plugin_copy_text(text, room, whole);
 }
 

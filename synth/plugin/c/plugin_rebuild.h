@@ -54,7 +54,7 @@ enum { PYTHON_PATH = 4096, PYTHON_VARIABLES = 16 };
 typedef struct plugin_python {
     char program[PYTHON_PATH];
     char banks[PYTHON_PATH];  /* the folder of banks in the user's cache */
-    char plugin[PYTHON_PATH]; /* the file that this code was loaded from */
+    char plugin[PYTHON_PATH]; /* the file with the bank that this code was loaded with */
     char *environment[PYTHON_VARIABLES + 1];
     int timeout_ms;
 } plugin_python;
@@ -71,9 +71,7 @@ typedef struct plugin_child {
 bool plugin_python_find(plugin_python *python);
 void plugin_python_free(plugin_python *python);
 /* Whether a file and the folder that it lies in belong to the user or root, and not everybody may write there: many systems let a
- * group write where Python lies. */
-bool plugin_python_trusted(const char *path);
-/* As that, and no group may write there either: a bank in the cache is made for the user alone. */
+ * group write where Python lies; but no group may write there either: a bank in the cache is made for the user alone. */
 bool plugin_bank_trusted(const char *path);
 /* Start the program; false with `why`. */
 bool plugin_python_start(const plugin_python *python, char *const arguments[], plugin_child *child, char *why);
@@ -82,7 +80,7 @@ bool plugin_python_ended(plugin_child *child);
 /* End it, if it has not, and forget it. Its last line stays in `said`. */
 void plugin_python_end(plugin_child *child);
 
-/* ---- between plugin_rebuild.c and plugin_wishes.c ---- */
+/* ---- between plugin_rebuild.c, plugin_wishes.c and plugin_maker.c ---- */
 
 enum { SETUP_KEY = 33, SETUP_CHUNK = 512 };
 
@@ -106,17 +104,17 @@ enum { SETUP_PLAYED, SETUP_PREPARED, SETUP_FAILED };
 struct plugin_rebuild {
     plugin_python python;
     bool there;
-    int token; /* descriptor that wakes the thread, −1: there is none */
+    int alarm[2]; /* ends of what wakes the thread, if `there` */
     void (*changed)(void *);
     void *whose;
     double rate_hz;
     int32_t threads, latency;
     bool host_threads, running;
-    pthread_t thread;
+    system_thread thread; /* if `running` */
     atomic_bool ending;
     _Atomic uint64_t *played; /* bits of the values that are played */
 
-    pthread_mutex_t guard; /* taken before that of the plugin */
+    system_guard guard; /* taken before that of the plugin */
     char key[SETUP_KEY];         /* of the engine that plays, or was handed over */
     int state;
     char why[JAWARI_WHY], remark[JAWARI_WHY]; /* remark: not yet said; empty */
@@ -132,16 +130,23 @@ struct plugin_rebuild {
 
 /* What is wished at a rate by values, of all parameters; NULL: those of now. To be freed; NULL: there is no memory. */
 plugin_wish *plugin_wish_of(const plugin *p, double rate_hz, const double *values);
-/* The file of a bank by its key. */
-void plugin_path_of(const plugin *p, const char *key, char *path, size_t room);
 /* Whether two values are one to six significant digits, which is how they are asked for. */
 bool plugin_same_number(double a, double b);
 /* Hands an engine of a wish to the audio thread, if there is a bank of it; false with `why`. With the guard of `rebuild`. */
 bool plugin_go_over(plugin *p, const plugin_wish *w, char *why);
 /* Engines that the audio thread is done with go. */
 void plugin_sweep_engines(plugin *p);
-/* The thread, of a plugin; and what wakes it. [any] */
-void *plugin_see_to_wishes(void *of);
+
+/* ---- who makes banks (plugin_maker.c; plugin_alone.c: nobody) ---- */
+
+/* Whether there is somebody; and what that one took is given back. */
+bool plugin_maker_new(plugin_rebuild *r);
+void plugin_maker_free(plugin_rebuild *r);
+/* The thread that sees to wishes, from now until `ending`; false: there is none. */
+bool plugin_maker_start(plugin *p);
+/* Wakes it. [any] */
 void plugin_wake(const plugin_rebuild *r);
+/* The file of a bank by its key. */
+void plugin_maker_path(const plugin *p, const char *key, char *path, size_t room);
 
 #endif

@@ -12,16 +12,11 @@
  * All is little-endian. Sections of unknown kind are passed over, so that later versions may add some; the format's number is
  * for what cannot be read that way.
  */
-#if !defined(_POSIX_C_SOURCE) && !defined(_GNU_SOURCE)
-#define _POSIX_C_SOURCE 200809L /* nanosleep */
-#endif
 #include <math.h>
-#include <sched.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "checksum.h"
 #include "plugin_rebuild.h"
@@ -56,14 +51,14 @@ typedef struct reader {
     bool short_of;
 } reader;
 
-static const uint8_t *take(reader *r, size_t size) {
+static const uint8_t *take(reader *r, uint64_t size) {
     if (r->short_of || size > r->left) {
         r->short_of = true;
         return NULL;
     }
     const uint8_t *here = r->at;
     r->at += size;
-    r->left -= size;
+    r->left -= (size_t)size;
     return here;
 }
 
@@ -84,8 +79,6 @@ static double take_double(reader *r) {
 
 /* ---- a copy of what sounds ---- */
 
-static void pause_for_us(long us) { nanosleep(&(struct timespec){0, 1000 * us}, NULL); }
-
 /* A copy beside the audio thread holds where no block began meanwhile. A host that renders without a pause leaves no
  * time for that: then the audio thread is asked to make it between two blocks. */
 static void copy_sound(plugin *p, plugin_sound *sound) {
@@ -99,15 +92,15 @@ static void copy_sound(plugin *p, plugin_sound *sound) {
                 if (atomic_load(&p->turn) == before)
                     return;
             }
-            pause_for_us(PAUSE_US);
+            system_sleep_us(PAUSE_US);
         }
         plugin_request request = {.sound = sound};
         atomic_store(&p->request, &request);
         for (int k = 0; k < PATIENCE && !atomic_load(&request.done); k++)
-            pause_for_us(PAUSE_US);
+            system_sleep_us(PAUSE_US);
         if (!atomic_exchange(&p->request, NULL)) { /* it has begun, or is done */
             while (!atomic_load(&request.done))
-                sched_yield();
+                system_yield();
             return;
         }
     }
@@ -178,7 +171,7 @@ static uint8_t *write_state(const plugin *p, const plugin_sound *sound, size_t *
 }
 
 void *plugin_save(plugin *p, size_t *size) {
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     plugin_sweep(p);
     uint8_t *data = NULL;
     /* a state that the audio thread has not taken over yet is what will sound; where it takes it over meanwhile, it stays
@@ -196,7 +189,7 @@ void *plugin_save(plugin *p, size_t *size) {
         free(sound.bytes);
     } else
         data = write_state(p, NULL, size);
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
     return data;
 }
 
@@ -218,12 +211,13 @@ static bool open_state(const void *data, size_t size, reader *sections, char *wh
     const uint8_t *magic = take(&r, MAGIC_BYTES);
     if (!magic || memcmp(magic, MAGIC, MAGIC_BYTES))
         return refuse(why, "these %zu bytes are no state of this plugin; another program may have written them", size);
-    uint64_t format = take_whole(&r, 4), whole = take_whole(&r, 8);
+    const uint64_t format = take_whole(&r, 4), told = take_whole(&r, 8);
     if (!r.short_of && format != FORMAT)
         return refuse(why, "this state has format %llu, this version reads format %d; a newer version reads it",
                       (unsigned long long)format, FORMAT);
-    if (r.short_of || whole > size || whole < HEAD + SUM)
+    if (r.short_of || told > size || told < HEAD + SUM)
         return refuse(why, "this state is cut off: %zu bytes of it are there; load an older copy", size);
+    const size_t whole = (size_t)told;
     reader sum = {(const uint8_t *)data + whole - SUM, SUM, false};
     if (crc32_of(0, data, whole - SUM) != take_whole(&sum, SUM))
         return refuse(why, "this state was changed since it was saved (its checksum is another); load an older copy");
@@ -244,7 +238,7 @@ typedef struct contents {
 
 static bool read_values(const plugin *p, reader r, contents *c) {
     for (uint64_t left = take_whole(&r, 4); left > 0 && !r.short_of; left--) {
-        size_t length = take_whole(&r, 2);
+        const size_t length = (size_t)take_whole(&r, 2);
         const char *id = (const char *)take(&r, length);
         double value = take_double(&r);
         if (r.short_of || !isfinite(value))
@@ -312,13 +306,13 @@ static bool read_drone(const plugin *p, reader r, plugin_sound *sound) {
 static bool read_state(const plugin *p, reader r, contents *c) {
     while (r.left > 0) {
         uint64_t kind = take_whole(&r, 4);
-        size_t size = take_whole(&r, 8);
-        reader section = {take(&r, size), size, false};
+        const uint64_t size = take_whole(&r, 8);
+        reader section = {take(&r, size), (size_t)size, false};
         if (r.short_of || (kind == VALUES && !read_values(p, section, c)))
             return false;
         if (kind == BANK) {
             c->bank = (const char *)section.at;
-            c->bank_length = size;
+            c->bank_length = section.left;
         }
         if (kind == DRONE && p->drone.score && !read_drone(p, section, &c->message->sound))
             return false;
@@ -362,15 +356,15 @@ bool plugin_load(plugin *p, const void *data, size_t size, char *why) {
     }
     if (other && p->program >= 0) /* there it is the number of another preset */
         values[p->program] = p->parameters[p->program].initial;
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     plugin_sweep(p);
     for (uint32_t k = 0; k < p->count; k++)
         plugin_store(p, k, values[k]);
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
     plugin_rebuild_loaded(p);
-    pthread_mutex_lock(&p->guard);
+    system_lock(&p->guard);
     plugin_message_free(atomic_exchange(&p->incoming, m));
-    pthread_mutex_unlock(&p->guard);
+    system_unlock(&p->guard);
     free(values);
     return true;
 }

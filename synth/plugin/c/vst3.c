@@ -128,7 +128,7 @@ static tresult class_info_2(void *self, int32_t index, PClassInfo2 *info) {
     const factory *me = self;
     if (index != 0 || !info) return kInvalidArgument;
     memset(info, 0, sizeof *info);
-    memcpy(info->cid, jawari_bank_uid(me->bank), sizeof(TUID));
+    vst3_class_id(jawari_bank_uid(me->bank), info->cid);
     info->cardinality = kManyInstances;
     snprintf(info->category, sizeof info->category, "Audio Module Class");
     int16_t name[64]; /* by way of which it is cut between characters, not within one */
@@ -170,11 +170,13 @@ static tresult create_instance(void *self, const uint8_t *cid, const uint8_t *ii
     const factory *me = self;
     if (!cid || !iid || !object) return kInvalidArgument;
     *object = NULL;
-    if (memcmp(cid, jawari_bank_uid(me->bank), sizeof(TUID))) return kNoInterface;
+    TUID mine;
+    vst3_class_id(jawari_bank_uid(me->bank), mine);
+    if (memcmp(cid, mine, sizeof mine)) return kNoInterface;
     char why[JAWARI_WHY] = "there is not enough memory";
     vst3 *made = create(why);
     if (!made) {
-        fprintf(stderr, "jawari (%s, VST3): %s\n", jawari_bank_id(me->bank), why);
+        system_say("jawari (%s, VST3): %s", jawari_bank_id(me->bank), why);
         return kOutOfMemory;
     }
     const tresult said = vst3_query(&made->face[COMPONENT], iid, object);
@@ -210,7 +212,7 @@ void *GetPluginFactory(void) {
     factory *me = malloc(sizeof *me);
     jawari_bank *bank = me ? jawari_open_own(why) : NULL;
     if (!bank) {
-        fprintf(stderr, "jawari (VST3): %s\n", why);
+        system_say("jawari (VST3): %s", why);
         free(me);
         return NULL;
     }
@@ -219,18 +221,3 @@ void *GetPluginFactory(void) {
     me->bank = bank;
     return me;
 }
-
-#if defined(__APPLE__)
-JAWARI_API bool bundleEntry(void *bundle);
-JAWARI_API bool bundleExit(void);
-bool bundleEntry(void *bundle) { return bundle != NULL; }
-bool bundleExit(void) { return true; }
-#else
-JAWARI_API bool ModuleEntry(void *library);
-JAWARI_API bool ModuleExit(void);
-bool ModuleEntry(void *library) {
-    (void)library;
-    return true;
-}
-bool ModuleExit(void) { return true; }
-#endif

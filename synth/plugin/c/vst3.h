@@ -8,6 +8,7 @@
 #include <stdatomic.h>
 
 #include "plugin.h"
+#include "system.h"
 #include "vst3_api.h"
 
 typedef struct vst3 vst3;
@@ -68,6 +69,9 @@ uint32_t vst3_release(void *face);
 tresult vst3_initialize(void *face, void *context);
 tresult vst3_terminate(void *face);
 #define VST3_COMMON .queryInterface = vst3_query, .addRef = vst3_add, .release = vst3_release
+
+/* The class id by which hosts know a plugin of this uid: as text it is the same on all systems. */
+void vst3_class_id(const uint8_t uid[16], TUID id);
 
 /* kResultOk for a rate that the bank has; else the reason is said. */
 tresult vst3_check_rate(const vst3 *me);

@@ -1,7 +1,7 @@
 /* vst3_api.h: what this plugin uses of VST 3, declared from its specification: a table of functions for each interface, the
  * records that are handed over, the numbers. Names, order and layout are those of the specification, which is in C++: an object
- * is the address of a pointer to the table of its functions. Layouts are those of Linux and macOS; Windows orders the bytes of
- * interface ids otherwise and numbers results as COM does.
+ * is the address of a pointer to the table of its functions. On Windows the specification numbers results and orders the bytes of
+ * ids as COM does.
  */
 #ifndef JAWARI_VST3_API_H
 #define JAWARI_VST3_API_H
@@ -11,14 +11,34 @@
 /* ---- base ---- */
 
 typedef int32_t tresult;
+#if defined(_WIN32)
+enum {
+    kResultOk = 0,
+    kResultFalse = 1,
+    kNotImplemented = -0x7FFFBFFF, /* E_NOTIMPL, 0x80004001 */
+    kNoInterface = -0x7FFFBFFE,    /* E_NOINTERFACE, 0x80004002 */
+    kInternalError = -0x7FFFBFFB,  /* E_FAIL, 0x80004005 */
+    kNotInitialized = -0x7FFF0001, /* E_UNEXPECTED, 0x8000FFFF */
+    kOutOfMemory = -0x7FF8FFF2,    /* E_OUTOFMEMORY, 0x8007000E */
+    kInvalidArgument = -0x7FF8FFA9 /* E_INVALIDARG, 0x80070057 */
+};
+#else
 enum { kNoInterface = -1, kResultOk, kResultFalse, kInvalidArgument, kNotImplemented, kInternalError, kNotInitialized, kOutOfMemory };
+#endif
 
 typedef uint8_t TBool;
 typedef uint8_t TUID[16];
 typedef int16_t String128[128]; /* UTF-16 */
 
 #define VST3_BYTES(word) (uint8_t)((word) >> 24 & 255), (uint8_t)((word) >> 16 & 255), (uint8_t)((word) >> 8 & 255), (uint8_t)((word) & 255)
+#if defined(_WIN32)
+#define VST3_ID(a, b, c, d)                                                                                                    \
+    {(uint8_t)(a##u & 255), (uint8_t)(a##u >> 8 & 255), (uint8_t)(a##u >> 16 & 255), (uint8_t)(a##u >> 24 & 255),              \
+     (uint8_t)(b##u >> 16 & 255), (uint8_t)(b##u >> 24 & 255), (uint8_t)(b##u & 255), (uint8_t)(b##u >> 8 & 255),              \
+     VST3_BYTES(c##u), VST3_BYTES(d##u)}
+#else
 #define VST3_ID(a, b, c, d) {VST3_BYTES(a##u), VST3_BYTES(b##u), VST3_BYTES(c##u), VST3_BYTES(d##u)}
+#endif
 
 #define FUnknown_iid VST3_ID(0x00000000, 0x00000000, 0xC0000000, 0x00000046)
 /* How every table begins. */

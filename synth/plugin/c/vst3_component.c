@@ -9,7 +9,7 @@ enum { MOST_STATE = 1 << 28 }; /* bytes that are read of what claims to be a sta
 
 /* What went wrong, where who started the host can read it: VST 3 has no way to say it. */
 static void complain(const vst3 *me, const char *why) {
-    fprintf(stderr, "jawari (%s, VST3): %s\n", jawari_bank_id(plugin_bank(me->plugin)), why);
+    system_say("jawari (%s, VST3): %s", jawari_bank_id(plugin_bank(me->plugin)), why);
 }
 
 void vst3_setup_changed(void *of) {
