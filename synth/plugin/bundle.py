@@ -18,7 +18,7 @@ from pathlib import Path
 
 from synth.files.folders import write_folder
 from synth.files.targets import check_folder, write_whole
-from synth.plugin import macbundle, turtle
+from synth.plugin import macbundle, macsign, turtle
 from synth.plugin.description import Description
 from synth.plugin.library import with_bank
 from synth.plugin.targets import Target
@@ -82,6 +82,7 @@ class Plugins:
     def __init__(self, library: Path, bank: bytes, description: Description, target: Target) -> None:
         """library: the native one of the target. Raises OSError."""
         self._target = target
+        self._library = library
         self._description = description
         self._bank = bank
         self._code = library.read_bytes() if target.system == "macos" else with_bank(library, bank)
@@ -96,14 +97,18 @@ class Plugins:
     def write(self, kind: str, path: Path) -> Path:
         """A plugin of a format at `path`: whole, or what was there before. The path of the library in it.
 
-        Raises OSError that names what could not be written, and what `check` does.
+        Raises OSError that names what could not be written, what `check` does, and ValueError for a library that cannot be
+        signed.
         """
         check(kind, path, self._target)
         if not is_folder(kind, self._target):
             write_whole(path, lambda file: file.write(self._code), 0o777)
             self._there.setdefault(self._code, path)
             return path
-        name, files = self._files(kind, path.name.removesuffix(f".{kind}") or self._description.id)
+        try:
+            name, files = self._files(kind, path.name.removesuffix(f".{kind}") or self._description.id)
+        except macsign.Unsignable as error:
+            raise ValueError(f"{self._library} {error}; delete it, and it is built again") from None
         large = [each for each in files if each == name or each.endswith(macbundle.BANK)]
         write_folder(path, files, name, {each: self._there[files[each]] for each in large if files[each] in self._there})
         for each in large:

@@ -109,7 +109,7 @@ def _signed(code: bytes, identifier: str, info: bytes, sealed: bytes) -> bytes:
     limit = len(out)
     if own is None:
         own = _Command(32 + size, _CODE_SIGNATURE, 16)
-        first = min(at for segment in segments.values() for at in segment.sections)
+        first = min((at for segment in segments.values() for at in segment.sections), default=0)
         if own.at + own.size > first or any(code[own.at : own.at + own.size]):
             raise Unsignable("is a Mach-O file whose header has no room for a signature's load command")
         struct.pack_into("<2I", out, 16, count + 1, size + own.size)
