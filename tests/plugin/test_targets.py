@@ -12,6 +12,7 @@ import importlib.util
 import json
 import plistlib
 import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -333,6 +334,31 @@ def check_seal(contents: Path, seal: dict[str, Any]) -> None:
         assert not rule.get("nested") and seal["files2"][name] == {"hash2": hashlib.sha256(path.read_bytes()).digest()}
         assert seal["files"][name] == hashlib.sha1(path.read_bytes()).digest()
     assert set(seal["files2"]) == set(seal["files"]) == {"Resources/bank.jawari"}
+
+
+@ZIG
+@pytest.mark.skipif(importlib.util.find_spec("apple_platform") is None, reason="apple-platform-py is not installed")
+@pytest.mark.parametrize("target", MACS)
+def test_others_sign_the_same(linked: Here, natives: dict[str, Path], target: str) -> None:
+    """apple-platform-rs, which signs without Apple's tools too, seals the same files and makes the same code directory; it
+    leaves more room behind, which the load commands tell."""
+    from apple_platform import reading, signing
+
+    linked("-f", "clap", "--target", target)
+    bare, theirs = linked.folder / "bare.clap", linked.folder / "theirs.clap"
+    shutil.copytree(linked.folder / "tanpura.clap", bare)
+    shutil.rmtree(bare / "Contents" / "_CodeSignature")
+    shutil.copy(natives[target], bare / "Contents" / "MacOS" / "tanpura")
+    signing.sign(bare, theirs)
+    read, seals = [], []
+    for path in (linked.folder / "tanpura.clap", theirs):
+        (found,) = reading.find_entities(reading.read_signature(path), "mach_o")
+        about = found["signature"]["code_directory"]
+        sealed = [each for each in about.pop("slot_digests") if not each.startswith("Resources")]  # of another layout
+        blobs = [(each["slot"], each["magic"], each["length"]) for each in found["signature"]["blobs"]]
+        read.append((about, sealed, blobs, found["macho_signature_start_offset"]))
+        seals.append(plistlib.loads((path / "Contents" / "_CodeSignature" / "CodeResources").read_bytes()))
+    assert read[0] == read[1] and seals[0] == seals[1]
 
 
 @ZIG
