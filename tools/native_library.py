@@ -94,11 +94,12 @@ def on_aarch64() -> int:
     from synth.midi.events import NOTE_ON
     from synth.plugin.bankfile import bank
     from synth.plugin.emit import emit
+    from synth.plugin.targets import TARGETS
     from tests.engine.kit import play
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        emit("aarch64", folder / "kernels.o")
+        emit("aarch64", folder / "kernels.o", TARGETS["linux-arm64"])
         core = [str(path) for path in SOURCES.glob("*.c") if path.name.startswith(("core", "bank", "midi", "checksum"))]
         defined = ["-DJAWARI_HAS_aarch64=1", f'-DJAWARI_KERNELS="{kernels_version()}"', f"-I{SOURCES}"]
         what = [str(ROOT / "tests" / "plugin" / "playbank.c"), *core, str(folder / "kernels.o"), "-lm"]

@@ -1,7 +1,8 @@
 """The engine without Python: its kernels behind a small C library, banks of presets for it, and plugins made of both.
 
-emit, retarget       kernels → one object for the linker, for a level of x86-64; for AArch64
-targets              systems and processors that plugins are made for
+targets              systems and processors
+emit, retarget       kernels → one object for the linker, for a level of processors and a target
+one_rounding, wasm_memory  what retarget changes for portable kernels, and for addresses of 32 bits
 library, shelf       objects and the C sources (c/) → libjawari.so; the one that is at hand, or is built
 addresses, bankfile  the memory of prepared engines → the bytes of a bank
 description, turtle  what a plugin says of itself; the same as LV2 wants it

@@ -1,6 +1,7 @@
 """The engine's kernels as one object for the linker, which needs no Python.
 
-    python -m synth.plugin.emit x86-64-v3 kernels.o
+    emit("x86-64-v3", Path("kernels.o"))
+    emit("portable", Path("kernels.o"), TARGETS["macos-arm64"])
 
 What is compiled lies in many libraries of Numba's, one for each kernel, which name each other (`jit.kernel_linking`). Here
 they become one module, of which one symbol is seen: a table of functions by name, `struct kernels` of c/core.h.
@@ -9,11 +10,14 @@ A kernel is called there like a function of C: numbers are int64_t and double, a
 and its extents, and what comes back is an int64_t or nothing. Numba's own way to call takes places for the result and for an
 exception besides, and the wrapper that `cfunc` makes takes Python's lock; so each has a wrapper of its own.
 
-Level and lanes are the process's (`NUMBA_CPU_NAME`, `JAWARI_LANES`): `emit` starts one with what a level needs.
+Level and lanes are the process's (`NUMBA_CPU_NAME`, `JAWARI_LANES`): `intermediate` starts one with what a level needs, and
+keeps LLVM's text of it, from which `retarget` makes objects for every target.
 """
 
 from __future__ import annotations
 
+import gzip
+import hashlib
 import os
 import re
 import subprocess
@@ -22,15 +26,18 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from synth.files.targets import write_whole
+from synth.jit.kernel_sources import sources_id, users_cache
 from synth.jit.prebuilt import name_of
 from synth.native import processors
 from synth.plugin import retarget
+from synth.plugin.targets import TARGETS, Target
 
 #: levels of processors, and how many lanes their vectors have
 LANES: Mapping[str, int] = {"x86-64-v3": 4, "x86-64-v4": 8}
 LEVELS = tuple(LANES)
-#: what is made on x86-64 for others (`retarget`)
-FOREIGN = ("aarch64",)
+#: what is made from the plainest x86-64 (`retarget`)
+FOREIGN = ("aarch64", "portable")
 
 
 class EmitError(ValueError):
@@ -50,24 +57,61 @@ def names() -> list[str]:
     ]
 
 
-def emit(level: str, target: Path) -> None:
-    """Write the object for a level. Takes a minute where kernels are not kept for that level yet.
+def emit(level: str, place: Path, target: Target = TARGETS["linux-x86-64"]) -> None:
+    """Write the object for a level and a target. Takes a minute where the level is not kept yet.
 
-    Raises ValueError for a level that there is not, EmitError where the process that does it fails.
+    Raises ValueError for a level that there is not, or that the target's processor does not have, EmitError where the
+    process that compiles fails.
     """
     if level not in (*LEVELS, *FOREIGN):
         raise ValueError(f"there is no level {level!r}; use one of {', '.join((*LEVELS, *FOREIGN))}")
+    place.write_bytes(retarget.object_of(intermediate(level).replace(_SYMBOL, table_symbol(level)), level, target))
+
+
+#: the table's name in the intermediate text, before its level is known
+_SYMBOL = "jawari_kernels_of_level"
+
+
+def intermediate(level: str) -> str:
+    """LLVM's text of all kernels for a level, kept in the user's cache from then on. Raises EmitError."""
+    name = retarget.FROM_LEVEL if level in FOREIGN else level
+    kept = _kept(name)
+    if kept is not None:
+        try:
+            return gzip.decompress(kept.read_bytes()).decode()
+        except (OSError, EOFError, ValueError):  # there is none yet, or it is damaged: it is made again
+            pass
+    text = _compiled(level)
+    if kept is not None:
+        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_whole(kept, lambda file: file.write(gzip.compress(text.encode(), 1)), 0o600)
+    return text
+
+
+def _kept(name: str) -> Path | None:
+    """Where the text for a level of x86-64 is kept; None: there is no home directory."""
+    own = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=4).hexdigest()
+    try:
+        return users_cache() / f"native-{sources_id()}" / f"{name}-{own}.ll.gz"
+    except RuntimeError:
+        return None
+
+
+def _compiled(level: str) -> str:
+    """The text from a process that compiles for a level."""
     environment = {**os.environ, **_settings(level)}
     # the kernels of this very processor are those that Python uses, and kept; others' are kept apart
     for name in ("NUMBA_CACHE_DIR", *(["JAWARI_LANES"] if level == processors.level() else [])):
         environment.pop(name, None)
     root = str(Path(__file__).resolve().parents[2])
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, (root, environment.get("PYTHONPATH"))))
-    command = [sys.executable, "-m", __name__, level, str(target)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", __name__, level], env=environment, capture_output=True, text=True, check=False
+    )
     if done.returncode != 0:
         last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
         raise EmitError(f"the kernels for {level} could not be compiled: {last[0]}")
+    return done.stdout
 
 
 def _settings(level: str) -> dict[str, str]:
@@ -234,39 +278,25 @@ def _wrapper(context: Any, module: Any, kernel: _Kernel, name: str) -> Any:
     return wrapper
 
 
-def _object(level: str) -> bytes:
-    """The object for the level that this process compiles for."""
+def _text() -> str:
+    """LLVM's text of all kernels as this process compiles them, with the table under the name _SYMBOL."""
     import llvmlite.binding as llvm
-    from numba.core.registry import cpu_target
 
     from synth.jit import kernel_helpers
 
     kernel_helpers.compile_all("synth.engine.warmup:kernels")
     kernels = list(_kernels())
     whole = _module_of(kernels)
-    table = llvm.parse_assembly(_table(kernels, table_symbol(level)))
+    table = llvm.parse_assembly(_table(kernels, _SYMBOL))
     table.data_layout = whole.data_layout
     whole.link_in(table)
     whole = _without_exceptions(whole)
     for each in (*whole.functions, *whole.global_variables):
-        if each.name == table_symbol(level):
+        if each.name == _SYMBOL:
             each.visibility = "hidden"
         elif not each.is_declaration:
             each.linkage = "internal"
-    codegen = cpu_target.target_context.codegen()
-    target = llvm.Target.from_triple(llvm.get_process_triple())
-    machine = target.create_target_machine(
-        cpu=codegen._get_host_cpu_name(), features=codegen._tm_features, opt=3, reloc="pic", codemodel="default"
-    )
-    # kernels are optimised: what nobody calls is left out, and that is all
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=0))
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_global_dead_code_eliminate_pass()
-    passes.run(whole, builder)
-    if level in FOREIGN:
-        whole, machine = retarget.retargeted(str(whole))
-    whole.verify()
-    return bytes(machine.emit_object(whole))
+    return str(whole)
 
 
 def _without_exceptions(module: Any) -> Any:
@@ -278,10 +308,10 @@ def _without_exceptions(module: Any) -> Any:
 
 
 def _main(arguments: list[str]) -> None:
-    level, target = arguments
+    (level,) = arguments
     if os.environ.get("NUMBA_CPU_NAME") != _settings(level)["NUMBA_CPU_NAME"]:
         raise SystemExit(f"this process compiles for another processor; set {_settings(level)} before it starts")
-    Path(target).write_bytes(_object(level))
+    sys.stdout.write(_text())
 
 
 if __name__ == "__main__":

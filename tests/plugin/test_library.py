@@ -17,6 +17,7 @@ from synth.jit.kernel_sources import sources_id
 from synth.plugin import emit, retarget
 from synth.plugin import library as native_library
 from synth.plugin.library import EXPORTED, BuildError, version_of
+from synth.plugin.targets import TARGETS
 
 ROOT = Path(__file__).resolve().parents[2]
 #: of the C library and libm; who adds one looks whether a block may call it
@@ -126,11 +127,12 @@ def test_what_is_of_x86_alone_is_written_anew_for_aarch64():
     """What plays on such a processor `tools/native --aarch64` shows."""
     head = 'target datalayout = "e-m:e-i64:64-n8:16:32:64-S128"\ntarget triple = "x86_64-unknown-linux-gnu"\n'
     waits = "declare void @llvm.x86.sse2.pause()\ndefine void @wait() {\n  call void @llvm.x86.sse2.pause()\n  ret void\n}\n"
-    module, machine = retarget.retargeted(head + waits)
-    assert "x86" not in str(module) and machine.triple == retarget.TRIPLE
-    assert machine.emit_object(module)[18:20] == (183).to_bytes(2, "little")  # EM_AARCH64
+    arm = TARGETS["linux-arm64"]
+    assert retarget.object_of(head + waits, "aarch64", arm)[18:20] == (183).to_bytes(2, "little")  # EM_AARCH64
     with pytest.raises(ValueError, match=r"use llvm\.x86\.rdtsc\b"):
-        retarget.retargeted(head + waits.replace("sse2.pause", "rdtsc"))
+        retarget.object_of(head + waits.replace("sse2.pause", "rdtsc"), "aarch64", arm)
+    with pytest.raises(ValueError, match="linux-arm64 has no level x86-64-v3; use aarch64 or portable"):
+        retarget.object_of(head + waits, "x86-64-v3", arm)
 
 
 def test_without_a_compiler_it_says_what_helps(monkeypatch):
