@@ -74,11 +74,11 @@ def unfit(path: Path) -> str:
     """
     with open(path, "rb") as file:
         about, head = os.fstat(file.fileno()), file.read(_HEAD)
-    trusted = (0, os.getuid() if hasattr(os, "getuid") else 0, Path(__file__).stat().st_uid)
-    if not os.environ.get("JAWARI_NATIVE") and about.st_uid not in trusted:
-        return f"{path} belongs to another user"
-    if not os.environ.get("JAWARI_NATIVE") and (about.st_mode | path.parent.stat().st_mode) & 0o002:
-        return f"{path} can be written by anybody"
+    if not os.environ.get("JAWARI_NATIVE") and hasattr(os, "getuid"):  # on Windows modes do not tell who may write
+        if about.st_uid not in (0, os.getuid(), Path(__file__).stat().st_uid):
+            return f"{path} belongs to another user"
+        if (about.st_mode | path.parent.stat().st_mode) & 0o002:
+            return f"{path} can be written by anybody"
     if _end(head) > about.st_size:
         return f"{path} has lost its end"
     return ""

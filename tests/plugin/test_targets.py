@@ -29,6 +29,7 @@ from synth.instrument.preset import load_preset
 from synth.jit import prebuilt
 from synth.jit.kernel_cache import cache_folder
 from synth.plugin import bankfile, bundle, library, macsign, shelf
+from synth.plugin.description import describe
 from synth.plugin.library import FOOT
 from synth.plugin.targets import PORTABLE, TARGETS, host
 from tests.patience import compiling_s
@@ -305,10 +306,7 @@ def test_signatures_hold(linked: Here, natives: dict[str, Path], target: str) ->
         data = path.read_bytes()
         binary = lief.MachO.parse(list(data)).at(0)
         assert lief.MachO.check_layout(binary) == (True, "")
-        wanted = lief.MachO.Header.CPU_TYPE.ARM64 if target == "macos-arm64" else lief.MachO.Header.CPU_TYPE.X86_64
-        assert binary.header.cpu_type == wanted and binary.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
-        assert {f"_{name}" for name in ENTRIES} <= {each.name for each in binary.exported_symbols}
-        assert [str(each.name) for each in binary.libraries] == [str(each.name) for each in before.libraries]
+        assert read_back(path, target) == read_back(natives[target], target) and read_back(path, target)[0] >= ENTRIES
         for section in before.sections:  # all but the header is as it was
             now = binary.get_section(section.segment_name, section.name)
             assert (now.offset, bytes(now.content)) == (section.offset, bytes(section.content))
@@ -319,6 +317,29 @@ def test_signatures_hold(linked: Here, natives: dict[str, Path], target: str) ->
             special = {1: (contents / "Info.plist").read_bytes(), 3: seal}
             check_seal(contents, plistlib.loads(seal))
         check_signature(data, binary, special)
+
+
+def read_back(path: Path, target: str) -> tuple[set[str], set[str]]:
+    """The functions of a shared object that others may call, and the libraries that it asks for, as lief reads them."""
+    import lief
+
+    data = list(path.read_bytes())
+    system = TARGETS[target].system
+    if system == "windows":
+        dll = lief.PE.parse(data)
+        assert dll.header.machine == lief.PE.Header.MACHINE_TYPES.AMD64
+        assert lief.PE.Header.CHARACTERISTICS.DLL in dll.header.characteristics_list
+        return {each.name for each in dll.get_export().entries}, {each.name.lower() for each in dll.imports}
+    if system == "macos":
+        dylib = lief.MachO.parse(data).at(0)
+        wanted = lief.MachO.Header.CPU_TYPE.ARM64 if target == "macos-arm64" else lief.MachO.Header.CPU_TYPE.X86_64
+        assert dylib.header.cpu_type == wanted and dylib.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
+        others = {each.name for each in dylib.libraries if each.command != lief.MachO.LoadCommand.TYPE.ID_DYLIB}
+        return {each.name.removeprefix("_") for each in dylib.exported_symbols}, others
+    shared = lief.ELF.parse(data)
+    arm, intel = lief.ELF.ARCH.AARCH64, lief.ELF.ARCH.X86_64
+    assert shared.header.machine_type == (arm if TARGETS[target].processor == "arm64" else intel)
+    return {each.name for each in shared.exported_symbols}, {str(each) for each in shared.libraries}
 
 
 def check_seal(contents: Path, seal: dict[str, Any]) -> None:
@@ -408,26 +429,48 @@ def test_what_has_no_place_for_a_signature_is_refused() -> None:
 
 @ZIG
 @LIEF
-def test_a_plugin_for_windows_is_a_dll_that_hosts_can_enter(linked: Here) -> None:
-    import lief
-
-    linked("-f", "all", "--target", "windows-x86-64")
-    for name in ("tanpura.clap", "tanpura.vst3/Contents/x86_64-win/tanpura.vst3", "tanpura.lv2/tanpura.dll"):
-        found = lief.PE.parse(list((linked.folder / name).read_bytes()))
-        assert found.header.machine == lief.PE.Header.MACHINE_TYPES.AMD64
-        assert lief.PE.Header.CHARACTERISTICS.DLL in found.header.characteristics_list
-        assert {each.name for each in found.get_export().entries} >= ENTRIES
+@pytest.mark.parametrize("target", [name for name in TARGETS if name not in MACS])
+def test_hosts_can_enter_a_plugin(linked: Here, target: str) -> None:
+    linked("-f", "all", "--target", target)
+    found = [path for path in linked.folder.rglob("*") if path.is_file() and path.suffix != ".ttl"]
+    assert len(found) == 3 and all(read_back(path, target)[0] >= ENTRIES for path in found)
 
 
+@pytest.mark.slow
 @ZIG
 @LIEF
-def test_a_plugin_for_arm_is_for_arm(linked: Here) -> None:
+@pytest.mark.parametrize("target", TARGETS)
+def test_the_native_library_is_for_every_system(target: str, tmp_path) -> None:
+    """That of the sources, kept beside the kernels; what it asks for is there on every system of its kind."""
     import lief
 
-    linked("-f", "clap", "--target", "linux-arm64")
-    found = lief.ELF.parse(list((linked.folder / "tanpura.clap").read_bytes()))
-    assert found.header.machine_type == lief.ELF.ARCH.AARCH64
-    assert {each.name for each in found.exported_symbols} >= ENTRIES
+    folder = cache_folder().parent / f"native-tests-{library.sources_version()}" / target
+    folder.mkdir(parents=True, exist_ok=True)
+    native = folder / TARGETS[target].library
+    if not native.exists():
+        library.build(folder, target=TARGETS[target], levels=TARGETS[target].levels)
+    system = TARGETS[target].system
+    own = {"windows": {"InitDll", "ExitDll"}, "macos": {"bundleEntry", "bundleExit"}, "linux": {"ModuleEntry", "ModuleExit"}}
+    entries, asked = read_back(native, target)
+    assert entries >= ENTRIES | own[system]
+    if system == "windows":
+        assert all(each == "kernel32.dll" or each.startswith("api-ms-win-crt-") for each in asked), asked
+    elif system == "macos":
+        assert asked == {"/usr/lib/libSystem.B.dylib"}
+    else:
+        assert TARGETS[target] == host() or platform(native.read_bytes()) == "manylinux_2_17_aarch64"
+    description = describe([load_preset("tanpura")])
+    plugins = bundle.Plugins(native, BANK, description, TARGETS[target])
+    for kind in bundle.FORMATS:
+        path = plugins.write(kind, tmp_path / f"tanpura.{kind}")
+        assert read_back(path, target) == (entries, asked)
+        if system == "macos":
+            contents = path.parents[1]
+            special = {}
+            if kind != "lv2":
+                seal = (contents / "_CodeSignature" / "CodeResources").read_bytes()
+                special = {1: (contents / "Info.plist").read_bytes(), 3: seal}
+            check_signature(path.read_bytes(), lief.MachO.parse(list(path.read_bytes())).at(0), special)
 
 
 # --- what cannot be -------------------------------------------------------------------------------------------------------
@@ -550,6 +593,16 @@ def test_a_library_without_its_end_is_not_run(natives: dict[str, Path], target: 
     assert prebuilt.unfit(path) == ""
     path.write_bytes(data[:-1] if target in MACS else data[: len(data) * 9 // 10])
     assert prebuilt.unfit(path) == f"{path} has lost its end"
+
+
+def test_windows_has_no_modes_that_tell_who_may_write(monkeypatch, tmp_path) -> None:
+    path = tmp_path / "jawari.dll"
+    path.write_bytes(b"MZ")
+    path.chmod(0o666)
+    monkeypatch.delenv("JAWARI_NATIVE", raising=False)
+    assert prebuilt.unfit(path) == f"{path} can be written by anybody"
+    monkeypatch.delattr("os.getuid")
+    assert prebuilt.unfit(path) == ""
 
 
 @pytest.mark.parametrize("name, system", [("linux-x86-64", "linux"), ("windows-x86-64", "win32"), ("macos-arm64", "darwin")])
