@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, number, warner
 from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
+from synth.files.targets import check_folder
+from synth.plugin.targets import TARGETS, host
 
 if TYPE_CHECKING:
     from synth.plugin.droning import DroneSettings
 
 FORMATS = ("clap", "vst3", "lv2")
+BITS = ("fast", "portable")
 #: sample rates that hosts have, and a bank can be made for [Hz]
 _LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
 
@@ -26,7 +29,8 @@ def add(commands: Any) -> None:
         help="export presets as a CLAP, VST3 or LV2 plugin for music programs",
         allow_abbrev=False,
         description="Makes a plugin that needs neither this program nor Python. Several presets become "
-        "programs of one plugin. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install).",
+        "programs of one plugin. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install). "
+        "--target makes plugins for other systems; for several, each has a folder of its name.",
     )
     parser.add_argument("presets", nargs="*", metavar="PRESET", help="preset (name or .toml file)")
     parser.add_argument("--all", action="store_true", help="all presets of the program in one plugin")
@@ -35,6 +39,19 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("-o", "--output", metavar="PATH", help="output (default: NAME.FORMAT in the current folder)")
     parser.add_argument("--install", action="store_true", help="write it where music programs look for a user's plugins")
+    parser.add_argument(
+        "--target",
+        action="extend",
+        type=_targets,
+        metavar="TARGET",
+        help=f"system and processor it is for: {', '.join(TARGETS)} or all; may be repeated (default: this machine)",
+    )
+    parser.add_argument(
+        "--bits",
+        choices=BITS,
+        default=BITS[0],
+        help="fast (default): what each processor does best; portable: the same samples on every system, slower",
+    )
     parser.add_argument("--name", metavar="NAME", help="the plugin's name (default: the preset's; collection of several)")
     add_settings(parser)
     parser.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
@@ -64,6 +81,16 @@ def add(commands: Any) -> None:
     parser.set_defaults(run=_export, of_drone=defaults)
 
 
+def _targets(text: str) -> list[str]:
+    """The targets of an option's value, with commas between."""
+    found: list[str] = []
+    for each in text.split(","):
+        if each.strip() != "all" and each.strip() not in TARGETS:
+            raise argparse.ArgumentTypeError(f"must be {', '.join(TARGETS)} or all, got {each.strip()!r}")
+        found += TARGETS if each.strip() == "all" else [each.strip()]
+    return found
+
+
 def _rates(text: str) -> tuple[int, ...]:
     rates = []
     for each in text.split(","):
@@ -85,6 +112,7 @@ def _export(options: argparse.Namespace) -> int:
     from synth.plugin import bundle
 
     bundle.require_system()
+    targets = _wanted_targets(options)
     kinds = _formats(options)
     drone = _drone(options)
     from synth.plugin.exporting import Export, export
@@ -99,18 +127,31 @@ def _export(options: argparse.Namespace) -> int:
         tuning=options.tuning,
         keyboard=options.kbm,
         drone=drone,
+        bits=options.bits,
     )
 
-    def targets(name: str) -> dict[str, Path]:
+    def places(name: str) -> dict[str, dict[str, Path]]:
         if options.install:
-            return {kind: bundle.users_folder(kind) / f"{name}.{kind}" for kind in kinds}
-        if options.output is not None and options.format != "all":
-            return {kinds[0]: Path(options.output)}
+            return {targets[0]: {kind: bundle.users_folder(kind) / f"{name}.{kind}" for kind in kinds}}
         stem = Path(options.output or name)
-        return {kind: stem.with_name(f"{stem.name}.{kind}") for kind in kinds}
+        if options.output is not None and options.format != "all":
+            paths = {kinds[0]: stem}
+        else:
+            paths = {kind: stem.with_name(f"{stem.name}.{kind}") for kind in kinds}
+        if len(targets) == 1:
+            return {targets[0]: paths}
+        for path in paths.values():
+            check_folder(path, path.parent)
+        return {target: {kind: path.parent / target / path.name for kind, path in paths.items()} for target in targets}
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:
-        report = export(wanted, targets, make_folders=options.install, progress=line.preparing, say=warner(options.quiet))
+        report = export(
+            wanted,
+            places,
+            make_folders=options.install or len(targets) > 1,
+            progress=line.preparing,
+            say=warner(options.quiet),
+        )
     if options.json:
         print(json.dumps(report.as_dict(), indent=2, allow_nan=False))
     elif not options.quiet:
@@ -134,6 +175,21 @@ def _drone(options: argparse.Namespace) -> DroneSettings | None:
     preset = load_presets([name], options.settings)[name]
     cycle = Cycle(options.cycle, options.spacing, options.human, seed=options.seed)
     return DroneSettings(**pitches(options, preset), equal=options.equal, cycle=cycle, beats=options.beats)
+
+
+def _wanted_targets(options: argparse.Namespace) -> tuple[str, ...]:
+    """The names of the targets that are asked for. Raises ValueError."""
+    here = host()
+    if options.target is None and here is None:
+        raise ValueError(f"this machine is none of {', '.join(TARGETS)}; choose one with --target")
+    own = [here.name] if here is not None else []
+    wanted = tuple(dict.fromkeys(own if options.target is None else options.target))
+    if options.install and (others := [each for each in wanted if each not in own]):
+        raise ValueError(
+            f"--install puts plugins where this machine's music programs look, which cannot run {others[0]}: "
+            "leave --install out, and copy what is written"
+        )
+    return wanted
 
 
 def _formats(options: argparse.Namespace) -> tuple[str, ...]:
