@@ -6,8 +6,8 @@
 
 Tables that follow from others by a formula (`packed_models`, `predicted`) are stored as what they differ by, in units of the
 last place: mostly by nothing. All else, the rest, is stored as it is. Tables that are sums over modes depend on the order in
-which the compiler's vectors took them; `level` makes another bank, as good to the ear and to 1e-12, in which they are what the
-formula says, and the packed bank smaller.
+which the compiler's vectors took them; `level` makes another bank, as good to the ear, in which they are what the
+formula says and what no formula gives is rounded, and the packed bank smaller.
 
     header      PACKED
     streams     per kind the codes, a byte per number, then what follows the codes
@@ -20,6 +20,7 @@ the code says from which byte on, the lowest being 0, it is not zero, and how ma
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
@@ -67,11 +68,12 @@ PACKED = np.dtype(
 FIRST_LONG = 200
 #: (first byte, bytes) of a long code
 _LONG = [(first, count) for first in range(8) for count in range(1, 9 - first)]
-#: bits of a level's mantissa that are kept, and how near to the formula a sum must be to be what it says
-_LEVEL_BITS = 16
-_NEAR = 2.0**-40
+#: bits of mantissas that `level` keeps: of levels, of lumped modes' shapes and residual compliances; and what it leaves as it is: numbers that differ
+#: from the formula by more than this share of the greatest in their table
+_LEVEL_BITS, _LUMPED_BITS = 12, 28
+_NEAR = 2.0**-24
 #: tables that `level` sets to the formula
-_SUMS = ("matrix", "lags", "out_lags", "weights")
+_SUMS = ("matrix", "lags", "weights", "single_rows", "single_shapes", "single_weights")
 #: bytes that a hole in the rest must have
 _LEAST_HOLE = 64
 _MOST = 1 << 31
@@ -139,8 +141,8 @@ def unpack(packed: bytes) -> bytes:
 
 
 def level(data: bytes, models: Models) -> bytes:
-    """The bank with its sums over modes as the formulas say them where they are as near as 2^-40 of the greatest in their table,
-    and the levels by which strings of a body are put to sleep rounded up to 16 bits; its checksums are right."""
+    """The bank with its sums over modes as the formulas say them, lumped modes' shapes and what is behind them rounded to 28
+    bits, and the levels by which strings of a body are put to sleep to 12; its checksums are right."""
     image = np.frombuffer(data, np.uint8).copy()
     for _ in _walk(models, image, _Leveller()):
         pass
@@ -240,17 +242,42 @@ class _Reader:
 
 
 class _Leveller:
-    """Sets sums to what is predicted."""
+    """Rounds what no formula gives, and sets sums to what is predicted."""
 
     def __call__(self, kind: int, held: np.ndarray, guess: np.ndarray | None, order: int) -> np.ndarray:
+        name = KINDS[kind]
         if order == 3:
-            words = np.ascontiguousarray(held).view(np.int64)
-            unit = np.int64(1 << 52 - _LEVEL_BITS)
-            return ((words + unit - 1) & -unit).view(np.float64)
-        if guess is None or KINDS[kind] not in _SUMS:
+            return _rounded(held, _LEVEL_BITS)
+        if guess is None:
+            return _rounded_up(held)
+        if name == "out_lags":  # of levels nobody asks what forces do to them
+            return guess
+        if name == "shapes":
+            return np.where(guess == 0.0, _rounded(held, _LUMPED_BITS), held)
+        if name not in _SUMS:
             return held
         near = np.abs(held - guess) <= _NEAR * np.abs(held).max(initial=0.0)
         return np.where(near, guess, held)
+
+
+def _rounded_up(lower: np.ndarray) -> np.ndarray:
+    """The lower triangle of a symmetric matrix, rounded so that what is added to the matrix has no negative eigenvalue."""
+    size = (math.isqrt(8 * lower.size + 1) - 1) // 2
+    row, column = np.tril_indices(size)
+    out = _rounded(lower, _LUMPED_BITS)
+    apart = np.zeros((size, size))
+    apart[row, column] = apart[column, row] = np.abs(out - lower)
+    np.fill_diagonal(apart, 0.0)
+    own = row == column
+    out[own] = _rounded((lower[own] + apart.sum(axis=1)) * (1.0 + 2.0**-_LUMPED_BITS), _LUMPED_BITS)
+    return out
+
+
+def _rounded(numbers: np.ndarray, bits: int) -> np.ndarray:
+    """The nearest numbers with so many bits behind the first."""
+    words = np.ascontiguousarray(numbers).view(np.int64)
+    unit = np.int64(1 << 52 - bits)
+    return ((words + unit // 2) & -unit).view(np.float64)
 
 
 def _ordered(numbers: np.ndarray) -> np.ndarray:
@@ -460,8 +487,7 @@ def _weights(models: Models, row: _Row, coder: _Coder) -> None:
         base = row.image[at : at + 16 * m["size"]].view(np.float64).reshape(2, m["size"])
         taps = models.taps[m["first_tap"] : m["first_tap"] + m["taps"]]
         omega = row.table("omega", (m["size"],))
-        for k in range(2):
-            predicted.filtered(omega, base[k], taps, number["rate"], guess[k])
+        predicted.filtered(omega, base, taps, number["rate"], guess)
     for k in range(2):
         smooth = m["weighing"] == SMOOTH
         held[k] = coder(KINDS.index("weights"), held[k], None if smooth else guess[k], 3 if smooth else 0)

@@ -1,7 +1,7 @@
 """What tables of a string's model would be by their formulas, in arithmetic that gives the same bits on every processor.
 
-Operations are + − × ÷ and square roots of float64 alone, each rounded, in the order that stands here: no function of a
-mathematical library, nothing contracted, nothing reordered. c/bank_predict.c says the same in C, line by line. What a table
+Operations are + − × ÷, square root and floor of float64 alone, each rounded, in the order that stands here: nothing contracted,
+nothing reordered, and of mathematical libraries no function that they may round in one way or another. c/bank_predict.c says the same in C, line by line. What a table
 holds differs from this by some units in the last place, mostly by none; `packing` stores the difference.
 """
 
@@ -14,7 +14,7 @@ from numba import njit
 
 from synth.solver.lanes import BLOCK
 
-_KERNEL = {"cache": True, "nogil": True}
+_KERNEL = {"cache": True, "nogil": True, "error_model": "numpy"}
 _SPLIT = 134217729.0  # 2^27 + 1
 #: π/2 in three parts, of 33 bits each but for the last, as fdlibm has them, and the rest
 _HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624871116645580e-21, 8.47842766036889956997e-32)
@@ -59,7 +59,9 @@ def multiplied_and_added(a: float, b: float, c: float) -> float:
 
 @njit(**_KERNEL)
 def reduced(x: float):
-    """x − kπ/2, the nearest k, in two parts; and k mod 4. |x| < 1e6."""
+    """x − kπ/2, the nearest k, in two parts; and k mod 4. |x| < 1e6: of others zeros."""
+    if not abs(x) < 1e6:
+        return 0.0, 0.0, 0
     k = math.floor(x * _PER_HALF_PI + 0.5)
     p0 = x - k * _H0
     b, b_low = two_product(k, _H1)
@@ -126,8 +128,8 @@ def cosine(x: float) -> float:
 
 @njit(**_KERNEL)
 def exponential_less_1(x: float):
-    """e^x − 1 in two parts for −700 < x ≤ 0, and e^x."""
-    if x < -700.0:
+    """e^x − 1 in two parts for −700 ≤ x ≤ 0; of others −1."""
+    if not -700.0 <= x <= 0.0:
         return -1.0, 0.0
     k = math.floor(x * _PER_LN2 + 0.5)
     a, b = x - k * _L0, k * _L1
@@ -264,13 +266,14 @@ def heard(x: float, length: float, half: float, gain: float, own: int, out) -> N
 
 @njit(**_KERNEL)
 def filtered(omega, weights, taps, rate: float, out) -> None:
-    """Weights (n,) times the gain at ω (n,) of a filter of these taps, from the middle one on, at so many samples a second."""
-    for i in range(weights.size):
+    """Weights (2, n) times the gain at ω (n,) of a filter of these taps, from the middle one on, at so many samples a second."""
+    for i in range(omega.size):
         c = cosine(2.0 * math.pi * (omega[i] / (2.0 * math.pi)) / rate)
         later, after = 0.0, 0.0
         for k in range(taps.size - 1, 0, -1):
             later, after = taps[k] + 2.0 * c * later - after, later
-        out[i] = weights[i] * (taps[0] + 2.0 * (c * later - after))
+        gain = taps[0] + 2.0 * (c * later - after)
+        out[0, i], out[1, i] = weights[0, i] * gain, weights[1, i] * gain
 
 
 @njit(**_KERNEL)
