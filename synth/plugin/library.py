@@ -35,7 +35,17 @@ FOOT = b"JAWARIFT"
 _KERNELS_MARK, _SOURCES_MARK = b"jawari-kernels:", b"jawari-sources:"
 _PAGE = 4096
 #: what packed banks are made of again (bank_predict.c) must round as it stands
-_FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wshadow", "-Wconversion")
+_FLAGS = (
+    "-std=c11",
+    "-O2",
+    "-ffp-contract=off",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-Wall",
+    "-Wextra",
+    "-Wshadow",
+    "-Wconversion",
+)
 #: a plugin's calls within itself stay there, also where a host loads several for all to see (-Bsymbolic)
 _LINK = ("-shared", "-Wl,-Bsymbolic", "-Wl,-z,defs", "-Wl,-z,relro", "-Wl,-z,now", "-Wl,--gc-sections")
 

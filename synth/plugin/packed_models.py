@@ -40,8 +40,8 @@ TABLES = (
 #: how weights follow: not at all, from a mode's shape (`predicted.heard`), from those of another model through the filter of
 #: its bus, smoothly from one to the next
 PLAIN, HEARD, FILTERED, SMOOTH = range(4)
-#: integers of a model. makes: a bit for each of TABLES; base: the model before it, or whose flight it is; contacts: of the table
-#: of shapes; taps: from the middle one of a filter on
+#: integers of a model. makes: a bit for each of TABLES; base: the model before it, or whose flight it is; contacts: of the
+#: table of shapes; taps: from the middle one of a filter on
 MODEL = (
     "modes",
     "own",
@@ -78,8 +78,8 @@ STRING_INTEGERS = ("linear", "first_nut", "nuts")
 
 class Models(NamedTuple):
     """Integers of M models (M, MODEL), their numbers (M, NUMBERS); integers of S strings (S, STRING_INTEGERS), numbers
-    (S, STRING); resonances of nuts (·, 3): Hz, Q, kg; taps of filters; places of contacts [m], of those models whose shapes are
-    made, in turn."""
+    (S, STRING); resonances of nuts (·, 3): Hz, Q, kg; taps of filters; places of contacts [m], of those models whose shapes
+    are made, in turn."""
 
     models: np.ndarray
     numbers: np.ndarray
@@ -226,7 +226,7 @@ def _same(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def _hearing(where: _Place, model: StringModel) -> dict[str, float]:
-    """Where the output of a model is taken, how wide, and how strong: the gains are those that meet most weights to the bit."""
+    """Where the output of a model is taken, how wide, and how strong: the gains that meet most weights to the bit."""
     string, output = where.position.string, where.preset.output
     open_length = where.string.open_length_m
     half = 0.5e-3 * output.aperture_mm if output.kind == "pickup" else 0.0

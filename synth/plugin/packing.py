@@ -7,7 +7,7 @@
 Tables that follow from others by a formula (`packed_models`, `predicted`) are stored as what they differ by, in units of the
 last place: mostly by nothing. All else, the rest, is stored as it is. Tables that are sums over modes depend on the order in
 which the compiler's vectors took them; `level` makes another bank, as good to the ear, in which they are what the
-formula says and what no formula gives is rounded, and the packed bank smaller.
+formula says, and what no formula gives is rounded: packed it is half as large.
 
     header      PACKED
     streams     per kind the codes, a byte per number, then what follows the codes
@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -68,8 +69,8 @@ PACKED = np.dtype(
 FIRST_LONG = 200
 #: (first byte, bytes) of a long code
 _LONG = [(first, count) for first in range(8) for count in range(1, 9 - first)]
-#: bits of mantissas that `level` keeps: of levels, of lumped modes' shapes and residual compliances; and what it leaves as it is: numbers that differ
-#: from the formula by more than this share of the greatest in their table
+#: bits of mantissas that `level` keeps: of levels, of lumped modes' shapes and residual compliances; and what it leaves as
+#: it is: numbers that differ from the formula by more than this share of the greatest in their table
 _LEVEL_BITS, _LUMPED_BITS = 12, 28
 _NEAR = 2.0**-24
 #: tables that `level` sets to the formula
@@ -158,8 +159,8 @@ def level(data: bytes, models: Models) -> bytes:
 
 
 class _Coder(Protocol):
-    """What is done with a table of numbers: called with the kind, the numbers as the image has them, what is predicted (None:
-    zeros) and the order of differences, it answers with what they are."""
+    """What is done with a table of numbers: called with the kind, the numbers as the image has them, what is predicted
+    (None: zeros) and the order of differences, it answers with what they are."""
 
     def __call__(self, kind: int, held: np.ndarray, guess: np.ndarray | None, order: int) -> np.ndarray: ...
 
@@ -368,7 +369,7 @@ def _areas(image: np.ndarray, models: Models) -> list[tuple[int, int, int]]:
             out.append((begin - last, end - begin, words))
             last = end
 
-    for (_, begin), (end, _) in zip(made, made[1:], strict=False):
+    for (_, begin), (end, _) in pairwise(made):
         for first, behind, words in rows:
             if begin <= first and behind <= end:
                 put(begin, first, 0)
@@ -419,7 +420,11 @@ def _walk(models: Models, image: np.ndarray, coder: _Coder) -> Iterator[int]:
             _lags(row, coder)
         if "out_lags" in makes:
             _out_lags(row, coder)
-        for name, source, rows in (("single_rows", "rows", ROWS), ("single_shapes", "shapes", c), ("single_weights", "weights", 2)):
+        for name, source, rows in (
+            ("single_rows", "rows", ROWS),
+            ("single_shapes", "shapes", c),
+            ("single_weights", "weights", 2),
+        ):
             if name in makes:
                 held, guess = row.table(name, (rows, m["singles"]), np.float32), np.zeros((rows, m["singles"]))
                 guess[:, :n] = row.table(source, (rows, n))

@@ -1,20 +1,22 @@
 """What tables of a string's model would be by their formulas, in arithmetic that gives the same bits on every processor.
 
-Operations are + − × ÷, square root and floor of float64 alone, each rounded, in the order that stands here: nothing contracted,
-nothing reordered, and of mathematical libraries no function that they may round in one way or another. c/bank_predict.c says the same in C, line by line. What a table
-holds differs from this by some units in the last place, mostly by none; `packing` stores the difference.
+Operations are + − × ÷, square root and floor of float64 alone, each rounded, in the order that stands here: nothing is
+contracted or reordered, and no function is called that mathematical libraries round in one way or another. c/bank_predict.c
+says the same in C, line by line. What a table holds differs from this by some units in the last place, mostly by none;
+`packing` stores the difference.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from synth.solver.lanes import BLOCK
 
-_KERNEL = {"cache": True, "nogil": True, "error_model": "numpy"}
+_KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 _SPLIT = 134217729.0  # 2^27 + 1
 #: π/2 in three parts, of 33 bits each but for the last, as fdlibm has them, and the rest
 _HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624871116645580e-21, 8.47842766036889956997e-32)
@@ -266,7 +268,7 @@ def heard(x: float, length: float, half: float, gain: float, own: int, out) -> N
 
 @njit(**_KERNEL)
 def filtered(omega, weights, taps, rate: float, out) -> None:
-    """Weights (2, n) times the gain at ω (n,) of a filter of these taps, from the middle one on, at so many samples a second."""
+    """Weights (2, n) times the gain at ω (n,) of a filter of these taps, from the middle on, at `rate` samples a second."""
     for i in range(omega.size):
         c = cosine(2.0 * math.pi * (omega[i] / (2.0 * math.pi)) / rate)
         later, after = 0.0, 0.0
