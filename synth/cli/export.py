@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from synth.plugin.droning import DroneSettings
 
 FORMATS = ("clap", "vst3", "lv2")
+WEB = "web"
 #: sample rates that hosts have, and a bank can be made for [Hz]
 _LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
 
@@ -23,7 +25,7 @@ _LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
-        help="export presets as a CLAP, VST3 or LV2 plugin for music programs",
+        help="export presets as a CLAP, VST3 or LV2 plugin for music programs, or as a web page",
         allow_abbrev=False,
         description="Makes a plugin that needs neither this program nor Python. Several presets become "
         "programs of one plugin. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install).",
@@ -31,7 +33,10 @@ def add(commands: Any) -> None:
     parser.add_argument("presets", nargs="*", metavar="PRESET", help="preset (name or .toml file)")
     parser.add_argument("--all", action="store_true", help="all presets of the program in one plugin")
     parser.add_argument(
-        "-f", "--format", choices=(*FORMATS, "all"), help="default: by the extension of -o; with --install all three"
+        "-f",
+        "--format",
+        choices=(*FORMATS, "all", WEB),
+        help="default: by the extension of -o; with --install all three; web: a folder with a page that plays it",
     )
     parser.add_argument("-o", "--output", metavar="PATH", help="output (default: NAME.FORMAT in the current folder)")
     parser.add_argument("--install", action="store_true", help="write it where music programs look for a user's plugins")
@@ -84,8 +89,12 @@ def _export(options: argparse.Namespace) -> int:
         raise ValueError("--install chooses the folder itself; leave -o out")
     from synth.plugin import bundle
 
-    bundle.require_system()
-    kinds = _formats(options)
+    if options.format == WEB:
+        kinds: tuple[str, ...] = (WEB,)
+        _require_web(options)
+    else:
+        bundle.require_system()
+        kinds = _formats(options)
     drone = _drone(options)
     from synth.plugin.exporting import Export, export
 
@@ -106,6 +115,8 @@ def _export(options: argparse.Namespace) -> int:
             return {kind: bundle.users_folder(kind) / f"{name}.{kind}" for kind in kinds}
         if options.output is not None and options.format != "all":
             return {kinds[0]: Path(options.output)}
+        if options.format == WEB:
+            return {WEB: Path(f"{name}-web")}
         stem = Path(options.output or name)
         return {kind: stem.with_name(f"{stem.name}.{kind}") for kind in kinds}
 
@@ -115,7 +126,23 @@ def _export(options: argparse.Namespace) -> int:
         print(json.dumps(report.as_dict(), indent=2, allow_nan=False))
     elif not options.quiet:
         print("\n".join(report.lines()))
+        if WEB in report.paths:
+            print(
+                f"to see it: python3 -m http.server --directory {shlex.quote(report.paths[WEB])}, then http://localhost:8000"
+            )
     return 0
+
+
+def _require_web(options: argparse.Namespace) -> None:
+    """What an instrument for web pages cannot have is refused; its sample rate is one. Raises ValueError."""
+    from synth.plugin.webfolder import RATE_HZ
+
+    if options.install:
+        raise ValueError("--install is for plugins; --format web writes a folder, with -o where you like")
+    rate = int(RATE_HZ)
+    if options.rates not in (RATES_HZ, (rate,)):
+        raise ValueError(f"--rates: pages play at {rate} Hz; leave --rates out")
+    options.rates = (rate,)
 
 
 def _drone(options: argparse.Namespace) -> DroneSettings | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from synth.files.targets import Named, check_apart
 from synth.host.parts import files_read, load_presets
-from synth.plugin import bundle
+from synth.plugin import bundle, webfolder
 from synth.plugin.description import Description, describe
 from synth.plugin.droning import DroneSettings
 
@@ -103,6 +103,19 @@ def export(
             )
     from synth.plugin import bankfile, library, python_record, shelf
 
+    if webfolder.KIND in paths:
+        wasm = shelf.web_library(say).read_bytes()
+        bank = bankfile.bank(
+            presets,
+            (webfolder.RATE_HZ,),
+            name=name,
+            drone=drone,
+            quality=wanted.quality,
+            note_hz=note_hz,
+            progress=progress,
+        )
+        webfolder.write(paths[webfolder.KIND], wasm, bank, description)
+        return _report(wanted, description, paths, len(wasm), len(bank))
     native = shelf.native_library(say)
     bank = bankfile.bank(
         presets,
@@ -136,7 +149,7 @@ def _judge(wanted: Export, names: Sequence[str], paths: Mapping[str, Path], make
     check_apart(read, [Named(f"the {kind}", path) for kind, path in paths.items()])
     for kind, path in paths.items():
         if not (make_folders and not path.parent.exists()):
-            bundle.check(kind, path)
+            webfolder.check(path) if kind == webfolder.KIND else bundle.check(kind, path)
 
 
 def _report(wanted: Export, description: Description, paths: Mapping[str, Path], library: int, bank: int) -> ExportReport:

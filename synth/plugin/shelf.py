@@ -11,6 +11,7 @@ from pathlib import Path
 from synth.files.targets import naming
 from synth.jit import prebuilt
 from synth.plugin import library
+from synth.plugin.targets import WEB
 
 #: libraries that were built for other sources, kept at most
 KEEP = 3
@@ -43,6 +44,17 @@ def native_library(say: Callable[[str], None] | None = None) -> Path:
         shutil.rmtree(made, ignore_errors=True)
     _clear(place.parent)
     return place
+
+
+def web_library(say: Callable[[str], None] | None = None) -> Path:
+    """The engine as WebAssembly, for these sources. say: told what takes time.
+
+    Raises `library.BuildError` where there is none.
+    """
+    for path in prebuilt.places():
+        if (found := path.with_name(WEB.library)).is_file():
+            return found
+    raise library.BuildError(f"this installation has no engine for web pages ({WEB.library})")
 
 
 def _clear(mine: Path) -> None:

@@ -28,6 +28,8 @@ from synth.files.folders import write_folder
 from synth.files.targets import check_folder
 from synth.plugin.description import Description
 
+#: what `synth export --format` calls it
+KIND = "web"
 #: the sample rate of a bank for pages [Hz]: an audio context is made with it, whatever the sound card has
 RATE_HZ = 48000.0
 #: of engine and bank: what is larger is not written into one file as well
@@ -92,8 +94,8 @@ openPage(document.getElementById("instrument"), {{
 
 
 def check(path: Path) -> None:
-    """What can be judged before anything is made. Raises OSError, ValueError: a file in the place of the folder, a folder that
-    holds something else, no folder to write into."""
+    """What can be judged before anything is made. Raises OSError: a file in the place of the folder, a folder that holds
+    something else, no folder to write into."""
     check_folder(path, path.parent)
     if path.is_symlink() or (path.exists() and not path.is_dir()):
         raise FileExistsError(f"{path}: is a file, and an instrument for web pages is a folder; give another name")
@@ -109,8 +111,7 @@ def check(path: Path) -> None:
 def write(path: Path, wasm: bytes, bank: bytes, description: Description) -> None:
     """An instrument for web pages at `path`: whole, or what was there before.
 
-    wasm: the engine. bank: for RATE_HZ alone, packed or not. Raises OSError that names what could not be written, ValueError as
-    `check`.
+    wasm: the engine. bank: for RATE_HZ alone, packed or not. Raises OSError that names what could not be written.
     """
     check(path)
     write_folder(path, contents(wasm, bank, description))

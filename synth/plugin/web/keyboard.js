@@ -56,17 +56,30 @@ export class Keyboard {
     this.highest = black(highest) ? highest + 1 : highest;
     const between = (note) => note >= lowest && note <= highest;
     this.plays = (note) => between(note) && !mute.includes(note);
-    this.first = this.lowest;
+    this.first = this.fullest();
     this.chosen = lowest;
     this.drawn = "";
     this.draw();
   }
 
-  /** The last note that there is room for from the first on. */
-  last() {
+  /** The first note from which on most keys play, of those that there is room for. */
+  fullest() {
+    let [best, most] = [this.lowest, -1];
+    for (let first = this.lowest; first <= this.highest; first++) {
+      if (black(first)) continue;
+      const last = this.last(first);
+      let count = 0;
+      for (let note = first; note <= last; note++) if (this.plays(note)) count++;
+      if (count > most) [best, most] = [first, count];
+    }
+    return best;
+  }
+
+  /** The last note that there is room for from a first one on. */
+  last(first = this.first) {
     const least = matchMedia("(pointer: coarse)").matches ? LEAST_PX.coarse : LEAST_PX.fine;
     let room = Math.max(7, Math.floor(this.piano.clientWidth / least));
-    let note = this.first;
+    let note = first;
     for (let next = note; next <= this.highest; next++) {
       if (black(next)) continue;
       if (!room--) break;

@@ -22,9 +22,10 @@ export function placeOf({ curve, minimum, maximum }, value) {
   return curve === SQUARE ? Math.sqrt(place) : place;
 }
 
-/** A number with three digits that count. */
+/** A number with three digits that count, or two where it has no unit. */
 export function shown(value, unit) {
-  const digits = value === 0 ? 0 : Math.max(0, 2 - Math.floor(Math.log10(Math.abs(value)) + 1e-9));
+  const counting = unit ? 2 : 1;
+  const digits = value === 0 ? 0 : Math.max(0, counting - Math.floor(Math.log10(Math.abs(value)) + 1e-9));
   const number = value.toFixed(Math.min(digits, 4)).replace("-", "−");
   return unit ? `${number} ${unit}` : number;
 }
