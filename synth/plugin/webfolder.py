@@ -79,7 +79,7 @@ _SINGLE_SCRIPTS = """\
     <script type="module">
 {page}
 const textOf = (id) => document.getElementById(id).textContent;
-const addressOf = (text, type) => URL.createObjectURL(new Blob([text], {{ type }}));
+const addressOf = (text, type) => `data:${{type}},${{encodeURIComponent(text)}}`; // blobs of a page from a disk are nobody's
 async function inflated(id) {{
   const bytes = Uint8Array.from(atob(textOf(id)), (letter) => letter.charCodeAt(0));
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
