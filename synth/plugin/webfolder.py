@@ -35,12 +35,15 @@ RATE_HZ = 48000.0
 #: of engine and bank: what is larger is not written into one file as well
 SINGLE_BYTES = 48_000_000
 
+#: file name of the engine
+ENGINE = "jawari.wasm"
+
 _PAGE, _WORKLET = "page.js", "worklet.js"
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const)\b)", re.MULTILINE)
 #: what the file of a page gives to other pages
 _GIVES = "export { mountInstrument, openPage };\n"
-_HOLDS = ("index.html", "*.html", "jawari.js", "jawari-worklet.js", "jawari.css", "jawari.wasm", "*.jawari")
+_HOLDS = ("index.html", "*.html", "jawari.js", "jawari-worklet.js", "jawari.css", ENGINE, "*.jawari")
 
 _HEAD = """\
     <link rel="stylesheet" href="jawari.css" />
@@ -122,8 +125,8 @@ def contents(wasm: bytes, bank: bytes, description: Description) -> Mapping[str,
     title, about = _titles(description)
     bank_name = f"{description.id}.jawari"
     single = f"{description.id}.html" if description.id != "index" else "index-alone.html"
-    made = {"jawari.js": program(_PAGE), "jawari-worklet.js": program(_WORKLET), "jawari.css": _source("style.css")}
-    files_made = {name: text.encode() for name, text in made.items()} | {"jawari.wasm": wasm, bank_name: bank}
+    made = parts()
+    files_made = {name: text.encode() for name, text in made.items()} | {ENGINE: wasm, bank_name: bank}
     has_single = len(wasm) + len(bank) <= SINGLE_BYTES
     aid = _AID.format(single=_SINGLE_AID.format(single=single) if has_single else "")
     page = _page(title, about, _HEAD.format(bank=bank_name), _SCRIPTS.format(bank=bank_name, aid=aid))
@@ -134,6 +137,11 @@ def contents(wasm: bytes, bank: bytes, description: Description) -> Mapping[str,
         )
         files_made[single] = _page(title, about, _SINGLE_HEAD.format(style=made["jawari.css"]), scripts).encode()
     return files_made
+
+
+def parts() -> dict[str, str]:
+    """What every instrument needs in a page beside the engine and its bank, by file names."""
+    return {"jawari.js": program(_PAGE), "jawari-worklet.js": program(_WORKLET), "jawari.css": _source("style.css")}
 
 
 @cache
