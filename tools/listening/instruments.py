@@ -26,8 +26,10 @@ def named(docs: Path) -> list[str]:
 
 
 def write_all(docs: Path, folder: Path, say: Callable[[str], None]) -> None:
-    """All that pages in `docs` ask for, the programs and the engine, and live.json, which lists them. Where there is no engine
-    for web pages, they are listed without a file. Banks that nothing asks for any more are taken away."""
+    """All that pages in `docs` ask for, the programs and the engine, and live.json, which lists them.
+
+    Where there is no engine for web pages, they are listed without a file. Banks that nothing asks for go.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     try:
         wasm = shelf.web_library(say).read_bytes()
