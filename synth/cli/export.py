@@ -18,24 +18,28 @@ if TYPE_CHECKING:
     from synth.plugin.droning import DroneSettings
 
 FORMATS = ("clap", "vst3", "lv2")
+WEB_FORMATS = ("web", "wclap")
 BITS = ("fast", "portable")
 #: sample rates that hosts have, and a bank can be made for [Hz]
 _LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
+#: how what is written for the web is named, behind the plugin's name
+_WEB_NAMES = {"web": "-web", "wclap": ".wclap.tar.gz"}
 
 
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
-        help="export presets as a CLAP, VST3 or LV2 plugin for music programs",
+        help="export presets as a CLAP, VST3 or LV2 plugin for music programs, or for web pages",
         allow_abbrev=False,
         description="Makes a plugin that needs neither this program nor Python. Several presets become "
         "programs of one plugin. The folders ~/.clap, ~/.vst3 and ~/.lv2 are where music programs look (--install). "
-        "--target makes plugins for other systems; for several, each has a folder of its name.",
+        "--target makes plugins for other systems; for several, each has a folder of its name. --format web writes a "
+        "folder with a page that plays the instrument, wclap a CLAP as WebAssembly.",
     )
     parser.add_argument("presets", nargs="*", metavar="PRESET", help="preset (name or .toml file)")
     parser.add_argument("--all", action="store_true", help="all presets of the program in one plugin")
     parser.add_argument(
-        "-f", "--format", choices=(*FORMATS, "all"), help="default: by the extension of -o; with --install all three"
+        "-f", "--format", choices=(*FORMATS, "all", *WEB_FORMATS), help="default: by the extension of -o; with --install all three"
     )
     parser.add_argument("-o", "--output", metavar="PATH", help="output (default: NAME.FORMAT in the current folder)")
     parser.add_argument("--install", action="store_true", help="write it where music programs look for a user's plugins")
@@ -112,8 +116,9 @@ def _export(options: argparse.Namespace) -> int:
     from synth.plugin import bundle
 
     bundle.require_system()
-    targets = _wanted_targets(options)
     kinds = _formats(options)
+    for_web = kinds[0] in WEB_FORMATS
+    targets = _for_web(options) if for_web else _wanted_targets(options)
     drone = _drone(options)
     from synth.plugin.exporting import Export, export
 
@@ -133,6 +138,8 @@ def _export(options: argparse.Namespace) -> int:
     def places(name: str) -> dict[str, dict[str, Path]]:
         if options.install:
             return {targets[0]: {kind: bundle.users_folder(kind) / f"{name}.{kind}" for kind in kinds}}
+        if for_web and options.output is None:
+            return {targets[0]: {kinds[0]: Path(name + _WEB_NAMES[kinds[0]])}}
         stem = Path(options.output or name)
         if options.output is not None and options.format != "all":
             paths = {kinds[0]: stem}
@@ -175,6 +182,21 @@ def _drone(options: argparse.Namespace) -> DroneSettings | None:
     preset = load_presets([name], options.settings)[name]
     cycle = Cycle(options.cycle, options.spacing, options.human, seed=options.seed)
     return DroneSettings(**pitches(options, preset), equal=options.equal, cycle=cycle, beats=options.beats)
+
+
+def _for_web(options: argparse.Namespace) -> tuple[str, ...]:
+    """The target of formats for the web, which have no other; a page's sample rate is one. Raises ValueError."""
+    if options.install or options.target is not None:
+        option = "--install" if options.install else "--target"
+        raise ValueError(f"{option} is for plugins; with --format {options.format}, leave it out")
+    if options.format == "web":
+        from synth.plugin.webfolder import RATE_HZ
+
+        rate = int(RATE_HZ)
+        if options.rates not in (RATES_HZ, (rate,)):
+            raise ValueError(f"--rates: pages play at {rate} Hz; leave --rates out")
+        options.rates = (rate,)
+    return ("web",)
 
 
 def _wanted_targets(options: argparse.Namespace) -> tuple[str, ...]:

@@ -10,13 +10,15 @@ from typing import Any
 
 from synth.files.targets import Named, check_apart
 from synth.host.parts import files_read, load_presets
-from synth.plugin import bundle
+from synth.plugin import bundle, wclap, webfolder
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
-from synth.plugin.targets import TARGETS
+from synth.plugin.targets import TARGETS, WEB
 
 #: told how many strings are prepared, of how many
 Progress = Callable[[int, int], None]
+#: what judges a place, of formats for the web
+_JUDGES: Mapping[str, Callable[[Path], None]] = {webfolder.KIND: webfolder.check, wclap.KIND: wclap.check}
 
 
 @dataclass(frozen=True)
@@ -74,9 +76,9 @@ def export(
     progress: Progress | None = None,
     say: Callable[[str], None] | None = None,
 ) -> ExportReport:
-    """Write a plugin in one or several formats, for one or several systems.
+    """Write a plugin in one or several formats, for one or several systems, or an instrument for web pages.
 
-    places        for each target (`targets.TARGETS`) the path of each format, of a plugin of this name
+    places        for each target (`targets.TARGETS`, or `targets.WEB` alone) the path of each format, of a plugin of this name
     make_folders  the folders in which they lie are made
     progress      called with (strings that are compiled, all there are) after each
     say           told what takes time where a native library has to be built
@@ -106,10 +108,14 @@ def export(
                 f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin does not support; map every key, or retune it "
                 "in the music program (MTS)"
             )
-    from synth.plugin import bankfile, python_record, shelf
+    from synth.plugin import bankfile, packing, python_record, shelf
+    from synth.plugin.packed_models import models_of
 
-    natives = {target: shelf.library_for(TARGETS[target], wanted.bits, say) for target in paths}
-    bank = bankfile.bank(
+    if WEB.name in paths:
+        natives = {WEB.name: shelf.web_library(webfolder.KIND if webfolder.KIND in paths[WEB.name] else wclap.KIND, say)}
+    else:
+        natives = {target: shelf.library_for(TARGETS[target], wanted.bits, say) for target in paths}
+    bank, laid = bankfile.laid_out(
         presets,
         wanted.rates_hz,
         name=name,
@@ -120,13 +126,24 @@ def export(
     )
     sizes = {}
     for target, native in natives.items():
+        if target == WEB.name:
+            module = native.read_bytes()
+            sizes[target] = len(module)
+            for kind, path in paths[target].items():
+                if kind == wclap.KIND:
+                    wclap.write(path, module, bank)
+                else:
+                    models = models_of(laid)
+                    bank = packing.pack(packing.level(bank, models), models)
+                    webfolder.write(path, module, bank, description)
+            continue
         plugins = bundle.Plugins(native, bank, description, TARGETS[target])
         sizes[target] = plugins.library_bytes
         for kind, path in sorted(paths[target].items(), key=lambda each: bundle.FORMATS.index(each[0])):
             if make_folders:
                 path.parent.mkdir(parents=True, exist_ok=True)
             plugins.write(kind, path)
-    python_record.write()
+        python_record.write()
     return ExportReport(
         name=description.id,
         presets=tuple(preset.id for preset in description.presets),
@@ -151,5 +168,7 @@ def _judge(wanted: Export, names: Sequence[str], paths: Mapping[str, Mapping[str
     check_apart(read, [Named(f"the {kind}", path) for each in paths.values() for kind, path in each.items()])
     for target, each in paths.items():
         for kind, path in each.items():
-            if not (make_folders and not path.parent.exists()):
+            if kind in _JUDGES:
+                _JUDGES[kind](path)
+            elif not (make_folders and not path.parent.exists()):
                 bundle.check(kind, path, TARGETS[target])

@@ -12,7 +12,8 @@ from pathlib import Path
 from synth.files.targets import naming
 from synth.jit import prebuilt
 from synth.plugin import library
-from synth.plugin.targets import PORTABLE, Target, host
+from synth.plugin.sources import Kind
+from synth.plugin.targets import PORTABLE, WEB, Target, host
 
 #: kinds of arithmetic: each processor's own instructions, or those that give the same bits on all
 BITS = ("fast", "portable")
@@ -37,8 +38,14 @@ def library_for(target: Target, bits: str = BITS[0], say: Callable[[str], None] 
     return _found_or_built([folder / kind / target.library for folder in prebuilt.folders()], target, bits, say)
 
 
-def _found_or_built(places: list[Path], target: Target | None, bits: str, say: Callable[[str], None] | None) -> Path:
-    """target: another than this machine, or its portable one; None: this machine."""
+def _found_or_built(
+    places: list[Path],
+    target: Target | None,
+    bits: str,
+    say: Callable[[str], None] | None,
+    kind: Kind | None = None,
+) -> Path:
+    """target: another than this machine, or its portable one; None: this machine. kind: as `library.build` takes it."""
     for path in places:
         if path.is_file() and not prebuilt.unfit(path) and library.sources_of(path) == library.sources_version():
             return path
@@ -57,7 +64,7 @@ def _found_or_built(places: list[Path], target: Target | None, bits: str, say: C
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
         made = Path(tempfile.mkdtemp(prefix=".native-", dir=base))
     try:
-        built = _build(made, target, bits, say)
+        built = _build(made, target, bits, say, kind)
         with naming(place):
             place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             os.replace(built, place)
@@ -67,13 +74,22 @@ def _found_or_built(places: list[Path], target: Target | None, bits: str, say: C
     return place
 
 
-def _build(folder: Path, target: Target | None, bits: str, say: Callable[[str], None] | None) -> Path:
+def _build(
+    folder: Path, target: Target | None, bits: str, say: Callable[[str], None] | None, kind: Kind | None
+) -> Path:
     whose = "" if target is None else f" for {target.name}"
-    kind = "native" if bits == BITS[0] else f"{bits} native"
-    about = None if say is None else lambda what: say(f"building the {kind} library{whose}, once on this machine: {what}")
+    what = "native" if bits == BITS[0] else f"{bits} native"
+    about = None if say is None else lambda step: say(f"building the {what} library{whose}, once on this machine: {step}")
     if target is None:
         return library.build(folder, say=about)
-    return library.build(folder, target=target, levels=target.levels if bits == BITS[0] else PORTABLE, say=about)
+    levels = target.levels if bits == BITS[0] else PORTABLE
+    return library.build(folder, target=target, kind=kind, levels=levels, say=about)
+
+
+def web_library(kind: str, say: Callable[[str], None] | None = None) -> Path:
+    """The engine as WebAssembly for these sources: of pages ("web"), or with a CLAP ("wclap"). Else as `library_for`."""
+    places = [folder / kind / WEB.library for folder in prebuilt.folders()]
+    return _found_or_built(places, WEB, BITS[0], say, kind="engine" if kind == "web" else "clap")
 
 
 def _clear(mine: Path) -> None:
