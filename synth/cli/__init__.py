@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 from synth._version import __version__
 from synth.cli import (
     author,
+    bits,
     bodies,
     completion,
     dataset,
@@ -50,19 +51,22 @@ _COMPILING = ("render", "play", "drone", "author", "simulate", "sweep", "fit", "
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line (`sys.argv` by default) and returns the exit code."""
-    code = _run(arguments)
+    code = _run(arguments, ends=arguments is None)
     if arguments is None:  # the process ends with it
         leave_compiling(code)
     return code
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run(arguments: Sequence[str] | None, ends: bool) -> int:
+    """ends: the process ends with the command."""
     arguments = render.joined_normalize(list(sys.argv[1:] if arguments is None else arguments))
     wording = streams.Wording(arguments)
     with streams.ready(wording), _raising_on_termination():
         try:
             try:
                 options = _parser().parse_args(arguments)
+                if (code := bits.settle(options, arguments, ends)) is not None:
+                    return code
                 shown = {name: getattr(options, name, False) for name in ("quiet", "verbose")}
                 if arguments and arguments[0] in _COMPILING and vector_width.settle() is not None:
                     kernel_cache.point_again()

@@ -1,7 +1,7 @@
 """`--bits portable`: sound that is the same to the bit on every processor.
 
-The command starts itself anew with the portable native library (`plugin.one_rounding`) and with all that prepares presets, the
-packages and the C library included, held to instructions that every x86-64 processor has.
+The command starts itself anew with the portable native library (`plugin.one_rounding`) and with all that prepares presets,
+the packages and the C library included, held to instructions that every x86-64 processor has.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ _OPENBLAS = {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def add_bits(group: Any) -> None:
-    """The option of commands that render."""
+    """The option of commands that render; the parser itself, or a group of it."""
+    group.set_defaults(renders=True)
     group.add_argument(
         "--bits",
         choices=("fast", "portable"),
@@ -37,7 +38,7 @@ def settle(options: argparse.Namespace, arguments: Sequence[str], ends: bool) ->
     """
     from synth.jit import prebuilt
 
-    if getattr(options, "bits", "fast") == "fast" or options.run.__name__ == "_export" or prebuilt.bits() == "portable":
+    if not getattr(options, "renders", False) or options.bits == "fast" or prebuilt.bits() == "portable":
         return None
     environment = _environment(None if getattr(options, "quiet", False) else _say)
     sys.stdout.flush()
@@ -52,7 +53,7 @@ def _say(what: str) -> None:
 
 def _environment(say: Callable[[str], None] | None) -> dict[str, str]:
     """That of a process whose bits are portable."""
-    from numpy._core import _multiarray_umath
+    import numpy._core._multiarray_umath as umath  # type: ignore[import-not-found]
 
     from synth.plugin import retarget, shelf
     from synth.plugin.targets import host
@@ -71,7 +72,7 @@ def _environment(say: Callable[[str], None] | None) -> dict[str, str]:
         "JAWARI_LANES": str(retarget.FROM_LANES),
         "NUMBA_CPU_NAME": retarget.FROM_LEVEL,
         "NUMBA_CPU_FEATURES": "",
-        "NPY_DISABLE_CPU_FEATURES": " ".join(_multiarray_umath.__cpu_dispatch__),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(umath.__cpu_dispatch__),
         "GLIBC_TUNABLES": ":".join(filter(None, tunables)),
     }
     environment.pop("NUMBA_CACHE_DIR", None)  # of the kernels of this process

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from synth.cli import bits
 from synth.cli.common import needed, number, threads
 from synth.cli.counting import ItemsLine
 from synth.units import duration
@@ -46,6 +47,7 @@ def add(commands: Any) -> None:
         metavar="N",
         help="number of worker processes, or auto (default): one per processor",
     )
+    bits.add_bits(parser)
     parser.add_argument("--json", action="store_true", help="closing report as JSON")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.set_defaults(run=_dataset)

@@ -39,7 +39,10 @@ def add(commands: Any) -> None:
     parser.add_argument("presets", nargs="*", metavar="PRESET", help="preset (name or .toml file)")
     parser.add_argument("--all", action="store_true", help="all presets of the program in one plugin")
     parser.add_argument(
-        "-f", "--format", choices=(*FORMATS, "all", *WEB_FORMATS), help="default: by the extension of -o; with --install all three"
+        "-f",
+        "--format",
+        choices=(*FORMATS, "all", *WEB_FORMATS),
+        help="default: by the extension of -o; with --install all three",
     )
     parser.add_argument("-o", "--output", metavar="PATH", help="output (default: NAME.FORMAT in the current folder)")
     parser.add_argument("--install", action="store_true", help="write it where music programs look for a user's plugins")

@@ -7,6 +7,7 @@ import json
 import sys
 from typing import Any
 
+from synth.cli import bits
 from synth.cli.common import (
     MOST_BLOCK,
     ProgressLine,
@@ -74,6 +75,7 @@ def add(commands: Any) -> None:
     )
     add_threads(how)
     add_seed(how)
+    bits.add_bits(how)
 
     level = parser.add_argument_group("level")
     level.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
@@ -166,7 +168,7 @@ def _render(options: argparse.Namespace) -> int:
     # With the sound on standard output, words go to standard error.
     where = sys.stderr if options.output == "-" else sys.stdout
     if options.json:
-        print(json.dumps(report.as_dict(), indent=2, allow_nan=False), file=where)
+        print(json.dumps(report.as_dict() | {"bits": options.bits}, indent=2, allow_nan=False), file=where)
     elif not options.quiet:
         print("\n".join(report.lines()), file=where)
     return 0

@@ -31,6 +31,7 @@ from synth.files.code_version import SOUNDING, code_version
 from synth.files.targets import check_folder, naming, write_text, write_whole
 from synth.instrument.planfile import path_of
 from synth.instrument.preset import preset_folder, preset_path
+from synth.jit import prebuilt
 
 FORMAT = 1
 STATE, RECIPE, INDEX, CARD, LOCK = "dataset.json", "recipe.toml", "index.parquet", "README.md", ".lock"
@@ -47,8 +48,10 @@ def code() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Program, code, packages, processor's kind."""
+    """Program, code, packages, processor's kind; its bits, where they are those of every processor."""
     found = {"jawari": __version__, "code": code(), "python": platform.python_version(), "machine": platform.machine()}
+    if prebuilt.bits() == "portable":
+        found["bits"] = "portable"
     for name in _PACKAGES:
         with suppress(PackageNotFoundError):
             found[name] = version(name)

@@ -4,6 +4,9 @@ The library (`synth.plugin.library`) holds what an engine is made of, compiled f
 processor, and computes the same bits. It is taken where it comes with the package or lies in the user's cache, if it was
 made from the sources as they are and nothing asks for another target; else Numba compiles, as without it. JAWARI_NATIVE=0
 leaves it out, JAWARI_NATIVE=PATH takes that one, if it fits.
+
+With JAWARI_BITS=portable (`synth render --bits portable`) the portable library of JAWARI_NATIVE is the only one that will
+do: kernels that Numba compiles round otherwise.
 """
 
 from __future__ import annotations
@@ -35,7 +38,14 @@ def compiled_for() -> str | None:
     """The name of what a library holds for this processor: its level, or that of every 64-bit ARM; None: nothing."""
     from llvmlite import binding
 
+    if bits() == "portable":
+        return "portable"
     return "aarch64" if binding.get_process_triple().startswith(("aarch64", "arm64")) else level()
+
+
+def bits() -> str:
+    """The arithmetic of this process: "fast", or "portable", the same on every processor."""
+    return "portable" if os.environ.get("JAWARI_BITS") == "portable" else "fast"
 
 
 def folders() -> list[Path]:
@@ -58,6 +68,8 @@ def _another_kind_asked() -> str:
     """What of the environment asks for other kernels than a library has, in a sentence; empty: nothing."""
     if os.environ.get("JAWARI_NATIVE") == "0":
         return "JAWARI_NATIVE=0 leaves it out"
+    if bits() == "portable":  # whose settings are for what Numba compiles besides
+        return ""
     for name in ("JAWARI_LANES", "NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK", "NUMBA_CPU_FEATURES"):
         if os.environ.get(name, "") not in ("", "0"):
             return f"{name} asks for kernels of another kind"
@@ -166,5 +178,8 @@ class Found:
 
 @functools.cache
 def found() -> Found:
-    """What is there; looked for once."""
-    return Found()
+    """What is there; looked for once. Raises ValueError where there is none and bits are to be portable."""
+    made = Found()
+    if made.path is None and bits() == "portable":
+        raise ValueError(f"JAWARI_BITS=portable: there is no portable library ({made.why}); use --bits portable instead")
+    return made

@@ -74,9 +74,7 @@ def _found_or_built(
     return place
 
 
-def _build(
-    folder: Path, target: Target | None, bits: str, say: Callable[[str], None] | None, kind: Kind | None
-) -> Path:
+def _build(folder: Path, target: Target | None, bits: str, say: Callable[[str], None] | None, kind: Kind | None) -> Path:
     whose = "" if target is None else f" for {target.name}"
     what = "native" if bits == BITS[0] else f"{bits} native"
     about = None if say is None else lambda step: say(f"building the {what} library{whose}, once on this machine: {step}")
