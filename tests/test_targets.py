@@ -267,7 +267,7 @@ def test_a_folder_takes_the_place_of_another(tmp_path: Path) -> None:
 def test_a_program_in_a_folder_is_another_name_of_a_file_that_is_the_same(tmp_path: Path) -> None:
     there, place = tmp_path / "x.clap", tmp_path / "x.vst3"
     there.write_bytes(b"old")
-    write_folder(place, FOLDER, programs=".so", same=there)
+    write_folder(place, FOLDER, programs=".so", same={"Contents/x86_64-linux/x.so": there})
     assert (place / "Contents/x86_64-linux/x.so").samefile(there) and (place / "about").stat().st_nlink == 1
     write_text(there, "new")
     assert contents(place) == FOLDER  # the other name stays what it was
@@ -286,7 +286,7 @@ def test_where_a_program_cannot_be_another_name_it_is_a_file_of_its_own(kind: st
     elif kind == "no hard links here":
         there.write_bytes(b"old")
         monkeypatch.setattr(os, "link", lambda *a, **b: (_ for _ in ()).throw(OSError(errno.EPERM, "not permitted")))
-    write_folder(place, FOLDER, programs=".so", same=there)
+    write_folder(place, FOLDER, programs=".so", same={"Contents/x86_64-linux/x.so": there})
     assert contents(place) == FOLDER and (place / "Contents/x86_64-linux/x.so").lstat().st_nlink == 1
     assert (place / "Contents/x86_64-linux/x.so").stat().st_mode & 0o100
 

@@ -27,6 +27,8 @@ from wheels.pack import INSIDE, with_library
 
 library_file = conftest.library_file
 NAME = "thing-1.0-py3-none-any.whl"
+NATIVE = "libjawari.so"
+PLACE = f"{INSIDE}/{NATIVE}"
 RECORD = "thing-1.0.dist-info/RECORD"
 FILES = {
     "thing/__init__.py": b"WHAT = 'a thing, with \xc3\xa4'\n",
@@ -95,8 +97,8 @@ def test_another_library_is_too_much(tmp_path) -> None:
 
 def test_what_is_no_library_for_linux_is_refused(library_file: Path) -> None:
     data = library_file.read_bytes()
-    for other in (b"", b"MZ", b"\x7fELF\x01\x01" + bytes(100), data[:18] + b"\xb7\x00" + data[20:]):
-        with pytest.raises(Unfit, match="is no shared object for Linux on x86-64"):
+    for other in (b"", b"MZ", b"\x7fELF\x01\x01" + bytes(100), data[:18] + b"\x28\x00" + data[20:]):
+        with pytest.raises(Unfit, match="is no shared object for Linux on x86-64 or arm64"):
             needs(other)
 
 
@@ -121,42 +123,42 @@ def test_all_is_in_it_and_recorded(wheel: Path, tmp_path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     before = wheel.read_bytes()
-    made = with_library(wheel, b"the library", "manylinux_2_17_x86_64", out)
+    made = with_library(wheel, NATIVE, b"the library", "manylinux_2_17_x86_64", out)
     assert made == out / "thing-1.0-py3-none-manylinux_2_17_x86_64.whl"
     assert list(out.iterdir()) == [made] and wheel.read_bytes() == before
     with zipfile.ZipFile(made) as archive:
         assert archive.testzip() is None
         names = archive.namelist()
-        assert sorted(names) == sorted([*FILES, INSIDE, RECORD]) and names[-1] == RECORD
+        assert sorted(names) == sorted([*FILES, PLACE, RECORD]) and names[-1] == RECORD
         about = archive.read("thing-1.0.dist-info/WHEEL").decode().splitlines()
         assert {"Tag: py3-none-manylinux_2_17_x86_64", "Root-Is-Purelib: false"} < set(about)
         assert "Tag: py3-none-any" not in about and "Root-Is-Purelib: true" not in about
         rows = {name: tuple(rest) for name, *rest in csv.reader(io.StringIO(archive.read(RECORD).decode()))}
         assert rows.pop(RECORD) == ("", "")
         assert rows == {n: (digest(archive.read(n)), str(len(archive.read(n)))) for n in names if n != RECORD}
-        assert archive.getinfo(INSIDE).external_attr >> 16 == 0o100755
+        assert archive.getinfo(PLACE).external_attr >> 16 == 0o100755
 
 
 def test_the_same_gives_the_same_bytes(wheel: Path, tmp_path) -> None:
     made = []
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
-        made.append(with_library(wheel, b"the library", "manylinux_2_17_x86_64", tmp_path / name).read_bytes())
+        made.append(with_library(wheel, NATIVE, b"the library", "manylinux_2_17_x86_64", tmp_path / name).read_bytes())
     assert made[0] == made[1]
 
 
 def test_a_wheel_for_one_platform_is_refused(wheel: Path, tmp_path) -> None:
-    made = with_library(wheel, b"the library", "manylinux_2_17_x86_64", tmp_path)
+    made = with_library(wheel, NATIVE, b"the library", "manylinux_2_17_x86_64", tmp_path)
     with pytest.raises(ValueError, match="is not a wheel for any platform"):
-        with_library(made, b"the library", "manylinux_2_17_x86_64", tmp_path)
+        with_library(made, NATIVE, b"the library", "manylinux_2_17_x86_64", tmp_path)
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.uname().machine != "x86_64", reason="it is for Linux on x86-64")
 def test_pip_installs_it_where_the_program_looks_for_the_library(wheel: Path, library_file: Path, tmp_path) -> None:
     data = library_file.read_bytes()
-    made = with_library(wheel, data, platform(data), tmp_path)
+    made = with_library(wheel, NATIVE, data, platform(data), tmp_path)
     pip = [sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-index", "--no-deps"]
     subprocess.run([*pip, "--target", str(tmp_path / "site"), str(made)], check=True)
-    assert (tmp_path / "site" / INSIDE).read_bytes() == data
+    assert (tmp_path / "site" / PLACE).read_bytes() == data
     assert (tmp_path / "site" / "thing" / "__init__.py").read_bytes() == FILES["thing/__init__.py"]
-    assert prebuilt.places()[0] == Path(prebuilt.__file__).parents[2] / INSIDE
+    assert prebuilt.places()[0] == Path(prebuilt.__file__).parents[2] / PLACE

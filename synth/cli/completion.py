@@ -97,6 +97,7 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
 
     from synth.drone.swara import RATIOS, name_of
     from synth.instrument.preset import list_presets, preset_folder
+    from synth.plugin.targets import TARGETS
 
     own = preset_folder()
     cases = own / "cases"
@@ -110,8 +111,9 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
         "families": sorted({preset.family for preset in shipped if preset.family}),
         "tags": sorted({tag for preset in shipped for tag in preset.tags}),
         "swaras": [*(name_of(float(ratio)).replace(" ", "-") for ratio in RATIOS.values()), "none"],
+        "targets": [*TARGETS, "all"],
     }
-    of_metavar = {"FAMILY": "families", "TAG": "tags", "SWARA": "swaras"}
+    of_metavar = {"FAMILY": "families", "TAG": "tags", "SWARA": "swaras", "TARGET": "targets"}
     for action in _actions(root):
         kind = action.metavar if isinstance(action.metavar, str) else ""
         what: Any = None

@@ -293,10 +293,13 @@ class _Lists:
             layers=position.layers,
             single=single,
         )
+        self.compiled.append(model)
+        if factor == 1 or heard is not None:  # it flies on no bus of its own
+            self.flights.append(model)
+            return
         frame = 1.0 / self.rate_hz
         rows = make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, frame))
         weights = model.weights * response(self.rate_hz, factor, model.omega / (2.0 * math.pi))
-        self.compiled.append(model)
         flight = model._replace(dt=frame, rows=rows, weights=weights)
         if single:
             flight = in_single(flight)._replace(single_shapes=model.single_shapes)

@@ -12,11 +12,11 @@ from synth.files import unfinished
 from synth.files.targets import naming
 
 
-def write_folder(path: Path, files: Mapping[str, bytes], programs: str = "", same: Path | None = None) -> None:
+def write_folder(path: Path, files: Mapping[str, bytes], programs: str = "", same: Mapping[str, Path] | None = None) -> None:
     """Write a folder beside its place, then rename it: whatever happens, what was there before is there, or this one.
 
-    files: relative name -> content. programs: names with this ending may be run, and become further names of the file `same`
-    (hard links) where it has their content and the file system allows that. Raises OSError that names `path`.
+    files: relative name -> content. programs: names with this ending may be run. same: names that become further names of
+    the file there (hard links), if it has their content and the file system allows that. Raises OSError that names `path`.
     """
     whole = _WholeFolder(path)
     try:
@@ -25,10 +25,9 @@ def write_folder(path: Path, files: Mapping[str, bytes], programs: str = "", sam
             for name, data in files.items():
                 file = new / name
                 file.parent.mkdir(parents=True, exist_ok=True)
-                program = bool(programs) and name.endswith(programs)
-                if program and same is not None and _linked(same, file, data):
+                if same is not None and name in same and _linked(same[name], file, data):
                     continue
-                mode = 0o777 if program else 0o666
+                mode = 0o777 if programs and name.endswith(programs) else 0o666
                 with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as out:
                     out.write(data)
             whole.commit()

@@ -87,6 +87,8 @@ class Position:
     leverage: np.ndarray  # (C,) of a contact by the motion of the saddle: x/L, less 1 for what rides on the bridge
     layers: np.ndarray  # (3, C) of the contacts (`solver.layers`), or (3, 0)
     across: np.ndarray  # (2, own) ω and σ in the second direction, or (2, 0)
+    string: String  # as it speaks here
+    places_m: np.ndarray  # (C,) of the contacts
 
 
 @dataclass(frozen=True)
@@ -491,16 +493,24 @@ def compile_position(
         positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
         layers,
         _modes_across(preset.polarisation, string, n),
+        string,
+        positions,
     )
 
 
+def string_across(across: Polarisation, string: String) -> String:
+    """The string as its second direction has it: with a share of the nut's mobility."""
+    if across.nut_share == 1.0:
+        return string
+    nut = [replace(each, mass_kg=each.mass_kg / across.nut_share) for each in string.nut if across.nut_share > 0.0]
+    return replace(string, nut=tuple(nut))
+
+
 def _modes_across(across: Polarisation | None, string: String, n: int) -> np.ndarray:
-    """`Position.across`: detuned, damped, and with a share of the nut's mobility."""
+    """`Position.across`: detuned and damped."""
     if across is None:
         return np.zeros((2, 0))
-    if across.nut_share != 1.0:
-        nut = [replace(each, mass_kg=each.mass_kg / across.nut_share) for each in string.nut if across.nut_share > 0.0]
-        string = replace(string, nut=tuple(nut))
+    string = string_across(across, string)
     omega = 2.0 ** (across.detuning_cents / 1200.0) * modal_frequencies(string, n)
     return np.array([omega, across.loss_ratio * decay_rates(string, n)])
 

@@ -12,15 +12,18 @@ import ctypes
 import functools
 import os
 import struct
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from synth.jit.kernel_sources import sources_id, users_cache
 from synth.native.processors import level
 
-NAME = "libjawari.so"
+NAME = {"win32": "jawari.dll", "darwin": "libjawari.dylib"}.get(sys.platform, "libjawari.so")
 _PACKAGE = __name__.partition(".")[0] + "."
+#: bytes in which a shared object says how long it is
+_HEAD = 4096
 
 
 def name_of(function: Callable[..., Any]) -> str:
@@ -28,15 +31,27 @@ def name_of(function: Callable[..., Any]) -> str:
     return f"{function.__module__.removeprefix(_PACKAGE)}:{function.__qualname__}"
 
 
-def places() -> list[Path]:
-    """Where a library may lie: where JAWARI_NATIVE says, or else with the package, and in the user's cache."""
-    if (asked := os.environ.get("JAWARI_NATIVE", "")) not in ("", "0"):
-        return [Path(asked)]
-    with_package = Path(__file__).resolve().parents[1] / "plugin" / "lib" / NAME
+def compiled_for() -> str | None:
+    """The name of what a library holds for this processor: its level, or that of every 64-bit ARM; None: nothing."""
+    from llvmlite import binding
+
+    return "aarch64" if binding.get_process_triple().startswith(("aarch64", "arm64")) else level()
+
+
+def folders() -> list[Path]:
+    """Where libraries may lie: with the package, and in the user's cache."""
+    with_package = Path(__file__).resolve().parents[1] / "plugin" / "lib"
     try:
-        return [with_package, users_cache() / f"native-{sources_id()}" / NAME]
+        return [with_package, users_cache() / f"native-{sources_id()}"]
     except RuntimeError:  # no home
         return [with_package]
+
+
+def places() -> list[Path]:
+    """Where this machine's library may lie: where JAWARI_NATIVE says, or else in `folders`."""
+    if (asked := os.environ.get("JAWARI_NATIVE", "")) not in ("", "0"):
+        return [Path(asked)]
+    return [folder / NAME for folder in folders()]
 
 
 def _another_kind_asked() -> str:
@@ -46,7 +61,7 @@ def _another_kind_asked() -> str:
     for name in ("JAWARI_LANES", "NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK", "NUMBA_CPU_FEATURES"):
         if os.environ.get(name, "") not in ("", "0"):
             return f"{name} asks for kernels of another kind"
-    if (name := os.environ.get("NUMBA_CPU_NAME", "")) not in ("", level()):
+    if (name := os.environ.get("NUMBA_CPU_NAME", "")) not in ("", compiled_for()):
         return f"NUMBA_CPU_NAME asks for {name}"
     return ""
 
@@ -55,20 +70,51 @@ def unfit(path: Path) -> str:
     """Why a file is not to be run, in a sentence; empty: it may be. Raises OSError.
 
     It must be what the user names, root's, their own, or of whoever owns this code, which runs already; and it must have its
-    end, where its sections are described: a process that loads a shared object without one is killed.
+    end: a process that loads a shared object without one is killed.
     """
     with open(path, "rb") as file:
-        about, head = os.fstat(file.fileno()), file.read(64)
-    trusted = (0, os.getuid() if hasattr(os, "getuid") else 0, Path(__file__).stat().st_uid)
-    if not os.environ.get("JAWARI_NATIVE") and about.st_uid not in trusted:
-        return f"{path} belongs to another user"
-    if not os.environ.get("JAWARI_NATIVE") and (about.st_mode | path.parent.stat().st_mode) & 0o002:
-        return f"{path} can be written by anybody"
-    if len(head) == 64 and head[:6] == b"\x7fELF\x02\x01":
-        (begin,), (each, count) = struct.unpack_from("<Q", head, 0x28), struct.unpack_from("<HH", head, 0x3A)
-        if begin + each * count > about.st_size:
-            return f"{path} has lost its end"
+        about, head = os.fstat(file.fileno()), file.read(_HEAD)
+    if not os.environ.get("JAWARI_NATIVE") and hasattr(os, "getuid"):  # on Windows modes do not tell who may write
+        if about.st_uid not in (0, os.getuid(), Path(__file__).stat().st_uid):
+            return f"{path} belongs to another user"
+        if (about.st_mode | path.parent.stat().st_mode) & 0o002:
+            return f"{path} can be written by anybody"
+    if _end(head) > about.st_size:
+        return f"{path} has lost its end"
     return ""
+
+
+def _end(head: bytes) -> int:
+    """How long a shared object must be at least, by its beginning; 0: it is none, or has lost more than its end."""
+    try:
+        if head[:6] == b"\x7fELF\x02\x01":  # its sections are described at its end
+            (begin,), (each, count) = struct.unpack_from("<Q", head, 0x28), struct.unpack_from("<HH", head, 0x3A)
+            return begin + each * count
+        if head[:4] == b"\xcf\xfa\xed\xfe":
+            return max(_segment_ends(head), default=0)
+        if head[:2] == b"MZ":
+            return max(_section_ends(head), default=0)
+    except struct.error:  # so short that its loader refuses it
+        return 0
+    return 0
+
+
+def _segment_ends(head: bytes) -> Iterator[int]:
+    """Of a Mach-O file of one processor."""
+    (count,), at = struct.unpack_from("<I", head, 16), 32
+    for _ in range(count):
+        kind, size = struct.unpack_from("<2I", head, at)
+        if kind == 0x19:  # LC_SEGMENT_64
+            yield sum(struct.unpack_from("<2Q", head, at + 40))
+        at += size
+
+
+def _section_ends(head: bytes) -> Iterator[int]:
+    """Of a DLL."""
+    (at,) = struct.unpack_from("<I", head, 0x3C)
+    (count,), (optional,) = struct.unpack_from("<H", head, at + 6), struct.unpack_from("<H", head, at + 20)
+    for number in range(count):
+        yield sum(struct.unpack_from("<2I", head, at + 24 + optional + 40 * number + 16))
 
 
 class Found:
@@ -106,7 +152,7 @@ class Found:
             return f"{path} was made from other sources"
         refused = ctypes.create_string_buffer(512)
         uses = library.jawari_processor(refused)
-        if uses is None or uses.decode() != level():
+        if uses is None or uses.decode() != compiled_for():
             return refused.value.decode() or f"{path} has no code for this processor"
         self.path, self._library = path, library
         return ""

@@ -10,6 +10,7 @@ droning              the drone that a plugin plays by itself, as a table of a ba
 setup, recipe        what a player may turn of what is compiled in; what a bank of another setup is made of
 rebuild              makes it, started by a plugin; python_record: where plugins find Python
 bundle, exporting    CLAP, VST3 and LV2 as hosts look for them; what `synth export` does
+macbundle, macsign   bundles of macOS, and the ad-hoc code signatures that seal them
 
 In c/: jawari.h is the library's interface; core*, bank and midi are behind it; plugin* is what the formats have in common;
 clap*, vst3* and lv2* are the formats, each with its interface in *_api.h.

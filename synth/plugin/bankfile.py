@@ -196,6 +196,27 @@ def bank(
     Raises ValueError (PresetError among them) for what cannot be played, lies outside of the library or has no such name,
     TypeError for what is of another kind.
     """
+    return laid_out(presets, rates_hz, name=name, drone=drone, progress=progress, **options)[0]
+
+
+class Laid(NamedTuple):
+    """An engine that was prepared for a rate of a bank, and where its arrays lie: of a constant array, place(array) bytes
+    from the bank's beginning (KeyError for one that the bank does not have)."""
+
+    engine: Engine
+    place: Callable[[np.ndarray], int]
+
+
+def laid_out(
+    presets: Sequence[Preset],
+    rates_hz: Sequence[float] = RATES,
+    *,
+    name: str | None = None,
+    drone: PluginDrone | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Any,
+) -> tuple[bytes, list[Laid]]:
+    """`bank`, and for each of its rates, ascending, what its arrays are."""
     if sys.byteorder != "little":
         raise ValueError("banks can be made on little-endian machines only")
     about = describe(presets, name, () if drone is None else drone.parameters())
@@ -211,6 +232,7 @@ def bank(
         program_map = np.full((16, 128), -1, np.int64)
         program_map[:, : len(presets)] = np.arange(len(presets))
     blocks: list[_Block] = []
+    kept: list[_Prepared] = []
     functions: list[str] = []
     for together in _octaves(rates):
         made: list[_Prepared] = []
@@ -223,6 +245,7 @@ def bank(
         for k, prepared in enumerate(made):
             data, row = _block(prepared, functions, constants_last=common > 0 and k == 0)
             blocks.append(_Block(rates.index(together[k]), row, data, common if k == 1 else 0))
+            kept.append(prepared)
     rows = np.zeros(len(rates), RATE)
     for block in blocks:
         rows[block.number] = block.row
@@ -235,7 +258,14 @@ def bank(
         np.frombuffer(recipe.written(presets, name, options), np.uint8),
         np.frombuffer(b"" if drone is None else drone.table(), np.uint8),
     )
-    return _file(about.id, about.name, tables, blocks)
+    data = _file(about.id, about.name, tables, blocks)
+    laid = [Laid(each.engine, _placed(each.memory, rows[block.number])) for each, block in zip(kept, blocks, strict=True)]
+    return data, [laid[k] for k in np.argsort([block.number for block in blocks])]
+
+
+def _placed(memory: Memory, row: np.ndarray) -> Callable[[np.ndarray], int]:
+    """Where constant arrays lie in a bank with this row."""
+    return lambda array: int(row["at"]) + int(row["constants_at"]) + memory.place(array)
 
 
 class _Prepared:

@@ -10,18 +10,21 @@ from typing import Any
 
 from synth.files.targets import Named, check_apart
 from synth.host.parts import files_read, load_presets
-from synth.plugin import bundle
-from synth.plugin.description import Description, describe
+from synth.plugin import bundle, wclap, webfolder
+from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
+from synth.plugin.targets import TARGETS, WEB
 
 #: told how many strings are prepared, of how many
 Progress = Callable[[int, int], None]
+#: what judges a place, of formats for the web
+_JUDGES: Mapping[str, Callable[[Path], None]] = {webfolder.KIND: webfolder.check, wclap.KIND: wclap.check}
 
 
 @dataclass(frozen=True)
 class Export:
     """What goes into a plugin. presets: names or files; every: those that come with the program instead; drone: what it
-    plays by itself, on the only preset; the rest as the options of `synth export` are called."""
+    plays by itself, on the only preset; bits: of `shelf.BITS`; the rest as the options of `synth export` are called."""
 
     presets: tuple[str, ...]
     every: bool = False
@@ -32,49 +35,53 @@ class Export:
     tuning: str | None = None
     keyboard: str | None = None
     drone: DroneSettings | None = None
+    bits: str = "fast"
 
 
 @dataclass(frozen=True)
 class ExportReport:
-    """What was written: path of each format, bytes of the native library and of its bank."""
+    """What was written: for each target the path of each format and the bytes of the native library; those of the bank,
+    which is the same for all."""
 
     name: str
     presets: tuple[str, ...]
     rates_hz: tuple[int, ...]
     quality: str
-    paths: Mapping[str, str]
-    library_bytes: int
+    bits: str
+    paths: Mapping[str, Mapping[str, str]]
+    library_bytes: Mapping[str, int]
     bank_bytes: int
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {**self.__dict__, "paths": dict(self.paths)}
+        paths = {target: dict(each) for target, each in self.paths.items()}
+        return {**self.__dict__, "paths": paths, "library_bytes": dict(self.library_bytes)}
 
     def lines(self) -> list[str]:
         """For people."""
         rates = ", ".join(f"{rate / 1000:g}" for rate in self.rates_hz)
-        size = (self.library_bytes + self.bank_bytes) / 1e6
         what = f"{self.name}: {', '.join(self.presets)}" if len(self.presets) > 1 else self.name
-        return [
-            f"{what}; {self.quality}, {rates} kHz, {size:.1f} MB",
-            *(f"  {kind:5}{path}" for kind, path in self.paths.items()),
-        ]
+        lines = [f"{what}; {self.quality}, {rates} kHz"]
+        for target, paths in self.paths.items():
+            lines.append(f"  {target}, {(self.library_bytes[target] + self.bank_bytes) / 1e6:.1f} MB")
+            lines += [f"    {kind:5}{path}" for kind, path in paths.items()]
+        return lines
 
 
 def export(
     wanted: Export,
-    targets: Callable[[str], Mapping[str, Path]],
+    places: Callable[[str], Mapping[str, Mapping[str, Path]]],
     *,
     make_folders: bool = False,
     progress: Progress | None = None,
     say: Callable[[str], None] | None = None,
 ) -> ExportReport:
-    """Write a plugin in one or several formats.
+    """Write a plugin in one or several formats, for one or several systems, or an instrument for web pages.
 
-    targets       path of each format, of a plugin of this name
+    places        for each target (`targets.TARGETS`, or `targets.WEB` alone) the path of each format, of a plugin of this name
     make_folders  the folders in which they lie are made
     progress      called with (strings that are compiled, all there are) after each
-    say           told what takes time where the native library has to be built
+    say           told what takes time where a native library has to be built
     Raises ValueError for what cannot be exported, OSError for what cannot be written or built; of each format what was there
     before is then as it was, or the new one is whole.
     """
@@ -89,7 +96,7 @@ def export(
         drone = wanted.drone.on(presets[0])
         presets, name = [drone.strings.preset], name or f"{presets[0].name}-drone"
     description = describe(presets, name, () if drone is None else drone.parameters())
-    paths = dict(targets(description.id))
+    paths = {target: dict(each) for target, each in places(description.id).items()}
     _judge(wanted, names, paths, make_folders)
     note_hz = None
     if wanted.tuning is not None or wanted.keyboard is not None:
@@ -101,10 +108,14 @@ def export(
                 f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin does not support; map every key, or retune it "
                 "in the music program (MTS)"
             )
-    from synth.plugin import bankfile, library, python_record, shelf
+    from synth.plugin import bankfile, packing, python_record, shelf
+    from synth.plugin.packed_models import models_of
 
-    native = shelf.native_library(say)
-    bank = bankfile.bank(
+    if WEB.name in paths:
+        natives = {WEB.name: shelf.web_library(webfolder.KIND if webfolder.KIND in paths[WEB.name] else wclap.KIND, say)}
+    else:
+        natives = {target: shelf.library_for(TARGETS[target], wanted.bits, say) for target in paths}
+    bank, laid = bankfile.laid_out(
         presets,
         wanted.rates_hz,
         name=name,
@@ -113,15 +124,36 @@ def export(
         note_hz=note_hz,
         progress=progress,
     )
-    whole = library.with_bank(native, bank)
-    same = None
-    for kind in sorted(paths, key=bundle.FORMATS.index):  # CLAP, which is a file, first: those in folders become names of it
-        path = paths[kind]
-        if make_folders:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        same = bundle.write(kind, path, whole, description, same)
-    python_record.write()
-    return _report(wanted, description, paths, len(whole) - len(bank), len(bank))
+    sizes = {}
+    for target, native in natives.items():
+        if target == WEB.name:
+            module = native.read_bytes()
+            sizes[target] = len(module)
+            for kind, path in paths[target].items():
+                if kind == wclap.KIND:
+                    wclap.write(path, module, bank)
+                else:
+                    models = models_of(laid)
+                    bank = packing.pack(packing.level(bank, models), models)
+                    webfolder.write(path, module, bank, description)
+            continue
+        plugins = bundle.Plugins(native, bank, description, TARGETS[target])
+        sizes[target] = plugins.library_bytes
+        for kind, path in sorted(paths[target].items(), key=lambda each: bundle.FORMATS.index(each[0])):
+            if make_folders:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            plugins.write(kind, path)
+        python_record.write()
+    return ExportReport(
+        name=description.id,
+        presets=tuple(preset.id for preset in description.presets),
+        rates_hz=wanted.rates_hz,
+        quality=wanted.quality,
+        bits=wanted.bits,
+        paths={target: {kind: os.fspath(path) for kind, path in each.items()} for target, each in paths.items()},
+        library_bytes=sizes,
+        bank_bytes=len(bank),
+    )
 
 
 def _every_preset() -> list[str]:
@@ -130,22 +162,13 @@ def _every_preset() -> list[str]:
     return [preset.name for preset in list_presets()]
 
 
-def _judge(wanted: Export, names: Sequence[str], paths: Mapping[str, Path], make_folders: bool) -> None:
+def _judge(wanted: Export, names: Sequence[str], paths: Mapping[str, Mapping[str, Path]], make_folders: bool) -> None:
     """What is wrong with the places, before anything takes time."""
     read = files_read(names, **{"--tuning": wanted.tuning, "--kbm": wanted.keyboard})
-    check_apart(read, [Named(f"the {kind}", path) for kind, path in paths.items()])
-    for kind, path in paths.items():
-        if not (make_folders and not path.parent.exists()):
-            bundle.check(kind, path)
-
-
-def _report(wanted: Export, description: Description, paths: Mapping[str, Path], library: int, bank: int) -> ExportReport:
-    return ExportReport(
-        name=description.id,
-        presets=tuple(preset.id for preset in description.presets),
-        rates_hz=wanted.rates_hz,
-        quality=wanted.quality,
-        paths={kind: os.fspath(path) for kind, path in paths.items()},
-        library_bytes=library,
-        bank_bytes=bank,
-    )
+    check_apart(read, [Named(f"the {kind}", path) for each in paths.values() for kind, path in each.items()])
+    for target, each in paths.items():
+        for kind, path in each.items():
+            if kind in _JUDGES:
+                _JUDGES[kind](path)
+            elif not (make_folders and not path.parent.exists()):
+                bundle.check(kind, path, TARGETS[target])

@@ -20,7 +20,7 @@ SOURCES = Path(__file__).resolve().parent / "c"
 Kind = Literal["engine", "clap", "plugin"]
 
 _CORE = ("core", "core_check", "core_follow", "core_kernels", "core_state", "core_threads")
-_ENGINE = (*_CORE, "bank", "checksum", "drone_score", "midi", "portable_math")
+_ENGINE = (*_CORE, "bank", "bank_predict", "bank_unpack", "checksum", "drone_score", "midi", "portable_math")
 _PLUGIN = ("plugin", "plugin_block", "plugin_drone", "plugin_rebuild", "plugin_state", "plugin_text", "plugin_wishes")
 _CLAP = ("clap", "clap_events", "clap_extensions")
 _FORMATS = ("lv2", "lv2_time", "vst3", "vst3_component", "vst3_controller", "vst3_midi", "vst3_processor", "vst3_text")

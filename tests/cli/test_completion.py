@@ -31,6 +31,7 @@ LINES = [
     ("synth simulate hard/two", ["hard/two-close"]),
     ("synth simulate my", ["my.toml"]),
     ("synth export tanpura jawari", ["jawari-harp"]),
+    ("synth export tanpura --target win", ["windows-x86-64"]),
 ]
 
 

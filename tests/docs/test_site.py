@@ -57,6 +57,16 @@ def stub_sounds(folder: Path) -> None:
     (folder / "sounds.json").write_text(json.dumps(sounds), encoding="utf-8")
 
 
+def stub_instruments(folder: Path) -> None:
+    """What `tools/live` leaves where there is no engine for web pages."""
+    folder.mkdir(parents=True)
+    names = {
+        name for page in DOCS.rglob("*.md") for name in re.findall(r"<!-- instrument: ([a-z0-9-]+) -->", page.read_text())
+    }
+    listed = [{"name": name, "title": name, "file": None, "bytes": 0} for name in sorted(names)]
+    (folder / "live.json").write_text(json.dumps(listed), encoding="utf-8")
+
+
 def build(configuration: Path, site: Path, built: Path) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "JAWARI_DOCS_BUILD": str(built), "NO_MKDOCS_2_WARNING": "1"}
     return subprocess.run(
@@ -72,6 +82,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site as `tools/docs` builds it, with players of nothing."""
     folder = tmp_path_factory.mktemp("docs").resolve()
     stub_sounds(folder / "build" / "sounds")
+    stub_instruments(folder / "build" / "live")
     reference = REPOSITORY / "tools" / "reference"
     if reference.is_file():
         subprocess.run([sys.executable, str(reference), str(folder / "build" / "reference")], check=True)

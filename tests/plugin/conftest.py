@@ -11,7 +11,10 @@ import pytest
 from synth.instrument.preset import load_preset
 from synth.jit.kernel_cache import cache_folder
 from synth.plugin import library as native_library
+from synth.plugin import webfolder
 from synth.plugin.bankfile import bank
+from synth.plugin.description import describe
+from synth.plugin.droning import DroneSettings
 
 from . import songs, vst3host
 from .native import Library
@@ -105,3 +108,29 @@ def instance(factory: vst3host.Factory):
     made = vst3host.Instance(factory)
     yield made
     made.close()
+
+
+@pytest.fixture(scope="session")
+def web_library() -> Path:
+    """The engine as WebAssembly, as JAWARI_TEST_WASM names it."""
+    if "JAWARI_TEST_WASM" not in os.environ:
+        pytest.skip("no engine for web pages: JAWARI_TEST_WASM names none")
+    return Path(os.environ["JAWARI_TEST_WASM"])
+
+
+@pytest.fixture(scope="session")
+def web_folders(web_library: Path, tmp_path_factory) -> dict[str, Path]:
+    """Instruments for web pages: a tanpura, one with a drone, and a tanpura with a bass as two programs."""
+    folder = tmp_path_factory.mktemp("web")
+    tanpura, bass = load_preset("tanpura"), load_preset("fretted-bass")
+    drone = DroneSettings(sa_hz=130.8).on(tanpura)
+    banks = {
+        "tanpura": ([tanpura], None),
+        "tanpura-drone": ([drone.strings.preset], drone),
+        "two": ([tanpura, bass], None),
+    }
+    for name, (presets, played) in banks.items():
+        data = bank(presets, [webfolder.RATE_HZ], name=name, drone=played, quality="draft")
+        about = describe(presets, name, played.parameters() if played else ())
+        webfolder.write(folder / name, web_library.read_bytes(), data, about)
+    return {name: folder / name for name in banks}

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from synth.instrument.preset import Preset
-from synth.plugin import bundle, library
+from synth.plugin import bundle
 from synth.plugin.bankfile import bank
 from synth.plugin.description import describe
+from synth.plugin.targets import TARGETS
 from tests.engine.kit import NECK
 
 from .hostruns import play, same, song_of
@@ -27,9 +28,9 @@ PRESET: Preset = NECK
 def folder(library_file: Path, tmp_path_factory) -> Path:
     """A VST3 and an LV2 plugin of a small preset."""
     made = tmp_path_factory.mktemp("hosts")
-    whole = library.with_bank(library_file, bank([PRESET], [RATE_HZ]))
+    plugins = bundle.Plugins(library_file, bank([PRESET], [RATE_HZ]), describe([PRESET]), TARGETS["linux-x86-64"])
     for kind in ("vst3", "lv2"):
-        bundle.write(kind, made / f"{PRESET.name}.{kind}", whole, describe([PRESET]))
+        plugins.write(kind, made / f"{PRESET.name}.{kind}")
     return made
 
 

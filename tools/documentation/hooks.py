@@ -1,7 +1,7 @@
-"""What the site adds to MkDocs: pages that are generated, navigation by folder, formulas, players.
+"""What the site adds to MkDocs: pages that are generated, navigation by folder, formulas, players, instruments.
 
-The reference is read from build/docs/reference and the sounds from build/docs/sounds, where `tools/docs` puts them; another
-folder in place of build/docs is named by JAWARI_DOCS_BUILD (the tests').
+The reference is read from build/docs/reference, the sounds from build/docs/sounds, the instruments from build/docs/live,
+where `tools/docs` puts them; another folder in place of build/docs is named by JAWARI_DOCS_BUILD (the tests').
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 import formulas
+import live
 import players
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -35,6 +36,9 @@ def generated() -> dict[str, Path]:
         for path in sorted((build / folder).rglob("*")):
             if path.is_file() and path.suffix in (".md", ".svg", ".png", ".ogg", ".css"):
                 found[path.relative_to(build).as_posix()] = path
+    for path in sorted((build / "live").glob("*")):
+        if path.suffix in (".js", ".css", ".wasm", ".jawari"):
+            found[path.relative_to(build).as_posix()] = path
     return found
 
 
@@ -56,10 +60,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Put the players where a page asks for them; a page that lies at the top of the repository links to docs/."""
+    """Put players and instruments where a page asks for them; a page at the top of the repository links to docs/."""
     if page.file.src_uri in ELSEWHERE:
         markdown = markdown.replace("](docs/", "](")
-    return players.fill(markdown, page.file.src_uri, build_folder() / "sounds")
+    markdown = players.fill(markdown, page.file.src_uri, build_folder() / "sounds")
+    return live.fill(markdown, page.file.src_uri, build_folder() / "live")
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:

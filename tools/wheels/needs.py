@@ -8,8 +8,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 #: parts of glibc, the only libraries of a system that such a wheel may ask for
-SYSTEM = frozenset({"libc.so.6", "libm.so.6", "libpthread.so.0", "libdl.so.2", "librt.so.1", "ld-linux-x86-64.so.2"})
-_X86_64 = 62
+SYSTEM = frozenset(
+    {
+        "libc.so.6",
+        "libm.so.6",
+        "libpthread.so.0",
+        "libdl.so.2",
+        "librt.so.1",
+        "ld-linux-x86-64.so.2",
+        "ld-linux-aarch64.so.1",
+    }
+)
+#: number of a processor in a shared object: what wheels call it, and the oldest systems that they name for it
+_PROCESSORS = {62: ("x86_64", (2, 5)), 183: ("aarch64", (2, 17))}
 _DYNAMIC, _VERSIONS_NEEDED, _NEEDED = 6, 0x6FFFFFFE, 1
 
 
@@ -19,10 +30,12 @@ class Unfit(ValueError):
 
 @dataclass(frozen=True)
 class Needs:
-    """libraries: files that the loader looks for; versions: names of symbol versions in them ("GLIBC_2.17")."""
+    """libraries: files that the loader looks for; versions: names of symbol versions in them ("GLIBC_2.17"); machine: number
+    of the processor."""
 
     libraries: tuple[str, ...]
     versions: tuple[str, ...]
+    machine: int
 
 
 @dataclass(frozen=True)
@@ -34,10 +47,10 @@ class _Section:
 
 
 def needs(data: bytes) -> Needs:
-    """What a shared object asks for. Raises Unfit for what is none of Linux on x86-64."""
+    """What a shared object asks for. Raises Unfit for what is none of Linux on x86-64 or arm64."""
     try:
-        if data[:6] != b"\x7fELF\x02\x01" or struct.unpack_from("<H", data, 18)[0] != _X86_64:
-            raise Unfit("is no shared object for Linux on x86-64")
+        if data[:6] != b"\x7fELF\x02\x01" or (machine := struct.unpack_from("<H", data, 18)[0]) not in _PROCESSORS:
+            raise Unfit("is no shared object for Linux on x86-64 or arm64")
         sections = list(_sections(data))
         libraries, versions = [], []
         for section in sections:
@@ -50,7 +63,7 @@ def needs(data: bytes) -> Needs:
                 versions += _versions(section, sections[section.link].data)
     except (struct.error, IndexError, ValueError) as error:
         raise error if isinstance(error, Unfit) else Unfit(f"is a damaged shared object: {error}") from error
-    return Needs(tuple(libraries), tuple(sorted(set(versions))))
+    return Needs(tuple(libraries), tuple(sorted(set(versions))), machine)
 
 
 def platform(data: bytes) -> str:
@@ -61,13 +74,13 @@ def platform(data: bytes) -> str:
     asked = needs(data)
     if others := sorted(set(asked.libraries) - SYSTEM):
         raise Unfit(f"needs {', '.join(others)}, which some systems lack")
-    newest = (2, 5)  # of the oldest systems that wheels name
+    processor, newest = _PROCESSORS[asked.machine]
     for name in asked.versions:
         found = re.fullmatch(r"GLIBC_(\d+)\.(\d+)(\.\d+)?", name)
         if found is None:
             raise Unfit(f"needs symbols of the version {name}, which no release of glibc promises")
         newest = max(newest, (int(found[1]), int(found[2])))
-    return f"manylinux_{newest[0]}_{newest[1]}_x86_64"
+    return f"manylinux_{newest[0]}_{newest[1]}_{processor}"
 
 
 def _sections(data: bytes) -> Iterator[_Section]:

@@ -61,6 +61,14 @@ JAWARI_API jawari_bank *jawari_open_bytes(const void *data, size_t size, char *w
  * the library's bundle, or beside the library where it has none. Opened twice it is there once. */
 JAWARI_API jawari_bank *jawari_open_own(char *why);
 
+/* A packed bank: a bank without what follows from the rest of it, as web pages load it. How many bytes it has unpacked; −1: these
+ * bytes are none. */
+JAWARI_API int64_t jawari_unpacked_size(const void *packed, size_t size);
+
+/* The bank, into exactly so many bytes on a border of eight (of 64, to be played from there): 0, or −1 and what is there is of no
+ * use, where the packed bank was changed or cut off. */
+JAWARI_API int jawari_unpack(const void *packed, size_t size, void *out, size_t room, char *why);
+
 /* Another hold on an open bank, to be closed as well. */
 JAWARI_API jawari_bank *jawari_hold(jawari_bank *bank);
 

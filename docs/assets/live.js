@@ -1,0 +1,21 @@
+// Instruments to be played on a page: each comes when its button is pressed.
+document.addEventListener("click", async ({ target }) => {
+  const place = target.closest?.(".live");
+  if (!place || !target.closest("button")) return;
+  const here = (name) => new URL(place.dataset.live + name, document.baseURI).href;
+  if (location.protocol === "file:") {
+    place.textContent = "Browsers load no instruments beside pages that are opened from a disk: ./tools/docs --serve serves this site.";
+    return;
+  }
+  target.closest("button").disabled = true;
+  try {
+    const { mountInstrument } = await import(here("jawari.js"));
+    const instrument = document.createElement("div");
+    const [wasm, bank, worklet, style] = ["jawari.wasm", place.dataset.bank, "jawari-worklet.js", "jawari.css"].map(here);
+    place.after(instrument);
+    place.remove();
+    mountInstrument(instrument, { wasm, bank, worklet, style });
+  } catch (error) {
+    place.textContent = `The instrument does not come: ${error.message}`;
+  }
+});

@@ -1,0 +1,85 @@
+// The engine in the audio thread. It is given the bytes of the module and of the bank when it is made, and only events later.
+//
+// in   {kind, channel, a, b, value}   an event of jawari.h
+//      {midi: Uint8Array}             a MIDI message
+//      {drone: "start" | "stop" | "seconds" | "velocity" | "tonic", value}
+//      {reset: true}                  silence, everything as it came
+//      {rest: boolean}                compute nothing, as nobody listens
+//      {measure: number}              asks for figures; {clear: true} begins anew with them
+// out  {ready: what the bank says of itself, took_ms}, or {failed: why}; {figures, measure: number}
+
+import { Drone } from "./drone.js";
+import { clock, Measure } from "./measure.js";
+import { Module, PARAMETER } from "./module.js";
+import { warmUp } from "./warm.js";
+
+class Instrument extends AudioWorkletProcessor {
+  constructor({ processorOptions: { wasm, bank, measure } }) {
+    super();
+    this.resting = false;
+    this.measure = measure ? new Measure() : null;
+    this.module = this.drone = null;
+    const begun = Date.now();
+    try {
+      const module = new Module(wasm, bank, sampleRate);
+      const described = module.described();
+      const score = module.score();
+      if (score) this.drone = new Drone(module, score, sampleRate);
+      this.presets = described.presets;
+      warmUp(module, this.drone, described, sampleRate, clock);
+      this.module = module;
+      this.asItCame();
+      this.port.onmessage = ({ data }) => this.hear(data);
+      const drone = this.drone && this.drone.settings;
+      this.port.postMessage({ ready: { ...described, drone }, took_ms: Date.now() - begun });
+    } catch (error) {
+      this.port.postMessage({ failed: error.message });
+    }
+  }
+
+  asItCame() {
+    if (!this.drone) return;
+    this.drone.reset();
+    for (const { index, initial } of this.presets[this.drone.part].parameters) this.drone.heed(this.drone.part, index, initial);
+  }
+
+  hear(data) {
+    const { module, drone } = this;
+    if (data.kind !== undefined) {
+      module.put(0, data.kind, data.channel, data.a, data.b, data.value);
+      if (data.kind === PARAMETER) drone?.heed(data.channel, data.a, data.value);
+    } else if (data.midi) module.putMidi(data.midi);
+    else if (data.drone === "start") drone?.start();
+    else if (data.drone === "stop") drone?.stop();
+    else if (data.drone) drone?.set(data.drone, data.value);
+    else if (data.reset) {
+      module.reset();
+      this.asItCame();
+      this.fading = true;
+    } else if (data.rest !== undefined) this.resting = data.rest;
+    else if (data.clear) this.measure?.clear();
+    else if (data.measure !== undefined) this.tell(data.measure);
+  }
+
+  tell(number) {
+    const { module } = this;
+    const figures = { ...this.measure?.figures(), voices: module.voices(), notes: module.notes(), dropped: module.dropped };
+    this.port.postMessage({ figures, measure: number });
+  }
+
+  process(inputs, outputs) {
+    const { module, drone, measure } = this;
+    if (!module) return false;
+    const left = outputs[0][0];
+    const waits = drone !== null && drone.waits();
+    if (this.resting || (!waits && !this.fading && module.silent())) return true;
+    this.fading = false;
+    const begun = measure ? clock() : 0;
+    if (drone) drone.play(left.length);
+    module.play(left, outputs[0][1]);
+    if (measure) measure.block(clock() - begun, (1000 * left.length) / sampleRate, left, outputs[0][1]);
+    return true;
+  }
+}
+
+registerProcessor("jawari", Instrument);

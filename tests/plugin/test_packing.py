@@ -1,0 +1,179 @@
+"""Packed banks: exactly the bank again, in C and in Python; refusal of what was changed; the sound of levelled banks."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import shutil
+import subprocess
+import zlib
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from synth.instrument.preset import load_preset
+from synth.midi.events import NOTE_ON
+from synth.plugin import packing, predicted
+from synth.plugin.bankfile import HEADER, RATE, Laid, bank, laid_out
+from synth.plugin.library import SOURCES, compiler
+from synth.plugin.packed_models import Models, models_of
+
+#: a bridge, frets with modes in float32, a body that strings share, a board, no contact at all
+PRESETS = ("tanpura", "fretted-bass", "steel-guitar", "flatwound-fretless", "harpsichord")
+UNPACKING = ("bank_predict.c", "bank_unpack.c", "checksum.c")
+
+
+@cache
+def made(name: str) -> tuple[bytes, list[Laid], Models]:
+    data, laid = laid_out([load_preset(name)], [48000.0], quality="draft" if name == "steel-guitar" else "standard")
+    return data, laid, models_of(laid)
+
+
+def c_unpacked(library, packed: bytes) -> bytes | str:
+    """The bank, or why there is none."""
+    size = library.jawari_unpacked_size(packed, ctypes.c_size_t(len(packed)))
+    room, why = np.zeros(max(0, size), np.uint8), ctypes.create_string_buffer(512)
+    at = ctypes.c_void_p(room.ctypes.data)
+    failed = library.jawari_unpack(packed, ctypes.c_size_t(len(packed)), at, ctypes.c_size_t(room.size), why)
+    return why.value.decode() if failed else room.tobytes()
+
+
+@pytest.fixture(scope="module")
+def native(tmp_path_factory) -> ctypes.CDLL:
+    """What unpacks, alone: it needs nothing else of the library."""
+    made = tmp_path_factory.mktemp("unpack") / "unpack.so"
+    sources = [str(SOURCES / name) for name in UNPACKING]
+    flags = ["-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared"]
+    subprocess.run([*compiler(), *flags, "-o", str(made), *sources, "-lm"], check=True)
+    library = ctypes.CDLL(str(made))
+    library.jawari_unpacked_size.restype = ctypes.c_int64
+    return library
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_packed_bank_is_the_bank_again_in_c_and_in_python(native, name):
+    data, _, models = made(name)
+    for whole in (data, packing.level(data, models)):
+        packed = packing.pack(whole, models)
+        assert len(packed) < 0.6 * len(whole)
+        assert packing.unpack(packed) == whole
+        assert c_unpacked(native, packed) == whole
+
+
+def test_a_bank_of_several_presets_and_rates(native):
+    presets = [load_preset("tanpura"), load_preset("fretted-bass")]
+    data, laid = laid_out(presets, [48000.0, 96000.0], quality="draft")
+    assert data == bank(presets, [48000.0, 96000.0], quality="draft")
+    assert [each.engine.rate_hz for each in laid] == [48000.0, 96000.0]
+    packed = packing.pack(data, models_of(laid))
+    assert c_unpacked(native, packed) == packing.unpack(packed) == data
+
+
+def test_models_that_say_nothing_true_cost_room_and_nothing_else(native):
+    data, _, models = made("tanpura")
+    wrong = models._replace(strings=models.strings * 1.1, places=models.places[::-1] * 0.5)
+    packed = packing.pack(data, wrong)
+    assert c_unpacked(native, packed) == packing.unpack(packed) == data
+    assert len(packed) > len(packing.pack(data, models))
+
+
+@pytest.mark.parametrize("name", ["fretted-bass", "steel-guitar"])
+def test_a_packed_bank_is_small(name):
+    """zlib, which comes with Python, stands for what a server does: brotli makes it smaller still."""
+    data, _, models = made(name)
+    packed = packing.pack(packing.level(data, models), models)
+    assert len(zlib.compress(packed, 9)) < 250_000 < len(zlib.compress(data, 9)) / 10
+
+
+def test_a_levelled_bank_has_right_checksums_and_what_it_changes_is_small():
+    data, laid, models = made("fretted-bass")
+    levelled = packing.level(data, models)
+    header = np.frombuffer(levelled, HEADER, 1).copy()
+    whole, header["checksum"] = int(header["checksum"][0]), 0
+    end, first = int(header["tables_end"][0]), int(header["rates_at"][0])
+    assert zlib.crc32(levelled[HEADER.itemsize : end], zlib.crc32(header.tobytes())) == whole
+    row = np.frombuffer(levelled, RATE, 1, first)[0]
+    begin = int(row["at"])
+    assert zlib.crc32(levelled[begin : begin + int(row["size"])]) == row["checksum"]
+    [rate] = laid
+    for model in rate.engine._strings.models:
+        for name in ("rows", "shapes", "weights", "matrix", "lags", "omega", "sigma", "residual"):
+            held = getattr(model, name)
+            if held.nbytes:
+                now = np.frombuffer(levelled, np.float64, held.size, rate.place(held)).reshape(held.shape)
+                assert np.abs(now - held).max() <= 2.0**-24 * np.abs(held).max(), name
+        residual = model.residual
+        if residual.size:
+            now = np.frombuffer(levelled, np.float64, residual.size, rate.place(residual)).reshape(residual.shape)
+            assert np.array_equal(now, now.T) and np.linalg.eigvalsh(now - residual)[0] >= -1e-15 * residual.max()
+
+
+def test_a_levelled_bank_plays(library, tmp_path):
+    data, _, models = made("fretted-bass")
+    sounds = []
+    for name, whole in (("as it is", data), ("levelled", packing.level(data, models))):
+        path = tmp_path / name
+        path.write_bytes(whole)
+        engine = library.open_bank(path).engine(48000.0)
+        sounds.append(engine.play([(0, NOTE_ON, 0, 40, 90)], 12000))
+    assert np.abs(sounds[0]).max() > 1e-3
+    assert 0.0 < np.abs(sounds[1] - sounds[0]).max() < 1e-3 * np.abs(sounds[0]).max()
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda p: b"", "does not begin"),
+        (lambda p: b"JAWARIBK" + p[8:], "does not begin"),
+        (lambda p: p[:8] + b"\x09" + p[9:], "version 9"),
+        (lambda p: p[:-1], "cut off"),
+        (lambda p: p + b"\0", "cut off"),
+        (lambda p: p[:-1] + bytes([p[-1] ^ 1]), "checksum"),
+        (lambda p: p[:12] + bytes([p[12] ^ 1]) + p[13:], "checksum"),
+        (lambda p: p[:32] + b"\xff\xff\xff\xff" + p[36:], "cut off"),
+        (lambda p: p[:56] + b"\xff" * 8 + p[64:], "outside"),
+    ],
+)
+def test_a_changed_one_is_refused(native, change, why):
+    data, _, models = made("tanpura")
+    assert why in c_unpacked(native, change(packing.pack(data, models)))
+
+
+def test_python_refuses_a_changed_one():
+    data, _, models = made("tanpura")
+    packed = packing.pack(data, models)
+    with pytest.raises(ValueError, match="no packed bank"):
+        packing.unpack(b"JAWARIBK" + packed[8:])
+    with pytest.raises(ValueError, match="checksum"):
+        packing.unpack(packed[:-1] + bytes([packed[-1] ^ 1]))
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is needed, for its sanitizers")
+def test_no_bytes_make_it_read_or_write_elsewhere(tmp_path):
+    data, _, models = made("tanpura")
+    (tmp_path / "packed").write_bytes(packing.pack(data, models))
+    program = tmp_path / "fuzz"
+    sources = [str(Path(__file__).with_name("unpackfuzz.c")), *(str(SOURCES / name) for name in UNPACKING)]
+    flags = [
+        "-std=c11",
+        "-O1",
+        "-ffp-contract=off",
+        "-fsanitize=address,undefined",
+        "-fno-sanitize-recover=all",
+        f"-I{SOURCES}",
+    ]
+    subprocess.run(["gcc", *flags, "-o", str(program), *sources, "-lm"], check=True)
+    ran = subprocess.run([str(program), str(tmp_path / "packed"), "4000", "5"], capture_output=True, text=True, check=True)
+    refused, silent, wrong = map(int, ran.stdout.split())
+    assert refused > 3500 and silent == wrong == 0
+
+
+def test_functions_are_right_to_the_last_place_but_one():
+    dice = np.random.default_rng(4)
+    for x in (*dice.uniform(0.0, 1000.0, 2000), *dice.uniform(0.0, 2.0, 2000), 0.0):
+        for guess, right in ((predicted.sine(x), math.sin(x)), (predicted.cosine(x), math.cos(x))):
+            assert abs(guess - right) <= math.ulp(right)
+        less, low = predicted.exponential_less_1(-x / 2.0)
+        assert abs(less + low - math.expm1(-x / 2.0)) <= math.ulp(math.expm1(-x / 2.0))
