@@ -4,6 +4,7 @@ banks that are no files."""
 from __future__ import annotations
 
 import ctypes
+import os
 import re
 import shutil
 import subprocess
@@ -12,14 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from synth.midi.events import EVENT
 from synth.plugin import library as native_library
 from synth.plugin.emit import table_symbol
 from synth.plugin.links import compiling
 from synth.plugin.sources import SOURCES, sources
-from synth.plugin.targets import TARGETS, WEB, Target
+from synth.plugin.targets import PORTABLE, TARGETS, WEB, Target
 from synth.plugin.wasmbank import with_own_bank
 
-from .native import Bank, Refused
+from .native import Bank, Library, Refused
 
 EVERY = [*TARGETS.values(), WEB]
 #: files that may ask for the system: those of systems, the declaration of what is exported, VST 3's own numbers
@@ -208,6 +210,97 @@ def test_what_stands_behind_its_end_counts_before_what_lies_beside(own_bank, tmp
     program.write_bytes(native_library.with_bank(own_bank, b"JAWARIBK own"))
     program.chmod(0o755)
     assert _said(program) == [str(program), "JAWARIBK", "own"]
+
+
+# --- sound on other systems ---
+
+FRAMES, RATE_HZ = 20000, 44100.0
+
+
+@pytest.fixture(scope="module")
+def portable(tmp_path_factory):
+    """Gives the library of a target with portable kernels alone, made once."""
+    folder, made = tmp_path_factory.mktemp("portable"), {}
+
+    def of(target: Target) -> Path:
+        if target not in made:
+            place = folder / target.name
+            made[target] = native_library.build(place, PORTABLE, target=target, command=_zig(target))
+        return made[target]
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def two_notes(portable, bank_files, tmp_path_factory) -> tuple[Path, np.ndarray]:
+    """A bank, and two notes of it as portable kernels play them here."""
+    loaded = Library(portable(TARGETS["linux-x86-64"]))
+    played = loaded.open_bank(bank_files["fretted-bass"]).engine(threads=2).play(NOTES, FRAMES, FRAMES)
+    assert loaded.processor(None) == b"portable" and np.abs(played).max() > 0.1
+    return bank_files["fretted-bass"], played
+
+
+def _started(target: Target) -> list[str]:
+    """How a program of another system is started here."""
+    if target.system == "windows":
+        wine = shutil.which("wine64") or shutil.which("wine64", path="/usr/lib/wine")
+        if wine is None:
+            pytest.skip("Wine is not installed (apt-get install wine64)")
+        return [wine]
+    folder = Path("/usr/aarch64-linux-gnu")
+    if shutil.which("qemu-aarch64") is None or not folder.is_dir():
+        pytest.skip("there is no AArch64 here (apt-get install qemu-user libc6-arm64-cross)")
+    return ["qemu-aarch64", "-L", str(folder)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["windows-x86-64", "linux-arm64"])
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_a_plugin_sounds_on_another_system_bit_for_bit(portable, two_notes, tmp_path, name, threads):
+    target = TARGETS[name]
+    start = _started(target)
+    bank, expected = two_notes
+    program = tmp_path / "clapplay.exe"
+    source = Path(__file__).with_name("clapplay.c")
+    libraries = ["-ldl"] if target.system == "linux" else []
+    compiled = [*_zig(target), "-std=c11", "-O1", f"-I{SOURCES}", "-o", str(program), str(source), *libraries]
+    subprocess.run(compiled, check=True)
+    (tmp_path / "bass.clap").write_bytes(native_library.with_bank(portable(target), bank.read_bytes()))
+    (tmp_path / "events").write_text(f"0 on 0 48 {100 / 127}\n99 on 0 43 {100 / 127}\n", encoding="utf-8")
+    settings = {"JAWARI_THREADS": threads, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all", "JAWARI_PYTHON": "0"}
+    done = subprocess.run(
+        [*start, str(program), "./bass.clap", str(RATE_HZ), str(FRAMES), "256", "events", "sound"],
+        cwd=tmp_path,
+        env=os.environ | settings,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[0] == "org.jawari.fretted-bass"
+    played = np.fromfile(tmp_path / "sound", np.float32).reshape(-1, 2)
+    np.testing.assert_array_equal(played, expected.astype(np.float32))
+
+
+@pytest.mark.slow
+def test_a_module_for_the_web_sounds_bit_for_bit(portable, two_notes):
+    wasmtime = pytest.importorskip("wasmtime", reason="runs WebAssembly (pip install wasmtime)")
+    bank, expected = two_notes
+    whole = with_own_bank(portable(WEB).read_bytes(), bank.read_bytes())
+    store = wasmtime.Store()
+    exports = wasmtime.Instance(store, wasmtime.Module(store.engine, whole), []).exports(store)
+    exports["_initialize"](store)
+    memory = exports["memory"]
+    engine = exports["jawari_create"](store, exports["jawari_open_own"](store, 0), RATE_HZ, 2, 0)
+    assert engine and exports["jawari_threads"](store, engine) == 1
+    events = np.array([(*note, 0.0) for note in NOTES], EVENT).tobytes()
+    sides = [exports["jawari_alloc"](store, 8 * FRAMES) for _ in range(2)]
+    at = exports["jawari_alloc"](store, len(events))
+    memory.write(store, events, at)
+    exports["jawari_process"](store, engine, at, len(NOTES), FRAMES, *sides)
+    for k, side in enumerate(sides):
+        played = np.frombuffer(bytes(memory.read(store, side, side + 8 * FRAMES)))
+        np.testing.assert_array_equal(played, expected[:, k])
 
 
 # --- banks that are no files ---

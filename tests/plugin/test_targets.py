@@ -108,7 +108,7 @@ def here(monkeypatch, tmp_path, capsys) -> Here:
     folder.mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.setenv("JAWARI_PYTHON", "0")
-    monkeypatch.setattr(bankfile, "bank", lambda *a, **b: BANK)
+    monkeypatch.setattr(bankfile, "laid_out", lambda *a, **b: (BANK, None))
     monkeypatch.setattr(shelf, "library_for", lambda target, bits, say: _some_bytes(tmp_path, target.library))
     return Here(folder, capsys)
 
@@ -528,7 +528,7 @@ def built(monkeypatch) -> list[tuple]:
     """What is built, in the place of a compiler: targets and levels."""
     asked = []
 
-    def build(folder: Path, target, levels, say=None) -> Path:
+    def build(folder: Path, target, levels, kind=None, say=None) -> Path:
         asked.append((target.name, tuple(levels)))
         if say is not None:
             say("kernels")

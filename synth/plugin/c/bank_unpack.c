@@ -459,7 +459,7 @@ static int unpack(struct unpacking *u, char *why) {
     }
     if (!all_read(u))
         return refuse(why, "there is more in it than belongs there");
-    if (crc32_of(0, u->out, u->room) != u->h.checksum)
+    if (crc32_of(0, u->out, (size_t)u->room) != u->h.checksum)
         return refuse(why, "it was changed (its checksum is wrong)");
     return 0;
 }
