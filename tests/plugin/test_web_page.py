@@ -279,6 +279,7 @@ def test_what_is_damaged_or_missing_is_named(
 
 def test_the_one_file_plays_from_a_disk(page: InstrumentPage, web_folders: dict[str, Path]) -> None:
     page.play_on((web_folders["tanpura"] / "tanpura.html").as_uri())
+    page.until(lambda: page.script("return instrument.root.adoptedStyleSheets[0].cssRules.length > 10"))
     page.hand().move_to_element(page.key(SA)).click().perform()
     sounds(page)
     assert page.errors() == []
@@ -289,6 +290,11 @@ def test_the_page_from_a_disk_says_what_to_do(page: InstrumentPage, web_folders:
     said = page.text(".first-aid")
     assert "python3 -m http.server" in said and "tanpura.html" in said
     page.driver.get_log("browser")
+
+
+def test_an_engine_that_ends_is_named(tanpura: InstrumentPage) -> None:
+    tanpura.script("instrument.engine.node.dispatchEvent(new Event('processorerror'))")
+    assert "The engine ended" in tanpura.said()
 
 
 @pytest.mark.parametrize("width", [390, 820, 1440])

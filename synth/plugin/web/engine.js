@@ -6,6 +6,8 @@ const SUSTAIN = 64;
 /** A note that was pressed before the browser let the context sound is held at least so long behind that [ms]. */
 const LEAST_HELD_MS = 300;
 const FADE_S = 0.015;
+/** A context that does not sound so long after a person has done something will not [ms]. */
+const SILENT_AFTER_MS = 2000;
 
 /** Kinds of events (jawari.h). */
 const EVENTS = { noteOn: 1, noteOff: 2, control: 3, bend: 4, program: 5, parameter: 6 };
@@ -62,7 +64,7 @@ function moduleIn(context, worklet) {
 /** Of the instruments of a page one sounds: the one that was played last. */
 let playing = null;
 
-/** Events: "state" when the context begins or ceases to sound. */
+/** Events: "state" when the context begins or ceases to sound, "rest" when another instrument is played, "failed" {detail: why}. */
 export class Engine extends EventTarget {
   /** @param {Assets} assets */
   constructor(assets) {
@@ -89,7 +91,11 @@ export class Engine extends EventTarget {
     const processorOptions = { wasm: wasmBytes, bank: bankBytes, measure };
     const node = new AudioWorkletNode(context, "jawari", { numberOfInputs: 0, outputChannelCount: [2], processorOptions });
     const answer = await new Promise((resolve, reject) => {
-      node.onprocessorerror = () => reject(new Error("the engine ended in the audio thread"));
+      node.addEventListener("processorerror", () => {
+        const why = "the engine ended in the audio thread; load the page again";
+        reject(new Error(why));
+        this.fail(why);
+      });
       node.port.onmessage = ({ data }) => {
         if (data.figures) {
           this.asked.get(data.measure)?.(data.figures);
@@ -118,7 +124,21 @@ export class Engine extends EventTarget {
       playing = this;
       this.send({ rest: false });
     }
-    if (shared && shared.state !== "running") shared.resume().catch(() => {});
+    this.resume();
+  }
+
+  /** Let the page sound, where what a person has just done allows it. */
+  resume() {
+    if (!shared || shared.state === "running") return;
+    shared.resume().catch(() => {});
+    clearTimeout(this.silent);
+    this.silent = setTimeout(() => {
+      if (!this.sounding && playing === this) this.fail("this browser plays no sound: allow it, or plug in an audio output");
+    }, SILENT_AFTER_MS);
+  }
+
+  fail(why) {
+    this.dispatchEvent(new CustomEvent("failed", { detail: why }));
   }
 
   /** Another instrument of the page is played. */
@@ -207,7 +227,8 @@ export class Engine extends EventTarget {
   /** Never to be heard again. */
   close() {
     if (playing === this) playing = null;
-    this.send({ rest: true });
+    clearTimeout(this.silent);
+    this.send({ close: true });
     this.gain?.disconnect();
   }
 }

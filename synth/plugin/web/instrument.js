@@ -12,6 +12,7 @@ const BEND_MOST = 8191;
 const CONTROLLER_MOST = 127;
 const QUIETEST_DB = -40;
 const LOUDEST_DB = 12;
+const SLOW_MS = 4000;
 const styles = new Map();
 let typist = null;
 
@@ -51,10 +52,12 @@ class Instrument {
     this.sliders = [];
     this.part = 0;
     this.engine = new Engine(assets);
+    this.begin();
     this.ready = this.engine.ready.then(
       (bank) => {
         this.build(bank);
         place.dataset.state = "ready";
+        this.readyAt = performance.now();
         return bank;
       },
       (error) => {
@@ -64,6 +67,19 @@ class Instrument {
       },
     );
     this.ready.catch(() => {});
+  }
+
+  /** While it comes: some browsers make the audio thread only after a person has done something. */
+  begin() {
+    const wake = () => this.engine.resume();
+    const names = ["pointerdown", "keydown"];
+    for (const name of names) document.addEventListener(name, wake, { passive: true, capture: true });
+    const asking = setTimeout(() => this.say("Loading the strings … press anywhere if this takes long."), SLOW_MS);
+    const end = () => {
+      clearTimeout(asking);
+      for (const name of names) document.removeEventListener(name, wake, { capture: true });
+    };
+    this.engine.ready.then(end, end);
   }
 
   say(text, wrong = false) {
@@ -207,6 +223,10 @@ class Instrument {
       frame.addEventListener(name, wake, { passive: true, capture: true });
     this.ended.push(playByTyping(keyboard, () => typist === this));
     engine.addEventListener("rest", () => this.asItCame());
+    engine.addEventListener("failed", ({ detail }) => this.say(detail[0].toUpperCase() + detail.slice(1) + ".", true));
+    engine.addEventListener("state", () => {
+      if (engine.sounding && this.status.classList.contains("wrong")) this.say("");
+    });
     const leave = () => keyboard.releaseAll();
     const hide = () => document.hidden && leave();
     window.addEventListener("blur", leave);

@@ -5,7 +5,7 @@ import { element } from "./elements.js";
 const NAMES = ["C", "C♯", "D", "D♯", "E", "F", "F♯", "G", "G♯", "A", "A♯", "B"];
 const BLACK = new Set([1, 3, 6, 8, 10]);
 /** Width of a white key at least [px]: with a mouse, and under a finger. */
-const LEAST_PX = { fine: 30, coarse: 44 };
+const LEAST_PX = { fine: 30, coarse: 42 };
 const SOFT = 25;
 const LOUD = 120;
 const TYPED = 90;

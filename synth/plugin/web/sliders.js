@@ -57,7 +57,6 @@ export function slider(range, change) {
     value = to;
     output.textContent = shown(value, range.unit);
     input.setAttribute("aria-valuetext", output.textContent);
-    input.style.setProperty("--place", `${input.value / STEPS}`);
   };
   const back = () => {
     input.value = String(Math.round(STEPS * placeOf(range, range.initial)));

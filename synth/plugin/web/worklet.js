@@ -5,6 +5,7 @@
 //      {drone: "start" | "stop" | "seconds" | "velocity" | "tonic", value}
 //      {reset: true}                  silence, everything as it came
 //      {rest: boolean}                compute nothing, as nobody listens
+//      {close: true}                  end, and let the memory go
 //      {measure: number}              asks for figures; {clear: true} begins anew with them
 // out  {ready: what the bank says of itself, took_ms}, or {failed: why}; {figures, measure: number}
 
@@ -57,6 +58,7 @@ class Instrument extends AudioWorkletProcessor {
       this.asItCame();
       this.fading = true;
     } else if (data.rest !== undefined) this.resting = data.rest;
+    else if (data.close) this.module = this.drone = this.port.onmessage = null;
     else if (data.clear) this.measure?.clear();
     else if (data.measure !== undefined) this.tell(data.measure);
   }
