@@ -56,7 +56,7 @@ def _environment(say: Callable[[str], None] | None) -> dict[str, str]:
     import numpy._core._multiarray_umath as umath  # type: ignore[import-not-found]
 
     from synth.plugin import retarget, shelf
-    from synth.plugin.targets import host
+    from synth.plugin.platforms import host
 
     target = host()
     if target is None or target.name != "linux-x86-64":

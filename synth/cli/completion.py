@@ -97,7 +97,7 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
 
     from synth.drone.swara import RATIOS, name_of
     from synth.instrument.preset import list_presets, preset_folder
-    from synth.plugin.targets import TARGETS
+    from synth.plugin.platforms import TARGETS
 
     own = preset_folder()
     cases = own / "cases"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, number, warner
 from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
 from synth.files.targets import check_folder
-from synth.plugin.targets import TARGETS, host
+from synth.plugin.platforms import TARGETS, host
 
 if TYPE_CHECKING:
     from synth.plugin.droning import DroneSettings

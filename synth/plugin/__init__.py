@@ -1,6 +1,6 @@
 """The engine without Python: its kernels behind a small C library, banks of presets for it, and plugins made of both.
 
-targets              systems and processors
+platforms            systems and processors
 emit, retarget       kernels → one object for the linker, for a level of processors and a target
 one_rounding, wasm_memory  what retarget changes for portable kernels, and for addresses of 32 bits
 library, shelf       objects and the C sources (c/) → libjawari.so; the one that is at hand, or is built

@@ -21,7 +21,7 @@ from synth.files.targets import check_folder, write_whole
 from synth.plugin import macbundle, macsign, turtle
 from synth.plugin.description import Description
 from synth.plugin.library import with_bank
-from synth.plugin.targets import Target
+from synth.plugin.platforms import Target
 
 FORMATS = ("clap", "vst3", "lv2")
 #: what a folder of each format may hold, relative to it; {} stands for any name

@@ -31,7 +31,7 @@ from synth.jit.kernel_sources import sources_id, users_cache
 from synth.jit.prebuilt import name_of
 from synth.native import processors
 from synth.plugin import retarget
-from synth.plugin.targets import TARGETS, Target
+from synth.plugin.platforms import TARGETS, Target
 
 #: levels of processors, and how many lanes their vectors have
 LANES: Mapping[str, int] = {"x86-64-v3": 4, "x86-64-v4": 8}

@@ -13,7 +13,7 @@ from synth.host.parts import files_read, load_presets
 from synth.plugin import bundle, wclap, webfolder
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
-from synth.plugin.targets import TARGETS, WEB
+from synth.plugin.platforms import TARGETS, WEB
 
 #: told how many strings are prepared, of how many
 Progress = Callable[[int, int], None]
@@ -78,7 +78,7 @@ def export(
 ) -> ExportReport:
     """Write a plugin in one or several formats, for one or several systems, or an instrument for web pages.
 
-    places        for each target (`targets.TARGETS`; or `WEB` alone) the path of each format, of a plugin of this name
+    places        for each target (`platforms.TARGETS`; or `WEB` alone) the path of each format, of a plugin of this name
     make_folders  the folders in which they lie are made
     progress      called with (strings that are compiled, all there are) after each
     say           told what takes time where a native library has to be built

@@ -3,7 +3,7 @@
     flags = compiling(target)
     text = made(["x86-64-v3"], version="0.12.0", kernels="…", sources="…")     # of `struct core_made`, c/core.h
 
-A target's are those that its system takes (`targets`); what they link needs the C library and nothing else.
+A target's are those that its system takes (`platforms`); what they link needs the C library and nothing else.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from synth.plugin.emit import table_symbol
+from synth.plugin.platforms import Target
 from synth.plugin.sources import Kind
-from synth.plugin.targets import Target
 
 #: what is seen from outside: the core's interface, and where hosts enter
 EXPORTED = ("jawari_*", "clap_entry", "GetPluginFactory", "ModuleEntry", "ModuleExit", "lv2_descriptor")

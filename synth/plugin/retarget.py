@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 
 from synth.plugin.one_rounding import with_one_rounding
-from synth.plugin.targets import Target
+from synth.plugin.platforms import Target
 from synth.plugin.wasm_memory import with_words
 
 #: the level of x86-64 and the lanes from which other processors' kernels are made: what all have

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from synth.plugin.targets import Target
+from synth.plugin.platforms import Target
 
 #: the folder of the C sources
 SOURCES = Path(__file__).resolve().parent / "c"

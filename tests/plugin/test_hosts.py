@@ -14,7 +14,7 @@ from synth.instrument.preset import Preset
 from synth.plugin import bundle
 from synth.plugin.bankfile import bank
 from synth.plugin.description import describe
-from synth.plugin.targets import TARGETS
+from synth.plugin.platforms import TARGETS
 from tests.engine.kit import NECK
 
 from .hostruns import play, same, song_of

@@ -31,7 +31,7 @@ from synth.jit.kernel_cache import cache_folder
 from synth.plugin import bankfile, bundle, library, macsign, shelf
 from synth.plugin.description import describe
 from synth.plugin.library import FOOT
-from synth.plugin.targets import PORTABLE, TARGETS, host
+from synth.plugin.platforms import PORTABLE, TARGETS, host
 from tests.patience import compiling_s
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))

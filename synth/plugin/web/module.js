@@ -55,14 +55,14 @@ export class Module {
   /** Room in the module's memory. */
   room(bytes) {
     const { x } = this;
-    const at = (x.jawari_alloc ?? x.jw_alloc)(bytes);
+    const at = x.jawari_alloc(bytes);
     if (!at) throw new Error(`the browser has no memory left for this instrument (${Math.ceil(bytes / 1e6)} MB more)`);
     return at;
   }
 
   release(at) {
     const { x } = this;
-    (x.jawari_free ?? x.jw_free)(at);
+    x.jawari_free(at);
   }
 
   stored(bytes) {
@@ -75,11 +75,11 @@ export class Module {
   unpacked(at, size) {
     const { x } = this;
     const begin = String.fromCharCode(...new Uint8Array(x.memory.buffer, at, Math.min(size, MAGIC.length)));
-    if (begin === MAGIC || !x.jawari_unpack) return { at, size };
-    const whole = x.jawari_unpacked_size(at, size);
-    if (!whole) return { at, size };
+    if (begin === MAGIC) return { at, size };
+    const whole = Number(x.jawari_unpacked_size(at, size));
+    if (whole < 0) return { at, size };
     const out = this.room(whole);
-    if (!x.jawari_unpack(at, size, out, whole, this.why)) throw new Error(this.reason());
+    if (x.jawari_unpack(at, size, out, whole, this.why) !== 0) throw new Error(this.reason());
     this.release(at);
     return { at: out, size: whole };
   }
