@@ -85,7 +85,7 @@ def on_aarch64() -> int:
     from synth.plugin import links
     from synth.plugin.library import SOURCES, kernels_version, zig
     from synth.plugin.platforms import TARGETS
-    from synth.plugin.sources import sources
+    from synth.plugin.c_sources import sources
 
     if shutil.which("qemu-aarch64") is None or zig() is None:
         print("qemu-aarch64 (apt-get install qemu-user) and ziglang (pip install ziglang) are needed", file=sys.stderr)

@@ -25,14 +25,14 @@ from synth.jit.kernel_sources import sources_id
 from synth.plugin.emit import LEVELS, EmitError, emit
 from synth.plugin.links import EXPORTED, KERNELS_MARK, SOURCES_MARK, compiling, linking, made
 from synth.plugin.platforms import TARGETS, Target, host
-from synth.plugin.sources import SOURCES, Kind, sources
+from synth.plugin.c_sources import SOURCES, Kind, sources
 
 NAME = TARGETS["linux-x86-64"].library
 #: behind a bank: where it begins (8 bytes), and this
 FOOT = b"JAWARIFT"
 _PAGE = 4096
 #: modules that say how a library is put together
-_PUT_TOGETHER = ("library", "links", "sources", "emit", "retarget", "one_rounding", "wasm_memory")
+_PUT_TOGETHER = ("library", "links", "c_sources", "emit", "retarget", "one_rounding", "wasm_memory")
 #: makes the object of a level at a path
 Kernels = Callable[[str, Path, Target], None]
 

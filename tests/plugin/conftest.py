@@ -15,6 +15,7 @@ from synth.plugin import webfolder
 from synth.plugin.bankfile import bank
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
+from synth.plugin.platforms import TARGETS, WEB, Target
 
 from . import songs, vst3host
 from .native import Library
@@ -45,12 +46,17 @@ def library_file(tmp_path_factory) -> Path:
         native_library.compiler()
     except native_library.BuildError as error:
         pytest.skip(str(error))
-    folder = cache_folder().parent / f"native-tests-{native_library.sources_version()}"
+    return _built(TARGETS["linux-x86-64"])
+
+
+def _built(target: Target) -> Path:
+    """The library of a target, kept beside the kernels; one process builds, the others wait."""
+    folder = cache_folder().parent / f"native-tests-{native_library.sources_version()}" / target.name
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # one process builds, the others wait
-        made = folder / native_library.NAME
-        return made if made.exists() else native_library.build(folder)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        made = folder / target.library
+        return made if made.exists() else native_library.build(folder, target=target)
 
 
 @pytest.fixture(scope="session")
@@ -112,10 +118,10 @@ def instance(factory: vst3host.Factory):
 
 @pytest.fixture(scope="session")
 def web_library() -> Path:
-    """The engine as WebAssembly, as JAWARI_TEST_WASM names it."""
-    if "JAWARI_TEST_WASM" not in os.environ:
-        pytest.skip("no engine for web pages: JAWARI_TEST_WASM names none")
-    return Path(os.environ["JAWARI_TEST_WASM"])
+    """The engine as WebAssembly of the sources as they are now, kept like the native library."""
+    if native_library.zig(WEB) is None:
+        pytest.skip("the engine for web pages is built by the package ziglang, which is missing: pip install ziglang")
+    return _built(WEB)
 
 
 @pytest.fixture(scope="session")
