@@ -5,7 +5,7 @@ emit, retarget       kernels → one object for the linker, for a level of proce
 one_rounding, wasm_memory  what retarget changes for portable kernels, and for addresses of 32 bits
 library, shelf       objects and the C sources (c/) → libjawari.so; the one that is at hand, or is built
 addresses, bankfile  the memory of prepared engines → the bytes of a bank
-predicted, packed_models, packing   a bank without what follows from the rest of it: as web pages load it
+predicted, packed_models, packed_bank   a bank without what follows from the rest of it: as web pages load it
 description, turtle  what a plugin says of itself; the same as LV2 wants it
 droning              the drone that a plugin plays by itself, as a table of a bank
 setup, recipe        what a player may turn of what is compiled in; what a bank of another setup is made of

@@ -1,4 +1,4 @@
-"""What a packed bank says of the models of its strings: where their tables lie, and what these follow from (`packing`).
+"""What a packed bank says of the models of its strings: where their tables lie, and what these follow from (`packed_bank`).
 
 Most of a bank are tables that follow from a few numbers: mode shapes from places, step coefficients from frequencies and
 decay rates, responses from both. `models_of` lists the numbers, MODEL, STRING and NUT each, for an engine that was prepared.

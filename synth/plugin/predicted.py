@@ -3,7 +3,7 @@
 Operations are + − × ÷, square root and floor of float64 alone, each rounded, in the order that stands here: nothing is
 contracted or reordered, and no function is called that mathematical libraries round in one way or another. c/bank_predict.c
 says the same in C, line by line. What a table holds differs from this by some units in the last place, mostly by none;
-`packing` stores the difference.
+`packed_bank` stores the difference.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ def quotient(omega: float, own: float, mass: float, q: float):
 def modes(string, linear: int, nut, ratio: float, loss: float, own: int, omega, sigma) -> None:
     """ω, σ of the first `own` modes: `physics.modes.model_frequencies` times `ratio`, `model_decay_rates` times `loss`.
 
-    string (9,) as `packing.STRING` has it; nut (M, 3): Hz, Q, kg.
+    string (9,) as `packed_models.STRING` has it; nut (M, 3): Hz, Q, kg.
     """
     length, tension, mu, bending, viscoelastic = string[0], string[1], string[2], string[3], string[4]
     thermoelastic, viscosity, density, diameter = string[5], string[6], string[7], string[8]

@@ -15,7 +15,7 @@ import pytest
 
 from synth.instrument.preset import load_preset
 from synth.midi.events import NOTE_ON
-from synth.plugin import packing, predicted
+from synth.plugin import packed_bank, predicted
 from synth.plugin.bankfile import HEADER, RATE, Laid, bank, laid_out
 from synth.plugin.library import SOURCES, compiler
 from synth.plugin.packed_models import Models, models_of
@@ -55,10 +55,10 @@ def native(tmp_path_factory) -> ctypes.CDLL:
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_packed_bank_is_the_bank_again_in_c_and_in_python(native, name):
     data, _, models = made(name)
-    for whole in (data, packing.level(data, models)):
-        packed = packing.pack(whole, models)
+    for whole in (data, packed_bank.level(data, models)):
+        packed = packed_bank.pack(whole, models)
         assert len(packed) < 0.6 * len(whole)
-        assert packing.unpack(packed) == whole
+        assert packed_bank.unpack(packed) == whole
         assert c_unpacked(native, packed) == whole
 
 
@@ -67,29 +67,29 @@ def test_a_bank_of_several_presets_and_rates(native):
     data, laid = laid_out(presets, [48000.0, 96000.0], quality="draft")
     assert data == bank(presets, [48000.0, 96000.0], quality="draft")
     assert [each.engine.rate_hz for each in laid] == [48000.0, 96000.0]
-    packed = packing.pack(data, models_of(laid))
-    assert c_unpacked(native, packed) == packing.unpack(packed) == data
+    packed = packed_bank.pack(data, models_of(laid))
+    assert c_unpacked(native, packed) == packed_bank.unpack(packed) == data
 
 
 def test_models_that_say_nothing_true_cost_room_and_nothing_else(native):
     data, _, models = made("tanpura")
     wrong = models._replace(strings=models.strings * 1.1, places=models.places[::-1] * 0.5)
-    packed = packing.pack(data, wrong)
-    assert c_unpacked(native, packed) == packing.unpack(packed) == data
-    assert len(packed) > len(packing.pack(data, models))
+    packed = packed_bank.pack(data, wrong)
+    assert c_unpacked(native, packed) == packed_bank.unpack(packed) == data
+    assert len(packed) > len(packed_bank.pack(data, models))
 
 
 @pytest.mark.parametrize("name", ["fretted-bass", "steel-guitar"])
 def test_a_packed_bank_is_small(name):
     """zlib, which comes with Python, stands for what a server does: brotli makes it smaller still."""
     data, _, models = made(name)
-    packed = packing.pack(packing.level(data, models), models)
+    packed = packed_bank.pack(packed_bank.level(data, models), models)
     assert len(zlib.compress(packed, 9)) < 250_000 < len(zlib.compress(data, 9)) / 10
 
 
 def test_a_levelled_bank_has_right_checksums_and_what_it_changes_is_small():
     data, laid, models = made("fretted-bass")
-    levelled = packing.level(data, models)
+    levelled = packed_bank.level(data, models)
     header = np.frombuffer(levelled, HEADER, 1).copy()
     whole, header["checksum"] = int(header["checksum"][0]), 0
     end, first = int(header["tables_end"][0]), int(header["rates_at"][0])
@@ -113,7 +113,7 @@ def test_a_levelled_bank_has_right_checksums_and_what_it_changes_is_small():
 def test_a_levelled_bank_plays(library, tmp_path):
     data, _, models = made("fretted-bass")
     sounds = []
-    for name, whole in (("as it is", data), ("levelled", packing.level(data, models))):
+    for name, whole in (("as it is", data), ("levelled", packed_bank.level(data, models))):
         path = tmp_path / name
         path.write_bytes(whole)
         engine = library.open_bank(path).engine(48000.0)
@@ -138,22 +138,22 @@ def test_a_levelled_bank_plays(library, tmp_path):
 )
 def test_a_changed_one_is_refused(native, change, why):
     data, _, models = made("tanpura")
-    assert why in c_unpacked(native, change(packing.pack(data, models)))
+    assert why in c_unpacked(native, change(packed_bank.pack(data, models)))
 
 
 def test_python_refuses_a_changed_one():
     data, _, models = made("tanpura")
-    packed = packing.pack(data, models)
+    packed = packed_bank.pack(data, models)
     with pytest.raises(ValueError, match="no packed bank"):
-        packing.unpack(b"JAWARIBK" + packed[8:])
+        packed_bank.unpack(b"JAWARIBK" + packed[8:])
     with pytest.raises(ValueError, match="checksum"):
-        packing.unpack(packed[:-1] + bytes([packed[-1] ^ 1]))
+        packed_bank.unpack(packed[:-1] + bytes([packed[-1] ^ 1]))
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is needed, for its sanitizers")
 def test_no_bytes_make_it_read_or_write_elsewhere(tmp_path):
     data, _, models = made("tanpura")
-    (tmp_path / "packed").write_bytes(packing.pack(data, models))
+    (tmp_path / "packed").write_bytes(packed_bank.pack(data, models))
     program = tmp_path / "fuzz"
     sources = [str(Path(__file__).with_name("unpackfuzz.c")), *(str(SOURCES / name) for name in UNPACKING)]
     flags = [

@@ -1,4 +1,4 @@
-/* Packed banks made into banks again: what packing.py packs. Whatever the bytes are, nothing outside of them is read and nothing
+/* Packed banks made into banks again: what packed_bank.py packs. Whatever the bytes are, nothing outside of them is read and nothing
  * outside of the room is written; what is not exactly a packed bank is refused.
  */
 #include "bank_predict.h"
@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* as packed_models.TABLES, …WEIGHING, …MODEL, …NUMBERS, …STRING_INTEGERS, packing.KINDS */
+/* as packed_models.TABLES, …WEIGHING, …MODEL, …NUMBERS, …STRING_INTEGERS, packed_bank.KINDS */
 enum { OMEGA, SIGMA, RESIDUAL, SHAPES, ROWS_OF, WEIGHTS, MATRIX, LAGS, OUT_LAGS, SINGLE_ROWS, SINGLE_SHAPES, SINGLE_WEIGHTS, TABLES };
 enum { PLAIN, HEARD, FILTERED, SMOOTH };
 enum {
@@ -46,7 +46,7 @@ struct packed_header {
     uint64_t streams[KINDS][2];
     uint64_t rest;
 };
-_Static_assert(sizeof(struct packed_header) == 64 + 16 * KINDS, "as packing.PACKED");
+_Static_assert(sizeof(struct packed_header) == 64 + 16 * KINDS, "as packed_bank.PACKED");
 
 /* Codes and what follows them. */
 struct stream {
