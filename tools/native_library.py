@@ -83,9 +83,9 @@ def on_aarch64() -> int:
     """Builds a program of the core's C part and kernels for AArch64, lets it play, and prints how far that is from here; 1
     if that is more than rounding, 2 if it cannot be tried."""
     from synth.plugin import links
+    from synth.plugin.c_sources import sources
     from synth.plugin.library import SOURCES, kernels_version, zig
     from synth.plugin.platforms import TARGETS
-    from synth.plugin.c_sources import sources
 
     if shutil.which("qemu-aarch64") is None or zig() is None:
         print("qemu-aarch64 (apt-get install qemu-user) and ziglang (pip install ziglang) are needed", file=sys.stderr)

@@ -108,7 +108,7 @@ def export(
                 f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin does not support; map every key, or retune it "
                 "in the music program (MTS)"
             )
-    from synth.plugin import bankfile, packing, python_record, shelf
+    from synth.plugin import bankfile, packed_bank, python_record, shelf
     from synth.plugin.packed_models import models_of
 
     if WEB.name in paths:
@@ -134,7 +134,7 @@ def export(
                     wclap.write(path, module, bank)
                 else:
                     models = models_of(laid)
-                    bank = packing.pack(packing.level(bank, models), models)
+                    bank = packed_bank.pack(packed_bank.level(bank, models), models)
                     webfolder.write(path, module, bank, description)
             continue
         plugins = bundle.Plugins(native, bank, description, TARGETS[target])

@@ -22,10 +22,10 @@ from pathlib import Path
 
 import synth
 from synth.jit.kernel_sources import sources_id
+from synth.plugin.c_sources import SOURCES, Kind, sources
 from synth.plugin.emit import LEVELS, EmitError, emit
 from synth.plugin.links import EXPORTED, KERNELS_MARK, SOURCES_MARK, compiling, linking, made
 from synth.plugin.platforms import TARGETS, Target, host
-from synth.plugin.c_sources import SOURCES, Kind, sources
 
 NAME = TARGETS["linux-x86-64"].library
 #: behind a bank: where it begins (8 bytes), and this

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from synth.plugin.c_sources import Kind
 from synth.plugin.emit import table_symbol
 from synth.plugin.platforms import Target
-from synth.plugin.c_sources import Kind
 
 #: what is seen from outside: the core's interface, and where hosts enter
 EXPORTED = ("jawari_*", "clap_entry", "GetPluginFactory", "ModuleEntry", "ModuleExit", "lv2_descriptor")

@@ -16,9 +16,9 @@ import pytest
 from synth.jit.kernel_sources import sources_id
 from synth.plugin import emit, retarget
 from synth.plugin import library as native_library
+from synth.plugin.c_sources import sources
 from synth.plugin.library import EXPORTED, BuildError, version_of
 from synth.plugin.platforms import TARGETS, host
-from synth.plugin.c_sources import sources
 
 ROOT = Path(__file__).resolve().parents[2]
 #: of the C library and libm; who adds one looks whether a block may call it

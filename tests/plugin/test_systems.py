@@ -15,10 +15,10 @@ import pytest
 
 from synth.midi.events import EVENT
 from synth.plugin import library as native_library
+from synth.plugin.c_sources import SOURCES, sources
 from synth.plugin.emit import table_symbol
 from synth.plugin.links import compiling
 from synth.plugin.platforms import PORTABLE, TARGETS, WEB, Target
-from synth.plugin.c_sources import SOURCES, sources
 from synth.plugin.wasmbank import with_own_bank
 
 from .native import Bank, Library, Refused
