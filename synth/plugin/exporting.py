@@ -143,6 +143,7 @@ def export(
             if make_folders:
                 path.parent.mkdir(parents=True, exist_ok=True)
             plugins.write(kind, path)
+    if WEB.name not in natives:
         python_record.write()
     return ExportReport(
         name=description.id,
