@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from synth.cli import main
+from synth.plugin import shelf
 from tests.author.browser.running import chromium, why_not
 from tests.plugin.webserved import AS_COMES, INSTRUMENT, InstrumentPage, served
 
@@ -80,6 +82,20 @@ def test_a_key_sounds_under_the_mouse(tanpura: InstrumentPage, address: str) -> 
     asked = tanpura.script("return performance.getEntriesByType('resource').map((each) => each.name)")
     assert asked and all(each.startswith((address, "data:")) for each in asked)
     assert tanpura.errors() == []
+
+
+def test_the_page_that_the_command_writes_opens_its_bank(
+    page: InstrumentPage, web_library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shelf, "web_library", lambda kind, say: web_library)
+    command = ["export", "tanpura", "--drone", "--quality", "draft", "-f", "web", "-o", str(tmp_path / "it"), "--quiet"]
+    assert main(command) == 0
+    with served(tmp_path) as address:
+        page.play_on(f"{address}it/")
+        assert page.script("return instrument.bank.presets.length") == 1
+        page.inside(".drone-play").click()
+        sounds(page)
+        page.open_nothing()
 
 
 def test_nearer_is_louder_and_a_pulled_finger_goes_on_to_other_keys(tanpura: InstrumentPage) -> None:
