@@ -259,6 +259,30 @@ def test_blocks_are_measured_where_that_is_asked_for(tanpura: InstrumentPage) ->
     assert figures["blocks"] > 0 and 0 < figures["load"] and figures["dropped"] == 0
 
 
+def test_what_needs_much_of_the_processor_is_computed_farther_ahead_and_says_so(
+    page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(web_folders["tanpura-drone"], tmp_path / "it")
+    program = tmp_path / "it" / "jawari.js"
+    text, count = re.subn(r"^const HEAVY = [\d.]+;$", "const HEAVY = -1;", program.read_text(), flags=re.MULTILINE)
+    assert count == 1
+    program.write_text(text)
+    with served(tmp_path) as address:
+        page.play_on(f"{address}it/")
+        assert "needs much of the processor" in page.inside(".late").text
+        assert page.script("return instrument.engine.context.baseLatency") >= 0.02
+        page.inside(".drone-play").click()
+        sounds(page)
+        assert page.errors() == []
+        page.open_nothing()
+
+
+def test_others_have_the_browser_s_least_latency(tanpura: InstrumentPage) -> None:
+    if tanpura.script("return instrument.engine.load") < 0.7:
+        assert tanpura.script(f"return {INSTRUMENT}.shadowRoot.querySelector('.late')") is None
+        assert tanpura.script("return instrument.engine.context.baseLatency") < 0.02
+
+
 def damaged(folder: Path, copy: Path, name: str, at: float | None) -> None:
     """A copy of a folder in which a byte of a file is another, or which lacks that file."""
     shutil.copytree(folder, copy)

@@ -1,5 +1,5 @@
-"""Players on a page: `<!-- players: SECTION -->` becomes those of a section of build/docs/sounds/sounds.json, `<!-- player: NAME -->`
-the one of a preset."""
+"""Players on a page: `<!-- players: SECTION -->` becomes those of a section of build/docs/sounds/sounds.json,
+`<!-- player: NAME -->` the one of a preset."""
 
 from __future__ import annotations
 

@@ -32,12 +32,12 @@ def write_all(names: Iterable[str], folder: Path, make: bool, say: Callable[[str
     """
     folder.mkdir(parents=True, exist_ok=True)
     wasm = _engine(folder, make, say)
-    sources = _sources()
-    listed = [_listed(name, folder, wasm, make, sources, say) for name in names]
     if wasm is not None:
         for name, text in webfolder.parts().items():
             write_text(folder / name, text)
         write_whole(folder / webfolder.ENGINE, lambda file: file.write(wasm))
+    sources = _sources()
+    listed = [_listed(name, folder, wasm, make, sources, say) for name in names]
     write_text(folder / "live.json", json.dumps(listed, indent=1))
     if make:
         for old in set(folder.glob("*.jawari")) - {folder / str(each["file"]) for each in listed}:

@@ -19,14 +19,14 @@ from synth.instrument.preset import (
 )
 from synth.units import midi_to_note
 
-from .markdown import cell, code, fence, link_list, plain, table
+from .markdown import code, fence, link_list, plain
 
 #: the section's folder in the reference
 FOLDER = "instruments"
 _INTRODUCTION = """# Instruments
 
-The presets that come with the program, by family. On its page, each is to be played, by mouse, touch, the keys of the computer or a
-MIDI keyboard, and heard.
+The presets that come with the program, by family. Each has a page on which it is played, by mouse, touch, the keys of the
+computer or a MIDI keyboard, and heard.
 """
 #: names that are listed one by one
 _MOST_NAMED = 16
@@ -81,7 +81,7 @@ def _facts(preset: Preset) -> str:
         ("articulations", plain(", ".join(_articulations(preset)))),
         ("tags", plain(", ".join(preset.tags))),
     ]
-    return table(("", ""), [(name, cell(text)) for name, text in rows if text])
+    return link_list(f"**{name}**: {text}" for name, text in rows if text)
 
 
 def _strings(preset: Preset) -> str:
@@ -106,6 +106,7 @@ def _contacts(preset: Preset) -> Iterator[str]:
     shape = preset.obstacle
     action = getattr(shape, "action_12th_mm", None)
     height = f", {action:g} mm below them at the octave" if action is not None else ""
+    thrown = any(each.stroke == "throw" for each in preset.articulations.values())
     match shape:
         case FretsObstacle():
             yield f"strings with {shape.count} frets{height}"
@@ -119,10 +120,10 @@ def _contacts(preset: Preset) -> Iterator[str]:
             yield "strings with the curve of a bridge (jawari)"
         case PointsObstacle():
             yield f"strings with {len(shape.positions_mm)} point{'s' if len(shape.positions_mm) > 1 else ''} below them"
-        case _:
-            yield "nothing below the strings"
-    if preset.excitation is not None:
-        yield f"strings with what strikes or plucks them ({preset.excitation.kind})"
+        case _ if not thrown:
+            yield "nothing: the strings are free"
+    if thrown:
+        yield "strings with what is thrown at them"
 
 
 def _body(preset: Preset) -> str:

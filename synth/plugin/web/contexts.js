@@ -4,7 +4,7 @@
 /** The sample rate of banks for pages [Hz]. */
 export const RATE_HZ = 48000;
 /** What the browser is asked for: its shortest latency, or this one [s]. */
-const HINTS = { quick: "interactive", ample: 0.04 };
+const HINTS = { quick: "interactive", ample: 0.025 };
 
 const contexts = new Map();
 

@@ -3,7 +3,7 @@
 import { contextOf, programIn } from "./contexts.js";
 
 /** Share of a block's time, as the warm-up measures it, above which an instrument moves to the context with more latency. */
-const HEAVY = 0.5;
+const HEAVY = 0.7;
 const SUSTAIN = 64;
 /** A note that was pressed before the browser let the context sound is held at least so long behind that [ms]. */
 const LEAST_HELD_MS = 300;
@@ -215,8 +215,10 @@ export class Engine extends EventTarget {
     });
   }
 
+  /** Measure anew. There is a gap where it is behind by more than the browser computes ahead, which not every browser tells. */
   clear() {
-    this.send({ clear: true });
+    const { baseLatency, outputLatency } = this.context;
+    this.send({ clear: true, room: 1000 * (baseLatency || outputLatency) });
   }
 
   /** Never to be heard again. */

@@ -5,11 +5,11 @@
 import { BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM } from "./module.js";
 
 /** Computing at most, without the last chord [ms]. */
-const MOST_MS = 400;
+const MOST_MS = 350;
 const FRAMES = 128;
 /** Blocks between two events, and those of the last chord. */
-const APART = 8;
-const CHORD = 64;
+const APART = 3;
+const CHORD = 48;
 const FADE_BLOCKS = 8;
 const SOFT = 40;
 const LOUD = 127;

@@ -7,7 +7,7 @@
 //      {rest: boolean}                compute nothing, as nobody listens
 //      {warm: true}                   go on with the warm-up
 //      {close: true}                  end, and let the memory go
-//      {measure: number}              asks for figures; {clear: true} begins anew with them
+//      {measure: number}              asks for figures; {clear: true, room} begins anew with them
 // out  {warming: true}, whenever a slice of the warm-up is done; then {ready: what the bank says of itself, load: share of its
 //      time that a heavy block takes, took_ms}, or {failed: why}; {figures, measure: number}
 
@@ -80,7 +80,7 @@ class Instrument extends AudioWorkletProcessor {
       this.fading = true;
     } else if (data.rest !== undefined) this.resting = data.rest;
     else if (data.close) this.module = this.drone = this.port.onmessage = null;
-    else if (data.clear) this.measure?.clear();
+    else if (data.clear) this.measure?.clear(data.room);
     else if (data.measure !== undefined) this.tell(data.measure);
   }
 
