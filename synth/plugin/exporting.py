@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,6 +66,8 @@ class ExportReport:
         for target, paths in self.paths.items():
             lines.append(f"  {target}, {(self.library_bytes[target] + self.bank_bytes) / 1e6:.1f} MB")
             lines += [f"    {kind:5}{path}" for kind, path in paths.items()]
+            if webfolder.KIND in paths:
+                lines.append(f"    to see it: python3 -m http.server --directory {shlex.quote(paths[webfolder.KIND])}")
         return lines
 
 
@@ -109,7 +112,6 @@ def export(
                 "in the music program (MTS)"
             )
     from synth.plugin import bankfile, packed_bank, python_record, shelf
-    from synth.plugin.packed_models import models_of
 
     if WEB.name in paths:
         natives = {WEB.name: shelf.web_library(webfolder.KIND if webfolder.KIND in paths[WEB.name] else wclap.KIND, say)}
@@ -133,8 +135,7 @@ def export(
                 if kind == wclap.KIND:
                     wclap.write(path, module, bank)
                 else:
-                    models = models_of(laid)
-                    bank = packed_bank.pack(packed_bank.level(bank, models), models)
+                    bank = packed_bank.for_pages(bank, laid)
                     webfolder.write(path, module, bank, description)
             continue
         plugins = bundle.Plugins(native, bank, description, TARGETS[target])

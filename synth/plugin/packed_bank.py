@@ -29,7 +29,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from synth.plugin import predicted
-from synth.plugin.bankfile import HEADER, RATE
+from synth.plugin.bankfile import HEADER, RATE, Laid
 from synth.plugin.packed_models import (
     FILTERED,
     HEARD,
@@ -40,6 +40,7 @@ from synth.plugin.packed_models import (
     STRING_INTEGERS,
     TABLES,
     Models,
+    models_of,
 )
 from synth.solver.lanes import BLOCK, ROWS
 
@@ -78,6 +79,12 @@ _SUMS = ("matrix", "lags", "weights", "single_rows", "single_shapes", "single_we
 #: bytes that a hole in the rest must have
 _LEAST_HOLE = 64
 _MOST = 1 << 31
+
+
+def for_pages(data: bytes, laid: list[Laid]) -> bytes:
+    """What a page loads of a bank (`bankfile.laid_out`): levelled and packed."""
+    models = models_of(laid)
+    return pack(level(data, models), models)
 
 
 def pack(data: bytes, models: Models) -> bytes:

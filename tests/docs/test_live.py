@@ -14,7 +14,10 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "documentation"))
 import live
 from listening import instruments
 
-from synth.plugin import library, shelf
+from synth.instrument.preset import list_presets
+from synth.plugin import library, packed_bank, shelf
+
+NAMES = ["tanpura", "tanpura-drone"]
 
 
 @pytest.fixture
@@ -30,14 +33,14 @@ def listed(folder: Path) -> list[dict]:
 
 def test_every_instrument_that_a_page_asks_for_is_made_once(docs: Path, tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "wasm").write_bytes(b"\0asm")
-    monkeypatch.setattr(shelf, "web_library", lambda say: tmp_path / "wasm")
+    monkeypatch.setattr(shelf, "web_library", lambda kind, say: tmp_path / "wasm")
     monkeypatch.setattr(instruments, "_bank", lambda name: name.encode())
     made: list[str] = []
     folder = tmp_path / "live"
     folder.mkdir()
     (folder / "old.jawari").write_bytes(b"")
     for _ in range(2):
-        instruments.write_all(docs, folder, made.append)
+        instruments.write_all(NAMES, folder, True, made.append)
     assert made == ["tanpura", "tanpura-drone"]
     found = listed(folder)
     assert [(folder / each["file"]).read_bytes() for each in found] == [b"tanpura", b"tanpura-drone"]
@@ -50,12 +53,12 @@ def test_every_instrument_that_a_page_asks_for_is_made_once(docs: Path, tmp_path
 
 
 def test_without_an_engine_the_page_says_so(docs: Path, tmp_path: Path, monkeypatch) -> None:
-    def none(say):
+    def none(kind, say):
         raise library.BuildError("there is none")
 
     monkeypatch.setattr(shelf, "web_library", none)
     said: list[str] = []
-    instruments.write_all(docs, tmp_path / "live", said.append)
+    instruments.write_all(NAMES, tmp_path / "live", True, said.append)
     assert "there is none" in said[0]
     page = live.fill((docs / "one.md").read_text(), "one.md", tmp_path / "live")
     assert "<button" not in page and page.count("live-missing") == 2
@@ -66,5 +69,27 @@ def test_the_build_is_warned_of_an_instrument_that_is_not_made(tmp_path: Path, c
     assert "no instrument 'tanpura'" in caplog.text
 
 
-def test_both_sides_look_for_the_same() -> None:
-    assert live.PLACE.pattern == instruments.PLACE.pattern
+def test_without_making_what_is_there_is_listed(docs: Path, tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "wasm").write_bytes(b"\0asm")
+    monkeypatch.setattr(shelf, "web_library", lambda kind, say: tmp_path / "wasm")
+    monkeypatch.setattr(instruments, "_bank", lambda name: name.encode())
+    folder = tmp_path / "live"
+    instruments.write_all(NAMES[:1], folder, True, lambda _: None)
+    monkeypatch.delattr(shelf, "web_library")
+    monkeypatch.delattr(instruments, "_bank")
+    instruments.write_all(NAMES, folder, False, lambda _: None)
+    assert [each["file"] is None for each in listed(folder)] == [False, True]
+    page = live.fill((docs / "one.md").read_text(), "one.md", folder)
+    assert page.count("<button") == 1 and page.count("live-missing") == 1
+
+
+def test_every_preset_is_an_instrument_and_tanpuras_with_a_drone_too() -> None:
+    names = instruments.every_name()
+    assert set(names) > {preset.name for preset in list_presets()}
+    assert {name for name in names if name.endswith("-drone")} == {
+        f"{preset.name}-drone" for preset in list_presets() if preset.family == "tanpura"
+    }
+
+
+def test_a_bank_for_pages_is_packed() -> None:
+    assert packed_bank.unpack(instruments._bank("koto-hirajoshi")).startswith(b"JAWARIBK")

@@ -9,7 +9,9 @@ from __future__ import annotations
 import argparse
 import ast
 import inspect
+import posixpath
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -25,7 +27,7 @@ from synth.drone import tanpura_keys
 from synth.engine.parameters import INDEX_OF
 from synth.engine.voices import control_changes
 from synth.host import control_words
-from synth.instrument.preset import Damping, Preset
+from synth.instrument.preset import Damping, Preset, list_presets
 from synth.live import playkeys
 from synth.physics.string import String
 from synth.research.case import Case
@@ -284,9 +286,9 @@ def test_a_name_without_a_docstring_is_refused(monkeypatch: pytest.MonkeyPatch) 
 def test_links_of_the_pages_lead_somewhere(pages: dict[str, str]) -> None:
     for name, text in pages.items():
         for target, place in re.findall(r"\]\(([\w./-]*)#?([\w./:-]*)\)", text):
-            other = pages.get(target, text if not target else None)
+            other = pages.get(posixpath.normpath(posixpath.join(posixpath.dirname(name), target))) if target else text
             if other is None:
-                assert (ROOT / "docs" / "reference" / target).resolve().is_file(), (name, target)
+                assert (ROOT / "docs" / "reference" / name).parent.joinpath(target).resolve().is_file(), (name, target)
                 continue
             slugs = {line.lstrip("# ").replace(" ", "-") for line in other.splitlines() if line.startswith("## ")}
             assert not place or f'<a id="{place}">' in other or place in slugs, (name, target, place)
@@ -296,5 +298,23 @@ def test_the_tool_writes_the_pages_and_leaves_what_has_not_changed(tmp_path: Pat
     folder = tmp_path / "made" / "reference"
     tool = [sys.executable, str(ROOT / "tools" / "reference"), str(folder)]
     assert subprocess.run(tool, capture_output=True, check=True).stdout.count(b"\n") == len(pages)
-    assert {path.name: path.read_text("utf-8") for path in folder.iterdir()} == pages
+    made = {path.relative_to(folder).as_posix(): path.read_text("utf-8") for path in folder.rglob("*.md")}
+    assert made == pages
+    (folder / "instruments" / "gone.md").write_text("of a preset that there is no more")
     assert subprocess.run(tool, capture_output=True, check=True).stdout == b"\n"
+    assert not (folder / "instruments" / "gone.md").exists()
+
+
+def test_every_preset_has_a_page_that_asks_for_it_and_for_its_sound(pages: dict[str, str]) -> None:
+    for preset in list_presets():
+        page = pages[f"instruments/{preset.name}.md"]
+        assert f"<!-- instrument: {preset.name} -->" in page and f"<!-- player: {preset.name} -->" in page
+        assert (f"<!-- instrument: {preset.name}-drone -->" in page) == (preset.family == "tanpura")
+        for what in ("range", "strings", "what collides"):
+            assert f"- **{what}**: " in page, (preset.name, what)
+        assert f"({preset.name}.md)" in pages["instruments/index.md"]
+
+
+def test_the_commands_of_a_preset_s_page_are_commands(pages: dict[str, str]) -> None:
+    for command in re.findall(r"^synth .*$", pages["instruments/tanpura.md"], re.MULTILINE):
+        _parser().parse_args(shlex.split(command)[1:])

@@ -9,6 +9,11 @@ from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from listening import instruments
+
+from synth.instrument.preset import list_presets
 from tests.author.browser.running import chromium, why_not
 from tests.docs import links
 from tests.patience import until
@@ -40,8 +45,8 @@ def test_links_of_a_page_lead_somewhere_in_a_checkout(page: Path) -> None:
 
 
 def test_stand_ins_are_replaced_by_the_reference(site: Path) -> None:
-    for page in (DOCS / "reference").glob("*.md"):
-        text = (site / "reference" / page.with_suffix(".html").name).read_text(encoding="utf-8")
+    for page in (DOCS / "reference").rglob("*.md"):
+        text = (site / page.relative_to(DOCS).with_suffix(".html")).read_text(encoding="utf-8")
         assert "Without the site" in page.read_text(encoding="utf-8") and "Without the site" not in text
 
 
@@ -51,19 +56,17 @@ def stub_sounds(folder: Path) -> None:
     sections = {
         name for page in DOCS.rglob("*.md") for name in re.findall(r"<!-- players: ([a-z-]+) -->", page.read_text("utf-8"))
     }
-    sounds = [{"section": name, "title": name, "about": "nothing", "file": f"{name}.ogg"} for name in sorted(sections)]
-    for sound in sounds:
-        (folder / sound["file"]).touch()
+    pieces = [(name, name) for name in sorted(sections)] + [("instruments", preset.name) for preset in list_presets()]
+    about = {"title": "one", "about": "nothing", "file": "one.ogg"}
+    sounds = [{"section": section, "piece": piece, **about} for section, piece in pieces]
+    (folder / "one.ogg").touch()
     (folder / "sounds.json").write_text(json.dumps(sounds), encoding="utf-8")
 
 
 def stub_instruments(folder: Path) -> None:
     """What `tools/live` leaves where there is no engine for web pages."""
     folder.mkdir(parents=True)
-    names = {
-        name for page in DOCS.rglob("*.md") for name in re.findall(r"<!-- instrument: ([a-z0-9-]+) -->", page.read_text())
-    }
-    listed = [{"name": name, "title": name, "file": None, "bytes": 0} for name in sorted(names)]
+    listed = [{"name": name, "title": name, "file": None, "bytes": 0} for name in instruments.every_name()]
     (folder / "live.json").write_text(json.dumps(listed), encoding="utf-8")
 
 
@@ -113,11 +116,22 @@ def test_nothing_asks_another_host(site: Path) -> None:
         assert "mermaid" not in page.classes and "md-source" not in page.classes, path
 
 
+def test_every_preset_has_a_page_to_play_it_that_the_pages_of_instruments_lead_to(site: Path) -> None:
+    linked = {address.split("#")[0] for address, _ in links.pages(site)[site / "instruments.html"].links}
+    index = {address for address, _ in links.pages(site)[site / "reference" / "instruments" / "index.html"].links}
+    for preset in list_presets():
+        text = (site / "reference" / "instruments" / f"{preset.name}.html").read_text(encoding="utf-8")
+        assert text.count('class="live-missing"') == (2 if preset.family == "tanpura" else 1) and text.count("<audio") == 1
+        assert f"synth export {preset.name} -f web" in re.sub(r"<[^>]*>", "", text)
+        assert f"{preset.name}.html" in index
+    assert {f"reference/instruments/{name}.html" for name in ("slap-bass", "harp")} <= linked
+
+
 def test_formulas_and_players_are_on_their_pages(site: Path) -> None:
     assert "<audio" in (site / "listen.html").read_text(encoding="utf-8")
     for path in site.rglob("*.html"):
         text = path.read_text(encoding="utf-8")
-        assert "<!-- players:" not in text and 'class="arithmatex"' not in text, path
+        assert "<!-- player" not in text and "<!-- instrument:" not in text and 'class="arithmatex"' not in text, path
         assert "\\|" not in re.sub(r"<pre.*?</pre>", "", text, flags=re.DOTALL), path
     assert "<math" in (site / "theory" / "passivity.html").read_text(encoding="utf-8")
 

@@ -11,8 +11,8 @@ import pytest
 from synth.instrument.preset import load_preset
 from synth.jit.kernel_cache import cache_folder
 from synth.plugin import library as native_library
-from synth.plugin import webfolder
-from synth.plugin.bankfile import bank
+from synth.plugin import packed_bank, webfolder
+from synth.plugin.bankfile import bank, laid_out
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
 from synth.plugin.platforms import TARGETS, WEB, Target
@@ -136,7 +136,7 @@ def web_folders(web_library: Path, tmp_path_factory) -> dict[str, Path]:
         "two": ([tanpura, bass], None),
     }
     for name, (presets, played) in banks.items():
-        data = bank(presets, [webfolder.RATE_HZ], name=name, drone=played, quality="draft")
+        data = packed_bank.for_pages(*laid_out(presets, [webfolder.RATE_HZ], name=name, drone=played, quality="draft"))
         about = describe(presets, name, played.parameters() if played else ())
         webfolder.write(folder / name, web_library.read_bytes(), data, about)
     return {name: folder / name for name in banks}

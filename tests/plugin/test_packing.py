@@ -82,8 +82,8 @@ def test_models_that_say_nothing_true_cost_room_and_nothing_else(native):
 @pytest.mark.parametrize("name", ["fretted-bass", "steel-guitar"])
 def test_a_packed_bank_is_small(name):
     """zlib, which comes with Python, stands for what a server does: brotli makes it smaller still."""
-    data, _, models = made(name)
-    packed = packed_bank.pack(packed_bank.level(data, models), models)
+    data, laid, _ = made(name)
+    packed = packed_bank.for_pages(data, laid)
     assert len(zlib.compress(packed, 9)) < 250_000 < len(zlib.compress(data, 9)) / 10
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from synth.cli import main
 from synth.instrument.preset import Preset, load_preset
-from synth.plugin import bankfile, droning, shelf, webfolder
+from synth.plugin import bankfile, droning, packed_bank, shelf, webfolder
 from synth.plugin.description import describe
 
 WEB = Path(webfolder.__file__).parent / "web"
@@ -159,25 +159,38 @@ def test_the_programs_read_a_bank_as_it_is_laid_out() -> None:
     assert at(droning.SCORE, "step_low", "lead_s", "semitone_s", "step_s", "keys", "places") == [32, 40, 48, 56, 64, 96]
     assert at(droning.OWN, "minimum", "maximum", "initial", "curve", "id", "name", "unit") == [0, 8, 16, 24, 32, 80, 176]
     assert at(droning.STROKE, "sway", "wander", "louder", "farther", "wider") == [0, 8, 16, 24, 32]
-    assert f"export const RATE_HZ = {webfolder.RATE_HZ:.0f};" in (WEB / "engine.js").read_text()
+    assert f"export const RATE_HZ = {webfolder.RATE_HZ:.0f};" in (WEB / "contexts.js").read_text()
 
 
 def test_the_command_writes_it_and_says_how_to_see_it(web_library, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(shelf, "web_library", lambda say: web_library)
+    monkeypatch.setattr(shelf, "web_library", lambda kind, say: web_library)
     monkeypatch.chdir(tmp_path)
     assert main(["export", "tanpura", "-f", "web", "--quality", "draft"]) == 0
     out = capsys.readouterr().out
     assert "48 kHz" in out and "python3 -m http.server --directory tanpura-web" in out
-    assert (tmp_path / "tanpura-web" / "tanpura.jawari").read_bytes().startswith(b"JAWARIBK")
+    bank = packed_bank.unpack((tmp_path / "tanpura-web" / "tanpura.jawari").read_bytes())
+    assert bank.startswith(b"JAWARIBK")
 
 
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        (["--rates", "44100"], "pages play at 48000 Hz"),
-        (["--install"], "--install is for plugins"),
+        (["web", "--rates", "44100"], "pages play at 48000 Hz"),
+        (["web", "--install"], "--install is for plugins"),
+        (["web", "--target", "windows-x86-64"], "--target is for plugins; with --format web"),
+        (["wclap", "--target", "windows-x86-64"], "--target is for plugins; with --format wclap"),
+        (["wclap", "--install"], "--install is for plugins"),
+        (["web", "-o", "it.clap"], "is named as clap, but --format is web"),
     ],
 )
-def test_what_pages_cannot_have_is_refused(arguments: list[str], why: str, capsys) -> None:
-    assert main(["export", "tanpura", "-f", "web", *arguments]) == 2
+def test_what_the_web_cannot_have_is_refused(arguments: list[str], why: str, capsys) -> None:
+    assert main(["export", "tanpura", "-f", *arguments]) == 2
     assert why in capsys.readouterr().err
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_made(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.delattr(shelf, "web_library")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    assert main(["export", "tanpura", "-f", "web", "-o", str(tmp_path / "mine")]) == 2
+    assert "notes.txt" in capsys.readouterr().err

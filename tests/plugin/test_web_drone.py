@@ -21,13 +21,16 @@ NOTE_ON, NOTE_OFF, PARAMETER, TUNING = 1, 2, 6, 9
 PROGRAM = """
 import fs from "node:fs";
 globalThis.sampleRate = 48000;
-globalThis.AudioWorkletProcessor = class { port = { postMessage: (told) => told.failed && console.error(told.failed) }; };
-let Processor;
+let told, Processor;
+globalThis.AudioWorkletProcessor = class { port = { postMessage: (message) => (told = message) }; };
 globalThis.registerProcessor = (name, given) => (Processor = given);
 const [program, wasm, bank, script] = process.argv.slice(2);
 await import(program);
 const bytes = (file) => new Uint8Array(fs.readFileSync(file)).buffer;
 const it = new Processor({ processorOptions: { wasm: bytes(wasm), bank: bytes(bank), measure: false } });
+while (told.warming) it.port.onmessage({ data: { warm: true } });
+if (told.failed) throw new Error(told.failed);
+if (it.module.voices() || it.module.notes() || it.drone.waits()) throw new Error("the warm-up has left something");
 const begun = it.drone.now;
 const events = [];
 it.module.put = (frame, ...event) => events.push([it.drone.now - begun + frame, ...event]);

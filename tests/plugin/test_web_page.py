@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from synth.cli import main
+from synth.plugin import shelf
 from tests.author.browser.running import chromium, why_not
 from tests.plugin.webserved import AS_COMES, INSTRUMENT, InstrumentPage, served
 
@@ -80,6 +82,20 @@ def test_a_key_sounds_under_the_mouse(tanpura: InstrumentPage, address: str) -> 
     asked = tanpura.script("return performance.getEntriesByType('resource').map((each) => each.name)")
     assert asked and all(each.startswith((address, "data:")) for each in asked)
     assert tanpura.errors() == []
+
+
+def test_the_page_that_the_command_writes_opens_its_bank(
+    page: InstrumentPage, web_library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shelf, "web_library", lambda kind, say: web_library)
+    command = ["export", "tanpura", "--drone", "--quality", "draft", "-f", "web", "-o", str(tmp_path / "it"), "--quiet"]
+    assert main(command) == 0
+    with served(tmp_path) as address:
+        page.play_on(f"{address}it/")
+        assert page.script("return instrument.bank.presets.length") == 1
+        page.inside(".drone-play").click()
+        sounds(page)
+        page.open_nothing()
 
 
 def test_nearer_is_louder_and_a_pulled_finger_goes_on_to_other_keys(tanpura: InstrumentPage) -> None:
@@ -241,6 +257,30 @@ def test_blocks_are_measured_where_that_is_asked_for(tanpura: InstrumentPage) ->
     tanpura.until(lambda: "late" in tanpura.text(".figures") and not tanpura.text(".figures").startswith("0 blocks"))
     figures = tanpura.figures()
     assert figures["blocks"] > 0 and 0 < figures["load"] and figures["dropped"] == 0
+
+
+def test_what_needs_much_of_the_processor_is_computed_farther_ahead_and_says_so(
+    page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(web_folders["tanpura-drone"], tmp_path / "it")
+    program = tmp_path / "it" / "jawari.js"
+    text, count = re.subn(r"^const HEAVY = [\d.]+;$", "const HEAVY = -1;", program.read_text(), flags=re.MULTILINE)
+    assert count == 1
+    program.write_text(text)
+    with served(tmp_path) as address:
+        page.play_on(f"{address}it/")
+        assert "needs much of the processor" in page.inside(".late").text
+        assert page.script("return instrument.engine.context.baseLatency") >= 0.02
+        page.inside(".drone-play").click()
+        sounds(page)
+        assert page.errors() == []
+        page.open_nothing()
+
+
+def test_others_have_the_browser_s_least_latency(tanpura: InstrumentPage) -> None:
+    if tanpura.script("return instrument.engine.load") < 0.7:
+        assert tanpura.script(f"return {INSTRUMENT}.shadowRoot.querySelector('.late')") is None
+        assert tanpura.script("return instrument.engine.context.baseLatency") < 0.02
 
 
 def damaged(folder: Path, copy: Path, name: str, at: float | None) -> None:

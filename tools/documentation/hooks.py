@@ -21,6 +21,8 @@ from navigation import expand
 ROOT = Path(__file__).resolve().parents[2]
 #: pages that lie elsewhere in the repository, and where they are shown
 ELSEWHERE = {"changelog.md": ROOT / "CHANGELOG.md"}
+#: of a preset's page, by the page that stands for all in a checkout
+_OF_INSTRUMENT = re.compile(r"(?<=\]\()((?:\.\./)*reference/instruments/)index\.md#([a-z0-9-]+)(?=\))")
 
 
 def build_folder() -> Path:
@@ -60,9 +62,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Put players and instruments where a page asks for them; a page at the top of the repository links to docs/."""
+    """Put players and instruments where a page asks for them; a page at the top of the repository links to docs/, one that
+    links to a preset among all instruments to that preset's page."""
     if page.file.src_uri in ELSEWHERE:
         markdown = markdown.replace("](docs/", "](")
+    markdown = _OF_INSTRUMENT.sub(r"\1\2.md", markdown)
     markdown = players.fill(markdown, page.file.src_uri, build_folder() / "sounds")
     return live.fill(markdown, page.file.src_uri, build_folder() / "live")
 

@@ -4,56 +4,69 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from listening.rendering import ROOT, sources_hash
 from synth.files.targets import write_text, write_whole
-from synth.instrument.preset import load_preset
+from synth.instrument.preset import list_presets, load_preset
 from synth.plugin import library, shelf, webfolder
 
-PLACE = re.compile(r"^<!-- instrument: ([a-z0-9-]+) -->$", re.MULTILINE)
 DRONE = "-drone"
-#: Sa of a drone, the C below middle C [Hz]
-SA_HZ = 440.0 * 2.0 ** ((48 - 69) / 12)
+#: the family whose presets also play a drone by themselves
+DRONING = "tanpura"
 
 
-def named(docs: Path) -> list[str]:
-    """What pages ask for."""
-    return sorted({name for page in docs.rglob("*.md") for name in PLACE.findall(page.read_text(encoding="utf-8"))})
+def every_name() -> list[str]:
+    """All presets, and those with a drone."""
+    presets = list_presets()
+    return sorted([each.name for each in presets] + [each.name + DRONE for each in presets if each.family == DRONING])
 
 
-def write_all(docs: Path, folder: Path, say: Callable[[str], None]) -> None:
-    """All that pages in `docs` ask for, the programs and the engine, and live.json, which lists them.
+def write_all(names: Iterable[str], folder: Path, make: bool, say: Callable[[str], None]) -> None:
+    """Instruments, the programs and the engine, and live.json, which lists them; not `make`: of the instruments those that
+    are there.
 
-    Where there is no engine for web pages, they are listed without a file. Banks that nothing asks for go.
+    Where there is no engine for web pages, all are listed without a file. Banks of other instruments, or old ones, go.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    try:
-        wasm = shelf.web_library(say).read_bytes()
-    except library.BuildError as error:
-        say(f"no instruments on pages: {error}")
-        wasm = None
-    listed = [_listed(name, folder, wasm, say) for name in named(docs)]
+    wasm = _engine(folder, make, say)
     if wasm is not None:
         for name, text in webfolder.parts().items():
             write_text(folder / name, text)
         write_whole(folder / webfolder.ENGINE, lambda file: file.write(wasm))
-    for old in set(folder.glob("*.jawari")) - {folder / str(each["file"]) for each in listed}:
-        old.unlink()
+    sources = _sources()
+    listed = [_listed(name, folder, wasm, make, sources, say) for name in names]
     write_text(folder / "live.json", json.dumps(listed, indent=1))
+    if make:
+        for old in set(folder.glob("*.jawari")) - {folder / str(each["file"]) for each in listed}:
+            old.unlink()
 
 
-def _listed(name: str, folder: Path, wasm: bytes | None, say: Callable[[str], None]) -> dict[str, Any]:
+def _engine(folder: Path, make: bool, say: Callable[[str], None]) -> bytes | None:
+    if not make:
+        there = folder / webfolder.ENGINE
+        return there.read_bytes() if there.is_file() else None
+    try:
+        return shelf.web_library(webfolder.KIND, say).read_bytes()
+    except library.BuildError as error:
+        say(f"no instruments on pages: {error}")
+        return None
+
+
+def _listed(
+    name: str, folder: Path, wasm: bytes | None, make: bool, sources: str, say: Callable[[str], None]
+) -> dict[str, Any]:
     preset = load_preset(name.removesuffix(DRONE))
     found: dict[str, Any] = {"name": name, "title": preset.title or preset.name, "file": None, "bytes": 0}
     if wasm is None:
         return found
-    key = hashlib.sha256("\n".join((name, preset.model_dump_json(), _sources())).encode()).hexdigest()[:16]
+    key = hashlib.sha256("\n".join((name, preset.model_dump_json(), sources)).encode()).hexdigest()[:16]
     path = folder / f"{name}-{key}.jawari"
     if not path.exists():
+        if not make:
+            return found
         say(name)
         data = _bank(name)
         write_whole(path, lambda file: file.write(data))
@@ -68,11 +81,12 @@ def _sources() -> str:
 
 
 def _bank(name: str) -> bytes:
-    from synth.plugin import bankfile
+    from synth.plugin import bankfile, packed_bank
     from synth.plugin.droning import DroneSettings
 
-    preset = load_preset(name.removesuffix(DRONE))
-    if not name.endswith(DRONE):
-        return bankfile.bank([preset], [webfolder.RATE_HZ])
-    drone = DroneSettings(sa_hz=SA_HZ).on(preset)
-    return bankfile.bank([drone.strings.preset], [webfolder.RATE_HZ], name=name, drone=drone)
+    preset, drone = load_preset(name.removesuffix(DRONE)), None
+    if name.endswith(DRONE):
+        sa = preset.string[1].notes[0]  # as `synth export --drone` has it
+        drone = DroneSettings(sa_hz=preset.tuning.a4_hz * 2.0 ** ((sa - 69) / 12)).on(preset)
+        preset = drone.strings.preset
+    return packed_bank.for_pages(*bankfile.laid_out([preset], [webfolder.RATE_HZ], name=name, drone=drone))

@@ -90,7 +90,7 @@ def write_all(pieces: Sequence[Piece], folder: Path, silent: bool, say: Callable
                 samples = samples[:, :1]
             write(path, samples)
         before = path
-        about = {"section": piece.section, "title": piece.title, "about": piece.about}
+        about = {"section": piece.section, "piece": piece.file, "title": piece.title, "about": piece.about}
         listed.append({**about, "file": path.name if path.exists() else None})
     write_text(folder / "sounds.json", json.dumps(listed, indent=1, ensure_ascii=False))
     if not silent:

@@ -76,6 +76,12 @@ export class Drone {
     this.next = 0;
   }
 
+  /** As fast as it can be played. */
+  hurry() {
+    this.set("seconds", this.settings.seconds.minimum);
+    this.start();
+  }
+
   stop() {
     if (this.running) this.letGo(0);
     this.running = false;

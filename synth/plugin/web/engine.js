@@ -1,7 +1,9 @@
-// The engine as a page sees it: an audio context that all instruments of a page share, and for each a node in it.
+// The engine as a page sees it: a node for each instrument in an audio context that those of a page share.
 
-/** The sample rate of banks for pages [Hz]. */
-export const RATE_HZ = 48000;
+import { contextOf, programIn } from "./contexts.js";
+
+/** Share of a block's time, as the warm-up measures it, above which an instrument moves to the context with more latency. */
+const HEAVY = 0.7;
 const SUSTAIN = 64;
 /** A note that was pressed before the browser let the context sound is held at least so long behind that [ms]. */
 const LEAST_HELD_MS = 300;
@@ -15,27 +17,7 @@ const EVENTS = { noteOn: 1, noteOff: 2, control: 3, bend: 4, program: 5, paramet
 /** @typedef {string | ArrayBuffer | Promise<ArrayBuffer>} Source an address, or what lies there */
 /** @typedef {{wasm: Source, bank: Source, worklet: string, measure?: boolean}} Assets */
 
-let shared = null;
-const modules = new Map();
 const fetched = new Map();
-
-function sharedContext() {
-  if (shared) return shared;
-  if (!globalThis.AudioContext || !globalThis.AudioWorkletNode)
-    throw new Error(
-      globalThis.isSecureContext === false
-        ? "browsers play instruments only over https: or from this machine (http://localhost)"
-        : "this browser has no AudioWorklet, by which the strings are computed; a newer one has it",
-    );
-  try {
-    shared = new AudioContext({ sampleRate: RATE_HZ, latencyHint: "interactive" });
-  } catch (error) {
-    throw new Error(`this browser plays no sound at ${RATE_HZ} Hz, for which the instrument was made: ${error.message}`);
-  }
-  if (shared.sampleRate !== RATE_HZ)
-    throw new Error(`this browser plays at ${shared.sampleRate} Hz only, and the instrument was made for ${RATE_HZ} Hz`);
-  return shared;
-}
 
 /** The bytes of a source; of an address once for all instruments of a page. */
 function bytesOf(source, what) {
@@ -56,11 +38,6 @@ function bytesOf(source, what) {
   return fetched.get(source);
 }
 
-function moduleIn(context, worklet) {
-  if (!modules.has(worklet)) modules.set(worklet, context.audioWorklet.addModule(worklet));
-  return modules.get(worklet);
-}
-
 /** Of the instruments of a page one sounds: the one that was played last. */
 let playing = null;
 
@@ -78,19 +55,33 @@ export class Engine extends EventTarget {
   }
 
   async open({ wasm, bank, worklet, measure = false }) {
-    const context = sharedContext();
-    const module = moduleIn(context, worklet).catch((error) => {
-      modules.delete(worklet);
-      throw new Error(`the program of the audio thread does not come: ${worklet}: ${error.message}`);
-    });
-    const [wasmBytes, bankBytes] = await Promise.all([
-      bytesOf(wasm, "the engine"),
-      bytesOf(bank, "the instrument's bank"),
-      module,
-    ]);
-    const processorOptions = { wasm: wasmBytes, bank: bankBytes, measure };
-    const node = new AudioWorkletNode(context, "jawari", { numberOfInputs: 0, outputChannelCount: [2], processorOptions });
-    const answer = await new Promise((resolve, reject) => {
+    this.kind = "quick";
+    const bytes = Promise.all([bytesOf(wasm, "the engine"), bytesOf(bank, "the instrument's bank")]);
+    await Promise.all([bytes, programIn(this.kind, worklet)]);
+    const [wasmBytes, bankBytes] = await bytes;
+    const options = { wasm: wasmBytes, bank: bankBytes, measure };
+    let answer = await this.made(options);
+    this.load = answer.load;
+    if (answer.load > HEAVY) {
+      this.node.port.postMessage({ close: true });
+      const sounded = this.sounding;
+      this.kind = "ample";
+      await programIn(this.kind, worklet);
+      if (sounded) this.context.resume().catch(() => {});
+      answer = await this.made(options);
+    }
+    this.tookMs = answer.took_ms;
+    this.gain = new GainNode(this.context, { gain: this.level ?? 1 });
+    this.node.connect(this.gain).connect(this.context.destination);
+    this.context.addEventListener("statechange", () => this.dispatchEvent(new Event("state")));
+    return answer.ready;
+  }
+
+  /** A node in the audio thread, warm. */
+  made(processorOptions) {
+    const node = new AudioWorkletNode(this.context, "jawari", { numberOfInputs: 0, outputChannelCount: [2], processorOptions });
+    this.node = node;
+    return new Promise((resolve, reject) => {
       node.addEventListener("processorerror", () => {
         const why = "the engine ended in the audio thread; load the page again";
         reject(new Error(why));
@@ -100,21 +91,25 @@ export class Engine extends EventTarget {
         if (data.figures) {
           this.asked.get(data.measure)?.(data.figures);
           this.asked.delete(data.measure);
-        } else if (data.failed) reject(new Error(data.failed));
+        } else if (data.warming) node.port.postMessage({ warm: true });
+        else if (data.failed) reject(new Error(data.failed));
         else resolve(data);
       };
     });
-    this.node = node;
-    this.tookMs = answer.took_ms;
-    this.gain = new GainNode(context, { gain: this.level ?? 1 });
-    node.connect(this.gain).connect(context.destination);
-    context.addEventListener("statechange", () => this.dispatchEvent(new Event("state")));
-    return answer.ready;
+  }
+
+  /** Whether the browser computes farther ahead for it. */
+  get ample() {
+    return this.kind === "ample";
+  }
+
+  get context() {
+    return contextOf(this.kind);
   }
 
   /** Whether the browser lets it sound by now. */
   get sounding() {
-    return shared?.state === "running";
+    return this.context.state === "running";
   }
 
   /** To be called by what a person does: browsers let a page sound only then. What another instrument plays ends. */
@@ -129,8 +124,8 @@ export class Engine extends EventTarget {
 
   /** Let the page sound, where what a person has just done allows it. */
   resume() {
-    if (!shared || shared.state === "running") return;
-    shared.resume().catch(() => {});
+    if (this.sounding) return;
+    this.context.resume().catch(() => {});
     clearTimeout(this.silent);
     this.silent = setTimeout(() => {
       if (!this.sounding && playing === this) this.fail("this browser plays no sound: allow it, or plug in an audio output");
@@ -208,7 +203,7 @@ export class Engine extends EventTarget {
   /** 1: as the engine computes it. */
   volume(level) {
     this.level = level;
-    this.gain?.gain.setTargetAtTime(level, shared.currentTime, FADE_S);
+    this.gain?.gain.setTargetAtTime(level, this.context.currentTime, FADE_S);
   }
 
   /** What the audio thread has measured since the last `clear`. */
@@ -220,8 +215,10 @@ export class Engine extends EventTarget {
     });
   }
 
+  /** Measure anew. There is a gap where it is behind by more than the browser computes ahead, which not every browser tells. */
   clear() {
-    this.send({ clear: true });
+    const { baseLatency, outputLatency } = this.context;
+    this.send({ clear: true, room: 1000 * (baseLatency || outputLatency) });
   }
 
   /** Never to be heard again. */

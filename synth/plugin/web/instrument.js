@@ -13,6 +13,7 @@ const CONTROLLER_MOST = 127;
 const QUIETEST_DB = -40;
 const LOUDEST_DB = 12;
 const SLOW_MS = 4000;
+const LATE = "This one needs much of the processor here: so that nothing crackles, keys sound some hundredths of a second later.";
 const styles = new Map();
 let typist = null;
 
@@ -113,7 +114,8 @@ class Instrument {
       class: "hint",
       text: "Keys A W S E D … of the computer play too, Z and X change the octave. Near its end, a key is louder.",
     });
-    const frame = element("div", { class: "instrument" }, tools, ...this.drone(), board, hint, this.parameters, this.status);
+    const late = engine.ample ? element("p", { class: "hint late", text: LATE }) : "";
+    const frame = element("div", { class: "instrument" }, tools, ...this.drone(), board, hint, late, this.parameters, this.status);
     this.say("");
     this.root.replaceChildren(frame);
     this.choose(0);

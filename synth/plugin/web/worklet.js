@@ -5,14 +5,19 @@
 //      {drone: "start" | "stop" | "seconds" | "velocity" | "tonic", value}
 //      {reset: true}                  silence, everything as it came
 //      {rest: boolean}                compute nothing, as nobody listens
+//      {warm: true}                   go on with the warm-up
 //      {close: true}                  end, and let the memory go
-//      {measure: number}              asks for figures; {clear: true} begins anew with them
-// out  {ready: what the bank says of itself, took_ms}, or {failed: why}; {figures, measure: number}
+//      {measure: number}              asks for figures; {clear: true, room} begins anew with them
+// out  {warming: true}, whenever a slice of the warm-up is done; then {ready: what the bank says of itself, load: share of its
+//      time that a heavy block takes, took_ms}, or {failed: why}; {figures, measure: number}
 
 import { Drone } from "./drone.js";
 import { clock, Measure } from "./measure.js";
 import { Module, PARAMETER } from "./module.js";
 import { warmUp } from "./warm.js";
+
+/** Of computing before anybody listens at a time, so that others sound on [ms]. */
+const SLICE_MS = 20;
 
 class Instrument extends AudioWorkletProcessor {
   constructor({ processorOptions: { wasm, bank, measure } }) {
@@ -20,28 +25,44 @@ class Instrument extends AudioWorkletProcessor {
     this.resting = false;
     this.measure = measure ? new Measure() : null;
     this.module = this.drone = null;
-    const begun = Date.now();
+    this.begun = Date.now();
     try {
       const module = new Module(wasm, bank, sampleRate);
-      const described = module.described();
+      this.described = module.described();
       const score = module.score();
       if (score) this.drone = new Drone(module, score, sampleRate);
-      this.presets = described.presets;
-      warmUp(module, this.drone, described, sampleRate, clock);
-      this.module = module;
-      this.asItCame();
-      this.port.onmessage = ({ data }) => this.hear(data);
-      const drone = this.drone && this.drone.settings;
-      this.port.postMessage({ ready: { ...described, drone }, took_ms: Date.now() - begun });
+      this.warming = warmUp(module, this.drone, this.described, sampleRate, clock);
+      this.port.onmessage = ({ data }) => this.warm(module, data);
+      this.port.postMessage({ warming: true });
     } catch (error) {
       this.port.postMessage({ failed: error.message });
     }
   }
 
+  /** Some of the warm-up; behind it, it can be played. */
+  warm(module, { warm }) {
+    if (!warm) {
+      this.drone = this.port.onmessage = null;
+      return;
+    }
+    const until = clock() + SLICE_MS;
+    while (clock() < until) {
+      const { done, value } = this.warming.next();
+      if (!done) continue;
+      this.module = module;
+      this.asItCame();
+      this.port.onmessage = ({ data }) => this.hear(data);
+      const ready = { ...this.described, drone: this.drone && this.drone.settings };
+      this.port.postMessage({ ready, load: value, took_ms: Date.now() - this.begun });
+      return;
+    }
+    this.port.postMessage({ warming: true });
+  }
+
   asItCame() {
     if (!this.drone) return;
     this.drone.reset();
-    for (const { index, initial } of this.presets[this.drone.part].parameters) this.drone.heed(this.drone.part, index, initial);
+    for (const { index, initial } of this.described.presets[this.drone.part].parameters) this.drone.heed(this.drone.part, index, initial);
   }
 
   hear(data) {
@@ -59,7 +80,7 @@ class Instrument extends AudioWorkletProcessor {
       this.fading = true;
     } else if (data.rest !== undefined) this.resting = data.rest;
     else if (data.close) this.module = this.drone = this.port.onmessage = null;
-    else if (data.clear) this.measure?.clear();
+    else if (data.clear) this.measure?.clear(data.room);
     else if (data.measure !== undefined) this.tell(data.measure);
   }
 
@@ -71,7 +92,7 @@ class Instrument extends AudioWorkletProcessor {
 
   process(inputs, outputs) {
     const { module, drone, measure } = this;
-    if (!module) return false;
+    if (!module) return this.port.onmessage !== null; // it is being warmed, or closed
     const left = outputs[0][0];
     const waits = drone !== null && drone.waits();
     if (this.resting || (!waits && !this.fading && module.silent())) return true;
