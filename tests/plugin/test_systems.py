@@ -18,7 +18,7 @@ from synth.plugin import library as native_library
 from synth.plugin.c_sources import SOURCES, sources
 from synth.plugin.emit import table_symbol
 from synth.plugin.links import compiling
-from synth.plugin.platforms import PORTABLE, TARGETS, WEB, Target
+from synth.plugin.platforms import TARGETS, WEB, Target
 from synth.plugin.wasmbank import with_own_bank
 
 from .native import Bank, Library, Refused
@@ -218,21 +218,7 @@ FRAMES, RATE_HZ = 20000, 44100.0
 
 
 @pytest.fixture(scope="module")
-def portable(tmp_path_factory):
-    """Gives the library of a target with portable kernels alone, made once."""
-    folder, made = tmp_path_factory.mktemp("portable"), {}
-
-    def of(target: Target) -> Path:
-        if target not in made:
-            place = folder / target.name
-            made[target] = native_library.build(place, PORTABLE, target=target, command=_zig(target))
-        return made[target]
-
-    return of
-
-
-@pytest.fixture(scope="module")
-def two_notes(portable, bank_files, tmp_path_factory) -> tuple[Path, np.ndarray]:
+def two_notes(portable, bank_files) -> tuple[Path, np.ndarray]:
     """A bank, and two notes of it as portable kernels play them here."""
     loaded = Library(portable(TARGETS["linux-x86-64"]))
     played = loaded.open_bank(bank_files["fretted-bass"]).engine(threads=2).play(NOTES, FRAMES, FRAMES)
