@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,9 +18,10 @@ import pytest
 
 from synth.instrument.preset import load_preset
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM, make_events
-from synth.plugin import bankfile, library
-from synth.plugin.c_sources import SOURCES
+from synth.plugin import bankfile
 from synth.plugin.platforms import Target
+
+from .emulated import HERE, compiled, run, started
 
 RATE_HZ, FRAMES, BLOCK = 48000.0, 48000, 480
 PRESETS = ("tanpura", "fretted-bass", "sitar", "nylon-guitar")
@@ -34,7 +34,6 @@ _KEYS: Mapping[str, Sequence[int]] = {
 }
 #: a processor of x86's second level, and one of its third
 PROCESSORS = ("Nehalem", "Haswell")
-HERE = Path(__file__).parent
 _IN_PAGE = """
 const { play } = await import("/playwasm.mjs");
 const read = async (path) => (await fetch(path)).arrayBuffer();
@@ -118,7 +117,7 @@ def in_node(module: Path, bank_file: Path, folder: Path) -> dict[str, str]:
     found = {}
     for name, path in written(folder).items():
         out = path.with_suffix(".sound")
-        _run([node, str(HERE / "playwasm.mjs"), *map(str, (module, bank_file, RATE_HZ, FRAMES, BLOCK, path, out))])
+        run([node, str(HERE / "playwasm.mjs"), *map(str, (module, bank_file, RATE_HZ, FRAMES, BLOCK, path, out))])
         found[name] = digest(out.read_bytes())
     return found
 
@@ -142,34 +141,6 @@ def in_firefox(module: Path, bank_file: Path, folder: Path) -> dict[str, str]:
     return found
 
 
-def started(target: Target, processor: str = "") -> list[str]:
-    """How a program of another system or processor is started here."""
-    if target.system == "windows":
-        wine = shutil.which("wine64") or shutil.which("wine64", path="/usr/lib/wine")
-        if wine is None:
-            pytest.skip("Wine is not installed (apt-get install wine64)")
-        return [wine]
-    if target.processor == "x86-64":
-        if shutil.which("qemu-x86_64") is None:
-            pytest.skip("there is no other x86-64 here (apt-get install qemu-user)")
-        return ["qemu-x86_64", "-cpu", processor]
-    folder = Path("/usr/aarch64-linux-gnu")
-    if shutil.which("qemu-aarch64") is None or not folder.is_dir():
-        pytest.skip("there is no AArch64 here (apt-get install qemu-user libc6-arm64-cross)")
-    return ["qemu-aarch64", "-L", str(folder)]
-
-
-def compiled(source: str, target: Target, folder: Path) -> Path:
-    """A program of the tests for a target."""
-    program = folder / f"{Path(source).stem}-{target.name}.exe"
-    command = library.zig(target)
-    if command is None:
-        pytest.skip("there is no compiler for other systems (pip install ziglang)")
-    more = ["-ldl"] if target.system == "linux" else []
-    _run([*command, "-std=c11", "-O1", f"-I{SOURCES}", "-o", str(program), str(HERE / source), *more])
-    return program
-
-
 def elsewhere(target: Target, native: Path, bank_file: Path, folder: Path, processor: str = "") -> dict[str, str]:
     """By a library of another system or processor, in its emulator."""
     start, program = started(target, processor), compiled("playtake.c", target, folder)
@@ -178,11 +149,6 @@ def elsewhere(target: Target, native: Path, bank_file: Path, folder: Path, proce
     for name, path in written(folder).items():
         given = [f"./{Path(place).name}", Path(data).name, RATE_HZ, FRAMES, BLOCK, path.name, f"{name}.sound"]
         settings = {"WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
-        _run([*start, str(program), *map(str, given)], cwd=folder, env=os.environ | settings)
+        run([*start, str(program), *map(str, given)], cwd=folder, env=os.environ | settings)
         found[name] = digest((folder / f"{name}.sound").read_bytes())
     return found
-
-
-def _run(command: Sequence[str], **more) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False, **more)
-    assert done.returncode == 0, done.stderr

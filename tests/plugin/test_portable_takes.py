@@ -19,6 +19,7 @@ from synth.plugin.platforms import TARGETS
 from tests.patience import compiling_s
 
 from . import takes
+from .emulated import started
 from .native import Library
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,7 +71,7 @@ def test_other_systems_play_the_same_bits(
     portable, bank_file: Path, expected: Mapping[str, str], tmp_path: Path, name: str
 ) -> None:
     target = TARGETS[name]
-    takes.started(target)  # skips before anything is built
+    started(target)  # skips before anything is built
     assert takes.elsewhere(target, portable(target), bank_file, tmp_path) == expected
 
 
@@ -149,5 +150,5 @@ def test_a_render_gives_the_same_file_again(song: Path, environment: Mapping[str
 def test_a_render_gives_the_same_file_on_another_processor(
     song: Path, environment: Mapping[str, str], wave: Path, tmp_path: Path
 ) -> None:
-    start = takes.started(X86, takes.PROCESSORS[0])
+    start = started(X86, takes.PROCESSORS[0])
     assert rendered(start, song, tmp_path / "there.wav", environment) == wave.read_bytes()
