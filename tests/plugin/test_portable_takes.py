@@ -3,6 +3,7 @@ machines, and `synth render --bits portable`."""
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -140,6 +141,26 @@ def test_a_render_is_what_the_library_plays(
     played = engine.play(rows, late + len(sound), dtype=np.float32)[late:]
     assert rate_hz == RATE and np.abs(sound).max() > 0.1
     np.testing.assert_array_equal(sound, played)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_the_command_starts_itself_anew_for_portable_bits(monkeypatch, environment: Mapping[str, str], ends: bool) -> None:
+    """As a program it becomes the new process; called by another it waits for it."""
+    started, arguments = [], ["render", "song.mid", "--bits", "portable"]
+    monkeypatch.delenv("JAWARI_BITS", raising=False)
+    monkeypatch.setattr(bits, "_environment", lambda say: environment)
+    monkeypatch.setattr(bits.os, "execve", lambda *given: started.append(given))
+    monkeypatch.setattr(
+        subprocess, "run", lambda command, **more: started.append(command) or argparse.Namespace(returncode=7)
+    )
+    options = argparse.Namespace(renders=True, bits="portable", quiet=True)
+    code = bits.settle(options, arguments, ends)
+    if ends:
+        assert started[0] == (sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
+    else:
+        assert (started, code) == ([[sys.executable, "-m", "synth", *arguments]], 7)
+    monkeypatch.setenv("JAWARI_BITS", "portable")
+    assert bits.settle(options, arguments, ends) is None
 
 
 def test_a_render_gives_the_same_file_again(song: Path, environment: Mapping[str, str], wave: Path, tmp_path: Path) -> None:

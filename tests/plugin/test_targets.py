@@ -31,7 +31,7 @@ from synth.jit.kernel_cache import cache_folder
 from synth.plugin import bankfile, bundle, library, macsign, shelf
 from synth.plugin.description import describe
 from synth.plugin.library import FOOT
-from synth.plugin.platforms import PORTABLE, TARGETS, host
+from synth.plugin.platforms import PORTABLE, TARGETS, Target, host
 from tests.patience import compiling_s
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
@@ -442,28 +442,33 @@ def test_hosts_can_enter_a_plugin(linked: Here, target: str) -> None:
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_native_library_is_for_every_system(target: str, tmp_path) -> None:
     """That of the sources, kept beside the kernels; what it asks for is there on every system of its kind."""
-    import lief
-
     folder = cache_folder().parent / f"native-tests-{library.sources_version()}" / target
     folder.mkdir(parents=True, exist_ok=True)
     native = folder / TARGETS[target].library
     if not native.exists():
         library.build(folder, target=TARGETS[target], levels=TARGETS[target].levels)
-    system = TARGETS[target].system
+    check_library(native, TARGETS[target], tmp_path)
+
+
+def check_library(native: Path, target: Target, folder: Path) -> None:
+    """That a native library and the plugins made of it, in a folder, are what their system takes."""
+    import lief
+
+    system = target.system
     own = {"windows": {"InitDll", "ExitDll"}, "macos": {"bundleEntry", "bundleExit"}, "linux": {"ModuleEntry", "ModuleExit"}}
-    entries, asked = read_back(native, target)
+    entries, asked = read_back(native, target.name)
     assert entries >= ENTRIES | own[system]
     if system == "windows":
         assert all(each == "kernel32.dll" or each.startswith("api-ms-win-crt-") for each in asked), asked
     elif system == "macos":
         assert asked == {"/usr/lib/libSystem.B.dylib"}
     else:
-        assert TARGETS[target] == host() or platform(native.read_bytes()) == "manylinux_2_17_aarch64"
+        assert target == host() or platform(native.read_bytes()) == "manylinux_2_17_aarch64"
     description = describe([load_preset("tanpura")])
-    plugins = bundle.Plugins(native, BANK, description, TARGETS[target])
+    plugins = bundle.Plugins(native, BANK, description, target)
     for kind in bundle.FORMATS:
-        path = plugins.write(kind, tmp_path / f"tanpura.{kind}")
-        assert read_back(path, target) == (entries, asked)
+        path = plugins.write(kind, folder / f"tanpura.{kind}")
+        assert read_back(path, target.name) == (entries, asked)
         if system == "macos":
             contents = path.parents[1]
             special = {}
