@@ -11,10 +11,11 @@ document.addEventListener("click", async ({ target }) => {
   try {
     const { mountInstrument } = await import(here("jawari.js"));
     const instrument = document.createElement("div");
-    const [wasm, bank, worklet, style] = ["jawari.wasm", place.dataset.bank, "jawari-worklet.js", "jawari.css"].map(here);
+    const files = ["jawari.wasm", "jawari-relaxed.wasm", place.dataset.bank, "jawari-worklet.js", "jawari.css"];
+    const [wasm, relaxed, bank, worklet, style] = files.map(here);
     place.after(instrument);
     place.remove();
-    mountInstrument(instrument, { wasm, bank, worklet, style });
+    mountInstrument(instrument, { wasm, relaxed, bank, worklet, style });
   } catch (error) {
     place.textContent = `The instrument does not come: ${error.message}`;
   }

@@ -37,7 +37,7 @@ from synth.plugin.platforms import TARGETS, Target
 LANES: Mapping[str, int] = {"x86-64-v3": 4, "x86-64-v4": 8}
 LEVELS = tuple(LANES)
 #: what is made from the plainest x86-64 (`retarget`)
-FOREIGN = ("aarch64", "portable")
+FOREIGN = ("aarch64", "portable", "relaxed")
 
 
 class EmitError(ValueError):

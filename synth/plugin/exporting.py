@@ -14,7 +14,7 @@ from synth.host.parts import files_read, load_presets
 from synth.plugin import bundle, wclap, webfolder
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
-from synth.plugin.platforms import TARGETS, WEB
+from synth.plugin.platforms import TARGETS, WEB, WEB_RELAXED
 
 #: told how many strings are prepared, of how many
 Progress = Callable[[int, int], None]
@@ -136,7 +136,10 @@ def export(
                     wclap.write(path, module, bank)
                 else:
                     bank = packed_bank.for_pages(bank, laid)
-                    webfolder.write(path, module, bank, description)
+                    relaxed = None
+                    if wanted.bits == "fast":
+                        relaxed = shelf.web_library(webfolder.KIND, say, WEB_RELAXED).read_bytes()
+                    webfolder.write(path, module, bank, description, relaxed)
             continue
         plugins = bundle.Plugins(native, bank, description, TARGETS[target])
         sizes[target] = plugins.library_bytes
@@ -144,6 +147,7 @@ def export(
             if make_folders:
                 path.parent.mkdir(parents=True, exist_ok=True)
             plugins.write(kind, path)
+    if WEB.name not in natives:
         python_record.write()
     return ExportReport(
         name=description.id,

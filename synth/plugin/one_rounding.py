@@ -28,17 +28,28 @@ _FUSED = re.compile(
     r"@llvm\.(?:fma|fmuladd)\.\w+\(\2 (.*), \2 (.*), \2 (.*?)\)(?: #\d+)?(?:, !.*)?$",
     re.MULTILINE,
 )
+_FUSED_VECTOR = re.compile(r"@llvm\.(?:fma|fmuladd)\.(v\d+f\d+)\(")
+#: what such an operation is called meanwhile
+_RELAXED_NAME = "jawari_relaxed"
+_RELAXED = rf"@{_RELAXED_NAME}.\1("
 _VECTOR = re.compile(r"@llvm\.(\w+)\.v(\d+)f64\(")
 
 
-def with_one_rounding(text: str) -> str:
-    """A module's text in which every operation has one result.
+def with_one_rounding(text: str, relaxed: bool = False) -> str:
+    """A module's text in which every operation has one result; relaxed: but for products of vectors with an addition, which
+    a processor may do as one.
 
     Raises ValueError for an operation that is not known here.
     """
     text = _LOOSE.sub(r"\1 ", text)
+    if relaxed:
+        text = _FUSED_VECTOR.sub(_RELAXED, text)
     text = _FUSED.sub(_apart, text)
-    text = re.sub(r"^declare [^\n]*@llvm\.(?:fma|fmuladd)\.[^\n]*$", "", text, flags=re.MULTILINE)
+    text = re.sub(rf"^declare [^\n]*@(?:llvm\.fma|llvm\.fmuladd|{_RELAXED_NAME})\.[^\n]*$", "", text, flags=re.MULTILINE)
+    for kind in sorted(set(re.findall(rf"@{_RELAXED_NAME}\.(v\d+f\d+)\(", text))):
+        vector = f"<{kind[1 : kind.index('f')]} x {'double' if kind.endswith('64') else 'float'}>"
+        text = text.replace(f"@{_RELAXED_NAME}.{kind}(", f"@llvm.fmuladd.{kind}(")
+        text += f"\ndeclare {vector} @llvm.fmuladd.{kind}({vector}, {vector}, {vector})\n"
     text = text.replace("@sqrt(", "@llvm.sqrt.f64(")
     text = _declared_once(text, "llvm.sqrt.f64", "declare double @llvm.sqrt.f64(double)")
     for name, width in sorted({(found[1], int(found[2])) for found in _VECTOR.finditer(text)}):
@@ -50,7 +61,7 @@ def with_one_rounding(text: str) -> str:
         if text != before:
             taken = ", ".join(["double"] * count)
             text = _declared_once(text, f"jawari_{name}", f"declare double @jawari_{name}({taken})")
-    if left := re.search(r"@llvm\.(?:fma|fmuladd|exp|exp2|exp10|log|log2|log10|pow|powi|sin|cos|tan)\.\w+", text):
+    if left := re.search(r"@llvm\.(?:fma|exp|exp2|exp10|log|log2|log10|pow|powi|sin|cos|tan)\.\w+", text):
         raise ValueError(f"the kernels use {left[0]}, which has no portable replacement; see {__name__}")
     return text
 

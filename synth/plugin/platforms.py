@@ -11,7 +11,7 @@ from __future__ import annotations
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,8 @@ TARGETS: Mapping[str, Target] = {
 }
 #: for pages: one thread, no files
 WEB = Target("web", "web", "wasm32", "wasm32-unknown-wasi", "wasm32-wasi", ("portable",), "jawari.wasm", ".wasm", "")
+#: the same with instructions that not every browser has yet, and that round as the processor likes
+WEB_RELAXED = replace(WEB, name="web-relaxed", levels=("relaxed",), library="jawari-relaxed.wasm")
 #: what stands in a library of one rounding everywhere, instead of the levels
 PORTABLE = ("portable",)
 

@@ -8,7 +8,8 @@ Linux, its functions are those of the C part (c/system.h) that do the same.
 level           made from                computes
 x86-64-v3, -v4  the same                 on every system the same but for the system's exp, sin, …
 aarch64         x86-64, two lanes        what the others do but for rounding (1e-13 of full scale)
-portable        x86-64, two lanes        the same bits everywhere (`one_rounding`); of wasm32 there is no other
+portable        x86-64, two lanes        the same bits everywhere (`one_rounding`)
+relaxed         x86-64, two lanes        of wasm32 alone: products of vectors with an addition may round once
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ _PROCESSORS = {
     "arm64": ("generic", ""),
     "wasm32": ("generic", "+simd128,+bulk-memory,+nontrapping-fptoint,+sign-ext,+mutable-globals"),
 }
+#: how the levels that a processor has begin, but for "portable"
+_LEVELS = {"x86-64": ("x86-64",), "arm64": ("aarch64",), "wasm32": ("relaxed",)}
 #: functions of a system that kernels call, and the C part has as jawari_system_NAME
 _SYSTEM = ("nanosleep", "clock_gettime", "sched_yield", "read", "write")
 
@@ -92,14 +95,14 @@ def object_of(text: str, level: str, target: Target) -> bytes:
     """
     import llvmlite.binding as llvm
 
-    if target.processor != "x86-64" and level.startswith("x86-64"):
+    if not level.startswith(("portable", *_LEVELS[target.processor])):
         raise ValueError(f"{target.name} has no level {level}; use {', '.join(target.levels)} or portable")
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    if level in ("portable", "aarch64"):
+    if level in ("portable", "aarch64", "relaxed"):
         text = _for_processor(text, target.processor, level == "portable")
-    if level == "portable":
-        text = with_one_rounding(text)
+    if level in ("portable", "relaxed"):
+        text = with_one_rounding(text, relaxed=level == "relaxed")
     if target.processor == "wasm32":
         text = with_words(text)
     if target.system != "linux":
@@ -108,6 +111,8 @@ def object_of(text: str, level: str, target: Target) -> bytes:
     processor, instructions = _PROCESSORS[target.processor]
     if level.startswith("x86-64"):
         processor = level
+    if level == "relaxed":
+        instructions += ",+relaxed-simd"
     machine = llvm.Target.from_triple(target.triple).create_target_machine(
         cpu=processor,
         features=instructions,

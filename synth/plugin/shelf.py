@@ -84,10 +84,11 @@ def _build(folder: Path, target: Target | None, bits: str, say: Callable[[str], 
     return library.build(folder, target=target, kind=kind, levels=levels, say=about)
 
 
-def web_library(kind: str, say: Callable[[str], None] | None = None) -> Path:
-    """The engine as WebAssembly for these sources: of pages ("web"), or with a CLAP ("wclap"). Else as `library_for`."""
-    places = [folder / kind / WEB.library for folder in prebuilt.folders()]
-    return _found_or_built(places, WEB, BITS[0], say, kind="engine" if kind == "web" else "clap")
+def web_library(kind: str, say: Callable[[str], None] | None = None, target: Target = WEB) -> Path:
+    """The engine as WebAssembly for these sources: of pages ("web"), or with a CLAP ("wclap"); target: WEB or WEB_RELAXED.
+    Else as `library_for`."""
+    places = [folder / kind / target.library for folder in prebuilt.folders()]
+    return _found_or_built(places, target, BITS[0], say, kind="engine" if kind == "web" else "clap")
 
 
 def _clear(mine: Path) -> None:

@@ -3,10 +3,12 @@
 file                what
 index.html          the page with the instrument, which a server serves
 NAME.html           the same in one file, which also opens by itself (from a disk, where browsers load no other files)
-jawari.js           a module for pages of one's own: `mountInstrument(element, {wasm, bank, worklet, style})`
+jawari.js           a module for pages of one's own: `mountInstrument(element, {wasm, relaxed, bank, worklet, style})`
 jawari-worklet.js   what runs in the audio thread
 jawari.css          how page and instrument look
-jawari.wasm         the engine, the same for every instrument
+jawari.wasm         the engine, the same for every instrument: it computes the same bits in every browser
+jawari-relaxed.wasm the same for browsers with relaxed SIMD, where it is faster and rounds as the processor likes; portable
+                    instruments go without it
 NAME.jawari         the bank: for the sample rate RATE_HZ alone
 
 The programs are written as modules of one subject each (`web/`), and come together in one file each here.
@@ -35,20 +37,19 @@ RATE_HZ = 48000.0
 #: of engine and bank: what is larger is not written into one file as well
 SINGLE_BYTES = 48_000_000
 
-#: file name of the engine
-ENGINE = "jawari.wasm"
+#: file names of the engine
+ENGINE, RELAXED_ENGINE = "jawari.wasm", "jawari-relaxed.wasm"
 
 _PAGE, _WORKLET = "page.js", "worklet.js"
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const)\b)", re.MULTILINE)
 #: what the file of a page gives to other pages
 _GIVES = "export { mountInstrument, openPage };\n"
-_HOLDS = ("index.html", "*.html", "jawari.js", "jawari-worklet.js", "jawari.css", ENGINE, "*.jawari")
+_HOLDS = ("index.html", "*.html", "jawari.js", "jawari-worklet.js", "jawari.css", ENGINE, RELAXED_ENGINE, "*.jawari")
 
 _HEAD = """\
     <link rel="stylesheet" href="jawari.css" />
     <link rel="modulepreload" href="jawari.js" />
-    <link rel="preload" href="jawari.wasm" as="fetch" crossorigin />
     <link rel="preload" href="{bank}" as="fetch" crossorigin />"""
 _SCRIPTS = """\
     <script>
@@ -61,7 +62,7 @@ _SCRIPTS = """\
 
       const here = (name) => new URL(name, document.baseURI).href;
       openPage(document.getElementById("instrument"), {{
-        wasm: here("jawari.wasm"),
+        wasm: here("jawari.wasm"),{relaxed}
         bank: here("{bank}"),
         worklet: here("jawari-worklet.js"),
         style: here("jawari.css"),
@@ -111,25 +112,29 @@ def check(path: Path) -> None:
                 )
 
 
-def write(path: Path, wasm: bytes, bank: bytes, description: Description) -> None:
+def write(path: Path, wasm: bytes, bank: bytes, description: Description, relaxed: bytes | None = None) -> None:
     """An instrument for web pages at `path`: whole, or what was there before.
 
-    wasm: the engine. bank: for RATE_HZ alone, packed or not. Raises OSError that names what could not be written.
+    wasm: the engine; relaxed: that with relaxed SIMD, if the instrument is to have it. bank: for RATE_HZ alone, packed or
+    not. Raises OSError that names what could not be written.
     """
     check(path)
-    write_folder(path, contents(wasm, bank, description))
+    write_folder(path, contents(wasm, bank, description, relaxed))
 
 
-def contents(wasm: bytes, bank: bytes, description: Description) -> Mapping[str, bytes]:
+def contents(wasm: bytes, bank: bytes, description: Description, relaxed: bytes | None = None) -> Mapping[str, bytes]:
     """The files of the folder by their names."""
     title, about = _titles(description)
     bank_name = f"{description.id}.jawari"
     single = f"{description.id}.html" if description.id != "index" else "index-alone.html"
     made = parts()
     files_made = {name: text.encode() for name, text in made.items()} | {ENGINE: wasm, bank_name: bank}
+    if relaxed is not None:
+        files_made[RELAXED_ENGINE] = relaxed
+    also = "" if relaxed is None else f'\n        relaxed: here("{RELAXED_ENGINE}"),'
     has_single = len(wasm) + len(bank) <= SINGLE_BYTES
     aid = _AID.format(single=_SINGLE_AID.format(single=single) if has_single else "")
-    page = _page(title, about, _HEAD.format(bank=bank_name), _SCRIPTS.format(bank=bank_name, aid=aid))
+    page = _page(title, about, _HEAD.format(bank=bank_name), _SCRIPTS.format(bank=bank_name, aid=aid, relaxed=also))
     files_made["index.html"] = page.encode()
     if has_single:
         scripts = _SINGLE_SCRIPTS.format(

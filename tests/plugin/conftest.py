@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +17,7 @@ from synth.plugin import packed_bank, webfolder
 from synth.plugin.bankfile import bank, laid_out
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
-from synth.plugin.platforms import TARGETS, WEB, Target
+from synth.plugin.platforms import PORTABLE, TARGETS, WEB, Target, host
 
 from . import songs, vst3host
 from .native import Library
@@ -49,14 +51,16 @@ def library_file(tmp_path_factory) -> Path:
     return _built(TARGETS["linux-x86-64"])
 
 
-def _built(target: Target) -> Path:
-    """The library of a target, kept beside the kernels; one process builds, the others wait."""
-    folder = cache_folder().parent / f"native-tests-{native_library.sources_version()}" / target.name
+def _built(target: Target, name: str = "", **more: Any) -> Path:
+    """The library of a target, kept beside the kernels, under a name where it is another than all have; one process builds,
+    the others wait."""
+    kept = cache_folder().parent / f"native-tests-{native_library.sources_version()}"
+    folder = kept / "-".join(filter(None, (target.name, name)))
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         made = folder / target.library
-        return made if made.exists() else native_library.build(folder, target=target)
+        return made if made.exists() else native_library.build(folder, target=target, **more)
 
 
 @pytest.fixture(scope="session")
@@ -117,11 +121,33 @@ def instance(factory: vst3host.Factory):
 
 
 @pytest.fixture(scope="session")
-def web_library() -> Path:
-    """The engine as WebAssembly of the sources as they are now, kept like the native library."""
-    if native_library.zig(WEB) is None:
-        pytest.skip("the engine for web pages is built by the package ziglang, which is missing: pip install ziglang")
-    return _built(WEB)
+def portable() -> Callable[[Target], Path]:
+    """Gives the library of a target with portable kernels alone, kept like the native library."""
+
+    def of(target: Target) -> Path:
+        if target != host() and native_library.zig(target) is None:
+            pytest.skip("ziglang, which builds libraries for other systems, is missing: pip install ziglang")
+        return _built(target) if target is WEB else _built(target, "portable", levels=PORTABLE)
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def portable_library(portable) -> Path:
+    """That of this machine."""
+    return portable(TARGETS["linux-x86-64"])
+
+
+@pytest.fixture(scope="session")
+def web_library(portable) -> Path:
+    """The engine as WebAssembly."""
+    return portable(WEB)
+
+
+@pytest.fixture(scope="session")
+def wclap_library(web_library) -> Path:
+    """The same with a CLAP."""
+    return _built(WEB, "clap", kind="clap")
 
 
 @pytest.fixture(scope="session")

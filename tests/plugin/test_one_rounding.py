@@ -147,6 +147,15 @@ def test_nothing_is_left_to_a_compilers_taste():
     llvm.parse_assembly(text).verify()
 
 
+def test_relaxed_kernels_leave_products_of_vectors_with_an_addition_to_the_processor():
+    import llvmlite.binding as llvm
+
+    text = with_one_rounding(LOOSE.replace(", !tbaa !4", ""), relaxed=True)
+    assert text.count("call <2 x double> @llvm.fmuladd.v2f64(") == 1 and "llvm.fma." not in text
+    assert text.count("fadd double") == 1
+    llvm.parse_assembly(text).verify()
+
+
 def test_an_operation_of_the_systems_is_refused():
     with pytest.raises(ValueError, match=r"llvm\.log10\.f64, which has no portable replacement"):
         with_one_rounding("%x = call double @llvm.log10.f64(double %y)\n")

@@ -18,9 +18,10 @@ from synth.plugin import library as native_library
 from synth.plugin.c_sources import SOURCES, sources
 from synth.plugin.emit import table_symbol
 from synth.plugin.links import compiling
-from synth.plugin.platforms import PORTABLE, TARGETS, WEB, Target
+from synth.plugin.platforms import TARGETS, WEB, Target
 from synth.plugin.wasmbank import with_own_bank
 
+from .emulated import compiled, run, started
 from .native import Bank, Library, Refused
 
 EVERY = [*TARGETS.values(), WEB]
@@ -132,12 +133,10 @@ def test_a_module_for_the_web_asks_nothing_of_who_runs_it(tmp_path, kind):
 
 
 @pytest.mark.slow
-def test_the_host_for_other_systems_is_c_without_a_warning(tmp_path):
-    source = Path(__file__).with_name("clapplay.c")
-    for target in TARGETS.values():
-        command = [*_zig(target), "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{SOURCES}", str(source)]
-        done = subprocess.run([*command, "-o", str(tmp_path / "x"), "-ldl"], capture_output=True, text=True, check=False)
-        assert done.returncode == 0, (target.name, done.stderr)
+@pytest.mark.parametrize("source", ["clapplay.c", "playtake.c"])
+@pytest.mark.parametrize("target", TARGETS.values(), ids=_name)
+def test_players_for_other_systems_are_c_without_a_warning(tmp_path, source, target):
+    assert compiled(source, target, tmp_path).exists()
 
 
 @pytest.mark.slow
@@ -218,21 +217,7 @@ FRAMES, RATE_HZ = 20000, 44100.0
 
 
 @pytest.fixture(scope="module")
-def portable(tmp_path_factory):
-    """Gives the library of a target with portable kernels alone, made once."""
-    folder, made = tmp_path_factory.mktemp("portable"), {}
-
-    def of(target: Target) -> Path:
-        if target not in made:
-            place = folder / target.name
-            made[target] = native_library.build(place, PORTABLE, target=target, command=_zig(target))
-        return made[target]
-
-    return of
-
-
-@pytest.fixture(scope="module")
-def two_notes(portable, bank_files, tmp_path_factory) -> tuple[Path, np.ndarray]:
+def two_notes(portable, bank_files) -> tuple[Path, np.ndarray]:
     """A bank, and two notes of it as portable kernels play them here."""
     loaded = Library(portable(TARGETS["linux-x86-64"]))
     played = loaded.open_bank(bank_files["fretted-bass"]).engine(threads=2).play(NOTES, FRAMES, FRAMES)
@@ -240,44 +225,20 @@ def two_notes(portable, bank_files, tmp_path_factory) -> tuple[Path, np.ndarray]
     return bank_files["fretted-bass"], played
 
 
-def _started(target: Target) -> list[str]:
-    """How a program of another system is started here."""
-    if target.system == "windows":
-        wine = shutil.which("wine64") or shutil.which("wine64", path="/usr/lib/wine")
-        if wine is None:
-            pytest.skip("Wine is not installed (apt-get install wine64)")
-        return [wine]
-    folder = Path("/usr/aarch64-linux-gnu")
-    if shutil.which("qemu-aarch64") is None or not folder.is_dir():
-        pytest.skip("there is no AArch64 here (apt-get install qemu-user libc6-arm64-cross)")
-    return ["qemu-aarch64", "-L", str(folder)]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["windows-x86-64", "linux-arm64"])
 @pytest.mark.parametrize("threads", ["1", "2"])
 def test_a_plugin_sounds_on_another_system_bit_for_bit(portable, two_notes, tmp_path, name, threads):
     target = TARGETS[name]
-    start = _started(target)
+    start = started(target)
     bank, expected = two_notes
-    program = tmp_path / "clapplay.exe"
-    source = Path(__file__).with_name("clapplay.c")
-    libraries = ["-ldl"] if target.system == "linux" else []
-    compiled = [*_zig(target), "-std=c11", "-O1", f"-I{SOURCES}", "-o", str(program), str(source), *libraries]
-    subprocess.run(compiled, check=True)
+    program = compiled("clapplay.c", target, tmp_path)
     (tmp_path / "bass.clap").write_bytes(native_library.with_bank(portable(target), bank.read_bytes()))
     (tmp_path / "events").write_text(f"0 on 0 48 {100 / 127}\n99 on 0 43 {100 / 127}\n", encoding="utf-8")
     settings = {"JAWARI_THREADS": threads, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all", "JAWARI_PYTHON": "0"}
-    done = subprocess.run(
-        [*start, str(program), "./bass.clap", str(RATE_HZ), str(FRAMES), "256", "events", "sound"],
-        cwd=tmp_path,
-        env=os.environ | settings,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split()[0] == "org.jawari.fretted-bass"
+    given = ["./bass.clap", str(RATE_HZ), str(FRAMES), "256", "events", "sound"]
+    said = run([*start, str(program), *given], cwd=tmp_path, env=os.environ | settings)
+    assert said.split()[0] == "org.jawari.fretted-bass"
     played = np.fromfile(tmp_path / "sound", np.float32).reshape(-1, 2)
     np.testing.assert_array_equal(played, expected.astype(np.float32))
 

@@ -16,6 +16,7 @@ from listening.rendering import ROOT, sources_hash
 from synth.files.targets import write_text, write_whole
 from synth.instrument.preset import list_presets, load_preset
 from synth.plugin import library, shelf, webfolder
+from synth.plugin.platforms import WEB_RELAXED
 
 DRONE = "-drone"
 #: the family whose presets also play a drone by themselves
@@ -40,6 +41,9 @@ def write_all(names: Iterable[str], folder: Path, make: bool, say: Callable[[str
         for name, text in webfolder.parts().items():
             write_text(folder / name, text)
         write_whole(folder / webfolder.ENGINE, lambda file: file.write(wasm))
+        if make:
+            relaxed = shelf.web_library(webfolder.KIND, say, WEB_RELAXED).read_bytes()
+            write_whole(folder / webfolder.RELAXED_ENGINE, lambda file: file.write(relaxed))
     sources = _sources()
     listed = [_listed(name, folder, wasm, make, sources, say) for name in names]
     write_text(folder / "live.json", json.dumps(listed, indent=1))

@@ -1,6 +1,7 @@
 // The engine as a page sees it: a node for each instrument in an audio context that those of a page share.
 
 import { contextOf, programIn } from "./contexts.js";
+import { hasRelaxedSimd } from "./relaxed.js";
 
 /** Share of a block's time, as the warm-up measures it, above which an instrument moves to the context with more latency. */
 const HEAVY = 0.7;
@@ -15,7 +16,10 @@ const SILENT_AFTER_MS = 2000;
 const EVENTS = { noteOn: 1, noteOff: 2, control: 3, bend: 4, program: 5, parameter: 6 };
 
 /** @typedef {string | ArrayBuffer | Promise<ArrayBuffer>} Source an address, or what lies there */
-/** @typedef {{wasm: Source, bank: Source, worklet: string, measure?: boolean}} Assets */
+/**
+ * relaxed: the engine for browsers that have relaxed SIMD; those take it in the place of wasm.
+ * @typedef {{wasm: Source, relaxed?: Source, bank: Source, worklet: string, measure?: boolean}} Assets
+ */
 
 const fetched = new Map();
 
@@ -61,9 +65,10 @@ export class Engine extends EventTarget {
     this.ready.catch(() => {});
   }
 
-  async open({ wasm, bank, worklet, measure = false }) {
+  async open({ wasm, relaxed, bank, worklet, measure = false }) {
     this.kind = "quick";
-    const bytes = Promise.all([bytesOf(wasm, "the engine"), bytesOf(bank, "the instrument's bank")]);
+    const engine = relaxed && hasRelaxedSimd() ? relaxed : wasm;
+    const bytes = Promise.all([bytesOf(engine, "the engine"), bytesOf(bank, "the instrument's bank")]);
     await Promise.all([bytes, programIn(this.kind, worklet)]);
     const [wasmBytes, bankBytes] = await bytes;
     const options = { wasm: wasmBytes, bank: bankBytes, measure };
