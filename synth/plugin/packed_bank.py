@@ -30,6 +30,7 @@ import numpy as np
 
 from synth.plugin import predicted
 from synth.plugin.bankfile import HEADER, RATE, Laid
+from synth.plugin.droning import SCORE, STROKE
 from synth.plugin.packed_models import (
     FILTERED,
     HEARD,
@@ -150,11 +151,17 @@ def unpack(packed: bytes) -> bytes:
 
 def level(data: bytes, models: Models) -> bytes:
     """The bank with its sums over modes as the formulas say them, lumped modes' shapes and what is behind them rounded to 28
-    bits, and the levels by which strings of a body are put to sleep to 12; its checksums are right."""
+    bits, and the levels by which strings of a body are put to sleep to 12, as how a drone's strokes vary; its checksums are
+    right."""
     image = np.frombuffer(data, np.uint8).copy()
     for _ in _walk(models, image, _Leveller()):
         pass
     header = image[: HEADER.itemsize].view(HEADER)
+    if score := int(header["drone_at"][0]):
+        strokes = int(image[score : score + SCORE.itemsize].view(SCORE)["strokes"][0]) * STROKE.itemsize
+        end = score + int(header["drone"][0])
+        varied = image[end - strokes : end].view(np.float64)
+        varied[:] = _rounded(varied, _LEVEL_BITS)
     first, count = int(header["rates_at"][0]), int(header["rates"][0])
     rows = image[first : first + count * RATE.itemsize].view(RATE)
     for row in rows:

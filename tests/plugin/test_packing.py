@@ -17,6 +17,7 @@ from synth.instrument.preset import load_preset
 from synth.midi.events import NOTE_ON
 from synth.plugin import packed_bank, predicted
 from synth.plugin.bankfile import HEADER, RATE, Laid, bank, laid_out
+from synth.plugin.droning import CYCLES, STROKE, DroneSettings
 from synth.plugin.library import SOURCES, compiler
 from synth.plugin.packed_models import Models, models_of
 
@@ -85,6 +86,27 @@ def test_a_packed_bank_is_small(name):
     data, laid, _ = made(name)
     packed = packed_bank.for_pages(data, laid)
     assert len(zlib.compress(packed, 9)) < 250_000 < len(zlib.compress(data, 9)) / 10
+
+
+def test_a_drone_of_a_bank_for_pages_strays_as_in_the_bank_to_a_part_in_thousands():
+    drone = DroneSettings(sa_hz=130.8).on(load_preset("tanpura"))
+    data, laid = laid_out([drone.strings.preset], [48000.0], name="drone", drone=drone, quality="draft")
+    whole = packed_bank.unpack(packed_bank.for_pages(data, laid))
+    header = np.frombuffer(data, HEADER, 1)[0]
+    end = int(header["drone_at"] + header["drone"])
+    first = end - CYCLES * 4 * STROKE.itemsize
+    before, after = (np.frombuffer(each[first:end], np.float64) for each in (data, whole))
+    np.testing.assert_allclose(after, before, rtol=2.0**-12, atol=0.0)
+    assert whole[int(header["drone_at"]) : first] == data[int(header["drone_at"]) : first]
+    assert zlib.crc32(bytes(_unsummed(whole))) == np.frombuffer(whole, HEADER, 1)[0]["checksum"]
+
+
+def _unsummed(data: bytes) -> np.ndarray:
+    """The tables of a bank, with 0 for their checksum."""
+    tables = np.frombuffer(data, np.uint8).copy()
+    header = tables[: HEADER.itemsize].view(HEADER)
+    header["checksum"] = 0
+    return tables[: int(header["tables_end"][0])]
 
 
 def test_a_levelled_bank_has_right_checksums_and_what_it_changes_is_small():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 import shutil
 from collections.abc import Iterator
@@ -257,6 +258,19 @@ def test_blocks_are_measured_where_that_is_asked_for(tanpura: InstrumentPage) ->
     tanpura.until(lambda: "late" in tanpura.text(".figures") and not tanpura.text(".figures").startswith("0 blocks"))
     figures = tanpura.figures()
     assert figures["blocks"] > 0 and 0 < figures["load"] and figures["dropped"] == 0
+
+
+def test_engine_and_bank_may_be_compressed(page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path) -> None:
+    shutil.copytree(web_folders["tanpura"], tmp_path / "it")
+    for name in ("jawari.wasm", "tanpura.jawari"):
+        path = tmp_path / "it" / name
+        path.write_bytes(gzip.compress(path.read_bytes()))
+    with served(tmp_path) as address:
+        page.play_on(f"{address}it/")
+        page.hand().move_to_element(page.key(SA)).click().perform()
+        sounds(page)
+        assert page.errors() == []
+        page.open_nothing()
 
 
 def test_what_needs_much_of_the_processor_is_computed_farther_ahead_and_says_so(

@@ -1,7 +1,11 @@
-"""Instruments that pages of the documentation play: banks made once, kept while nothing that they depend on changes."""
+"""Instruments that pages of the documentation play: banks made once, kept while nothing that they depend on changes.
+
+They are compressed by gzip, as not every server does that with files of a kind that it does not know.
+"""
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 from collections.abc import Callable, Iterable
@@ -72,14 +76,14 @@ def _listed(
         if not make:
             return found
         say(name)
-        data = _bank(name)
+        data = gzip.compress(_bank(name), mtime=0)
         write_whole(path, lambda file: file.write(data))
     return found | {"file": path.name, "bytes": path.stat().st_size + len(wasm)}
 
 
 def _sources() -> str:
     digest = hashlib.sha256(sources_hash().encode())
-    for path in sorted((ROOT / "synth" / "plugin").glob("*.py")):
+    for path in (Path(__file__), *sorted((ROOT / "synth" / "plugin").glob("*.py"))):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

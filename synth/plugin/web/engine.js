@@ -23,14 +23,21 @@ const EVENTS = { noteOn: 1, noteOff: 2, control: 3, bend: 4, program: 5, paramet
 
 const fetched = new Map();
 
+/** What was compressed by gzip, for servers that compress nothing; else as it came. */
+function uncompressed(bytes) {
+  const [first, second] = new Uint8Array(bytes, 0, Math.min(bytes.byteLength, 2));
+  if (first !== 0x1f || second !== 0x8b) return bytes;
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+}
+
 /** The bytes of a source; of an address once for all instruments of a page. */
 function bytesOf(source, what) {
   if (typeof source !== "string") return Promise.resolve(source);
   if (!fetched.has(source)) {
     const coming = fetch(source).then(
-      (answer) => {
+      async (answer) => {
         if (!answer.ok) throw new Error(`${what} does not come: ${source}: ${answer.status} ${answer.statusText}`);
-        return answer.arrayBuffer();
+        return uncompressed(await answer.arrayBuffer());
       },
       (error) => {
         throw new Error(`${what} does not come: ${source}: ${error.message}`);
