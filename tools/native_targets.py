@@ -13,6 +13,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import brotli
+import lief
 import pytest
 
 from synth.instrument.preset import load_preset
@@ -51,7 +52,7 @@ class Row:
             data = self.path.read_bytes()
             sizes = [f"{len(each) / 1e6:.2f}" for each in (data, brotli.compress(data))]
         result = "; ".join(self.wrong) or ("right" if self.checked else "not checked")
-        return f"{self.target:15} {self.kind:9} {sizes[0]:>7} {sizes[1]:>7}  {', '.join(self.checked):30} {result}"
+        return f"{self.target:15} {self.kind:9} {sizes[0]:>7} {sizes[1]:>7}  {', '.join(self.checked):44} {result}"
 
 
 class Checks:
@@ -136,10 +137,11 @@ def main() -> int:
         parser.error(f"there is no target {unknown[0]!r}; use {', '.join(names)}")
     if host() != TARGETS["linux-x86-64"]:
         parser.error("it compares with what Linux on x86-64 plays, and runs there only")
+    lief.logging.disable()  # of what it leaves out of a file
     rows = []
     with tempfile.TemporaryDirectory() as temporary:
         checks = Checks(Path(temporary))
-        print(f"{'target':15} {'kind':9} {'MB':>7} {'brotli':>7}  {'checked by':30} result")
+        print(f"{'target':15} {'kind':9} {'MB':>7} {'brotli':>7}  {'checked by':44} result")
         for name in given:
             kinds = ("web", "wclap") if name == WEB.name else shelf.BITS
             for kind in kinds:

@@ -16,6 +16,7 @@ from synth.plugin import bankfile, library, shelf, wclap
 
 from . import clapabi as abi
 from .claphost import Host, Instance
+from .clapkit import MIXED, PARTS, RATES, hear, plugin_file, wild
 from .native import Library
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly (pip install wasmtime)")
@@ -116,6 +117,23 @@ def test_it_plays_what_the_engine_plays(host: WclapHost, native: Path) -> None:
     made.close()
 
 
+def test_it_plays_whatever_the_native_plugin_plays(wclap_library: Path, portable_library: Path, tmp_path: Path) -> None:
+    """All kinds of events on several channels and programs, tunings and zones among them."""
+    rows = wild(7, 400, 20_000)
+    native = plugin_file(portable_library, tmp_path)
+    archive = tmp_path / "wild.wclap.tar.gz"
+    wclap.write(archive, wclap_library.read_bytes(), bankfile.bank(PARTS, RATES))
+    with Host(native) as here, here.instance() as other:
+        made = WclapHost(archive).instance()
+        for each in (made, other):
+            assert each.activate(RATES[0])
+        other.start()
+        sounds = [hear(each, rows, 20_000, MIXED) for each in (made, other)]
+        assert [made.value(info.id) for info in made.params] == list(other.values().values())
+    assert np.abs(sounds[0]).max() > 0.01
+    np.testing.assert_array_equal(*sounds)
+
+
 def test_two_instances_know_nothing_of_each_other(host: WclapHost) -> None:
     first, second = host.instance(), host.instance()
     for each in (first, second):
@@ -136,7 +154,7 @@ def test_two_instances_know_nothing_of_each_other(host: WclapHost) -> None:
 def test_parameters_are_those_of_the_native_plugin(host: WclapHost, native: Path) -> None:
     made = host.instance()
     with Host(native) as here, here.instance() as other:
-        infos = made.infos()
+        infos = made.params
         assert len(infos) == len(other.params) > 5
         for mine, theirs in zip(infos, other.params, strict=True):
             for name in ("id", "flags", "name", "module", "minimum", "maximum", "initial"):
@@ -149,7 +167,7 @@ def test_parameters_are_those_of_the_native_plugin(host: WclapHost, native: Path
 
 def test_values_come_as_events_and_are_kept_in_the_state(host: WclapHost) -> None:
     made, other = host.instance(), host.instance()
-    turned = next(info for info in made.infos() if info.flags & abi.AUTOMATABLE and not info.flags & abi.STEPPED)
+    turned = next(info for info in made.params if info.flags & abi.AUTOMATABLE and not info.flags & abi.STEPPED)
     assert made.activate(RATE_HZ) and other.activate(RATE_HZ)
     made.process([abi.param(0, turned.id, turned.maximum), abi.note_on(5, 48, 0.9)], 512)
     assert made.value(turned.id) == turned.maximum != other.value(turned.id)

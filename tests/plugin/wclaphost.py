@@ -17,6 +17,7 @@ import ctypes as c
 import tarfile
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -133,13 +134,14 @@ class WclapInstance:
         self.at = host.call(host.factory.create, host.factory_at, address, identity)
         self.plugin = host.structure(abi.Plugin, self.at)
         assert self._called(self.plugin.init), self.requests
-        self.params = self._extension("clap.params")
-        self.state = self._extension("clap.state")
+        self._params = self._extension("clap.params")
+        self._state = self._extension("clap.state")
         assert self._called(self.plugin.get_extension, host.put(b"clap.nonsense\0")) == 0
         self._input = host.put(
             narrow(abi.InputEvents)(0, host.own("i", "i", lambda _: len(self._events)), host.own("i", "ii", self._event))
         )
         self._output = host.put(narrow(abi.OutputEvents)(0, host.own("i", "ii", self._pushed)))
+        self.params = self._infos()
 
     def _called(self, function: int, *given: Any) -> Any:
         return self.host.call(function, self.at, *given)
@@ -187,19 +189,23 @@ class WclapInstance:
     def close(self) -> None:
         self._called(self.plugin.destroy)
 
-    def _placed(self, event: Any) -> int:
-        """The address of an event of `clapabi`'s; its own addresses are left out."""
-        made = narrow(type(event))()
+    def _placed(self, event: Any) -> list[int]:
+        """The addresses of an event of `clapabi`'s and of what it names; a cookie is left out."""
+        made, named = narrow(type(event))(), []
         for name, _ in made._fields_:
             if name not in ("cookie", "buffer"):
                 setattr(made, name, getattr(event, name))
         made.header.size = c.sizeof(made)
-        return self.host.put(made)
+        if isinstance(event, abi.Sysex):
+            named = [self.host.put(event.kept.raw)]
+            made.buffer = named[0]
+        return [self.host.put(made), *named]
 
     def process(self, events: Sequence[Any], frames: int, kind: Any = np.float64) -> np.ndarray:
         """A block; (frames, 2)."""
         host, size = self.host, np.dtype(kind).itemsize * max(1, frames)
-        self._events, self._frames = [self._placed(event) for event in events], frames
+        placed = [self._placed(event) for event in events]
+        self._events, self._frames = [at for at, *_ in placed], frames
         sides = [host.put(np.full(size, 0xFF, np.uint8).tobytes()) for _ in range(2)]  # which is no number
         both = host.put(np.array(sides, np.uint32).tobytes())
         wide = kind == np.float64
@@ -208,7 +214,7 @@ class WclapInstance:
         status = self._called(self.plugin.process, block)
         assert status in (abi.CONTINUE, abi.SLEEP), f"process gave {status}"
         out = [np.frombuffer(host.module.read(at, size), kind)[:frames] for at in sides]
-        for at in (*self._events, *sides, both, buffer, block):
+        for at in (*chain.from_iterable(placed), *sides, both, buffer, block):
             host.free(at)
         self._events = []
         self._steady += frames
@@ -216,24 +222,24 @@ class WclapInstance:
 
     # -- parameters and state --
 
-    def infos(self) -> list[Any]:
+    def _infos(self) -> list[Any]:
         """What there is of every parameter."""
         kind, out = narrow(abi.ParamInfo), []
-        for k in range(self._called(self.params.count)):
+        for k in range(self._called(self._params.count)):
             at = self.host.room(c.sizeof(kind))
-            assert self._called(self.params.get_info, k, at)
+            assert self._called(self._params.get_info, k, at)
             out.append(self.host.structure(abi.ParamInfo, at))
             self.host.free(at)
         return out
 
     def value(self, identity: int) -> float:
         at = self.host.room(8)
-        assert self._called(self.params.get_value, _signed(identity), at)
+        assert self._called(self._params.get_value, _signed(identity), at)
         return float(np.frombuffer(self.host.module.read(at, 8))[0])
 
     def text(self, identity: int, value: float) -> str:
         at = self.host.room(256)
-        assert self._called(self.params.value_to_text, _signed(identity), value, at, 256)
+        assert self._called(self._params.value_to_text, _signed(identity), value, at, 256)
         return self.host.text(at)
 
     def save(self) -> bytes:
@@ -243,7 +249,7 @@ class WclapInstance:
             kept.extend(self.host.module.read(data, min(size, _MOVED)))
             return min(size, _MOVED)
 
-        assert self._called(self.state.save, self._stream(write))
+        assert self._called(self._state.save, self._stream(write))
         return bytes(kept)
 
     def load(self, data: bytes) -> bool:
@@ -256,7 +262,7 @@ class WclapInstance:
             at += len(given)
             return len(given)
 
-        return bool(self._called(self.state.load, self._stream(read)))
+        return bool(self._called(self._state.load, self._stream(read)))
 
     def _stream(self, move: Callable[[int, int, int], int]) -> int:
         return self.host.put(narrow(abi.Stream)(0, self.host.own("l", "iil", move)))
