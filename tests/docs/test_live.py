@@ -34,7 +34,7 @@ def listed(folder: Path) -> list[dict]:
 
 def test_every_instrument_that_a_page_asks_for_is_made_once(docs: Path, tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "wasm").write_bytes(b"\0asm")
-    monkeypatch.setattr(shelf, "web_library", lambda kind, say: tmp_path / "wasm")
+    monkeypatch.setattr(shelf, "web_library", lambda *_: tmp_path / "wasm")
     monkeypatch.setattr(instruments, "_bank", lambda name: name.encode())
     made: list[str] = []
     folder = tmp_path / "live"
@@ -46,7 +46,7 @@ def test_every_instrument_that_a_page_asks_for_is_made_once(docs: Path, tmp_path
     found = listed(folder)
     assert [gzip.decompress((folder / each["file"]).read_bytes()) for each in found] == [b"tanpura", b"tanpura-drone"]
     assert {path.name for path in folder.iterdir()} == {
-        *("jawari.js", "jawari-worklet.js", "jawari.css", "jawari.wasm", "live.json"),
+        *("jawari.js", "jawari-worklet.js", "jawari.css", "jawari.wasm", "jawari-relaxed.wasm", "live.json"),
         *(each["file"] for each in found),
     }
     page = live.fill((docs / "one.md").read_text(), "deep/one.md", folder)
@@ -54,7 +54,7 @@ def test_every_instrument_that_a_page_asks_for_is_made_once(docs: Path, tmp_path
 
 
 def test_without_an_engine_the_page_says_so(docs: Path, tmp_path: Path, monkeypatch) -> None:
-    def none(kind, say):
+    def none(*_):
         raise library.BuildError("there is none")
 
     monkeypatch.setattr(shelf, "web_library", none)
@@ -72,7 +72,7 @@ def test_the_build_is_warned_of_an_instrument_that_is_not_made(tmp_path: Path, c
 
 def test_without_making_what_is_there_is_listed(docs: Path, tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "wasm").write_bytes(b"\0asm")
-    monkeypatch.setattr(shelf, "web_library", lambda kind, say: tmp_path / "wasm")
+    monkeypatch.setattr(shelf, "web_library", lambda *_: tmp_path / "wasm")
     monkeypatch.setattr(instruments, "_bank", lambda name: name.encode())
     folder = tmp_path / "live"
     instruments.write_all(NAMES[:1], folder, True, lambda _: None)

@@ -163,7 +163,7 @@ def test_the_programs_read_a_bank_as_it_is_laid_out() -> None:
 
 
 def test_the_command_writes_it_and_says_how_to_see_it(web_library, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(shelf, "web_library", lambda kind, say: web_library)
+    monkeypatch.setattr(shelf, "web_library", lambda *_: web_library)
     monkeypatch.chdir(tmp_path)
     assert main(["export", "tanpura", "-f", "web", "--quality", "draft"]) == 0
     out = capsys.readouterr().out

@@ -88,7 +88,7 @@ def test_a_key_sounds_under_the_mouse(tanpura: InstrumentPage, address: str) -> 
 def test_the_page_that_the_command_writes_opens_its_bank(
     page: InstrumentPage, web_library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shelf, "web_library", lambda kind, say: web_library)
+    monkeypatch.setattr(shelf, "web_library", lambda *_: web_library)
     command = ["export", "tanpura", "--drone", "--quality", "draft", "-f", "web", "-o", str(tmp_path / "it"), "--quiet"]
     assert main(command) == 0
     with served(tmp_path) as address:
