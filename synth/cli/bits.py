@@ -13,10 +13,14 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from synth.plugin.platforms import BITS
+
 #: instructions that the C library's exp, sin, … may take where a processor has them, by the names of its versions
 _INSTRUCTIONS = ("AVX", "AVX2", "FMA", "FMA4", "AVX_Usable", "AVX2_Usable", "FMA_Usable", "FMA4_Usable")
 #: the plainest kernels of OpenBLAS, and one thread: a product's sums are then in one order
 _OPENBLAS = {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "1"}
+#: settings for other kernels than a library has, and for instructions of the packages
+_LEFT_OUT = ("NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK", "NPY_ENABLE_CPU_FEATURES")
 
 
 def add_bits(group: Any) -> None:
@@ -24,8 +28,8 @@ def add_bits(group: Any) -> None:
     group.set_defaults(renders=True)
     group.add_argument(
         "--bits",
-        choices=("fast", "portable"),
-        default="fast",
+        choices=BITS,
+        default=BITS[0],
         help="fast (default): the processor's own instructions; portable: the same bits on every processor, slower",
     )
 
@@ -38,7 +42,11 @@ def settle(options: argparse.Namespace, arguments: Sequence[str], ends: bool) ->
     """
     from synth.jit import prebuilt
 
-    if not getattr(options, "renders", False) or options.bits == "fast" or prebuilt.bits() == "portable":
+    if not getattr(options, "renders", False):
+        return None
+    if prebuilt.bits() == "portable":
+        options.bits = "portable"
+    if options.bits == "fast" or (prebuilt.bits() == "portable" and os.environ.get("JAWARI_NATIVE")):
         return None
     environment = _environment(None if getattr(options, "quiet", False) else _say)
     sys.stdout.flush()
@@ -55,6 +63,7 @@ def _environment(say: Callable[[str], None] | None) -> dict[str, str]:
     """That of a process whose bits are portable."""
     import numpy._core._multiarray_umath as umath  # type: ignore[import-not-found]
 
+    from synth.jit import kernel_cache
     from synth.plugin import retarget, shelf
     from synth.plugin.platforms import host
 
@@ -65,7 +74,7 @@ def _environment(say: Callable[[str], None] | None) -> dict[str, str]:
             "--bits portable gives the same bits on every system"
         )
     tunables = [os.environ.get("GLIBC_TUNABLES", ""), "glibc.cpu.hwcaps=" + ",".join(f"-{each}" for each in _INSTRUCTIONS)]
-    environment = os.environ | _OPENBLAS
+    environment = {name: value for name, value in kernel_cache.environment().items() if name not in _LEFT_OUT} | _OPENBLAS
     environment |= {
         "JAWARI_NATIVE": os.fspath(shelf.library_for(target, "portable", say)),
         "JAWARI_BITS": "portable",
@@ -75,5 +84,4 @@ def _environment(say: Callable[[str], None] | None) -> dict[str, str]:
         "NPY_DISABLE_CPU_FEATURES": " ".join(umath.__cpu_dispatch__),
         "GLIBC_TUNABLES": ":".join(filter(None, tunables)),
     }
-    environment.pop("NUMBA_CACHE_DIR", None)  # of the kernels of this process
     return environment

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, number, warner
 from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
 from synth.files.targets import check_folder
-from synth.plugin.platforms import TARGETS, host
+from synth.plugin.platforms import BITS, TARGETS, host
 
 if TYPE_CHECKING:
     from synth.plugin.droning import DroneSettings
 
 FORMATS = ("clap", "vst3", "lv2")
 WEB_FORMATS = ("web", "wclap")
-BITS = ("fast", "portable")
 #: sample rates that hosts have, and a bank can be made for [Hz]
 _LOWEST_HZ, _HIGHEST_HZ = 8000, 384000
 #: how what is written for the web is named, behind the plugin's name
@@ -228,7 +227,7 @@ def _formats(options: argparse.Namespace) -> tuple[str, ...]:
         if by_name is None:
             what = "-o" if options.output is not None else "the plugin"
             raise ValueError(
-                f"the format of {what} is missing: give --format {', '.join(FORMATS)} or all"
+                f"the format of {what} is missing: give --format {', '.join((*FORMATS, *WEB_FORMATS))} or all"
                 + ("" if options.output is not None else "; or --install puts all three where music programs look")
             )
         return (by_name,)

@@ -112,7 +112,7 @@ def _end(head: bytes) -> int:
 
 
 def _segment_ends(head: bytes) -> Iterator[int]:
-    """Of a Mach-O file of one processor."""
+    """Where the segments of a Mach-O file of one processor end."""
     (count,), at = struct.unpack_from("<I", head, 16), 32
     for _ in range(count):
         kind, size = struct.unpack_from("<2I", head, at)
@@ -122,7 +122,7 @@ def _segment_ends(head: bytes) -> Iterator[int]:
 
 
 def _section_ends(head: bytes) -> Iterator[int]:
-    """Of a DLL."""
+    """Where the sections of a DLL end."""
     (at,) = struct.unpack_from("<I", head, 0x3C)
     (count,), (optional,) = struct.unpack_from("<H", head, at + 6), struct.unpack_from("<H", head, at + 20)
     for number in range(count):

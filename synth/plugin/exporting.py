@@ -25,7 +25,7 @@ _JUDGES: Mapping[str, Callable[[Path], None]] = {webfolder.KIND: webfolder.check
 @dataclass(frozen=True)
 class Export:
     """What goes into a plugin. presets: names or files; every: those that come with the program instead; drone: what it
-    plays by itself, on the only preset; bits: of `shelf.BITS`; the rest as the options of `synth export` are called."""
+    plays by itself, on the only preset; bits: of `platforms.BITS`; the rest as the options of `synth export` are called."""
 
     presets: tuple[str, ...]
     every: bool = False
@@ -65,7 +65,7 @@ class ExportReport:
         lines = [f"{what}; {self.quality}, {rates} kHz"]
         for target, paths in self.paths.items():
             lines.append(f"  {target}, {(self.library_bytes[target] + self.bank_bytes) / 1e6:.1f} MB")
-            lines += [f"    {kind:5}{path}" for kind, path in paths.items()]
+            lines += [f"    {kind:5} {path}" for kind, path in paths.items()]
             if webfolder.KIND in paths:
                 lines.append(f"    to see it: python3 -m http.server --directory {shlex.quote(paths[webfolder.KIND])}")
         return lines
@@ -113,8 +113,11 @@ def export(
             )
     from synth.plugin import bankfile, packed_bank, python_record, shelf
 
+    relaxed = None
     if WEB.name in paths:
         natives = {WEB.name: shelf.web_library(webfolder.KIND if webfolder.KIND in paths[WEB.name] else wclap.KIND, say)}
+        if webfolder.KIND in paths[WEB.name] and wanted.bits == "fast":
+            relaxed = shelf.web_library(webfolder.KIND, say, WEB_RELAXED).read_bytes()
     else:
         natives = {target: shelf.library_for(TARGETS[target], wanted.bits, say) for target in paths}
     bank, laid = bankfile.laid_out(
@@ -136,9 +139,6 @@ def export(
                     wclap.write(path, module, bank)
                 else:
                     bank = packed_bank.for_pages(bank, laid)
-                    relaxed = None
-                    if wanted.bits == "fast":
-                        relaxed = shelf.web_library(webfolder.KIND, say, WEB_RELAXED).read_bytes()
                     webfolder.write(path, module, bank, description, relaxed)
             continue
         plugins = bundle.Plugins(native, bank, description, TARGETS[target])

@@ -79,7 +79,6 @@ _NEAR = 2.0**-24
 _SUMS = ("matrix", "lags", "weights", "single_rows", "single_shapes", "single_weights")
 #: bytes that a hole in the rest must have
 _LEAST_HOLE = 64
-_MOST = 1 << 31
 
 
 def for_pages(data: bytes, laid: list[Laid]) -> bytes:
@@ -180,7 +179,7 @@ class _Coder(Protocol):
 
 
 class _Writer:
-    """Writes differences into streams."""
+    """Streams of differences as they are written."""
 
     def __init__(self) -> None:
         self._codes: list[list[bytes]] = [[] for _ in KINDS]
@@ -218,7 +217,7 @@ class _Writer:
 
 
 class _Reader:
-    """Reads them."""
+    """Streams of differences as they are read."""
 
     def __init__(self, packed: bytes, sizes: np.ndarray, at: int) -> None:
         self._packed, self._at = np.frombuffer(packed, np.uint8), []

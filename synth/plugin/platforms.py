@@ -111,6 +111,8 @@ TARGETS: Mapping[str, Target] = {
 WEB = Target("web", "web", "wasm32", "wasm32-unknown-wasi", "wasm32-wasi", ("portable",), "jawari.wasm", ".wasm", "")
 #: the same with instructions that not every browser has yet, and that round as the processor likes
 WEB_RELAXED = replace(WEB, name="web-relaxed", levels=("relaxed",), library="jawari-relaxed.wasm")
+#: kinds of arithmetic: each processor's own instructions, or those that give the same bits on all
+BITS = ("fast", "portable")
 #: what stands in a library of one rounding everywhere, instead of the levels
 PORTABLE = ("portable",)
 

@@ -13,10 +13,8 @@ from synth.files.targets import naming
 from synth.jit import prebuilt
 from synth.plugin import library
 from synth.plugin.c_sources import Kind
-from synth.plugin.platforms import PORTABLE, WEB, Target, host
+from synth.plugin.platforms import BITS, PORTABLE, WEB, Target, host
 
-#: kinds of arithmetic: each processor's own instructions, or those that give the same bits on all
-BITS = ("fast", "portable")
 #: libraries that were built for other sources, kept at most
 KEEP = 3
 

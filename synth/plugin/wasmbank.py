@@ -1,4 +1,4 @@
-"""Puts a bank into a module of WebAssembly, where a library has it behind its end.
+"""Modules of WebAssembly with a bank in their memory, where a library has it behind its end.
 
     whole = with_own_bank(Path("jawari.wasm").read_bytes(), bank(presets))
 
@@ -35,6 +35,8 @@ def with_own_bank(module: bytes, bank: bytes) -> bytes:
             count, behind = _number(body, 0)
             segment = b"\0\x41" + _signed(address) + b"\x0b" + _unsigned(len(bank)) + bank
             begun = body[behind:].replace(_MARK + bytes(8), told)
+            if begun.count(told) != 1:
+                raise ValueError("the module's place for a bank is not whole; build it again")
             body = _unsigned(count + 1) + begun + segment
         made += bytes([kind]) + _unsigned(len(body)) + body
     return bytes(made)

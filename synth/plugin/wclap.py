@@ -15,8 +15,8 @@ from pathlib import Path
 from synth.files.targets import check_folder, write_whole
 from synth.plugin.wasmbank import with_own_bank
 
-#: what `synth export --format` calls it, and how its files are named
-KIND, ENDING = "wclap", ".wclap.tar.gz"
+#: what `synth export --format` calls it
+KIND = "wclap"
 MODULE = "module.wasm"
 
 

@@ -45,7 +45,9 @@ _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w-]+\.js)";\n', re.MULTILIN
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const)\b)", re.MULTILINE)
 #: what the file of a page gives to other pages
 _GIVES = "export { mountInstrument, openPage };\n"
-_HOLDS = ("index.html", "*.html", "jawari.js", "jawari-worklet.js", "jawari.css", ENGINE, RELAXED_ENGINE, "*.jawari")
+#: what a folder of this program has, and what else it may have beside its banks and the pages of these
+_HAS = ("index.html", "jawari.js", "jawari-worklet.js", "jawari.css", ENGINE)
+_MAY_HAVE = (RELAXED_ENGINE, "index-alone.html")
 
 _HEAD = """\
     <link rel="stylesheet" href="jawari.css" />
@@ -103,13 +105,20 @@ def check(path: Path) -> None:
     check_folder(path, path.parent)
     if path.is_symlink() or (path.exists() and not path.is_dir()):
         raise FileExistsError(f"{path}: is a file, and an instrument for web pages is a folder; give another name")
-    if path.is_dir():
-        for found in sorted(path.rglob("*")):
-            inside = found.relative_to(path)
-            if found.is_dir() or len(inside.parts) > 1 or not any(inside.match(each) for each in _HOLDS):
-                raise FileExistsError(
-                    f"{path}: holds {inside}, which does not belong to an instrument for web pages; give another name"
-                )
+    if path.is_dir() and (other := _foreign(path)) is not None:
+        raise FileExistsError(
+            f"{path}: holds {other}, which does not belong to an instrument for web pages; give another name"
+        )
+
+
+def _foreign(folder: Path) -> str | None:
+    """Something in a folder that this program has not written there."""
+    names = sorted(str(found.relative_to(folder)) for found in folder.rglob("*"))
+    if names and not set(_HAS) <= set(names):
+        return names[0]
+    banks = {name for name in names if name.endswith(".jawari") and (folder / name).parent == folder}
+    own = {*_HAS, *_MAY_HAVE, *banks, *(f"{name.removesuffix('.jawari')}.html" for name in banks)}
+    return next((name for name in names if name not in own or not (folder / name).is_file()), None)
 
 
 def write(path: Path, wasm: bytes, bank: bytes, description: Description, relaxed: bytes | None = None) -> None:

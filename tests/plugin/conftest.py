@@ -122,7 +122,7 @@ def instance(factory: vst3host.Factory):
 
 @pytest.fixture(scope="session")
 def portable() -> Callable[[Target], Path]:
-    """Gives the library of a target with portable kernels alone, kept like the native library."""
+    """A function of a target: its library with portable kernels alone, kept like the native library."""
 
     def of(target: Target) -> Path:
         if target != host() and native_library.zig(target) is None:

@@ -101,7 +101,15 @@ def test_it_is_written_over_its_like(tmp_path: Path) -> None:
     assert not (folder / "sitar.jawari").exists() and (folder / "tanpura.jawari").exists()
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "deep/index.html", "mine.js"])
+def test_a_page_of_ones_own_beside_it_is_not_written_over(tmp_path: Path) -> None:
+    folder = written(tmp_path, "tanpura")
+    (folder / "about.html").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"holds about\.html, which does not belong"):
+        written(tmp_path, "tanpura")
+    assert (folder / "about.html").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "deep/index.html", "mine.js", "about.html", "index.html"])
 def test_a_folder_that_holds_something_else_is_refused_and_stays(name: str, tmp_path: Path) -> None:
     other = tmp_path / "it" / name
     other.parent.mkdir(parents=True)

@@ -31,7 +31,7 @@ engine.send = (message) => {
 
 class _Quiet(SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
-        """Says nothing."""
+        """Log of requests: none is kept."""
 
 
 @contextmanager

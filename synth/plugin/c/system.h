@@ -1,7 +1,7 @@
 /* system.h: what the C part needs of the system that it runs on. Private to it.
  *
  * Each system has a file, system_NAME.c, with all that differs; Linux and macOS share system_posix.c. Which files are compiled
- * synth/plugin/sources.py tells: no other source asks for the system.
+ * synth/plugin/c_sources.py tells: no other source asks for the system.
  */
 #ifndef JAWARI_SYSTEM_H
 #define JAWARI_SYSTEM_H
