@@ -8,15 +8,16 @@ document.addEventListener("click", async ({ target }) => {
     return;
   }
   target.closest("button").disabled = true;
+  const instrument = document.createElement("div");
   try {
     const { mountInstrument } = await import(here("jawari.js"));
-    const instrument = document.createElement("div");
     const files = ["jawari.wasm", "jawari-relaxed.wasm", place.dataset.bank, "jawari-worklet.js", "jawari.css"];
     const [wasm, relaxed, bank, worklet, style] = files.map(here);
     place.after(instrument);
-    place.remove();
     mountInstrument(instrument, { wasm, relaxed, bank, worklet, style });
+    place.remove();
   } catch (error) {
+    instrument.remove();
     place.textContent = `The instrument does not come: ${error.message}`;
   }
 });

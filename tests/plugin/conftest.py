@@ -17,7 +17,7 @@ from synth.plugin import packed_bank, webfolder
 from synth.plugin.bankfile import bank, laid_out
 from synth.plugin.description import describe
 from synth.plugin.droning import DroneSettings
-from synth.plugin.platforms import PORTABLE, TARGETS, WEB, Target, host
+from synth.plugin.platforms import PORTABLE, TARGETS, WEB, WEB_RELAXED, Target, host
 
 from . import songs, vst3host
 from .native import Library
@@ -127,7 +127,7 @@ def portable() -> Callable[[Target], Path]:
     def of(target: Target) -> Path:
         if target != host() and native_library.zig(target) is None:
             pytest.skip("ziglang, which builds libraries for other systems, is missing: pip install ziglang")
-        return _built(target) if target is WEB else _built(target, "portable", levels=PORTABLE)
+        return _built(target) if target in (WEB, WEB_RELAXED) else _built(target, "portable", levels=PORTABLE)
 
     return of
 
@@ -145,14 +145,21 @@ def web_library(portable) -> Path:
 
 
 @pytest.fixture(scope="session")
+def relaxed_library(portable) -> Path:
+    """The same for browsers with relaxed SIMD."""
+    return portable(WEB_RELAXED)
+
+
+@pytest.fixture(scope="session")
 def wclap_library(web_library) -> Path:
     """The same with a CLAP."""
     return _built(WEB, "clap", kind="clap")
 
 
 @pytest.fixture(scope="session")
-def web_folders(web_library: Path, tmp_path_factory) -> dict[str, Path]:
-    """Instruments for web pages: a tanpura, one with a drone, and a tanpura with a bass as two programs."""
+def web_folders(web_library: Path, relaxed_library: Path, tmp_path_factory) -> dict[str, Path]:
+    """Instruments for web pages: a tanpura, one with a drone, a tanpura with a bass as two programs, and "relaxed": one with
+    both engines."""
     folder = tmp_path_factory.mktemp("web")
     tanpura, bass = load_preset("tanpura"), load_preset("fretted-bass")
     drone = DroneSettings(sa_hz=130.8).on(tanpura)
@@ -160,9 +167,11 @@ def web_folders(web_library: Path, tmp_path_factory) -> dict[str, Path]:
         "tanpura": ([tanpura], None),
         "tanpura-drone": ([drone.strings.preset], drone),
         "two": ([tanpura, bass], None),
+        "relaxed": ([tanpura], None),
     }
     for name, (presets, played) in banks.items():
         data = packed_bank.for_pages(*laid_out(presets, [webfolder.RATE_HZ], name=name, drone=played, quality="draft"))
         about = describe(presets, name, played.parameters() if played else ())
-        webfolder.write(folder / name, web_library.read_bytes(), data, about)
+        relaxed = relaxed_library.read_bytes() if name == "relaxed" else None
+        webfolder.write(folder / name, web_library.read_bytes(), data, about, relaxed)
     return {name: folder / name for name in banks}

@@ -19,11 +19,11 @@ from synth.plugin import packed_bank, predicted
 from synth.plugin.bankfile import HEADER, RATE, Laid, bank, laid_out
 from synth.plugin.droning import CYCLES, STROKE, DroneSettings
 from synth.plugin.library import SOURCES, compiler
-from synth.plugin.packed_models import Models, models_of
+from synth.plugin.packed_models import MODEL, NUMBERS, STRING, STRING_INTEGERS, TABLES, Models, models_of
 
 #: a bridge, frets with modes in float32, a body that strings share, a board, no contact at all
 PRESETS = ("tanpura", "fretted-bass", "steel-guitar", "flatwound-fretless", "harpsichord")
-UNPACKING = ("bank_predict.c", "bank_unpack.c", "checksum.c")
+UNPACKING = ("bank_predict.c", "bank_unpack.c", "checksum.c", "system_linux.c")
 
 
 @cache
@@ -161,6 +161,28 @@ def test_a_levelled_bank_plays(library, tmp_path):
 def test_a_changed_one_is_refused(native, change, why):
     data, _, models = made("tanpura")
     assert why in c_unpacked(native, change(packed_bank.pack(data, models)))
+
+
+@pytest.mark.parametrize(("modes", "refused"), [(64, False), (16384, True)])
+def test_what_would_take_long_for_its_few_bytes_is_refused(native, monkeypatch, modes, refused):
+    """A model whose lags are made of tables of zeros, which cost no byte."""
+    contacts = 64
+    row = dict.fromkeys(MODEL, 0) | {"modes": modes, "size": modes, "contacts": contacts, "lagged": contacts}
+    row["makes"] = 1 << TABLES.index("lags")
+    model = np.array([list(row.values())], np.int64)
+    end = 0
+    for name, size in packed_bank.extents(model[0]).items():
+        model[0, MODEL.index(name)] = end
+        end += (size + 63) // 64 * 64
+    empty = np.zeros(0)
+    numbers, string = np.ones((1, len(NUMBERS))), np.ones((1, len(STRING)))
+    integers = np.zeros((1, len(STRING_INTEGERS)), np.int64)
+    monkeypatch.setattr(packed_bank, "_areas", lambda *_: [])
+    whole = bytes(end)
+    packed = packed_bank.pack(whole, Models(model, numbers, integers, string, empty.reshape(0, 3), empty, empty))
+    assert len(packed) < 20_000
+    found = c_unpacked(native, packed)
+    assert ("so few bytes" in found) if refused else (found == whole)
 
 
 def test_python_refuses_a_changed_one():

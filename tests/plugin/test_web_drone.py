@@ -28,6 +28,7 @@ const [program, wasm, bank, script] = process.argv.slice(2);
 await import(program);
 const bytes = (file) => new Uint8Array(fs.readFileSync(file)).buffer;
 const it = new Processor({ processorOptions: { wasm: bytes(wasm), bank: bytes(bank), measure: false } });
+it.port.onmessage({ data: { kind: 1, channel: 0, a: 48, b: 100, value: 0 } }); // too early: nothing is heard of it
 while (told.warming) it.port.onmessage({ data: { warm: true } });
 if (told.failed) throw new Error(told.failed);
 if (it.module.voices() || it.module.notes() || it.drone.waits()) throw new Error("the warm-up has left something");

@@ -37,6 +37,9 @@ enum { GAP, BYTES, WORDS, AREA };
 
 enum { VERSION = 1, FIRST_LONG = 200, MOST_LONG = 36, MOST_ROWS = 1 << 16 };
 #define MOST_UNPACKED ((uint64_t)1 << 31)
+/* Steps of prediction for a byte of a packed bank: banks that are exported need some ten, and no bank of some megabytes takes longer
+ * than seconds. */
+enum { MOST_STEPS = 512 };
 
 struct packed_header {
     char magic[8];
@@ -179,6 +182,37 @@ static bool check_counts(const struct unpacking *u, size_t row) {
     if (m[STRING] < 0 || (uint64_t)m[STRING] >= u->h.strings || !within(m[WEIGHING], SMOOTH) || !within(m[MAKES], (1u << TABLES) - 1))
         return false;
     return m[BASE] == 0 || (m[BASE] > 0 && (uint64_t)m[BASE] < row);
+}
+
+/* Steps that predictions of a model take. Counts and places have been looked at: no product is too large for 64 bits. */
+static uint64_t steps_of(const struct unpacking *u, const int64_t *m) {
+    const uint64_t n = (uint64_t)m[SIZE], c = (uint64_t)m[CONTACTS], lagged = (uint64_t)m[LAGGED];
+    uint64_t steps = 0;
+    if (makes(m, OMEGA) || makes(m, SIGMA))
+        steps += (1 + 2 * (uint64_t)u->string_integers[m[STRING]][NUTS]) * n;
+    if (makes(m, WEIGHTS) && m[WEIGHING] == FILTERED)
+        steps += (uint64_t)m[TAPS] * n;
+    if (makes(m, SHAPES))
+        steps += c * n;
+    if (makes(m, MATRIX))
+        steps += c * c * n;
+    if (makes(m, LAGS))
+        steps += PREDICT_BLOCK * lagged * lagged * n;
+    if (makes(m, OUT_LAGS))
+        steps += 2 * PREDICT_BLOCK * lagged * n;
+    return steps;
+}
+
+/* Whether no more is predicted than the bytes that there are can be meant for. */
+static bool check_steps(const struct unpacking *u) {
+    uint64_t left = MOST_STEPS * u->h.size;
+    for (size_t row = 0; row < u->h.models; row++) {
+        const uint64_t steps = steps_of(u, u->models[row]);
+        if (steps > left)
+            return false;
+        left -= steps;
+    }
+    return true;
 }
 
 /* Where the tables of all models lie: what is made behind what was made before it, else from the base's on. */
@@ -448,6 +482,8 @@ static int unpack(struct unpacking *u, char *why) {
         return refuse(why, "there is no memory for it");
     if (!place_tables(u))
         return refuse(why, "a table lies outside of it");
+    if (!check_steps(u))
+        return refuse(why, "its tables are larger than so few bytes can say");
     if (!put_areas(u))
         return refuse(why, "a part lies outside of it");
     uint64_t place = 0;

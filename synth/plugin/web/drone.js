@@ -1,6 +1,6 @@
 // The drone that a bank may hold, at its own pace: plugin_drone.c without a host. The score is that of drone_score.h.
 
-import { NOTE_OFF, NOTE_ON, PARAMETER, TUNING } from "./module.js";
+import { NOTE_OFF, NOTE_ON, PARAMETER, TUNING } from "./events.js";
 
 const SCORE_BYTES = 160;
 const OWN_BYTES = 288;

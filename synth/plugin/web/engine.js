@@ -1,6 +1,7 @@
 // The engine as a page sees it: a node for each instrument in an audio context that those of a page share.
 
 import { contextOf, programIn } from "./contexts.js";
+import { BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM } from "./events.js";
 import { hasRelaxedSimd } from "./relaxed.js";
 
 /** Share of a block's time, as the warm-up measures it, above which an instrument moves to the context with more latency. */
@@ -11,13 +12,11 @@ const LEAST_HELD_MS = 300;
 const FADE_S = 0.015;
 /** A context that does not sound so long after a person has done something will not [ms]. */
 const SILENT_AFTER_MS = 2000;
-
-/** Kinds of events (jawari.h). */
-const EVENTS = { noteOn: 1, noteOff: 2, control: 3, bend: 4, program: 5, parameter: 6 };
+const CLOSED = "it was closed";
 
 /** @typedef {string | ArrayBuffer | Promise<ArrayBuffer>} Source an address, or what lies there */
 /**
- * relaxed: the engine for browsers that have relaxed SIMD; those take it in the place of wasm.
+ * relaxed: the engine for browsers that have relaxed SIMD; those take it in the place of wasm, where it comes.
  * @typedef {{wasm: Source, relaxed?: Source, bank: Source, worklet: string, measure?: boolean}} Assets
  */
 
@@ -49,6 +48,19 @@ function bytesOf(source, what) {
   return fetched.get(source);
 }
 
+/** The engine that is best for this browser, of those that come and that it takes. */
+async function engineOf(wasm, relaxed) {
+  if (relaxed && hasRelaxedSimd()) {
+    try {
+      const bytes = await bytesOf(relaxed, "the engine");
+      if (WebAssembly.validate(bytes)) return bytes;
+    } catch {
+      // that of all browsers plays the same
+    }
+  }
+  return bytesOf(wasm, "the engine");
+}
+
 /** Of the instruments of a page one sounds: the one that was played last. */
 let playing = null;
 
@@ -60,32 +72,43 @@ export class Engine extends EventTarget {
     this.node = null;
     this.asked = new Map();
     this.number = 0;
-    /** What the bank says of itself, once it can be played. Rejected with the reason where it cannot. */
+    this.closed = false;
+    const closing = new Promise((_, reject) => (this.end = () => reject(new Error(CLOSED))));
+    closing.catch(() => {});
+    /** What comes, or that it was closed before. */
+    this.unlessClosed = async (coming) => {
+      const come = await Promise.race([coming, closing]);
+      if (this.closed) throw new Error(CLOSED);
+      return come;
+    };
+    /** What the bank says of itself, once it can be played. Rejected with the reason where it cannot, or was closed before. */
     this.ready = this.open(assets);
     this.ready.catch(() => {});
   }
 
   async open({ wasm, relaxed, bank, worklet, measure = false }) {
     this.kind = "quick";
-    const engine = relaxed && hasRelaxedSimd() ? relaxed : wasm;
-    const bytes = Promise.all([bytesOf(engine, "the engine"), bytesOf(bank, "the instrument's bank")]);
-    await Promise.all([bytes, programIn(this.kind, worklet)]);
-    const [wasmBytes, bankBytes] = await bytes;
+    const program = programIn(this.kind, worklet);
+    const all = Promise.all([engineOf(wasm, relaxed), bytesOf(bank, "the instrument's bank"), program]);
+    const [wasmBytes, bankBytes] = await this.unlessClosed(all);
     const options = { wasm: wasmBytes, bank: bankBytes, measure };
-    let answer = await this.made(options);
+    let answer = await this.unlessClosed(this.made(options));
     this.load = answer.load;
     if (answer.load > HEAVY) {
       this.node.port.postMessage({ close: true });
       const sounded = this.sounding;
       this.kind = "ample";
-      await programIn(this.kind, worklet);
+      await this.unlessClosed(programIn(this.kind, worklet));
       if (sounded) this.context.resume().catch(() => {});
-      answer = await this.made(options);
+      answer = await this.unlessClosed(this.made(options));
     }
     this.tookMs = answer.took_ms;
     this.gain = new GainNode(this.context, { gain: this.level ?? 1 });
     this.node.connect(this.gain).connect(this.context.destination);
-    this.context.addEventListener("statechange", () => this.dispatchEvent(new Event("state")));
+    const { context } = this;
+    const changed = () => this.dispatchEvent(new Event("state"));
+    context.addEventListener("statechange", changed);
+    this.unlisten = () => context.removeEventListener("statechange", changed);
     return answer.ready;
   }
 
@@ -101,7 +124,7 @@ export class Engine extends EventTarget {
       });
       node.port.onmessage = ({ data }) => {
         if (data.figures) {
-          this.asked.get(data.measure)?.(data.figures);
+          this.asked.get(data.measure)?.resolve(data.figures);
           this.asked.delete(data.measure);
         } else if (data.warming) node.port.postMessage({ warm: true });
         else if (data.failed) reject(new Error(data.failed));
@@ -126,6 +149,7 @@ export class Engine extends EventTarget {
 
   /** To be called by what a person does: browsers let a page sound only then. What another instrument plays ends. */
   wake() {
+    if (this.closed) return;
     if (playing !== this) {
       playing?.rest();
       playing = this;
@@ -136,7 +160,7 @@ export class Engine extends EventTarget {
 
   /** Let the page sound, where what a person has just done allows it. */
   resume() {
-    if (this.sounding) return;
+    if (this.closed || this.sounding) return;
     this.context.resume().catch(() => {});
     clearTimeout(this.silent);
     this.silent = setTimeout(() => {
@@ -165,17 +189,17 @@ export class Engine extends EventTarget {
 
   noteOn(note, velocity) {
     this.wake();
-    this.event(EVENTS.noteOn, 0, note, velocity);
+    this.event(NOTE_ON, 0, note, velocity);
   }
 
   noteOff(note) {
-    const off = () => this.event(EVENTS.noteOff, 0, note, 64);
+    const off = () => this.event(NOTE_OFF, 0, note, 64);
     if (this.sounding) off();
     else this.addEventListener("state", () => setTimeout(off, LEAST_HELD_MS), { once: true });
   }
 
   control(controller, value) {
-    this.event(EVENTS.control, 0, controller, value);
+    this.event(CONTROL, 0, controller, value);
   }
 
   sustain(on) {
@@ -184,15 +208,15 @@ export class Engine extends EventTarget {
 
   /** −8192 … 8191 */
   bend(value) {
-    this.event(EVENTS.bend, 0, value);
+    this.event(BEND, 0, value);
   }
 
   program(part) {
-    this.event(EVENTS.program, 0, part);
+    this.event(PROGRAM, 0, part);
   }
 
   parameter(part, index, value) {
-    this.event(EVENTS.parameter, part, index, 0, value);
+    this.event(PARAMETER, part, index, 0, value);
   }
 
   /** A MIDI message as it came. */
@@ -218,11 +242,13 @@ export class Engine extends EventTarget {
     this.gain?.gain.setTargetAtTime(level, this.context.currentTime, FADE_S);
   }
 
-  /** What the audio thread has measured since the last `clear`. */
-  figures() {
+  /** What the audio thread has measured since the last `clear`, once it can be played. */
+  async figures() {
+    await this.ready;
     const number = this.number++;
-    return new Promise((resolve) => {
-      this.asked.set(number, resolve);
+    return new Promise((resolve, reject) => {
+      if (this.closed) reject(new Error(CLOSED));
+      this.asked.set(number, { resolve, reject });
       this.send({ measure: number });
     });
   }
@@ -235,9 +261,15 @@ export class Engine extends EventTarget {
 
   /** Never to be heard again. */
   close() {
+    this.closed = true;
+    this.end();
+    for (const { reject } of this.asked.values()) reject(new Error(CLOSED));
+    this.asked.clear();
+    this.unlisten?.();
     if (playing === this) playing = null;
     clearTimeout(this.silent);
     this.send({ close: true });
+    this.node?.disconnect();
     this.gain?.disconnect();
   }
 }

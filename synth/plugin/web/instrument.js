@@ -35,7 +35,8 @@ function sheetOf(style) {
  * @param {HTMLElement} place
  * @param {import("./engine.js").Assets & {style: string}} assets addresses of jawari.wasm, the bank, jawari-worklet.js and
  *   jawari.css; of the first two the bytes will do as well
- * @returns {Instrument} its `ready` comes true when it can be played, and is rejected with the reason where it cannot
+ * @returns {Instrument} its `ready` comes true when it can be played, and is rejected with the reason where it cannot, or was
+ *   closed before
  */
 export function mountInstrument(place, assets) {
   return new Instrument(place, assets);
@@ -49,6 +50,7 @@ class Instrument {
     this.status = element("p", { class: "status", role: "status", text: "Loading the strings …" });
     this.root.replaceChildren(this.status);
     place.dataset.state = "loading";
+    this.closed = false;
     this.ended = [];
     this.sliders = [];
     this.part = 0;
@@ -56,12 +58,14 @@ class Instrument {
     this.begin();
     this.ready = this.engine.ready.then(
       (bank) => {
+        if (this.closed) throw new Error("it was closed");
         this.build(bank);
         place.dataset.state = "ready";
         this.readyAt = performance.now();
         return bank;
       },
       (error) => {
+        if (this.closed) throw error;
         this.say(`It cannot be played: ${error.message}`, true);
         place.dataset.state = "failed";
         throw error;
@@ -81,6 +85,7 @@ class Instrument {
       for (const name of names) document.removeEventListener(name, wake, { capture: true });
     };
     this.engine.ready.then(end, end);
+    this.ended.push(end);
   }
 
   say(text, wrong = false) {
@@ -247,6 +252,8 @@ class Instrument {
 
   /** Take it out of the page. */
   close() {
+    if (this.closed) return;
+    this.closed = true;
     if (typist === this) typist = null;
     for (const end of this.ended.splice(0)) end();
     this.keyboard?.close();

@@ -9,16 +9,6 @@ const MIDI_BYTES = 1024;
 const DRONE_AT = 312;
 const MAGIC = "JAWARIBK";
 
-/** Kinds of events (jawari.h). */
-export const NOTE_ON = 1;
-export const NOTE_OFF = 2;
-export const CONTROL = 3;
-export const BEND = 4;
-export const PROGRAM = 5;
-export const PARAMETER = 6;
-export const PRESSURE = 7;
-export const TUNING = 9;
-
 /** An engine and its bank in a module of their own. Nothing is allocated after it is made. */
 export class Module {
   /**

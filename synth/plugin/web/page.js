@@ -16,5 +16,10 @@ export function openPage(place, assets) {
   const figures = document.createElement("p");
   figures.className = "figures";
   place.after(figures);
-  instrument.ready.then(() => setInterval(async () => (figures.textContent = await instrument.measured()), MEASURED_EVERY_MS));
+  const show = (text) => {
+    figures.textContent = text;
+    setTimeout(measured, MEASURED_EVERY_MS);
+  };
+  const measured = () => instrument.measured().then(show, () => figures.remove()); // it was closed, or never came
+  measured();
 }

@@ -2,14 +2,17 @@
 // have been called often. It tells which keys play nothing, and what share of its time a heavy block takes. What was played is
 // forgotten then.
 
-import { BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM } from "./module.js";
+import { BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE, PROGRAM } from "./events.js";
 
-/** Computing at most, without the last chord [ms]. */
-const MOST_MS = 350;
+/** Computing [ms], behind which no more is begun: of what is not always played, and of the parts' chords. A block for each key, a
+ * stroke of each kind and the first part's chord are played however long they take. */
+const MORE_MS = 350;
+const CHORDS_MS = 350;
 const FRAMES = 128;
-/** Blocks between two events, and those of the last chord. */
+/** Blocks between two events, and those of a chord. */
 const APART = 3;
 const CHORD = 48;
+const CHORD_NOTES = 12;
 const FADE_BLOCKS = 8;
 const SOFT = 40;
 const LOUD = 127;
@@ -18,7 +21,7 @@ const SWITCHES = 24;
 const [WHEEL, SUSTAIN, SOSTENUTO, LEGATO] = [1, 64, 66, 68];
 
 /**
- * In slices: it yields behind each block. Its value is the share of a block's time that the last chord took.
+ * In slices: it yields behind each block. Its value is the share of a block's time that the heaviest of the parts' chords took.
  *
  * @param {import("./module.js").Module} module
  * @param {import("./drone.js").Drone | null} drone
@@ -37,6 +40,16 @@ export function* warmUp(module, drone, { presets }, rate, now) {
       yield;
     }
   }
+  /** The scores of the parts side by side. */
+  function* playAll(scores, goesOn) {
+    for (let step = 0; scores.some((steps) => step < steps.length); step++)
+      for (const [part, steps] of scores.entries()) {
+        if (step >= steps.length || !goesOn()) continue;
+        module.put(0, PROGRAM, 0, part, 0, 0);
+        for (const event of steps[step]) module.put(0, ...event);
+        yield* play(APART);
+      }
+  }
   const found = [];
   for (const [part, preset] of presets.entries()) {
     module.put(0, PROGRAM, 0, part, 0, 0);
@@ -46,22 +59,25 @@ export function* warmUp(module, drone, { presets }, rate, now) {
     const switches = yield* keysThatPlay(module, Math.max(lowest - SWITCHES, 0), lowest - 1, play);
     found.push({ part, played, switches, parameters: preset.parameters });
   }
-  const scores = found.map(score);
+  module.reset();
   drone?.hurry();
-  for (let step = 0; scores.some((steps) => step < steps.length); step++)
-    for (const steps of scores) {
-      if (step >= steps.length || spent > MOST_MS) continue;
-      for (const event of steps[step]) module.put(0, ...event);
-      yield* play(APART);
-    }
+  yield* playAll(found.map(once), () => true);
+  const most = spent + MORE_MS;
+  yield* playAll(found.map(more), () => spent < most);
   drone?.reset();
-  const before = spent;
-  const { played } = found[0];
-  module.put(0, PROGRAM, 0, 0, 0, 0);
-  module.put(0, CONTROL, 0, SUSTAIN, 127, 0);
-  for (const note of across(played, 6)) module.put(0, NOTE_ON, 0, note, LOUD, 0);
-  yield* play(CHORD);
-  const load = (spent - before) / ((CHORD * 1000 * FRAMES) / rate);
+  let load = 0;
+  const until = spent + CHORDS_MS;
+  for (const { part, played } of found) {
+    if (part > 0 && spent > until) break;
+    module.reset();
+    yield* play(FADE_BLOCKS);
+    const before = spent;
+    module.put(0, PROGRAM, 0, part, 0, 0);
+    module.put(0, CONTROL, 0, SUSTAIN, 127, 0);
+    for (const note of new Set(across(played, CHORD_NOTES))) module.put(0, NOTE_ON, 0, note, LOUD, 0);
+    yield* play(CHORD);
+    load = Math.max(load, (spent - before) / ((CHORD * 1000 * FRAMES) / rate));
+  }
   module.reset();
   yield* play(FADE_BLOCKS);
   return load;
@@ -85,22 +101,33 @@ function* keysThatPlay(module, lowest, highest, play) {
   return found;
 }
 
-/** Events, a list for each step: soft and loud notes across the range with each articulation, released and not, and what moves
- * them. */
-function score({ part, played, switches, parameters }) {
-  const on = (note, velocity) => [NOTE_ON, 0, note, velocity, 0];
-  const off = (note) => [NOTE_OFF, 0, note, 64, 0];
-  const press = (note) => [on(note, 100), off(note)];
+const on = (note, velocity) => [NOTE_ON, 0, note, velocity, 0];
+const off = (note) => [NOTE_OFF, 0, note, 64, 0];
+const press = (note) => [on(note, 100), off(note)];
+const control = (number, value) => [CONTROL, 0, number, value, 0];
+const strokes = (notes) => notes.flatMap((note, k) => [[on(note, SOFT)], [on(note, LOUD)], k % 2 ? [off(note)] : []]);
+
+/** Events, a list for each step, that are always played: a few notes, soft and loud, released and not, those with each pedal and
+ * each articulation, and what moves them. */
+function once({ played, switches }) {
+  const notes = across(played, 3);
+  const steps = strokes(notes);
+  for (const number of [SUSTAIN, SOSTENUTO, LEGATO])
+    steps.push([...notes.map((note) => on(note, LOUD)), control(number, 127)], notes.map(off), [control(number, 0)]);
+  for (const key of switches) steps.push([...press(key), on(notes[0], SOFT), on(notes[1], LOUD)], notes.map(off));
+  steps.push(switches.slice(0, 1).flatMap(press));
+  steps.push([[BEND, 0, 4000, 0, 0]], [[BEND, 0, 0, 0, 0], control(WHEEL, 90)], [control(WHEEL, 0), [PRESSURE, 0, 0, 60, 0]]);
+  steps.push([[PRESSURE, 0, 0, 0, 0], ...notes.map(off)]);
+  return steps;
+}
+
+/** Those that are played while there is time: notes across the range, pedals under a chord, every parameter. */
+function more({ part, played, parameters }) {
   const notes = across(played, 8);
   const held = notes.slice(0, 6);
-  const pedal = (number) => [[[CONTROL, 0, number, 127, 0]], held.map(off), [[CONTROL, 0, number, 0, 0]]];
-  const steps = [[[PROGRAM, 0, part, 0, 0]]];
-  for (const [k, note] of notes.entries()) steps.push([on(note, SOFT)], [on(note, LOUD)], k % 2 ? [off(note)] : []);
-  steps.push([[BEND, 0, 4000, 0, 0]], [[BEND, 0, -4000, 0, 0]], [[BEND, 0, 0, 0, 0]]);
-  steps.push([[CONTROL, 0, WHEEL, 90, 0]], [[CONTROL, 0, WHEEL, 0, 0]], [[PRESSURE, 0, 0, 60, 0]], [[PRESSURE, 0, 0, 0, 0]]);
-  for (const number of [SUSTAIN, SOSTENUTO, LEGATO]) steps.push(held.map((note) => on(note, LOUD)), ...pedal(number));
-  for (const key of switches) steps.push(press(key), [on(notes[1], SOFT), on(notes[5], LOUD)], [off(notes[1]), off(notes[5])]);
-  steps.push(switches.slice(0, 1).flatMap(press));
+  const steps = strokes(notes);
+  for (const number of [SUSTAIN, SOSTENUTO, LEGATO])
+    steps.push(held.map((note) => on(note, LOUD)), [control(number, 127)], held.map(off), [control(number, 0)]);
   for (const { index, initial, minimum, maximum } of parameters) {
     const aside = initial + 0.05 * ((minimum + maximum) / 2 - initial);
     steps.push([on(notes[2], 100), [PARAMETER, part, index, 0, aside]], [[PARAMETER, part, index, 0, initial]]);

@@ -12,8 +12,9 @@
 //      time that a heavy block takes, took_ms}, or {failed: why}; {figures, measure: number}
 
 import { Drone } from "./drone.js";
+import { PARAMETER } from "./events.js";
 import { clock, Measure } from "./measure.js";
-import { Module, PARAMETER } from "./module.js";
+import { Module } from "./module.js";
 import { warmUp } from "./warm.js";
 
 /** Of computing before anybody listens at a time, so that others sound on [ms]. */
@@ -39,17 +40,16 @@ class Instrument extends AudioWorkletProcessor {
     }
   }
 
-  /** Some of the warm-up; behind it, it can be played. */
-  warm(module, { warm }) {
-    if (!warm) {
-      this.drone = this.port.onmessage = null;
-      return;
-    }
+  /** Some of the warm-up; behind it, it can be played. What is played before is not heard. */
+  warm(module, { warm, close }) {
+    if (close) this.end();
+    if (close || !warm) return;
     const until = clock() + SLICE_MS;
     while (clock() < until) {
       const { done, value } = this.warming.next();
       if (!done) continue;
       this.module = module;
+      this.warming = null;
       this.asItCame();
       this.port.onmessage = ({ data }) => this.hear(data);
       const ready = { ...this.described, drone: this.drone && this.drone.settings };
@@ -57,6 +57,10 @@ class Instrument extends AudioWorkletProcessor {
       return;
     }
     this.port.postMessage({ warming: true });
+  }
+
+  end() {
+    this.module = this.drone = this.warming = this.port.onmessage = null;
   }
 
   asItCame() {
@@ -79,7 +83,7 @@ class Instrument extends AudioWorkletProcessor {
       this.asItCame();
       this.fading = true;
     } else if (data.rest !== undefined) this.resting = data.rest;
-    else if (data.close) this.module = this.drone = this.port.onmessage = null;
+    else if (data.close) this.end();
     else if (data.clear) this.measure?.clear(data.room);
     else if (data.measure !== undefined) this.tell(data.measure);
   }
