@@ -100,7 +100,7 @@ export class Engine extends EventTarget {
       this.kind = "ample";
       await this.unlessClosed(programIn(this.kind, worklet));
       if (sounded) this.context.resume().catch(() => {});
-      answer = await this.unlessClosed(this.made(options));
+      answer = await this.unlessClosed(this.made({ ...options, again: true }));
     }
     this.tookMs = answer.took_ms;
     this.gain = new GainNode(this.context, { gain: this.level ?? 1 });

@@ -22,12 +22,14 @@ const [WHEEL, SUSTAIN, SOSTENUTO, LEGATO] = [1, 64, 66, 68];
 
 /**
  * In slices: it yields behind each block. Its value is the share of a block's time that the heaviest of the parts' chords took.
+ * Again: the module was warmed in another context of this page before, and browsers keep what they have compiled of it, so
+ * that the keys and the strokes of each kind are enough; the value is 0 then.
  *
  * @param {import("./module.js").Module} module
  * @param {import("./drone.js").Drone | null} drone
  * @param {{presets: object[]}} described what the bank says of itself; each preset gets its `mute` keys
  */
-export function* warmUp(module, drone, { presets }, rate, now) {
+export function* warmUp(module, drone, { presets }, rate, now, again = false) {
   const left = new Float32Array(FRAMES);
   const right = new Float32Array(FRAMES);
   let spent = 0;
@@ -62,6 +64,12 @@ export function* warmUp(module, drone, { presets }, rate, now) {
   module.reset();
   drone?.hurry();
   yield* playAll(found.map(once), () => true);
+  if (again) {
+    drone?.reset();
+    module.reset();
+    yield* play(FADE_BLOCKS);
+    return 0;
+  }
   const most = spent + MORE_MS;
   yield* playAll(found.map(more), () => spent < most);
   drone?.reset();

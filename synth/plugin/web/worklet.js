@@ -21,7 +21,7 @@ import { warmUp } from "./warm.js";
 const SLICE_MS = 20;
 
 class Instrument extends AudioWorkletProcessor {
-  constructor({ processorOptions: { wasm, bank, measure } }) {
+  constructor({ processorOptions: { wasm, bank, measure, again } }) {
     super();
     this.resting = false;
     this.measure = measure ? new Measure() : null;
@@ -32,7 +32,7 @@ class Instrument extends AudioWorkletProcessor {
       this.described = module.described();
       const score = module.score();
       if (score) this.drone = new Drone(module, score, sampleRate);
-      this.warming = warmUp(module, this.drone, this.described, sampleRate, clock);
+      this.warming = warmUp(module, this.drone, this.described, sampleRate, clock, again);
       this.port.onmessage = ({ data }) => this.warm(module, data);
       this.port.postMessage({ warming: true });
     } catch (error) {
