@@ -133,6 +133,18 @@ def portable() -> Callable[[Target], Path]:
 
 
 @pytest.fixture(scope="session")
+def fast() -> Callable[[Target], Path]:
+    """A function of a target: its library with kernels for its processors' own instructions."""
+
+    def of(target: Target) -> Path:
+        if target != host() and native_library.zig(target) is None:
+            pytest.skip("ziglang, which builds libraries for other systems, is missing: pip install ziglang")
+        return _built(target)
+
+    return of
+
+
+@pytest.fixture(scope="session")
 def portable_library(portable) -> Path:
     """That of this machine."""
     return portable(TARGETS["linux-x86-64"])

@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth.midi.events import EVENT
+from synth.instrument.preset import load_preset
+from synth.midi.events import EVENT, NOTE_ON
+from synth.plugin import bankfile
 from synth.plugin import library as native_library
 from synth.plugin.c_sources import SOURCES, sources
 from synth.plugin.emit import table_symbol
@@ -241,6 +243,27 @@ def test_a_plugin_sounds_on_another_system_bit_for_bit(portable, two_notes, tmp_
     assert said.split()[0] == "org.jawari.fretted-bass"
     played = np.fromfile(tmp_path / "sound", np.float32).reshape(-1, 2)
     np.testing.assert_array_equal(played, expected.astype(np.float32))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["windows-x86-64", "linux-arm64"])
+def test_without_contacts_fast_kernels_differ_by_rounding_alone(fast, library, tmp_path, name):
+    """Three seconds of a harp's string: what no contact enlarges stays below 1e-6 of full scale."""
+    target, frames = TARGETS[name], 3 * 44100
+    start, program = started(target), compiled("playtake.c", target, tmp_path)
+    (tmp_path / "harp.jawari").write_bytes(bankfile.bank([load_preset("harp")], [RATE_HZ]))
+    note = np.array([(0, NOTE_ON, 0, 48, 100, 0.0)], EVENT)
+    note.tofile(tmp_path / "events")
+    place = shutil.copy(fast(target), tmp_path)
+    given = [f"./{Path(place).name}", "harp.jawari", str(RATE_HZ), str(frames), "256", "events", "sound"]
+    settings = {"WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
+    run([*start, str(program), *given], cwd=tmp_path, env=os.environ | settings)
+    there = np.fromfile(tmp_path / "sound").reshape(-1, 2)
+    here = library.open_bank(tmp_path / "harp.jawari").engine().play(note, frames, 256)
+    assert np.abs(here).max() > 0.05
+    difference = np.abs(here - there).max()
+    print(f"{name}: {difference:.2g}")
+    assert difference < 1e-6
 
 
 @pytest.mark.slow
