@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import json
 import os
 import shutil
@@ -13,12 +12,15 @@ import tempfile
 import time
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import numpy as np
 
 from synth.instrument.preset import load_preset
-from synth.midi.events import EVENT, NOTE_ON, make_events
+from synth.midi.events import NOTE_ON, make_events
 from synth.plugin import bankfile, shelf, webfolder
 from synth.plugin.platforms import WEB, WEB_RELAXED
+from tests.plugin.native import Library
 
 RATE_HZ, BLOCK, SECONDS = int(webfolder.RATE_HZ), 128, 4
 PRESETS = ("tanpura", "fretted-bass", "sitar", "steel-guitar", "electric-guitar")
@@ -65,7 +67,7 @@ def main() -> int:
         print("tools/web-engine-speed: node is missing (apt-get install nodejs)", file=sys.stderr)
         return 2
     os.environ["JAWARI_LEVEL"] = "x86-64-v3"
-    native = ctypes.CDLL(str(shelf.native_library(print)))
+    native = Library(shelf.native_library(print))
     engines = {"portable": shelf.web_library("web", print), "relaxed": shelf.web_library("web", print, WEB_RELAXED)}
     assert [path.name for path in engines.values()] == [WEB.library, WEB_RELAXED.library]
     print("preset             native v3 ×  worst ms" + "".join(f"   {kind} ×  of native  worst ms" for kind in engines))
@@ -75,7 +77,7 @@ def main() -> int:
     return 0
 
 
-def report(preset, native, engines, folder: Path, passes: int) -> None:
+def report(preset, native: Library, engines, folder: Path, passes: int) -> None:
     """One line: times real time and the worst block, natively and in node, in turn."""
     (folder / "bank").write_bytes(bankfile.bank([preset], [RATE_HZ]))
     (folder / "play.mjs").write_text(PLAY)
@@ -104,32 +106,22 @@ def score(preset) -> list[tuple]:
     return [(k * RATE_HZ // 4, NOTE_ON, 0, line[k % 8], 105) for k in range(4 * SECONDS)]
 
 
-def natively(native, path: Path, events: np.ndarray, passes: int) -> np.ndarray:
+def natively(native: Library, path: Path, events: np.ndarray, passes: int) -> np.ndarray:
     """(blocks,) the least time of every block [s]."""
-    address, number, double = ctypes.c_void_p, ctypes.c_int32, ctypes.c_double
-    native.jawari_open.restype, native.jawari_open.argtypes = address, [ctypes.c_char_p, ctypes.c_char_p]
-    native.jawari_create.restype, native.jawari_create.argtypes = address, [address, double, number, ctypes.c_char_p]
-    native.jawari_process.argtypes = [address, address, number, number, address, address]
-    native.jawari_reset.argtypes = [address]
-    why = ctypes.create_string_buffer(512)
-    bank = native.jawari_open(str(path).encode(), why)
-    engine = native.jawari_create(bank, float(RATE_HZ), 1, why) if bank else None
-    if engine is None:
-        raise SystemExit(f"tools/web-engine-speed: {why.value.decode()}")
+    bank = native.open_bank(path)
+    engine = bank.engine(float(RATE_HZ))
     sides = np.zeros((2, BLOCK))
     places = [row.ctypes.data for row in sides]
-    none = np.zeros(1, EVENT)
     best = np.full(SECONDS * RATE_HZ // BLOCK, np.inf)
     for _ in range(passes):
-        native.jawari_reset(engine)
+        engine.reset()
         for _ in range(40):
-            native.jawari_process(engine, none.ctypes.data, 0, BLOCK, *places)
+            engine.process(events[:0], BLOCK)
         for k in range(best.size):
             here = events[(events["frame"] >= k * BLOCK) & (events["frame"] < (k + 1) * BLOCK)].copy()
             here["frame"] -= k * BLOCK
-            given = here if here.size else none
             begun = time.perf_counter()
-            native.jawari_process(engine, given.ctypes.data, here.size, BLOCK, *places)
+            native.process(engine.address, here.ctypes.data, here.size, BLOCK, *places)
             best[k] = min(best[k], time.perf_counter() - begun)
     return best
 

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from synth.cli.common import warner
 from synth.plugin.platforms import BITS
 
 #: instructions that the C library's exp, sin, … may take where a processor has them, by the names of its versions
@@ -48,15 +49,11 @@ def settle(options: argparse.Namespace, arguments: Sequence[str], ends: bool) ->
         options.bits = "portable"
     if options.bits == "fast" or (prebuilt.bits() == "portable" and os.environ.get("JAWARI_NATIVE")):
         return None
-    environment = _environment(None if getattr(options, "quiet", False) else _say)
+    environment = _environment(warner(getattr(options, "quiet", False)))
     sys.stdout.flush()
     if ends:
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
     return subprocess.run([sys.executable, "-m", "synth", *arguments], env=environment, check=False).returncode
-
-
-def _say(what: str) -> None:
-    print(f"synth: {what}", file=sys.stderr, flush=True)
 
 
 def _environment(say: Callable[[str], None] | None) -> dict[str, str]:

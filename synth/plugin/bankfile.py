@@ -179,26 +179,6 @@ RATE = np.dtype(
 )
 
 
-def bank(
-    presets: Sequence[Preset],
-    rates_hz: Sequence[float] = RATES,
-    *,
-    name: str | None = None,
-    drone: PluginDrone | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    **options: Any,
-) -> bytes:
-    """The bank of these presets for these sample rates [Hz].
-
-    name      what several are called together (`description.describe`). drone: on the only preset, which is its
-              `strings.preset`. options: as of `Engine` (quality, mpe, note_hz, …)
-    progress  called with (strings that are compiled, all there are for all rates) after each
-    Raises ValueError (PresetError among them) for what cannot be played, lies outside of the library or has no such name,
-    TypeError for what is of another kind.
-    """
-    return laid_out(presets, rates_hz, name=name, drone=drone, progress=progress, **options)[0]
-
-
 class Laid(NamedTuple):
     """An engine that was prepared for a rate of a bank, and where its arrays lie: of a constant array, place(array) bytes
     from the bank's beginning (KeyError for one that the bank does not have)."""
@@ -207,16 +187,25 @@ class Laid(NamedTuple):
     place: Callable[[np.ndarray], int]
 
 
-def laid_out(
+def bank(
     presets: Sequence[Preset],
     rates_hz: Sequence[float] = RATES,
     *,
     name: str | None = None,
     drone: PluginDrone | None = None,
     progress: Callable[[int, int], None] | None = None,
+    laid: list[Laid] | None = None,
     **options: Any,
-) -> tuple[bytes, list[Laid]]:
-    """`bank`, and for each of its rates, ascending, what its arrays are."""
+) -> bytes:
+    """The bank of these presets for these sample rates [Hz].
+
+    name      what several are called together (`description.describe`). drone: on the only preset, which is its
+              `strings.preset`. options: as of `Engine` (quality, mpe, note_hz, …)
+    progress  called with (strings that are compiled, all there are for all rates) after each
+    laid      gets, for each rate, ascending, what its arrays are (`laid_out`); its engines live on with it
+    Raises ValueError (PresetError among them) for what cannot be played, lies outside of the library or has no such name,
+    TypeError for what is of another kind.
+    """
     if sys.byteorder != "little":
         raise ValueError("banks can be made on little-endian machines only")
     about = describe(presets, name, () if drone is None else drone.parameters())
@@ -232,7 +221,7 @@ def laid_out(
         program_map = np.full((16, 128), -1, np.int64)
         program_map[:, : len(presets)] = np.arange(len(presets))
     blocks: list[_Block] = []
-    kept: list[_Prepared] = []
+    rows = np.zeros(len(rates), RATE)
     functions: list[str] = []
     for together in _octaves(rates):
         made: list[_Prepared] = []
@@ -245,8 +234,8 @@ def laid_out(
         for k, prepared in enumerate(made):
             data, row = _block(prepared, functions, constants_last=common > 0 and k == 0)
             blocks.append(_Block(rates.index(together[k]), row, data, common if k == 1 else 0))
-            kept.append(prepared)
-    rows = np.zeros(len(rates), RATE)
+            if laid is not None:
+                laid.append(Laid(engine=prepared.engine, place=_placed(prepared.memory, rows, rates.index(together[k]))))
     for block in blocks:
         rows[block.number] = block.row
     tables = (
@@ -258,14 +247,20 @@ def laid_out(
         np.frombuffer(recipe.written(presets, name, options), np.uint8),
         np.frombuffer(b"" if drone is None else drone.table(), np.uint8),
     )
-    data = _file(about.id, about.name, tables, blocks)
-    laid = [Laid(each.engine, _placed(each.memory, rows[block.number])) for each, block in zip(kept, blocks, strict=True)]
-    return data, [laid[k] for k in np.argsort([block.number for block in blocks])]
+    if laid is not None:
+        laid.sort(key=lambda each: each.engine.rate_hz)
+    return _file(about.id, about.name, tables, blocks)
 
 
-def _placed(memory: Memory, row: np.ndarray) -> Callable[[np.ndarray], int]:
-    """Where constant arrays lie in a bank with this row."""
-    return lambda array: int(row["at"]) + int(row["constants_at"]) + memory.place(array)
+def laid_out(presets: Sequence[Preset], rates_hz: Sequence[float] = RATES, **options: Any) -> tuple[bytes, list[Laid]]:
+    """`bank`, and for each of its rates, ascending, what its arrays are."""
+    laid: list[Laid] = []
+    return bank(presets, rates_hz, laid=laid, **options), laid
+
+
+def _placed(memory: Memory, rows: np.ndarray, number: int) -> Callable[[np.ndarray], int]:
+    """Where constant arrays lie in a bank whose row of this number is filled by then."""
+    return lambda array: int(rows["at"][number]) + int(rows["constants_at"][number]) + memory.place(array)
 
 
 class _Prepared:

@@ -23,6 +23,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,8 +84,9 @@ def intermediate(level: str) -> str:
             pass
     text = _compiled(level)
     if kept is not None:
-        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        write_whole(kept, lambda file: file.write(gzip.compress(text.encode(), 1)), 0o600)
+        with suppress(OSError):  # where nothing can be kept, it is made again
+            kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            write_whole(kept, lambda file: file.write(gzip.compress(text.encode(), 1)), 0o600)
     return text
 
 

@@ -11,8 +11,9 @@ from typing import Any
 
 from synth.files.targets import Named, check_apart
 from synth.host.parts import files_read, load_presets
+from synth.instrument.preset import Preset
 from synth.plugin import bundle, wclap, webfolder
-from synth.plugin.description import describe
+from synth.plugin.description import Description, describe
 from synth.plugin.droning import DroneSettings
 from synth.plugin.platforms import TARGETS, WEB, WEB_RELAXED
 
@@ -111,43 +112,29 @@ def export(
                 f"--kbm {wanted.keyboard}: leaves keys silent, which a plugin does not support; map every key, or retune it "
                 "in the music program (MTS)"
             )
-    from synth.plugin import bankfile, packed_bank, python_record, shelf
+    from synth.plugin import bankfile, python_record, shelf
 
-    relaxed = None
+    making: dict[str, Any] = {
+        "name": name,
+        "drone": drone,
+        "quality": wanted.quality,
+        "note_hz": note_hz,
+        "progress": progress,
+    }
     if WEB.name in paths:
-        natives = {WEB.name: shelf.web_library(webfolder.KIND if webfolder.KIND in paths[WEB.name] else wclap.KIND, say)}
-        if webfolder.KIND in paths[WEB.name] and wanted.bits == "fast":
-            relaxed = shelf.web_library(webfolder.KIND, say, WEB_RELAXED).read_bytes()
+        (kind, path), *_ = paths[WEB.name].items()
+        size, bank = _write_for_web(kind, path, presets, wanted, description, making, say)
+        sizes = {WEB.name: size}
     else:
         natives = {target: shelf.library_for(TARGETS[target], wanted.bits, say) for target in paths}
-    bank, laid = bankfile.laid_out(
-        presets,
-        wanted.rates_hz,
-        name=name,
-        drone=drone,
-        quality=wanted.quality,
-        note_hz=note_hz,
-        progress=progress,
-    )
-    sizes = {}
-    for target, native in natives.items():
-        if target == WEB.name:
-            module = native.read_bytes()
-            sizes[target] = len(module)
-            for kind, path in paths[target].items():
-                if kind == wclap.KIND:
-                    wclap.write(path, module, bank)
-                else:
-                    bank = packed_bank.for_pages(bank, laid)
-                    webfolder.write(path, module, bank, description, relaxed)
-            continue
-        plugins = bundle.Plugins(native, bank, description, TARGETS[target])
-        sizes[target] = plugins.library_bytes
-        for kind, path in sorted(paths[target].items(), key=lambda each: bundle.FORMATS.index(each[0])):
-            if make_folders:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            plugins.write(kind, path)
-    if WEB.name not in natives:
+        bank, sizes = bankfile.bank(presets, wanted.rates_hz, **making), {}
+        for target, native in natives.items():
+            plugins = bundle.Plugins(native, bank, description, TARGETS[target])
+            sizes[target] = plugins.library_bytes
+            for kind, path in sorted(paths[target].items(), key=lambda each: bundle.FORMATS.index(each[0])):
+                if make_folders:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                plugins.write(kind, path)
         python_record.write()
     return ExportReport(
         name=description.id,
@@ -159,6 +146,29 @@ def export(
         library_bytes=sizes,
         bank_bytes=len(bank),
     )
+
+
+def _write_for_web(
+    kind: str,
+    path: Path,
+    presets: Sequence[Preset],
+    wanted: Export,
+    description: Description,
+    making: Mapping[str, Any],
+    say: Callable[[str], None] | None,
+) -> tuple[int, bytes]:
+    """The one thing that an export for the web writes: bytes of the engine in it, and its bank."""
+    from synth.plugin import bankfile, packed_bank, shelf
+
+    module = shelf.web_library(kind, say).read_bytes()
+    if kind == wclap.KIND:
+        bank = bankfile.bank(presets, wanted.rates_hz, **making)
+        wclap.write(path, module, bank)
+    else:
+        relaxed = shelf.web_library(kind, say, WEB_RELAXED).read_bytes() if wanted.bits == "fast" else None
+        bank = packed_bank.for_pages(*bankfile.laid_out(presets, wanted.rates_hz, **making))
+        webfolder.write(path, module, bank, description, relaxed)
+    return len(module), bank
 
 
 def _every_preset() -> list[str]:

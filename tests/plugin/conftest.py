@@ -63,6 +63,13 @@ def _built(target: Target, name: str = "", **more: Any) -> Path:
         return made if made.exists() else native_library.build(folder, target=target, **more)
 
 
+def _built_for(target: Target, name: str = "", **more: Any) -> Path:
+    """`_built`, where there is a compiler for the target."""
+    if target != host() and native_library.zig(target) is None:
+        pytest.skip("ziglang, which builds libraries for other systems, is missing: pip install ziglang")
+    return _built(target, name, **more)
+
+
 @pytest.fixture(scope="session")
 def library(library_file) -> Library:
     """The library without a bank."""
@@ -125,9 +132,9 @@ def portable() -> Callable[[Target], Path]:
     """A function of a target: its library with portable kernels alone, kept like the native library."""
 
     def of(target: Target) -> Path:
-        if target != host() and native_library.zig(target) is None:
-            pytest.skip("ziglang, which builds libraries for other systems, is missing: pip install ziglang")
-        return _built(target) if target in (WEB, WEB_RELAXED) else _built(target, "portable", levels=PORTABLE)
+        if target in (WEB, WEB_RELAXED):
+            return _built_for(target)
+        return _built_for(target, "portable", levels=PORTABLE)
 
     return of
 
@@ -136,12 +143,7 @@ def portable() -> Callable[[Target], Path]:
 def fast() -> Callable[[Target], Path]:
     """A function of a target: its library with kernels for its processors' own instructions."""
 
-    def of(target: Target) -> Path:
-        if target != host() and native_library.zig(target) is None:
-            pytest.skip("ziglang, which builds libraries for other systems, is missing: pip install ziglang")
-        return _built(target)
-
-    return of
+    return _built_for
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,8 @@ def functions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Callable[..
     text = SOURCE.read_text(encoding="utf-8")
     own = built.with_suffix(".c")
     own.write_text(re.sub(r"^#define HIDDEN .*$", "", text, flags=re.MULTILINE), encoding="utf-8")
-    command = [compiler, "-std=c11", "-O2", "-ffp-contract=off", "-shared", "-fPIC", seen, str(own), "-o", str(built)]
+    flags = ["-std=c11", "-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-I{SOURCE.parent}", seen]
+    command = [compiler, *flags, str(own), "-o", str(built)]
     subprocess.run(command, check=True)
     library = ctypes.CDLL(str(built))
     found = {}

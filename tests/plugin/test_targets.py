@@ -108,7 +108,7 @@ def here(monkeypatch, tmp_path, capsys) -> Here:
     folder.mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.setenv("JAWARI_PYTHON", "0")
-    monkeypatch.setattr(bankfile, "laid_out", lambda *a, **b: (BANK, None))
+    monkeypatch.setattr(bankfile, "bank", lambda *a, **b: BANK)
     monkeypatch.setattr(shelf, "library_for", lambda target, bits, say: _some_bytes(tmp_path, target.library))
     return Here(folder, capsys)
 
@@ -440,14 +440,9 @@ def test_hosts_can_enter_a_plugin(linked: Here, target: str) -> None:
 @ZIG
 @LIEF
 @pytest.mark.parametrize("target", TARGETS)
-def test_the_native_library_is_for_every_system(target: str, tmp_path) -> None:
-    """That of the sources, kept beside the kernels; what it asks for is there on every system of its kind."""
-    folder = cache_folder().parent / f"native-tests-{library.sources_version()}" / target
-    folder.mkdir(parents=True, exist_ok=True)
-    native = folder / TARGETS[target].library
-    if not native.exists():
-        library.build(folder, target=TARGETS[target], levels=TARGETS[target].levels)
-    check_library(native, TARGETS[target], tmp_path)
+def test_the_native_library_is_for_every_system(fast, target: str, tmp_path) -> None:
+    """That of the sources; what it asks for is there on every system of its kind."""
+    check_library(fast(TARGETS[target]), TARGETS[target], tmp_path)
 
 
 def check_library(native: Path, target: Target, folder: Path) -> None:

@@ -43,7 +43,7 @@ _Static_assert(sizeof(struct bank_condition) == 24, "as limits.CONDITION");
 _Static_assert(sizeof(struct bank_name) == 40, "as limits.NAME");
 
 static const char MAGIC[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
-enum { VERSION = 4, BORDER = 64, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
+enum { VERSION = 4, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
 /* larger than any bank: sums of two do not overflow */
 #define MOST_BYTES ((uint64_t)1 << 40)
 /* of an engine; that of the largest preset takes some megabytes */
@@ -241,8 +241,8 @@ jawari_bank *bank_of_bytes(const uint8_t *bytes, uint64_t room, const char *name
 }
 
 jawari_bank *jawari_open_bytes(const void *data, size_t size, char *why) {
-    if (data == NULL || (uintptr_t)data % BORDER != 0) {
-        core_say(why, "no bytes on a border of %d were given; copy the bank to such a place", BORDER);
+    if (data == NULL || (uintptr_t)data % JAWARI_BORDER != 0) {
+        core_say(why, "no bytes on a border of %d were given; copy the bank to such a place", JAWARI_BORDER);
         return NULL;
     }
     return bank_of_bytes(data, size, "memory", why);

@@ -5,7 +5,7 @@
 
 static const char BEGIN[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
 static const char FOOT[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'F', 'T'};
-enum { BORDER = 64, LONGEST_PATH = 4096 };
+enum { LONGEST_PATH = 4096 };
 
 /* Where the bank begins in an open file, and how many bytes there are for it. */
 static bool find(system_file file, const char *path, uint64_t *at, uint64_t *room, char *why) {
@@ -30,7 +30,7 @@ static bool find(system_file file, const char *path, uint64_t *at, uint64_t *roo
         core_say(why, "there is no bank in %s; export presets into it", path);
         return false;
     }
-    if (end.at % BORDER != 0 || end.at >= size - sizeof end) {
+    if (end.at % JAWARI_BORDER != 0 || end.at >= size - sizeof end) {
         core_say(why, "%s holds no bank that can be played: its place is outside of the file; export it again", path);
         return false;
     }

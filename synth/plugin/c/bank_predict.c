@@ -1,9 +1,9 @@
 #include "bank_predict.h"
 #include <math.h>
+#include "pair.h"
 
 /* π and, as fdlibm has it, π/2 in parts */
 #define PI 3.141592653589793
-#define SPLIT 134217729.0
 #define H0 1.57079632673412561417e00
 #define H1 6.07710050630396597660e-11
 #define H2 2.02226624871116645580e-21
@@ -14,25 +14,6 @@
 #define SIXTH_LOW 9.25185853854297065662e-18
 #define PER_24 (1.0 / 24.0)
 #define PER_24_LOW 2.3129646346357426e-18
-
-/* A number and what rounding took off it. */
-struct pair {
-    double high, low;
-};
-
-static inline struct pair two_sum(double a, double b) {
-    const double s = a + b, t = s - a;
-    return (struct pair){s, (a - (s - t)) + (b - t)};
-}
-
-static inline struct pair two_product(double a, double b) {
-    const double p = a * b;
-    double t = SPLIT * a;
-    const double ah = t - (t - a), al = a - ah;
-    t = SPLIT * b;
-    const double bh = t - (t - b), bl = b - bh;
-    return (struct pair){p, ((ah * bh - p) + ah * bl + al * bh) + al * bl};
-}
 
 static inline double multiplied_and_added(double a, double b, double c) {
     const struct pair p = two_product(a, b), s = two_sum(p.high, c);

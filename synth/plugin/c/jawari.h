@@ -36,7 +36,7 @@ extern "C" {
 
 /* ---- library and bank ---------------------------------------------------------------------------------------------- */
 
-enum { JAWARI_WHY = 512 };
+enum { JAWARI_WHY = 512, JAWARI_BORDER = 64 /* of a bank in memory [bytes] */ };
 
 typedef struct jawari_bank jawari_bank;
 typedef struct jawari_engine jawari_engine;

@@ -3,11 +3,12 @@
  * They are those that portable kernels call in the place of a system's (one_rounding.py), and are within two units in the last
  * place of the true value: arguments are reduced with constants in parts whose products are exact (Cody and Waite, Software
  * Manual for the Elementary Functions, 1980), and the rest is Taylor's series, with coefficients as they are defined. pow takes
- * its logarithm with twice the digits (Dekker, Numerische Mathematik 18, 1971).
+ * its logarithm with twice the digits (pair.h).
  */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+#include "pair.h"
 
 #define HIDDEN __attribute__((visibility("hidden")))
 HIDDEN double jawari_exp(double x);
@@ -136,21 +137,11 @@ static double parted(double x, int *k) {
     return m - 1.0;
 }
 
-/* Product as a sum of two doubles. */
-static double product(double x, double y, double *low) {
-    const double split = 134217729.0; /* 2^27 + 1 */
-    const double p = x * y, xs = x * split, ys = y * split;
-    const double xh = xs - (xs - x), yh = ys - (ys - y), xl = x - xh, yl = y - yh;
-    *low = xh * yh - p + xh * yl + xl * yh + xl * yl;
-    return p;
-}
-
 /* ln(1 + f) as a sum of two doubles: 2 artanh s, s = f / (2 + f). */
 static double log_of(double f, double *low) {
     const double d = 2.0 + f, d_low = f - (d - 2.0), s = f / d;
-    double p_low;
-    const double p = product(s, d, &p_low);
-    const double s_low = (f - p - p_low - s * d_low) / d, z = s * s;
+    const struct pair p = two_product(s, d);
+    const double s_low = (f - p.high - p.low - s * d_low) / d, z = s * s;
     double sum = 0.0;
     for (int n = 12; n >= 1; n--)
         sum = sum * z + 1.0 / (2 * n + 1);
@@ -167,12 +158,12 @@ double jawari_log2(double x) {
     if (x > 1.7976931348623157e308)
         return x;
     int k;
-    double low, p_low;
-    const double f = parted(x, &k), high = log_of(f, &low), p = product(high, PER_LN2, &p_low);
-    const double rest = p_low + (low * PER_LN2 + high * PER_LN2_REST), whole = (double)k;
-    const double sum = whole + p;
+    double low;
+    const double f = parted(x, &k), high = log_of(f, &low), whole = (double)k;
+    const struct pair p = two_product(high, PER_LN2);
+    const double rest = p.low + (low * PER_LN2 + high * PER_LN2_REST), sum = whole + p.high;
     /* |whole| > |p|, or there is no whole */
-    return whole == 0.0 ? p + rest : sum + (whole - sum + p + rest);
+    return whole == 0.0 ? p.high + rest : sum + (whole - sum + p.high + rest);
 }
 
 /* Whether a number is whole (1) and odd (2). */
@@ -197,7 +188,7 @@ double jawari_pow(double x, double y) {
     if (x < 0.0 && whole == 0)
         return NAN;
     int k;
-    double low, p_low, y_low;
+    double low;
     const double f = parted(size, &k), part = log_of(f, &low), whole_k = (double)k;
     /* ln size = k ln 2 + ln(1 + f): k·LN2_HIGH is exact, and larger than the rest where there is one */
     const double first = whole_k * LN2_HIGH, second = whole_k * LN2_LOW;
@@ -205,9 +196,8 @@ double jawari_pow(double x, double y) {
     const double rest = lost + (second + low), high = sum + rest, high_low = sum - high + rest;
     if (fabs(y) > 1e300 || fabs(high) * fabs(y) > 800.0)
         return sign * ((high > 0.0) == (y > 0.0) ? INFINITY : 0.0);
-    const double p = product(high, y, &p_low);
-    y_low = p_low + high_low * y;
-    return sign * exp_of_sum(p, y_low);
+    const struct pair p = two_product(high, y);
+    return sign * exp_of_sum(p.high, p.low + high_low * y);
 }
 
 /* x − k·π/2 as a sum of two doubles, |sum| ≤ π/4, and k's last two bits; for |x| < LARGEST_ANGLE. */

@@ -5,8 +5,6 @@
 #include "system.h"
 #include "system_kernels.h"
 
-enum { BORDER = 64 }; /* as banks need it */
-
 void *system_alloc(size_t border, size_t size) {
     void *memory;
     return posix_memalign(&memory, border, size) == 0 ? memory : NULL;
@@ -17,7 +15,7 @@ void system_free(void *memory) { free(memory); }
 /* Memory for who runs the module: for a bank, events, sound. */
 JAWARI_API void *jawari_alloc(size_t size);
 JAWARI_API void jawari_free(void *memory);
-void *jawari_alloc(size_t size) { return system_alloc(BORDER, size); }
+void *jawari_alloc(size_t size) { return system_alloc(JAWARI_BORDER, size); }
 void jawari_free(void *memory) { system_free(memory); }
 
 const char *system_variable(const char *name) {
