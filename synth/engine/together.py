@@ -98,10 +98,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
         return
     fingered = False
     for s in range(instrument.first_string, instrument.end_string):
-        me = state.sounding[s]
-        if me.stale:
-            return
-        fingered = fingered or NO_FINGER < me.phase < TOUCHED
+        fingered = fingered or NO_FINGER < state.sounding[s].phase < TOUCHED
     if not fingered and _falls_asleep(core, thread, i):
         return
     _certify_lines(core, thread, i)
@@ -153,6 +150,8 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             if first != end.counts[ENGAGED]:
                 look_at(shared.coupling_at[i], line, first)
                 changed = True
+        elif state_of(core).sounding[s].stale:  # is certified as it is refreshed
+            continue
         elif model_of(core, s).eta.size > 0:
             near = certify_line(shared.coupling_at[i], line, thread)
             engaged = 1 if near > 0 or is_held(state_of(core).sounding[s]) else 0
