@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from synth.engine.core import bank_of, is_held, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.ends import on_bridge
 from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, PLAIN
 from synth.engine.on_board import stop_on_board
@@ -58,6 +59,8 @@ def _alter(core: int, thread: int, s: int) -> None:
         more = added * (j + 1.0) * (j + 1.0) if j < strings_own else (bend_ratio * bend_ratio - 1.0) * w * w
         omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
+    if on_bridge(core, s):  # what its contacts need waits until they are looked at: `ends.refresh_end`
+        return
     rows = own.rows
     rows[:6, n:] = 0.0
     quick_coefficients(plain.law, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
@@ -162,6 +165,6 @@ def refresh(core: int, thread: int, s: int) -> None:
     me = state_of(core).sounding[s]
     if me.stale == 1:
         _set_coefficients(core, thread, s)
-    if is_held(me):
+    if is_held(me) and not on_bridge(core, s):
         fill_grip(model_address(core, s), shared_of(core).string_at[s], thread, int(np.int64(1)))
     me.stale = 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from synth.engine.core import (
@@ -19,12 +20,25 @@ from synth.engine.core import (
 )
 from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, PLAIN
-from synth.solver.coupling import APART_MODES, LENGTH, TENSION, along, coupling_at, end_at, fill_end, fill_finger_end
-from synth.solver.lanes import PAD
+from synth.solver.coupling import (
+    APART_MODES,
+    DUE,
+    KICK_REACH,
+    LENGTH,
+    PLAIN_REACH,
+    REACH_OF,
+    RELIEF,
+    TENSION,
+    along,
+    coupling_at,
+    end_at,
+)
+from synth.solver.fingers import fill_grip
+from synth.solver.lanes import PAD, padded
 from synth.solver.laws import EXACT_HOLD
-from synth.solver.line_certificates import fill_reach
+from synth.solver.line_tables import ALL_DUE, TABLES_DUE, ensure_tables, fill_apart, fill_finger_end, fill_reach
 from synth.solver.quick_coefficients import quick_coefficients
-from synth.solver.responses import fill_rows
+from synth.solver.responses import complete_rows
 from synth.solver.stringmodel import string_model
 
 
@@ -74,30 +88,50 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
     """What its end is to a string whose finger, or (model_too) whose coefficients have become others."""
     shared, scratch = shared_of(core), scratch_of(thread)
     me = state_of(core).sounding[s]
-    plain, address = string_model(shared.model_at[me.model, PLAIN]), model_address(core, s)
+    address = model_address(core, s)
     end = end_at(shared.end_at[s])
-    steps = bank_of(core).strings[s].factor
+    bank = bank_of(core)
+    i = bank.strings[s].instrument
+    coupling, line = shared.coupling_at[i], s - bank.instruments[i].first_string
+    coupling_at(coupling).line_model[line] = address
     if model_too:
-        fixed = bank_of(core).models[me.model]
+        _refresh_apart(core, s)
+        fill_apart(shared.end_at[s], scratch.q, scratch.v, scratch.spare)
+        end.counts[DUE] = ALL_DUE if me.altered else TABLES_DUE
+    if is_held(me):
+        ensure_tables(coupling, line, thread)
+        fill_grip(address, shared.string_at[s], thread, int(np.int64(1)))
+        steps = bank.strings[s].factor
+        fill_finger_end(address, shared.string_at[s], shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
+
+
+@njit(**CORE)
+def _refresh_apart(core: int, s: int) -> None:
+    """Numbers of a string's end, and its flight over a frame as far as it is heard."""
+    shared, bank = shared_of(core), bank_of(core)
+    me = state_of(core).sounding[s]
+    plain, model = string_model(shared.model_at[me.model, PLAIN]), model_of(core, s)
+    end, fixed = end_at(shared.end_at[s]), bank.models[me.model]
+    bend_ratio = 2.0 ** (me.bend / 12.0)
+    if end.counts[REACH_OF] != me.model + 1:
         for j in range(end.kick.size):
             c = _moment(fixed.length, j) if j < fixed.own else 0.0
             end.kick[j] = -c
             end.pull[j] = fixed.mu * c
-        bend_ratio = 2.0 ** (me.bend / 12.0)
-        end.numbers[TENSION] = fixed.tension * bend_ratio * bend_ratio / fixed.length
         end.numbers[LENGTH] = fixed.length
         # by whole vectors: what is behind the last one rests
         end.counts[APART_MODES] = fixed.n if fixed.n <= fixed.audible else max(1, fixed.audible // PAD) * PAD
         for k in range(fixed.contacts):
-            end.leverage[k] = bank_of(core).leverage[fixed.leverage + k]
-        model = model_of(core, s)
-        n, frame = plain.modes, 1.0 / settings_of(core).rate_hz
-        for j in range(n):
-            scratch.sigma[j] = damping(plain.sigma[j], me.hand, model.omega[j] * plain.dt if me.bend != 0.0 else 0.0)
-        end.flight[:6, n:] = 0.0
-        quick_coefficients(EXACT_HOLD, model.omega[:n], scratch.sigma[:n], plain.mu, frame, end.flight)
-        fill_rows(end.flight)
-        fill_end(address, shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
-        fill_reach(address, shared.end_at[s])
-    if is_held(me):
-        fill_finger_end(address, shared.string_at[s], shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
+            end.leverage[k] = bank.leverage[fixed.leverage + k]
+        fill_reach(shared.model_at[me.model, PLAIN], shared.end_at[s])
+        end.numbers[PLAIN_REACH] = end.numbers[KICK_REACH]
+        end.counts[REACH_OF] = me.model + 1
+    end.numbers[TENSION] = fixed.tension * bend_ratio * bend_ratio / fixed.length
+    end.numbers[RELIEF] = 1.0 / (bend_ratio * bend_ratio) - 1.0
+    # no frequency falls by more than the bend: stiffness stays
+    end.numbers[KICK_REACH] = end.numbers[PLAIN_REACH] * max(1.0, 1.0 / bend_ratio)
+    for j in range(plain.modes):
+        end.sigma[j] = damping(plain.sigma[j], me.hand, model.omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+    n = end.counts[APART_MODES]
+    quick_coefficients(EXACT_HOLD, model.omega[:n], end.sigma[:n], plain.mu, 1.0 / settings_of(core).rate_hz, end.flight)
+    complete_rows(end.flight, padded(n))

@@ -25,9 +25,10 @@ from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
 from synth.solver.board_table import SPEAKING
 from synth.solver.certificates import FOR_EVER
-from synth.solver.coupling import FAR, SEVERAL
+from synth.solver.coupling import DUE, FAR, SEVERAL
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.line_tables import ALL_DUE, READY, TABLES_DUE
 from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import CERTAIN, CLOCK, FREE, MOVING, RESPONSE
 
@@ -278,6 +279,8 @@ def _of_strings(
     of_state = {name.removeprefix("string."): places for name, places in flat.items()}
     of_own = {name.removeprefix("own."): places for name, places in flat.items()}
     first, last = own_models(bank)
+    ends = zip(strings.bridges.strings, _counts_of_ends(strings, arrays), strict=True)
+    filled = {s: (Where(here.of("end.counts", "", counts[DUE]), READY, TABLES_DUE),) for s, counts in ends}
     for s in range(bank.strings.size):
         mine = strings.states.item(s, of_state)
         own = strings.coefficients.item(s, of_own)
@@ -294,7 +297,7 @@ def _of_strings(
         for number in range(first[s], last[s] + 1):
             model = Where(here.of("sounding", "model", s), number, number)
             yield Limit(counts[MOVING], 1, int(bank.models["n"][number]), where=(awake, model))
-            yield from _of_own(here, own, s, bank.models[number], (awake, altered, fresh, model))
+            yield from _of_own(here, own, s, bank.models[number], (awake, altered, fresh, model), filled.get(s, ()))
             # an output at the output rate needs a bus there, and an engine whose strings fly
             exact = strings.models[number].law == EXACT_HOLD
             if not (bank.strings["direct_bus"][s] >= 0 and settings.economy and exact):
@@ -315,16 +318,26 @@ def _of_strings(
     yield from here.all_of("string.finger", ("on", 0, 1), ("stiffness", 0.0, MOST), ("resistance", 0.0, MOST))
 
 
-def _of_own(here: _Layout, own: Any, s: int, model: Any, where: tuple[Where, ...]) -> Iterator[Limit]:
-    """Of coefficients of a string's own, what is divided by."""
+def _counts_of_ends(strings: Strings, arrays: Mapping[str, np.ndarray]) -> Iterator[np.ndarray]:
+    """Places of the counts of every end, in the order of the strings that end on a bridge."""
+    flat = {name.removeprefix("end."): np.arange(array.size) for name, array in arrays.items() if name.startswith("end.")}
+    flat |= {name: np.arange(array.size) for name, array in strings.bridges.room.items()}
+    for place in range(len(strings.bridges.strings)):
+        yield strings.bridges.ends.item(place, flat).counts
+
+
+def _of_own(
+    here: _Layout, own: Any, s: int, model: Any, where: tuple[Where, ...], filled: tuple[Where, ...]
+) -> Iterator[Limit]:
+    """Of coefficients of a string's own, what is divided by; of those that may wait, where they are `filled`."""
     n, contacts = int(model["n"]), int(model["contacts"])
     said = f"{{label}} of string {s}, which is damped or bent, must be positive"
     yield Limit(here.of("own.omega", "", own.omega[:n]), LEAST, MOST, where=where, said=said)
     if contacts:
         matrix = own.matrix[: contacts**2].reshape(contacts, contacts).diagonal()
         lags = own.lags[: contacts**2 * RESPONSE].reshape(contacts, contacts, RESPONSE)[:, :, BLOCK].diagonal()
-        yield Limit(here.of("own.matrix", "", matrix), LEAST, MOST, where=where, said=said)
-        yield Limit(here.of("own.lags", "", lags), LEAST, MOST, where=where, said=said)
+        yield Limit(here.of("own.matrix", "", matrix), LEAST, MOST, where=where + filled, said=said)
+        yield Limit(here.of("own.lags", "", lags), LEAST, MOST, where=where + filled, said=said)
 
 
 def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, np.ndarray]) -> Iterator[Limit]:
@@ -348,14 +361,13 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
             yield Limit(across, 0, 0, above=first, below=first, said=said)
             own = here.of("sounding", "idle", s)
             yield Limit(own, 0, 0, above=across, below=across, said="{label} is {value}, but this second direction is awake")
-    flat = {name.removeprefix("end."): np.arange(array.size) for name, array in arrays.items() if name.startswith("end.")}
-    room = {name: np.arange(array.size) for name, array in strings.bridges.room.items()}
-    for place, s in enumerate(strings.bridges.strings):
+    for s, counts in zip(strings.bridges.strings, _counts_of_ends(strings, arrays), strict=True):
         models = bank.models[bank.models["string"] == s]
         contacts = models["contacts"].max()
-        most = np.array([1, contacts, 1, models["n"].max(), contacts, MOST_COUNT, SEVERAL])  # as they stand in `coupling`
-        least = np.array([0, 0, 0, 0, 0, -1, FAR])
-        yield Limit(here.of("end.counts", "", strings.bridges.ends.item(place, flat | room).counts), least, most)
+        # as they stand in `coupling`
+        most = np.array([1, contacts, 1, models["n"].max(), contacts, MOST_COUNT, SEVERAL, ALL_DUE, bank.models.size])
+        least = np.array([0, 0, 0, 0, 0, -1, FAR, READY, 0])
+        yield Limit(here.of("end.counts", "", counts), least, most)
         # such strings go by whole frames, and so do their fingers: what is left of one could not be gone through otherwise
         fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.TOUCHED),)
         frame, said = int(bank.strings["factor"][s]), "{label} is {value}, which is not a whole number of frames"

@@ -41,10 +41,11 @@ from synth.engine.layout import (
 from synth.engine.output import BASE_S
 from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
-from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines, look_at
+from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import certify_line
+from synth.solver.line_tables import look_at
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import FAST, INNER, dot
 
@@ -148,7 +149,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
         if bank_of(core).strings[s].friction > 0.0:
             first = end_at(shared.end_at[s - 1]).counts[ENGAGED]
             if first != end.counts[ENGAGED]:
-                look_at(shared.coupling_at[i], line, first)
+                look_at(shared.coupling_at[i], line, first, thread)
                 changed = True
         elif state_of(core).sounding[s].stale:  # is certified as it is refreshed
             continue
@@ -156,7 +157,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             near = certify_line(shared.coupling_at[i], line, thread)
             engaged = 1 if near > 0 or is_held(state_of(core).sounding[s]) else 0
             if engaged != end.counts[ENGAGED]:
-                look_at(shared.coupling_at[i], line, engaged)
+                look_at(shared.coupling_at[i], line, engaged, thread)
                 changed = True
     if changed:
         gather_lines(shared.coupling_at[i])
@@ -254,7 +255,7 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         elif contacts == 0:
             engaged = 0
         if end.counts[ENGAGED] != engaged or changed_it:
-            look_at(shared.coupling_at[i], line, engaged)
+            look_at(shared.coupling_at[i], line, engaged, thread)
             changed = True
         string_of(core, s).finger[0].on = 1 if fingered else 0
         if me.phase != NO_FINGER:

@@ -17,7 +17,7 @@ from synth.solver import coupling
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import BLOCK, padded
 from synth.solver.laws import EXACT_HOLD, coefficients
-from synth.solver.line_certificates import fill_reach
+from synth.solver.line_tables import fill_apart, fill_finger_end, fill_looked_at, fill_reach
 from synth.solver.responses import make_rows, padded_rows
 from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import (
@@ -158,7 +158,9 @@ class CoupledLines:
             end.numbers[coupling.FINGER_LEVERAGE] = self.ends[k].numbers[coupling.FINGER_LEVERAGE]
         tables = (table(model), table(end))
         model_at, end_at = (int(each.ctypes.data) for each in tables)
-        coupling.fill_end(model_at, end_at, self.steps[k], aligned(size), aligned(size), aligned((3, BLOCK)))
+        room = (aligned(size), aligned(size), aligned((3, BLOCK)))
+        fill_apart(end_at, *room)
+        fill_looked_at(model_at, end_at, self.steps[k], *room)
         fill_reach(model_at, end_at)
         self.models[k], self.ends[k], self._tables[k] = model, end, tables
         self.coupling.line_model[k], self.coupling.line_end[k] = model_at, end_at
@@ -198,9 +200,7 @@ class CoupledLines:
         model_at, end_at = (int(each.ctypes.data) for each in self._tables[k])
         state_at, size = int(self._kept[k].ctypes.data), padded(self._modes[k])
         fill_grip(model_at, state_at, self.scratch, 0)
-        coupling.fill_finger_end(
-            model_at, state_at, end_at, self.steps[k], aligned(size), aligned(size), aligned((3, BLOCK))
-        )
+        fill_finger_end(model_at, state_at, end_at, self.steps[k], aligned(size), aligned(size), aligned((3, BLOCK)))
 
     def let_go(self, k: int) -> None:
         """The finger leaves line k."""

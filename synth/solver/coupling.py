@@ -31,9 +31,8 @@ from numba import njit
 
 from synth.native.arrays import f8, i8, u1
 from synth.native.views import opener
-from synth.solver.lanes import BLOCK, P12, P22, ROWS
-from synth.solver.responses import fill_lags, fill_response
-from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
+from synth.solver.lanes import BLOCK, ROWS
+from synth.solver.stringmodel import DEPTH, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
 #: steps of a frame, at most, and only powers of two
@@ -43,15 +42,17 @@ KEPT_BY_THE_REST = 0.9
 
 #: places in End.numbers: T/L [N/m]; L; ξ under the finger; of any contact, what a unit kick can move the string by there,
 #: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`), of it by
-#: kicks since End.bound, and in the last block; what it may lessen them by in this one
-TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK = range(9)
-N_NUMBERS = 9
+#: kicks since End.bound, and in the last block; what it may lessen them by in this one; KICK_REACH of the model as compiled;
+#: share of the contacts' residual compliance that a bend has added to it
+TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK, PLAIN_REACH, RELIEF = range(11)
+N_NUMBERS = 11
 #: places in End.counts: whether its contacts and finger count; contacts that are looked at; whether End.kept is of this
 #: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
 #: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
-#: End.bound holds; what it is in this block
-ENGAGED, NEAR, KEPT, APART_MODES, CERTIFIED, QUIET, KIND = range(7)
-N_COUNTS = 7
+#: End.bound holds; what it is in this block; which of its tables wait until it is looked at (`line_tables`); number of the
+#: model, from 1 on, that PLAIN_REACH is of
+ENGAGED, NEAR, KEPT, APART_MODES, CERTIFIED, QUIET, KIND, DUE, REACH_OF = range(9)
+N_COUNTS = 9
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is
@@ -65,6 +66,7 @@ class End(NamedTuple):
     counts: Annotated[np.ndarray, i8("N_COUNTS")]
     kick: Annotated[np.ndarray, f8("modes")]  # −c: what a unit kick does to ẇ
     pull: Annotated[np.ndarray, f8("modes")]  # μ c
+    sigma: Annotated[np.ndarray, f8("modes")]  # of its modes as a hand now damps them [1/s]
     flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
     leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
     clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
@@ -156,70 +158,6 @@ def along(c, line: int, of_bridge) -> float:
     for i in range(c.beta.size):
         total += c.direction[line, i] * of_bridge[i]
     return total
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def fill_end(model: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
-    """The responses of a line that takes so many steps a frame to its end, from its model's rows and End.kick, pull, flight,
-    leverage, and its shares. Work space (≥n,) and (2, K)."""
-    m, e = string_model(model), end_at(end)
-    rows, n, kick, all_modes = m.rows, m.rows.shape[1], e.kick, e.flight.shape[1]
-    zero, one = int(np.int64(0)), int(np.int64(1))
-    q, v = scratch_q[:all_modes], scratch_v[:all_modes]
-    for kind in (APART, LOOKED_AT):
-        moving = m.modes if kind == LOOKED_AT else e.counts[APART_MODES]
-        e.share[kind] = 0.0
-        for j in range(all_modes):
-            q[j] = e.flight[P12, j] * kick[j] if j < moving else 0.0
-            v[j] = e.flight[P22, j] * kick[j] if j < moving else 0.0
-            e.share[kind] += kick[j] * kick[j] if j < moving else 0.0
-        fill_response(one, e.flight, q, v, e.pull.reshape(1, all_modes), zero, spare, e.own[kind : kind + 1])
-    q, v, pull = scratch_q[:n], scratch_v[:n], e.pull[:n].reshape(1, n)
-    contacts = m.shapes.shape[0]
-    if contacts:
-        for j in range(n):
-            q[j] = rows[P12, j] * kick[j]
-            v[j] = rows[P22, j] * kick[j]
-        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.moved)
-        none = m.matrix.reshape(-1)[:0].reshape(0, 0)
-        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
-        for c in range(contacts):
-            _fill_reach(steps, m.dt, e.leverage[c], e.pulled[0, c], e.moved[c], e.reach[c], e.drawn[c])
-
-
-@njit(**INNER)
-def _fill_reach(steps: int, dt: float, leverage: float, pulled, moved, reach, drawn) -> None:
-    """From pulled, the pull after a force by steps: its mean over a frame, reach, and what is left at the ends of this and
-    later frames, drawn: number t·K/r + i after a force in step t of the i-th frame before. moved: with the end's own way."""
-    frames = BLOCK // steps
-    for k in range(BLOCK):
-        moved[BLOCK + k] += leverage * dt * (k + 1)
-        reach[k] = 0.0
-    for t in range(steps):
-        reach[t] = leverage / steps - pulled[BLOCK + steps - 1 - t] / (steps * dt)
-        for i in range(frames):
-            drawn[t * frames + i] = pulled[BLOCK + (i + 1) * steps - 1 - t]
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
-    """The same of the finger whose weights the state has; `fingers.fill_grip` fills its other responses."""
-    m, s, e = string_model(model), string_state(state), end_at(end)
-    rows, n = m.rows, m.rows.shape[1]
-    q, v = scratch_q[:n], scratch_v[:n]
-    finger, zero, one = s.finger_weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
-    for j in range(n):
-        q[j] = rows[P12, j] * e.kick[j]
-        v[j] = rows[P22, j] * e.kick[j]
-    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_moved)
-    for j in range(n):
-        q[j] = rows[4, j] * finger[0, j]
-        v[j] = rows[5, j] * finger[0, j]
-    contacts = m.shapes.shape[0]
-    pulled = e.pulled[0, contacts:]
-    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
-    lever = e.numbers[FINGER_LEVERAGE]
-    _fill_reach(steps, m.dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
 
 
 @njit(**INNER)
@@ -350,19 +288,3 @@ COUPLING_SIZES = {
     "BLOCK": BLOCK,
     "RESPONSE": 2 * BLOCK,
 }
-
-
-@njit(cache=True, nogil=True)
-def look_at(coupling: int, line: int, engaged: int) -> None:
-    """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
-    that is not looked at comes to rest."""
-    c = coupling_at(coupling)
-    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-    e.counts[ENGAGED] = engaged
-    if engaged:
-        s.counts[MOVING] = string_model(c.line_model[line]).modes
-        return
-    for j in range(e.counts[APART_MODES], s.counts[MOVING]):
-        s.q[j] = 0.0
-        s.v[j] = 0.0
-    s.counts[MOVING] = e.counts[APART_MODES]

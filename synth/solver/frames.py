@@ -39,7 +39,6 @@ from synth.solver.coupling import (
     end_at,
     gather_lines,
     invert,
-    look_at,
 )
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
@@ -56,6 +55,7 @@ from synth.solver.line_forces import (
 from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
 from synth.solver.line_layers import keep_gaps, note_gaps
 from synth.solver.line_rows import MIX
+from synth.solver.line_tables import look_at
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, dot, put
@@ -115,11 +115,11 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         for line in range(c.line_end.size):
             if c.friction[line] > 0.0:
                 if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
-                    look_at(coupling, line, int(np.int64(1)))
+                    look_at(coupling, line, int(np.int64(1)), scratch)
                     end_at(c.line_end[line]).counts[KIND] = SEVERAL
             elif string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
                 if end_at(c.line_end[line]).counts[ENGAGED] == 0:
-                    look_at(coupling, line, int(np.int64(1)))
+                    look_at(coupling, line, int(np.int64(1)), scratch)
                 look_everywhere(c.line_end[line])
                 again = True
         if again:

@@ -1,10 +1,10 @@
 """Whether a string whose end moves can touch anything: a bound, not a guess, so that no sound depends on it.
 
 No free motion brings a contact deeper than Σ |φ_j| E_j (`certificates`). What the bridge does adds to that: a kick of the
-end by a moves it by at most a Σ |φ_j c_j|/ω_j at any later time, and the end itself by ξ b. A line is certified with what is
-left to the nearest contact, and this is spent frame by frame. A line that can touch something, but not within the next
-block, goes through it like one that cannot. A block in which what was left is used up is gone through once more, with the
-line's contacts looked at.
+end by a moves it by at most a Σ |φ_j c_j|/ω_j at any later time (`line_tables.fill_reach`), and the end itself by ξ b. A
+line is certified with what is left to the nearest contact, and this is spent frame by frame. A line that can touch
+something, but not within the next block, goes through it like one that cannot. A block in which what was left is used up is
+gone through once more, with the line's contacts looked at.
 """
 
 from __future__ import annotations
@@ -39,24 +39,6 @@ _RESERVE = 2.0
 _QUIET_BLOCKS = 4
 #: left to the nearest contact where there is none
 _FAR_AWAY_M = 1e6
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def fill_reach(model: int, end: int) -> None:
-    """What certificates need to know of a line's contacts, once End.kick and leverage are there."""
-    m, e = string_model(model), end_at(end)
-    furthest, largest = 0.0, 0.0
-    moved = e.kept[0, : m.modes]  # which holds something within a block only
-    for j in range(m.modes):
-        moved[j] = abs(e.kick[j]) / m.omega[j]
-    for c in range(m.shapes.shape[0]):
-        total = 0.0
-        for j in range(m.modes):
-            total += abs(m.shapes[c, j]) * moved[j]
-        furthest = max(furthest, MARGIN * total)
-        largest = max(largest, abs(e.leverage[c]))
-    e.numbers[KICK_REACH] = furthest
-    e.numbers[LARGEST_LEVERAGE] = largest
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

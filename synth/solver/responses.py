@@ -39,11 +39,11 @@ def padded_rows(rows: np.ndarray, modes: int, kind: Any = np.float64) -> np.ndar
     return out
 
 
-@kernel(float64[:, ::1], fastmath=FAST)
-def fill_rows(rows) -> None:
-    """Complete rows (ROWS, n) whose first six are the step coefficients of `laws`; padding is zero there."""
+@njit(fastmath=FAST, **INNER)
+def complete_rows(rows, modes: int) -> None:
+    """`fill_rows` of the first `modes` columns."""
     p11, p12, p21, p22, kq, kv = rows[P11], rows[P12], rows[P21], rows[P22], rows[KQ], rows[KV]
-    for j in range(rows.shape[1]):
+    for j in range(modes):
         a, b, c, d = p11[j], p12[j], p21[j], p22[j]
         trace = a + d
         rows[TRACE, j] = trace
@@ -57,6 +57,12 @@ def fill_rows(rows) -> None:
         rows[ADV11 + 1, j] = b
         rows[ADV11 + 2, j] = c
         rows[ADV11 + 3, j] = d
+
+
+@kernel(float64[:, ::1], fastmath=FAST)
+def fill_rows(rows) -> None:
+    """Complete rows (ROWS, n) whose first six are the step coefficients of `laws`; padding is zero there."""
+    complete_rows(rows, rows.shape[1])
 
 
 @njit(fastmath=FAST, **INNER)

@@ -1,0 +1,195 @@
+"""Tables of what contacts, finger and moving end of a line do to each other, filled when they are first asked for.
+
+A line that touches nothing is advanced by its flight over a frame and by the pull of its end after a kick (`fill_apart`).
+All else, its steps within a frame, its contacts' matrix, what they do to the end and the end to them, waits until the line
+is looked at (`ensure_tables`): a string that is bent in every control period while it touches nothing never pays for it.
+What a table holds depends on the coefficients alone, not on when it is filled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from synth.solver.certificates import MARGIN
+from synth.solver.coupling import (
+    APART,
+    APART_MODES,
+    DUE,
+    ENGAGED,
+    FINGER_LEVERAGE,
+    KICK_REACH,
+    LARGEST_LEVERAGE,
+    LOOKED_AT,
+    RELIEF,
+    coupling_at,
+    end_at,
+)
+from synth.solver.due_responses import put_off
+from synth.solver.lanes import BLOCK, P12, P22, padded, project_v
+from synth.solver.laws import EXACT_HOLD, contact_matrix
+from synth.solver.quick_coefficients import quick_coefficients
+from synth.solver.responses import fill_lags, fill_response, fill_rows
+from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
+from synth.solver.vectors import FAST, INNER
+
+#: End.counts[DUE]: all tables are there; those of end and contacts wait; the coefficients of a step wait, too
+READY, TABLES_DUE, ALL_DUE = range(3)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fill_apart(end: int, scratch_q, scratch_v, spare) -> None:
+    """End.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of flight.
+    Work space (≥n,) and (≥1, K)."""
+    e = end_at(end)
+    moving = e.counts[APART_MODES]
+    whole = padded(moving)
+    total = 0.0
+    for j in range(whole):
+        scratch_q[j] = e.flight[P12, j] * e.kick[j] if j < moving else 0.0
+        scratch_v[j] = e.flight[P22, j] * e.kick[j] if j < moving else 0.0
+        total += e.kick[j] * e.kick[j] if j < moving else 0.0
+    e.share[APART] = total
+    own, pull = 0.0, e.pull
+    for j in range(moving):
+        own += pull[j] * scratch_v[j]
+    project_v(whole, e.flight, scratch_q, scratch_v, e.pull, spare[0])
+    row = e.own[APART]
+    row[BLOCK] = own
+    for k in range(1, BLOCK):
+        row[BLOCK + k] = spare[0, k - 1]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
+    """The responses of a line that is looked at, and takes so many steps a frame, to its end, from its model's rows and
+    End.kick, pull, flight, leverage, and its share. Work space (≥n,) and (2, K)."""
+    m, e = string_model(model), end_at(end)
+    rows, n, kick, all_modes = m.rows, m.rows.shape[1], e.kick, e.flight.shape[1]
+    zero, one = int(np.int64(0)), int(np.int64(1))
+    q, v = scratch_q[:all_modes], scratch_v[:all_modes]
+    share = 0.0
+    for j in range(all_modes):
+        q[j] = e.flight[P12, j] * kick[j] if j < m.modes else 0.0
+        v[j] = e.flight[P22, j] * kick[j] if j < m.modes else 0.0
+        share += kick[j] * kick[j] if j < m.modes else 0.0
+    e.share[LOOKED_AT] = share
+    fill_response(one, e.flight, q, v, e.pull.reshape(1, all_modes), zero, spare, e.own[LOOKED_AT : LOOKED_AT + 1])
+    q, v, pull = scratch_q[:n], scratch_v[:n], e.pull[:n].reshape(1, n)
+    contacts = m.shapes.shape[0]
+    if contacts:
+        for j in range(n):
+            q[j] = rows[P12, j] * kick[j]
+            v[j] = rows[P22, j] * kick[j]
+        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.moved)
+        none = m.matrix.reshape(-1)[:0].reshape(0, 0)
+        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
+        for c in range(contacts):
+            _fill_reach(steps, m.dt, e.leverage[c], e.pulled[0, c], e.moved[c], e.reach[c], e.drawn[c])
+
+
+@njit(**INNER)
+def _fill_reach(steps: int, dt: float, leverage: float, pulled, moved, reach, drawn) -> None:
+    """From pulled, the pull after a force by steps: its mean over a frame, reach, and what is left at the ends of this and
+    later frames, drawn: number t·K/r + i after a force in step t of the i-th frame before. moved: with the end's own way."""
+    frames = BLOCK // steps
+    for k in range(BLOCK):
+        moved[BLOCK + k] += leverage * dt * (k + 1)
+        reach[k] = 0.0
+    for t in range(steps):
+        reach[t] = leverage / steps - pulled[BLOCK + steps - 1 - t] / (steps * dt)
+        for i in range(frames):
+            drawn[t * frames + i] = pulled[BLOCK + (i + 1) * steps - 1 - t]
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
+    """The same of the finger whose weights the state has; `fingers.fill_grip` fills its other responses."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    rows, n = m.rows, m.rows.shape[1]
+    q, v = scratch_q[:n], scratch_v[:n]
+    finger, zero, one = s.finger_weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
+    for j in range(n):
+        q[j] = rows[P12, j] * e.kick[j]
+        v[j] = rows[P22, j] * e.kick[j]
+    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_moved)
+    for j in range(n):
+        q[j] = rows[4, j] * finger[0, j]
+        v[j] = rows[5, j] * finger[0, j]
+    contacts = m.shapes.shape[0]
+    pulled = e.pulled[0, contacts:]
+    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
+    lever = e.numbers[FINGER_LEVERAGE]
+    _fill_reach(steps, m.dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fill_reach(model: int, end: int) -> None:
+    """KICK_REACH and LARGEST_LEVERAGE of a line with the frequencies of a model, which `line_certificates` needs, from
+    End.kick and leverage."""
+    m, e = string_model(model), end_at(end)
+    furthest, largest = 0.0, 0.0
+    moved = e.kept[0, : m.modes]  # which holds something within a block only
+    for j in range(m.modes):
+        moved[j] = abs(e.kick[j]) / m.omega[j]
+    for c in range(m.shapes.shape[0]):
+        total = 0.0
+        for j in range(m.modes):
+            total += abs(m.shapes[c, j]) * moved[j]
+        furthest = max(furthest, MARGIN * total)
+        largest = max(largest, abs(e.leverage[c]))
+    e.numbers[KICK_REACH] = furthest
+    e.numbers[LARGEST_LEVERAGE] = largest
+
+
+@njit(**INNER)
+def _fill_step(model: int, state: int, end: int) -> None:
+    """Coefficients of a step and the contacts' matrix of a line that is bent or damped, from its ω, End.sigma and RELIEF."""
+    m, e = string_model(model), end_at(end)
+    n, rows, contacts = m.modes, m.rows, m.shapes.shape[0]
+    rows[:6, n:] = 0.0
+    quick_coefficients(m.law, m.omega[:n], e.sigma[:n], m.mu, m.dt, rows)
+    fill_rows(rows)
+    if contacts == 0:
+        return
+    contact_matrix(m.law, rows, m.shapes, m.residual, m.matrix)
+    relief = e.numbers[RELIEF]
+    for a in range(contacts):
+        for b in range(contacts):
+            m.matrix[a, b] += relief * m.residual[a, b]
+    put_off(model, state)
+
+
+@njit(cache=True, nogil=True)
+def ensure_tables(coupling: int, line: int, scratch: int) -> None:
+    """All that is due of a line is filled. Works in Scratch.q, v and spare."""
+    c, w = coupling_at(coupling), scratch_of(scratch)
+    model, end = c.line_model[line], c.line_end[line]
+    m, e = string_model(model), end_at(end)
+    if e.counts[DUE] == READY:
+        return
+    if e.counts[DUE] == ALL_DUE:
+        _fill_step(model, c.line_state[line], end)
+    n = m.modes
+    e.flight[:6, n:] = 0.0
+    quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
+    fill_rows(e.flight)
+    fill_looked_at(model, end, c.steps[line], w.q, w.v, w.spare)
+    e.counts[DUE] = READY
+
+
+@njit(cache=True, nogil=True)
+def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
+    """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
+    that is not looked at comes to rest."""
+    c = coupling_at(coupling)
+    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    e.counts[ENGAGED] = engaged
+    if engaged:
+        ensure_tables(coupling, line, scratch)
+        s.counts[MOVING] = string_model(c.line_model[line]).modes
+        return
+    for j in range(e.counts[APART_MODES], s.counts[MOVING]):
+        s.q[j] = 0.0
+        s.v[j] = 0.0
+    s.counts[MOVING] = e.counts[APART_MODES]
