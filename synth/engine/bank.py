@@ -56,6 +56,7 @@ class Built(NamedTuple):
     flights: list[StringModel]
     bodies: list[SharedBody]
     boards: list[LaidBoard]
+    single: bool  # whether modes may be float32 (`solver.single`)
 
 
 class _Lists:
@@ -374,7 +375,7 @@ def build_bank(
     np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
     np.concatenate([np.zeros(0), *lists.leverage], out=bank.leverage)
     np.concatenate([np.zeros(0), *lists.settled], out=bank.settled)
-    return Built(bank, lists.compiled, lists.flights, lists.bodies, lists.boards)
+    return Built(bank, lists.compiled, lists.flights, lists.bodies, lists.boards, single)
 
 
 def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
@@ -468,7 +469,7 @@ class Strings:
             for variant, model in ((layout.PLAIN, models[m]), (layout.ALTERED, altered), (layout.FLIGHT, built.flights[m])):
                 self._models[m, variant] = table(model)
         self._states = [table(state) for state in self.states.items]
-        self.bridges = Bridges(built.bank, built.bodies)
+        self.bridges = Bridges(built.bank, built.bodies, built.single)
         self.boards = Boards(built.bank, built.boards)
 
     def point(self, shared: Shared) -> None:

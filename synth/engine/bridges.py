@@ -11,13 +11,16 @@ from synth.engine.layout import QUANTUM, Bank, Shared
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate
 from synth.native.views import table
-from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS, Coupling, End
-from synth.solver.lanes import padded
+from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS, Coupling, End, in_components
+from synth.solver.lanes import padded, padded_single
 
 #: what a block works with and no block leaves behind
-END_ROOM = ("path", "pulled", "row", "u", "forces", "slopes", "kicks", "near", "matrix", "kept", "kept_contacts")
+END_ROOM = (
+    "path", "pulled", "row", "u", "forces", "slopes", "kicks", "near", "matrix", "kept", "kept_contacts", "single_of",
+    "single_flight", "single_kick", "single_pull", "single_q", "single_v",
+)  # fmt: skip
 COUPLING_ROOM = (
-    "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
+    "active", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
     "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
 )  # fmt: skip
 #: …and what is constant, or an address
@@ -42,7 +45,8 @@ class Bridges:
     ends        Pool of End, by place in `strings`
     """
 
-    def __init__(self, bank: Bank, bodies: Sequence[SharedBody]) -> None:
+    def __init__(self, bank: Bank, bodies: Sequence[SharedBody], single: bool) -> None:
+        """single: whether strings that touch nothing hold their modes in float32 from one control period to the next."""
         self.strings: list[int] = []
         self._of_body: list[range] = []
         sizes = []
@@ -54,7 +58,8 @@ class Bridges:
                 own = bank.models[bank.models["string"] == s]
                 path = QUANTUM * MOST_STEPS + 1
                 modes, contacts = padded(int(own["n"].max())), int(own["contacts"].max())
-                sizes.append(COUPLING_SIZES | {"modes": modes, "contacts": contacts, "path": path})
+                singles = padded_single(modes) if single else 0
+                sizes.append(COUPLING_SIZES | {"modes": modes, "singles": singles, "contacts": contacts, "path": path})
                 self.strings.append(s)
         self.ends = Pool(End, sizes)
         self.couplings = []
@@ -62,18 +67,19 @@ class Bridges:
             body, lines = shared.body, len(mine)
             soft = int(bank.models["layered"].any())
             rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
-            components, modes = body.shape.shape
-            extents = {"lines": lines, "components": components, "body": modes, "channels": 2, "rows": rows}
+            shape = in_components(body.shape, 0)
+            extents = {"lines": lines, "body": shape.shape[1], "channels": 2, "rows": rows}
             self.couplings.append(
                 allocate(
                     Coupling,
                     COUPLING_SIZES | extents,
                     frame=body.frame_s,
+                    single=int(single),
                     steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
-                    direction=np.ascontiguousarray(body.direction),
+                    direction=in_components(body.direction, 1),
                     body=np.ascontiguousarray(body.steps),
-                    shape=np.ascontiguousarray(body.shape),
-                    gamma=np.ascontiguousarray((body.shape * body.steps[4]) @ body.shape.T),
+                    shape=shape,
+                    gamma=np.ascontiguousarray((shape * body.steps[4]) @ shape.T),
                     radiation=np.ascontiguousarray(body.radiation),
                     body_mass=body.mass.copy(),
                     body_omega=body.omega.copy(),

@@ -41,7 +41,7 @@ from synth.engine.layout import (
 from synth.engine.output import BASE_S
 from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
-from synth.solver.coupling import ENGAGED, coupling_at, end_at, gather_lines
+from synth.solver.coupling import ENGAGED, LEAST, SPENT, coupling_at, end_at, gather_lines
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import certify_line
@@ -49,6 +49,10 @@ from synth.solver.line_tables import look_at
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import FAST, INNER, dot
 
+#: levels are taken, and whether all is silent is asked, every so many quanta: a multiple of CHECK_EVERY
+SLEEP_EVERY = 4 * CHECK_EVERY
+#: a line whose nearest contact is clear by more than so many times what has been spent is not certified anew
+CLEAR_ENOUGH = 4.0
 #: of a pull on the bridge that is about to be counted as nothing, what is nothing [N]
 LEAST_PULL_N = 1e-9
 
@@ -100,7 +104,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
     fingered = False
     for s in range(instrument.first_string, instrument.end_string):
         fingered = fingered or NO_FINGER < state.sounding[s].phase < TOUCHED
-    if not fingered and _falls_asleep(core, thread, i):
+    if not fingered and (shared_of(core).task[FIRST_QUANTUM] + k) % SLEEP_EVERY == 0 and _falls_asleep(core, thread, i):
         return
     _certify_lines(core, thread, i)
 
@@ -152,6 +156,8 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
                 look_at(shared.coupling_at[i], line, first, thread)
                 changed = True
         elif state_of(core).sounding[s].stale:  # is certified as it is refreshed
+            continue
+        elif end.counts[ENGAGED] == 0 and end.numbers[LEAST] > CLEAR_ENOUGH * end.numbers[SPENT]:
             continue
         elif model_of(core, s).eta.size > 0:
             near = certify_line(shared.coupling_at[i], line, thread)

@@ -32,7 +32,7 @@ from synth.solver.coupled_study import (
     UNSOLVED,
     coupled_study,
 )
-from synth.solver.coupling import TENSION, along, coupling_at, end_at, gather_lines
+from synth.solver.coupling import COMPONENTS, TENSION, along, coupling_at, end_at, gather_lines
 from synth.solver.frames import FORCE, FROM_CONTACTS, V, advance_frames
 from synth.solver.line_certificates import look_everywhere
 from synth.solver.stringmodel import string_model, string_state
@@ -60,7 +60,7 @@ def _frame(study: int, number: int) -> None:
             t.kept_force[t.first[line] + k] = s.force[k]
     for k in range(c.p.size):
         t.kept_body[0, k], t.kept_body[1, k] = c.p[k], c.p_speed[k]
-    for i in range(c.beta.size):
+    for i in range(COMPONENTS):
         t.kept_speed[i], t.kept_beta[i], t.kept_rest[i] = c.speed[i], c.beta[i], c.rest[i]
     if advance_frames(t.coupling, t.scratch, int(np.int64(1)), t.out) != 0:
         t.counts[UNSOLVED] += 1
@@ -70,9 +70,9 @@ def _frame(study: int, number: int) -> None:
     if touched:
         t.counts[CONTACT_FRAMES] += 1
         t.counts[LAST_CONTACT] = t.counts[STEPS]
-    for i in range(c.beta.size):
+    for i in range(COMPONENTS):
         force = c.small[FORCE, i] + c.small[FROM_CONTACTS, i]
-        for k in range(c.beta.size):
+        for k in range(COMPONENTS):
             force -= c.drag[i, k] * c.small[V, k]
         t.mean_bridge[i] += force
     if t.counts[PHASE] == t.every:
@@ -85,7 +85,7 @@ def _move(study: int, number: int) -> None:
     t = coupled_study(study)
     c = coupling_at(t.coupling)
     frame, turned = c.frame, False
-    for i in range(c.beta.size):
+    for i in range(COMPONENTS):
         c.held[i] = 0.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
@@ -101,7 +101,7 @@ def _move(study: int, number: int) -> None:
             t.far_speed[line] = speed
         t.far[line] = after
         pull = 0.5 * e.numbers[TENSION] * (before + after)
-        for i in range(c.beta.size):
+        for i in range(COMPONENTS):
             c.held[i] -= c.direction[line, i] * pull
         for k in range(m.shapes.shape[0]):
             at = t.first[line] + k
@@ -153,10 +153,10 @@ def write_row(study: int) -> None:
             t.u_contact[row, at] = total
             t.contact_force[row, at] = t.mean_force[at] * share
             t.mean_force[at] = 0.0
-    for i in range(c.beta.size):
+    for i in range(t.bridge.shape[1]):
         t.bridge[row, i] = c.beta[i]
         t.bridge_force[row, i] = t.mean_bridge[i] * share
-        t.mean_bridge[i] = 0.0
+    t.mean_bridge[:] = 0.0
     for channel in range(t.out.shape[0]):
         t.radiated[row, channel] = t.out[channel, 0]
     if t.energy.shape[0] > 0:

@@ -84,9 +84,9 @@ class CoupledLines:
         self._modes = modes
         hold = coefficients(EXACT_HOLD, body.omega, body.sigma, 1.0, frame_s)
         hold[4:] /= body.mass
-        shape = np.ascontiguousarray(body.shapes)
+        shape = coupling.in_components(body.shapes, 0)
         extents = {
-            "lines": len(lines), "components": shape.shape[0], "body": shape.shape[1],
+            "lines": len(lines), "body": shape.shape[1],
             "channels": body.radiation.shape[0], "rows": sum(rows) + len(lines),
         }  # fmt: skip
         self.coupling = allocate(
@@ -94,7 +94,7 @@ class CoupledLines:
             coupling.COUPLING_SIZES | extents,
             frame=frame_s,
             steps=np.array(self.steps, np.int64),
-            direction=np.ascontiguousarray([line.direction for line in lines]),
+            direction=coupling.in_components(np.array([line.direction for line in lines]), 1),
             body=np.ascontiguousarray(hold),
             shape=shape,
             gamma=np.ascontiguousarray((shape * hold[4]) @ shape.T),
@@ -142,7 +142,7 @@ class CoupledLines:
         leverage[:] = line.leverage
         end = allocate(
             coupling.End,
-            coupling.COUPLING_SIZES | {"modes": size, "contacts": contacts, "path": self._path},
+            coupling.COUPLING_SIZES | {"modes": size, "singles": 0, "contacts": contacts, "path": self._path},
             kick=padded_rows(-c, size),
             pull=padded_rows(pull, size),
             flight=make_rows(coefficients(EXACT_HOLD, line.omega, line.sigma, mu, self._frame_s)),

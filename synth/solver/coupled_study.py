@@ -65,8 +65,8 @@ class CoupledStudy(NamedTuple):
     u: Annotated[np.ndarray, f8("rows, points")]
     u_contact: Annotated[np.ndarray, f8("rows, contacts")]
     contact_force: Annotated[np.ndarray, f8("rows, contacts")]
-    bridge: Annotated[np.ndarray, f8("rows, components")]
-    bridge_force: Annotated[np.ndarray, f8("rows, components")]
+    bridge: Annotated[np.ndarray, f8("rows, axes")]
+    bridge_force: Annotated[np.ndarray, f8("rows, axes")]
     radiated: Annotated[np.ndarray, f8("rows, channels")]
     energy: Annotated[np.ndarray, f8("weighed, N_ENERGIES")]
     # state of ledger and rows

@@ -29,12 +29,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.native.arrays import f8, i8, u1
+from synth.native.arrays import f4, f8, i8, u1
 from synth.native.views import opener
 from synth.solver.lanes import BLOCK, ROWS
-from synth.solver.stringmodel import DEPTH, STIFFNESS, string_model, string_state
+from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
+#: components of the bridge's motion that are computed with; those that a body has none of stay zero
+COMPONENTS = 3
 #: steps of a frame, at most, and only powers of two
 MOST_STEPS = BLOCK
 #: what the modes left out keep of their motion against the bridge from frame to frame (negative: it swings over)
@@ -43,9 +45,10 @@ KEPT_BY_THE_REST = 0.9
 #: places in End.numbers: T/L [N/m]; L; ξ under the finger; of any contact, what a unit kick can move the string by there,
 #: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`), of it by
 #: kicks since End.bound, and in the last block; what it may lessen them by in this one; KICK_REACH of the model as compiled;
-#: share of the contacts' residual compliance that a bend has added to it
-TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK, PLAIN_REACH, RELIEF = range(11)
-N_NUMBERS = 11
+#: share of the contacts' residual compliance that a bend has added to it; least clearance of a contact that is certified
+TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK = range(9)
+PLAIN_REACH, RELIEF, LEAST = range(9, 12)
+N_NUMBERS = 12
 #: places in End.counts: whether its contacts and finger count; contacts that are looked at; whether End.kept is of this
 #: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
 #: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
@@ -68,6 +71,14 @@ class End(NamedTuple):
     pull: Annotated[np.ndarray, f8("modes")]  # μ c
     sigma: Annotated[np.ndarray, f8("modes")]  # of its modes as a hand now damps them [1/s]
     flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
+    # the same of the modes that move while it is apart, in float32 (`single`), none where Coupling.single is not set; and
+    # numbers of the flight that they are of
+    single_of: Annotated[np.ndarray, f8("5")]
+    single_flight: Annotated[np.ndarray, f4("ROWS, singles")]
+    single_kick: Annotated[np.ndarray, f4("singles")]
+    single_pull: Annotated[np.ndarray, f4("singles")]
+    single_q: Annotated[np.ndarray, f4("singles")]
+    single_v: Annotated[np.ndarray, f4("singles")]
     leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
     clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
     share: Annotated[np.ndarray, f8("2")]  # Σ c² of the modes that move
@@ -97,6 +108,7 @@ class Coupling(NamedTuple):
     """An instrument's bridge and body, constants and state, and what follows from its lines as they now are."""
 
     frame: float  # H [s]
+    single: int  # whether lines that are not looked at hold their modes in float32 over a call
     steps: Annotated[np.ndarray, i8("lines")]  # r of each
     line_model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
     line_state: Annotated[np.ndarray, i8("lines")]  # … StringState …
@@ -123,10 +135,12 @@ class Coupling(NamedTuple):
     rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
     tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
     own: Annotated[np.ndarray, f8("2, components, components, RESPONSE")]  # Σ B Bᵀ of End.own; lines apart, lines looked at
+    moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
     drag: Annotated[np.ndarray, f8("components, components")]  # A
     inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
     answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
     # room for a block
+    active: Annotated[np.ndarray, i8("lines")]  # lines that are not FAR, in rising order, …
     pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
     small: Annotated[np.ndarray, f8("8, components")]
@@ -144,9 +158,9 @@ class Coupling(NamedTuple):
 
 
 #: places in Coupling.counts: frames gone through; of these, those in which something touched or was held, iterations of
-#: these, and frames that held the forces because no iteration ended
-FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES = range(4)
-N_COUPLING_COUNTS = 4
+#: these, and frames that held the forces because no iteration ended; lines in Coupling.active
+FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES, ACTIVE = range(5)
+N_COUPLING_COUNTS = 5
 
 coupling_at, end_at = opener(Coupling), opener(End)
 
@@ -155,34 +169,34 @@ coupling_at, end_at = opener(Coupling), opener(End)
 def along(c, line: int, of_bridge) -> float:
     """What a motion of the bridge (D,) is at a line's end: B·β, of Coupling c."""
     total = 0.0
-    for i in range(c.beta.size):
+    for i in range(COMPONENTS):
         total += c.direction[line, i] * of_bridge[i]
     return total
 
 
 @njit(**INNER)
 def invert(a, out) -> None:
-    """out = a⁻¹ (D, D), D ≤ 3, by Gauss–Jordan with row pivots; `a` is lost."""
-    d = a.shape[0]
-    for i in range(d):
-        for k in range(d):
+    """out = a⁻¹ (D, D), D = COMPONENTS, by Gauss–Jordan with row pivots; `a` is lost."""
+    for i in range(COMPONENTS):
+        for k in range(COMPONENTS):
             out[i, k] = 1.0 if i == k else 0.0
-    for i in range(d):
+    for i in range(COMPONENTS):
         best = i
-        for k in range(i + 1, d):
+        for k in range(i + 1, COMPONENTS):
             if abs(a[k, i]) > abs(a[best, i]):
                 best = k
-        for k in range(d):
-            a[i, k], a[best, k] = a[best, k], a[i, k]
-            out[i, k], out[best, k] = out[best, k], out[i, k]
+        if best != i:
+            for k in range(COMPONENTS):
+                a[i, k], a[best, k] = a[best, k], a[i, k]
+                out[i, k], out[best, k] = out[best, k], out[i, k]
         factor = 1.0 / a[i, i]
-        for k in range(d):
+        for k in range(COMPONENTS):
             a[i, k] *= factor
             out[i, k] *= factor
-        for r in range(d):
+        for r in range(COMPONENTS):
             if r != i:
                 factor = a[r, i]
-                for k in range(d):
+                for k in range(COMPONENTS):
                     a[r, k] -= factor * a[i, k]
                     out[r, k] -= factor * out[i, k]
 
@@ -191,7 +205,7 @@ def invert(a, out) -> None:
 def gather_responses(coupling: int) -> None:
     """Coupling.own, share and rest_mass, and what follows from them, as the lines are looked at or not."""
     c = coupling_at(coupling)
-    d, frame = c.beta.size, c.frame
+    d, frame = COMPONENTS, c.frame
     c.own[:] = 0.0
     c.share[:] = 0.0
     c.rest_mass[:] = 0.0
@@ -207,7 +221,8 @@ def gather_responses(coupling: int) -> None:
                     c.own[kind, i, k, BLOCK + t] += both * e.own[kind, BLOCK + t]
     for i in range(d):
         for k in range(d):
-            moving = c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK] + c.share[i, k]
+            c.moving[i, k] = c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]
+            moving = c.moving[i, k] + c.share[i, k]
             moving += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k]
             c.drag[i, k] = moving / frame + 0.5 * frame * c.tension[i, k]
     for i in range(d):
@@ -228,13 +243,14 @@ def gather_responses(coupling: int) -> None:
 def gather_lines(coupling: int) -> None:
     """What the bridge sees of its lines, after any of them, its end, or whether it is looked at, has become another."""
     c = coupling_at(coupling)
-    d = c.beta.size
+    d = COMPONENTS
     c.momentum[:] = 0.0
     c.tension[:] = 0.0
     for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
         direction = c.direction[line]
-        momentum = dot(e.pull[: m.modes], s.v[: m.modes])
+        moving = s.counts[MOVING]
+        momentum = dot(e.pull[:moving], s.v[:moving])
         for i in range(d):
             c.momentum[i] += direction[i] * momentum
             for k in range(d):
@@ -250,7 +266,7 @@ def gather_lines(coupling: int) -> None:
 def energy_of(coupling: int) -> float:
     """Energy of all strings, their contacts' compliance, fingers' springs excluded, the modes left out and the body [J]."""
     c = coupling_at(coupling)
-    d = c.beta.size
+    d = COMPONENTS
     total = 0.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
@@ -281,6 +297,7 @@ def energy_of(coupling: int) -> float:
 
 #: sizes that do not depend on an instrument
 COUPLING_SIZES = {
+    "components": COMPONENTS,
     "N_NUMBERS": N_NUMBERS,
     "N_COUNTS": N_COUNTS,
     "N_COUPLING_COUNTS": N_COUPLING_COUNTS,
@@ -288,3 +305,10 @@ COUPLING_SIZES = {
     "BLOCK": BLOCK,
     "RESPONSE": 2 * BLOCK,
 }
+
+
+def in_components(array: np.ndarray, axis: int) -> np.ndarray:
+    """An array whose axis has D ≤ COMPONENTS places with zeros for the others."""
+    out = np.moveaxis(np.zeros((COMPONENTS, *np.delete(array.shape, axis))), 0, axis)
+    np.moveaxis(out, axis, 0)[: array.shape[axis]] = np.moveaxis(array, axis, 0)
+    return np.ascontiguousarray(out)

@@ -18,10 +18,12 @@ import numpy as np
 from numba import njit
 
 from synth.solver.coupling import (
+    ACTIVE,
     APART,
     APART_MODES,
     CERTIFIED,
     CLEAR,
+    COMPONENTS,
     ENGAGED,
     FAR,
     FRAMES,
@@ -42,7 +44,7 @@ from synth.solver.coupling import (
 )
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
-from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
+from synth.solver.lanes import ADV11, ADV12, ADV22, BLOCK, ROWS, add_late, kick, kick_v, padded, padded_single, project_v
 from synth.solver.line_certificates import is_clear, look_everywhere, spend
 from synth.solver.line_forces import (
     answer_of_line,
@@ -56,6 +58,7 @@ from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
 from synth.solver.line_layers import keep_gaps, note_gaps
 from synth.solver.line_rows import MIX
 from synth.solver.line_tables import look_at
+from synth.solver.single import give_back, round_into, take
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, dot, put
@@ -78,13 +81,15 @@ def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
     """
     status = int(np.int64(0))
     blocks = frames // BLOCK
+    if blocks > 0:
+        _take_apart(coupling)
     for t in range(blocks):
         _look_apart(coupling, t > 0)
         status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), t * BLOCK, out))
     if blocks > 0:
         _leave_apart(coupling)
     for t in range(blocks * BLOCK, frames):
-        _look_apart(coupling, False)
+        _look_apart_once(coupling)
         status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), t, out))
         _step_apart(coupling)
     return status
@@ -95,6 +100,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
     """`_block`, again where a line that was not looked at might have touched something."""
     c = coupling_at(coupling)
     uncertain = False
+    active = int(np.int64(0))
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         e.counts[KIND] = FAR
@@ -104,7 +110,10 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             else:
                 clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
+            c.active[active] = line
+            active += 1
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0
+    c.counts[ACTIVE] = active
     if uncertain:
         _keep(coupling)
     status = int(np.int64(0))
@@ -115,18 +124,33 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         for line in range(c.line_end.size):
             if c.friction[line] > 0.0:
                 if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
-                    look_at(coupling, line, int(np.int64(1)), scratch)
+                    _begin_to_look(coupling, line, scratch, frames)
                     end_at(c.line_end[line]).counts[KIND] = SEVERAL
             elif string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
-                if end_at(c.line_end[line]).counts[ENGAGED] == 0:
-                    look_at(coupling, line, int(np.int64(1)), scratch)
+                _begin_to_look(coupling, line, scratch, frames)
                 look_everywhere(c.line_end[line])
                 again = True
         if again:
             _take_back(coupling)
             gather_lines(coupling)
             _sum_apart(coupling)
+            active = int(np.int64(0))
+            for line in range(c.line_end.size):
+                if end_at(c.line_end[line]).counts[KIND] != FAR:
+                    c.active[active] = line
+                    active += 1
+            c.counts[ACTIVE] = active
     return status
+
+
+@njit(**INNER)
+def _begin_to_look(coupling: int, line: int, scratch: int, frames: int) -> None:
+    """A line that was apart in this block of frames is looked at in it."""
+    c = coupling_at(coupling)
+    if end_at(c.line_end[line]).counts[ENGAGED] == 0:
+        if frames == BLOCK:
+            _give_back(coupling, line)
+        look_at(coupling, line, int(np.int64(1)), scratch)
 
 
 @njit(**INNER)
@@ -177,11 +201,57 @@ def _take_back(coupling: int) -> None:
 @njit(**INNER)
 def _kicks_of(c, line: int, kicks) -> None:
     """kicks (K,) of a line's end from those of the bridge."""
+    direction, of_bridge = c.direction[line], c.kicks
     for k in range(BLOCK):
         total = 0.0
-        for i in range(c.beta.size):
-            total += c.direction[line, i] * c.kicks[i, k]
+        for i in range(COMPONENTS):
+            total += direction[i] * of_bridge[i, k]
         kicks[k] = total
+
+
+@njit(**INNER)
+def _take_apart(coupling: int) -> None:
+    """The modes of lines that are not looked at become float32 for some blocks, where they may."""
+    c = coupling_at(coupling)
+    if not c.single:
+        return
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        if not e.counts[ENGAGED]:
+            n = e.counts[APART_MODES]
+            _ensure_singles(e, n)
+            whole = padded_single(n)
+            take(s.q, s.v, n, e.single_q[:whole], e.single_v[:whole])
+
+
+@njit(**INNER)
+def _ensure_singles(e, n: int) -> None:
+    """End.single_flight, kick and pull are those of the first n modes of its flight."""
+    of, flight = e.single_of, e.flight
+    last = n - 1
+    same = of[0] == flight[ADV11, 0] and of[1] == flight[ADV12, 0] and of[2] == flight[ADV11, last]
+    if same and of[3] == flight[ADV12, last] and of[4] == e.kick[last]:
+        return
+    of[0], of[1], of[2], of[3] = flight[ADV11, 0], flight[ADV12, 0], flight[ADV11, last], flight[ADV12, last]
+    of[4] = e.kick[last]
+    whole = padded_single(n)
+    for r in range(ROWS):
+        row = e.single_flight[r, :whole]
+        round_into(flight[r], n, row)
+        if r == ADV11 or r == ADV22:
+            for j in range(n):
+                row[j] = flight[r, j] - 1.0
+    round_into(e.kick, n, e.single_kick[:whole])
+    round_into(e.pull, n, e.single_pull[:whole])
+
+
+@njit(**INNER)
+def _give_back(coupling: int, line: int) -> None:
+    """The modes of a line that is not looked at are float64 again."""
+    c = coupling_at(coupling)
+    if c.single:
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        give_back(e.single_q, e.single_v, e.counts[APART_MODES], s.q, s.v)
 
 
 @njit(**INNER)
@@ -192,12 +262,30 @@ def _look_apart(coupling: int, kicked: bool) -> None:
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
         if e.counts[ENGAGED]:
             continue
-        n = padded(e.counts[APART_MODES])
+        n = e.counts[APART_MODES]
         if kicked:
             _kicks_of(c, line, e.kicks)
-            kick_v(n, e.flight, s.q, s.v, e.kick, e.kicks, e.pull, e.row)
+            if c.single:
+                kick_v(
+                    padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks, e.single_pull, e.row
+                )
+            else:
+                kick_v(padded(n), e.flight, s.q, s.v, e.kick, e.kicks, e.pull, e.row)
+        elif c.single:
+            project_v(padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_pull, e.row)
         else:
-            project_v(n, e.flight, s.q, s.v, e.pull, e.row)
+            project_v(padded(n), e.flight, s.q, s.v, e.pull, e.row)
+    _sum_apart(coupling)
+
+
+@njit(**INNER)
+def _look_apart_once(coupling: int) -> None:
+    """The same for frames that are taken one by one, without a kick before."""
+    c = coupling_at(coupling)
+    for line in range(c.line_end.size):
+        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        if not e.counts[ENGAGED]:
+            project_v(padded(e.counts[APART_MODES]), e.flight, s.q, s.v, e.pull, e.row)
     _sum_apart(coupling)
 
 
@@ -205,14 +293,18 @@ def _look_apart(coupling: int, kicked: bool) -> None:
 def _sum_apart(coupling: int) -> None:
     """Coupling.pull of the lines that are not looked at, from the rows of each."""
     c = coupling_at(coupling)
-    for i in range(c.beta.size):
+    pull = c.pull
+    for i in range(COMPONENTS):
         for k in range(BLOCK):
-            c.pull[i, k] = 0.0
+            pull[i, k] = 0.0
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         if not e.counts[ENGAGED]:
-            for i in range(c.beta.size):
-                add(c.direction[line, i], e.row, c.pull[i])
+            row, direction = e.row, c.direction[line]
+            for i in range(COMPONENTS):
+                share = direction[i]
+                for k in range(BLOCK):
+                    pull[i, k] += share * row[k]
 
 
 @njit(**INNER)
@@ -222,8 +314,13 @@ def _leave_apart(coupling: int) -> None:
     for line in range(c.line_end.size):
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
         if not e.counts[ENGAGED]:
+            n = e.counts[APART_MODES]
             _kicks_of(c, line, e.kicks)
-            kick(padded(e.counts[APART_MODES]), e.flight, s.q, s.v, e.kick, e.kicks)
+            if c.single:
+                kick(padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks)
+                _give_back(coupling, line)
+            else:
+                kick(padded(n), e.flight, s.q, s.v, e.kick, e.kicks)
 
 
 @njit(**INNER)
@@ -235,7 +332,7 @@ def _step_apart(coupling: int) -> None:
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
             q, v = s.q[:n], s.v[:n]
-            for i in range(c.beta.size):
+            for i in range(COMPONENTS):
                 add(c.direction[line, i] * c.kicks[i, 0], e.kick[:n], v)
             fly(e.flight, q, v)
 
@@ -252,14 +349,15 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
     """K frames, or one, from number `at` of the call on. A line that is looked at takes K steps of its own at a time."""
     c = coupling_at(coupling)
     status = int(np.int64(0))
-    for line in range(c.line_end.size):
-        pushed = end_at(c.line_end[line]).pushed
+    for a in range(c.counts[ACTIVE]):
+        pushed = end_at(c.line_end[c.active[a]]).pushed
         pushed[0] = pushed[1] = 0.0
     for number in range(frames):
-        for line in range(c.line_end.size):
+        for a in range(c.counts[ACTIVE]):
+            line = c.active[a]
             end = c.line_end[line]
             e = end_at(end)
-            if e.counts[KIND] != FAR and _within(c, e, line, number)[1] == 0:
+            if _within(c, e, line, number)[1] == 0:
                 if e.counts[KIND] == CLEAR:
                     coast_line(c.line_model[line], c.line_state[line], end)
                 else:
@@ -270,15 +368,15 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
-        for line in range(c.line_end.size):
+        for a in range(c.counts[ACTIVE]):
+            line = c.active[a]
             end = c.line_end[line]
             e = end_at(end)
-            if e.counts[KIND] != FAR:
-                every, within = _within(c, e, line, number)
-                if frames == 1:
-                    step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
-                elif within == every - 1:
-                    drive_line(c.line_model[line], c.line_state[line], end)
+            every, within = _within(c, e, line, number)
+            if frames == 1:
+                step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
+            elif within == every - 1:
+                drive_line(c.line_model[line], c.line_state[line], end)
     return status
 
 
@@ -289,93 +387,140 @@ def _looks_back(c, line: int) -> bool:
 
 
 @njit(inline="always")
-def _pulls(c, number: int, out) -> None:
-    """out (D,): pull of all lines at the end of a frame, as far as its kicks and forces are known."""
-    for i in range(c.beta.size):
-        out[i] = c.pull[i, number]
-    for line in range(c.line_end.size):
+def _triple(x) -> tuple[float, float, float]:
+    """The components of x (D,)."""
+    return x[0], x[1], x[2]
+
+
+@njit(inline="always")
+def _times(a, x) -> tuple[float, float, float]:
+    """A x of a matrix (D, D) and a triple."""
+    return (
+        a[0, 0] * x[0] + a[0, 1] * x[1] + a[0, 2] * x[2],
+        a[1, 0] * x[0] + a[1, 1] * x[1] + a[1, 2] * x[2],
+        a[2, 0] * x[0] + a[2, 1] * x[1] + a[2, 2] * x[2],
+    )
+
+
+@njit(inline="always")
+def _put(into, x) -> None:
+    """Put a triple into (D,)."""
+    into[0], into[1], into[2] = x[0], x[1], x[2]
+
+
+@njit(inline="always")
+def _pulls(c, number: int) -> tuple[float, float, float]:
+    """Pull of all lines at the end of a frame (D,), as far as its kicks and forces are known."""
+    pull, direction = c.pull, c.direction
+    x, y, z = pull[0, number], pull[1, number], pull[2, number]
+    for a in range(c.counts[ACTIVE]):
+        line = c.active[a]
         e = end_at(c.line_end[line])
-        if e.counts[KIND] != FAR:
-            pull = e.row[_within(c, e, line, number)[1]]
-            for i in range(c.beta.size):
-                out[i] += c.direction[line, i] * pull
+        more = e.row[_within(c, e, line, number)[1]]
+        x += direction[line, 0] * more
+        y += direction[line, 1] * more
+        z += direction[line, 2] * more
+    return x, y, z
+
+
+@njit(fastmath=FAST, **INNER)
+def _fly_body(c) -> tuple[float, float, float]:
+    """The body's modes after a frame without a force, into Coupling.body_free; what they move the bridge to (D,)."""
+    free, body, p, p_speed, shape = c.body_free, c.body, c.p, c.p_speed, c.shape
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(p.size):
+        there = body[0, j] * p[j] + body[1, j] * p_speed[j]
+        free[0, j] = there
+        free[1, j] = body[2, j] * p[j] + body[3, j] * p_speed[j]
+        x += shape[0, j] * there
+        y += shape[1, j] * there
+        z += shape[2, j] * there
+    return x, y, z
+
+
+@njit(fastmath=FAST, **INNER)
+def _push_body(c, force, per_frame: float) -> None:
+    """The body's modes under a force of the bridge (D,) held over the frame; their mean acceleration into body_free[1]."""
+    free, body, p, p_speed, shape = c.body_free, c.body, c.p, c.p_speed, c.shape
+    x, y, z = force
+    for j in range(p.size):
+        push = x * shape[0, j] + y * shape[1, j] + z * shape[2, j]
+        speed = free[1, j] + body[5, j] * push
+        p[j] = free[0, j] + body[4, j] * push
+        free[1, j] = (speed - p_speed[j]) * per_frame
+        p_speed[j] = speed
 
 
 @njit(fastmath=FAST, **INNER)
 def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
     """Frame `number` of the block, out[:, begin + number]."""
     c = coupling_at(coupling)
-    d, frame, modes = c.beta.size, c.frame, c.p.size
-    small, free, body, force = c.small, c.body_free, c.body, c.body_free[2]
-    for j in range(modes):
-        free[0, j] = body[0, j] * c.p[j] + body[1, j] * c.p_speed[j]
-        free[1, j] = body[2, j] * c.p[j] + body[3, j] * c.p_speed[j]
-    per_frame = 1.0 / frame
-    _pulls(c, number, small[PULL])
-    for i in range(d):
-        total = c.momentum[i] - small[PULL, i]
-        for k in range(d):
-            total += (c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]) * c.speed[k]
-            total += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k] * c.rest[k]
-        total *= per_frame
-        for k in range(d):
-            total -= c.tension[i, k] * c.beta[k]
-        small[FORCE, i] = total - c.held[i]
-        small[FREE, i] = dot(c.shape[i], free[0]) - c.beta[i]
-    for i in range(d):
-        total = 0.0
-        for k in range(d):
-            total += c.inverse[i, k] * small[FREE, k] + c.answer[i, k] * small[FORCE, k]
-        small[V_FREE, i] = total * per_frame
-    status = _bridge_speed(coupling, scratch, number, begin)
-    for j in range(modes):
-        force[j] = 0.0
-    for i in range(d):
-        total = small[FORCE, i] + small[FROM_CONTACTS, i]
-        for k in range(d):
-            total -= c.drag[i, k] * small[V, k]
-        add(total, c.shape[i], force)
-    for j in range(modes):
-        p_speed = free[1, j] + body[5, j] * force[j]
-        c.p[j] = free[0, j] + body[4, j] * force[j]
-        free[1, j] = (p_speed - c.p_speed[j]) * per_frame
-        c.p_speed[j] = p_speed
+    small, per_frame = c.small, 1.0 / c.frame
+    beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held
+    gone = _fly_body(c)
+    there = (gone[0] - beta[0], gone[1] - beta[1], gone[2] - beta[2])
+    pull, stays, left = _pulls(c, number), _times(c.moving, speed), _times(c.rest_mass, rest)
+    stiff, twice = _times(c.tension, beta), 1.0 + KEPT_BY_THE_REST
+    force = (
+        (momentum[0] - pull[0] + stays[0] + twice * left[0]) * per_frame - stiff[0] - held[0],
+        (momentum[1] - pull[1] + stays[1] + twice * left[1]) * per_frame - stiff[1] - held[1],
+        (momentum[2] - pull[2] + stays[2] + twice * left[2]) * per_frame - stiff[2] - held[2],
+    )
+    moved, pushed = _times(c.inverse, there), _times(c.answer, force)
+    v = (
+        (moved[0] + pushed[0]) * per_frame,
+        (moved[1] + pushed[1]) * per_frame,
+        (moved[2] + pushed[2]) * per_frame,
+    )
+    contact = (0.0, 0.0, 0.0)
+    status = int(np.int64(0))
+    _put(small[FORCE], force)
+    if c.counts[ACTIVE] > 0:
+        _put(small[V_FREE], v)
+        status = _bridge_speed(coupling, scratch, number, begin)
+        v, contact = _triple(small[V]), _triple(small[FROM_CONTACTS])
+    else:
+        _put(small[V], v)
+        _put(small[FROM_CONTACTS], contact)
+    against = _times(c.drag, v)
+    total = (
+        force[0] + contact[0] - against[0],
+        force[1] + contact[1] - against[1],
+        force[2] + contact[2] - against[2],
+    )
+    _push_body(c, total, per_frame)
     for channel in range(out.shape[0]):
-        out[channel, begin + number] = dot(c.radiation[channel], free[1])
-    _settle(coupling, number)
-    for i in range(d):
-        c.beta[i] = dot(c.shape[i], c.p)
+        out[channel, begin + number] = dot(c.radiation[channel], c.body_free[1])
+    _settle(c, number, v, speed, rest)
+    given = _times(c.gamma, total)
+    _put(c.beta, (gone[0] + given[0], gone[1] + given[1], gone[2] + given[2]))
     return status
 
 
-@njit(**INNER)
-def _settle(coupling: int, number: int) -> None:
-    """The bridge's speed of this frame acts on lines, pulls and the modes left out."""
-    c = coupling_at(coupling)
-    d, small = c.beta.size, c.small
-    for i in range(d):
-        turn = small[V, i] - c.speed[i]
-        c.kicks[i, number] = turn
-        small[TURN, i] = turn
-        c.rest[i] = (1.0 + KEPT_BY_THE_REST) * small[V, i] - KEPT_BY_THE_REST * c.rest[i]
-    for i in range(d):
-        for k in range(d):
-            add_late(c.pull[i], c.own[APART, i, k], number, small[TURN, k])
-    for line in range(c.line_end.size):
+@njit(inline="always")
+def _settle(c, number: int, v, before, rest) -> None:
+    """The bridge's speed v of this frame, `before` in the one before, acts on lines, pulls and modes left out, `rest`."""
+    small, kicks = c.small, c.kicks
+    turn = (v[0] - before[0], v[1] - before[1], v[2] - before[2])
+    kicks[0, number], kicks[1, number], kicks[2, number] = turn
+    _put(small[TURN], turn)
+    keeps, twice = KEPT_BY_THE_REST, 1.0 + KEPT_BY_THE_REST
+    _put(c.rest, (twice * v[0] - keeps * rest[0], twice * v[1] - keeps * rest[1], twice * v[2] - keeps * rest[2]))
+    for i in range(COMPONENTS):
+        for k in range(COMPONENTS):
+            add_late(c.pull[i], c.own[APART, i, k], number, turn[k])
+    for a in range(c.counts[ACTIVE]):
+        line = c.active[a]
         end = c.line_end[line]
         e = end_at(end)
-        if e.counts[KIND] != FAR:
-            within = _within(c, e, line, number)[1]
-            turn = along(c, line, small[TURN])
-            settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], turn)
-            if e.counts[KIND] >= SINGLE and _looks_back(c, line):
-                keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
-    _pulls(c, number, c.momentum)
-    for i in range(d):
-        for k in range(d):
-            c.momentum[i] += c.share[i, k] * small[V, k]
-    for i in range(d):
-        c.speed[i] = small[V, i]
+        within = _within(c, e, line, number)[1]
+        of_line = along(c, line, small[TURN])
+        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], of_line)
+        if e.counts[KIND] >= SINGLE and _looks_back(c, line):
+            keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
+    pull, share = _pulls(c, number), _times(c.share, v)
+    _put(c.momentum, (pull[0] + share[0], pull[1] + share[1], pull[2] + share[2]))
+    _put(c.speed, v)
     c.counts[FRAMES] += 1
 
 
@@ -387,7 +532,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
     equation is linear: where they do so twice in a row, V is its root.
     """
     c = coupling_at(coupling)
-    d, small = c.beta.size, c.small
+    d, small = COMPONENTS, c.small
     v, contact, missing, turns = small[V], small[FROM_CONTACTS], small[MISSING], small[TURN]
     for i in range(d):
         v[i] = small[V_FREE, i]
@@ -449,9 +594,6 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                 for r in range(d):
                     total -= c.answer[i, r] * c.jacobian[r, k] / c.frame
                 c.newton[i, k] = total
-        if d == 1:
-            v[0] -= missing[0] / c.newton[0, 0]
-            continue
         invert(c.newton, c.jacobian)
         for i in range(d):
             for k in range(d):

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.coupling import KIND, NEAR, SINGLE, coupling_at, end_at
+from synth.solver.coupling import COMPONENTS, KIND, NEAR, SINGLE, coupling_at, end_at
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import middle
@@ -37,7 +37,7 @@ def _sum_of(response, steps: int) -> float:
 def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
     """Rows of all contacts (fingers = 0) or fingers (1) behind `count`: line and row, G and b; how many there are then."""
     frame = c.frame
-    d = c.beta.size
+    d = COMPONENTS
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
         if e.counts[KIND] < SINGLE:
@@ -109,7 +109,7 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
     force here, v (D,) out: with them, force (D,) out: their mean on the bridge.
     """
     c = coupling_at(coupling)
-    d = c.beta.size
+    d = COMPONENTS
     contacts = _lay_out(c, v0, number, begin, int(np.int64(0)), int(np.int64(0)))
     rows = _lay_out(c, v0, number, begin, int(np.int64(1)), contacts)
     lines, numbers, g, b, z = c.big_index[0], c.big_index[1], c.big_rows[0], c.big_rows[1], c.big_rows[2]

@@ -19,6 +19,7 @@ from synth.solver.coupling import (
     KIND,
     LARGEST_LEVERAGE,
     LATELY,
+    LEAST,
     QUIET,
     RISEN,
     SEVERAL,
@@ -53,7 +54,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
     for j in range(n):
         moved[j] = extent[j] * min(2.0, m.omega[j] * time)
-    near = 0
+    near, least = 0, _FAR_AWAY_M
     for k in range(m.shapes.shape[0]):
         ever, soon = 0.0, 0.0
         for j in range(n):
@@ -65,7 +66,10 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
         if e.clearance[k] <= _RESERVE * e.numbers[SPENT]:  # would not last
             e.clearance[k] = 0.0
             near += 1
+        else:
+            least = min(least, e.clearance[k])
     e.numbers[SPENT] = 0.0
+    e.numbers[LEAST] = least
     e.numbers[RISEN] = 0.0
     e.counts[QUIET] = -1
     e.counts[CERTIFIED] = m.shapes.shape[0] - near
@@ -120,11 +124,13 @@ def spend(coupling: int, line: int, frames: int) -> bool:
     e.numbers[LATELY] = spent
     enough = e.counts[KIND] != CLEAR or spent < e.numbers[SLACK]
     if e.counts[CERTIFIED] > 0:
-        enough = enough and not pressed
+        least, clearance = _FAR_AWAY_M, e.clearance
         for k in range(contacts):
-            if e.clearance[k] > 0.0:
-                e.clearance[k] -= spent + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
-                enough = enough and e.clearance[k] > 0.0
+            if clearance[k] > 0.0:
+                clearance[k] -= spent + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
+                least = min(least, clearance[k])
+        e.numbers[LEAST] = least
+        enough = enough and not pressed and least > 0.0
     return enough
 
 

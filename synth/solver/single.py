@@ -39,6 +39,13 @@ def fill_single_rows(rows, singles) -> None:
 
 
 @njit(**INNER)
+def round_into(x, count: int, out) -> None:
+    """out (m,) float32: the first `count` numbers of x (≥ count,), zero behind them."""
+    for j in range(out.size):
+        out[j] = x[j] if j < count else 0.0
+
+
+@njit(**INNER)
 def take(q, v, count: int, single_q, single_v) -> None:
     """The first `count` modes (N,) as float32, zero behind them."""
     for j in range(single_q.size):

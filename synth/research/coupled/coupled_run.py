@@ -24,7 +24,7 @@ from synth.solver.coupled_advance import advance_study, write_row
 from synth.solver.coupled_ledger import weigh_now
 from synth.solver.coupled_lines import CoupledLines
 from synth.solver.coupled_study import CHUNK, CoupledStudy, far_moments
-from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS
+from synth.solver.coupling import COMPONENTS, COUPLING_SIZES, MOST_STEPS
 from synth.solver.fret_change import drawn_behind, eased, release, stop
 
 #: a bend renews the tension this often [s]
@@ -96,7 +96,8 @@ class CoupledPlayer:
         self.points = points
         sizes = COUPLING_SIZES | {
             "lines": len(self.heights), "contacts": int(first[-1]), "modes": max(scene.modes), "points": len(points),
-            "CHUNK": CHUNK, "PATH": CHUNK * MOST_STEPS + 1, "rows": scene.rows, "components": scene.body.axes,
+            "CHUNK": CHUNK, "PATH": CHUNK * MOST_STEPS + 1, "rows": scene.rows, "axes": scene.body.axes,
+            "components": COMPONENTS,
             "channels": 2, "body": len(scene.body.modes), "N_ENERGIES": study.N_ENERGIES, "N_SUMS": study.N_SUMS,
             "N_COUNTS": study.N_COUNTS, "weighed": scene.rows if run.ledger else 0,
         }  # fmt: skip
