@@ -47,6 +47,11 @@ PENDING_EVENTS = 1 << 14
 OUTPUTS = 2
 
 
+#: share of itself by which a bridge moves otherwise, at most, at the frequency of a mode that is left out of a string that
+#: nobody plays (`Soundboard.felt`): half of what coupled strings that touch nothing may be off
+UNFELT = 5e-4
+
+
 class Built(NamedTuple):
     """A Bank and, for each of its models, the string as compiled and over whole frames behind the decimator; what strings
     share, and what lies under them."""
@@ -242,6 +247,13 @@ class _Lists:
             compliance = static_compliance(position.omega, position.mu, position.shapes, position.residual)
             settled = static_matrix(compliance, position.layers).reshape(-1)
         stopband = 2.0 * math.pi * STOPBAND_EDGE * self.rate_hz
+        audible = max(1, int(np.sum(position.omega[: position.own] < stopband)))
+        driven = audible
+        if heard is not None:
+            body, line = heard
+            own = (position.omega[:audible], position.sigma[:audible])
+            felt = np.flatnonzero(body.felt(*own, position.tension_n / position.length_m, line) > UNFELT)
+            driven = int(felt[-1]) + 1 if felt.size else 1
         self.models.append(
             record(
                 layout.MODEL,
@@ -250,7 +262,8 @@ class _Lists:
                 own=position.own,
                 contacts=c,
                 layered=int(position.layers.shape[1] > 0),
-                audible=max(1, int(np.sum(position.omega[: position.own] < stopband))),
+                audible=audible,
+                driven=driven,
                 length=position.length_m,
                 tension=position.tension_n,
                 mu=position.mu,

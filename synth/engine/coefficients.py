@@ -58,9 +58,10 @@ def _alter(core: int, thread: int, s: int) -> None:
         w = plain.omega[j]
         more = added * (j + 1.0) * (j + 1.0) if j < strings_own else (bend_ratio * bend_ratio - 1.0) * w * w
         omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
-        scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
     if on_bridge(core, s):  # what its contacts need waits until they are looked at: `ends.refresh_end`
         return
+    for j in range(n):
+        scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
     rows = own.rows
     rows[:6, n:] = 0.0
     quick_coefficients(plain.law, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)

@@ -23,6 +23,8 @@ from synth.engine.layout import CORE, PLAIN
 from synth.solver.coupling import (
     APART_MODES,
     DUE,
+    FELT_MODES,
+    HEARD_MODES,
     KICK_REACH,
     LENGTH,
     PLAIN_REACH,
@@ -36,7 +38,15 @@ from synth.solver.coupling import (
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import PAD, padded
 from synth.solver.laws import EXACT_HOLD
-from synth.solver.line_tables import ALL_DUE, TABLES_DUE, ensure_tables, fill_apart, fill_finger_end, fill_reach
+from synth.solver.line_tables import (
+    ALL_DUE,
+    TABLES_DUE,
+    ensure_tables,
+    fill_apart,
+    fill_finger_end,
+    fill_reach,
+    set_apart_modes,
+)
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import complete_rows
 from synth.solver.stringmodel import string_model
@@ -120,18 +130,22 @@ def _refresh_apart(core: int, s: int) -> None:
             end.pull[j] = fixed.mu * c
         end.numbers[LENGTH] = fixed.length
         # by whole vectors: what is behind the last one rests
-        end.counts[APART_MODES] = fixed.n if fixed.n <= fixed.audible else max(1, fixed.audible // PAD) * PAD
+        audible = fixed.n if fixed.n <= fixed.audible else max(1, fixed.audible // PAD) * PAD
+        end.counts[HEARD_MODES] = audible
+        end.counts[FELT_MODES] = min(audible, padded(fixed.driven)) if settings_of(core).economy else audible
         for k in range(fixed.contacts):
             end.leverage[k] = bank.leverage[fixed.leverage + k]
         fill_reach(shared.model_at[me.model, PLAIN], shared.end_at[s])
         end.numbers[PLAIN_REACH] = end.numbers[KICK_REACH]
         end.counts[REACH_OF] = me.model + 1
+    set_apart_modes(shared.end_at[s])
     end.numbers[TENSION] = fixed.tension * bend_ratio * bend_ratio / fixed.length
     end.numbers[RELIEF] = 1.0 / (bend_ratio * bend_ratio) - 1.0
     # no frequency falls by more than the bend: stiffness stays
     end.numbers[KICK_REACH] = end.numbers[PLAIN_REACH] * max(1.0, 1.0 / bend_ratio)
+    bent = 1.0 if me.bend != 0.0 else 0.0
     for j in range(plain.modes):
-        end.sigma[j] = damping(plain.sigma[j], me.hand, model.omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+        end.sigma[j] = damping(plain.sigma[j], me.hand, bent * model.omega[j] * plain.dt)
     n = end.counts[APART_MODES]
     quick_coefficients(EXACT_HOLD, model.omega[:n], end.sigma[:n], plain.mu, 1.0 / settings_of(core).rate_hz, end.flight)
     complete_rows(end.flight, padded(n))

@@ -45,6 +45,7 @@ MODEL = np.dtype(
         ("contacts", "i8"),
         ("layered", "i8"),  # whether these have soft layers
         ("audible", "i8"),  # its own modes that the decimator does not stop
+        ("driven", "i8"),  # of these, how many move where the string rings by its bridge alone; others would not be heard
         ("length", "f8"),
         ("tension", "f8"),
         ("mu", "f8"),

@@ -364,9 +364,24 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
     for s, counts in zip(strings.bridges.strings, _counts_of_ends(strings, arrays), strict=True):
         models = bank.models[bank.models["string"] == s]
         contacts = models["contacts"].max()
-        # as they stand in `coupling`
-        most = np.array([1, contacts, 1, models["n"].max(), contacts, MOST_COUNT, SEVERAL, ALL_DUE, bank.models.size])
-        least = np.array([0, 0, 0, 0, 0, -1, FAR, READY, 0])
+        n = models["n"].max()
+        most = np.array(
+            [
+                1,
+                contacts,
+                1,
+                n,
+                contacts,
+                MOST_COUNT,
+                SEVERAL,
+                ALL_DUE,
+                bank.models.size,
+                1,
+                n,
+                n,
+            ]  # as they stand in `coupling`
+        )
+        least = np.array([0, 0, 0, 0, 0, -1, FAR, READY, 0, 0, 0, 0])
         yield Limit(here.of("end.counts", "", counts), least, most)
         # such strings go by whole frames, and so do their fingers: what is left of one could not be gone through otherwise
         fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.TOUCHED),)

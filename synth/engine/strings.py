@@ -32,6 +32,7 @@ from synth.engine.slurs import PRESS_S, is_on_the_way, sets_out
 from synth.engine.strokes import begin_stroke, slips
 from synth.engine.touches import lay_on, lift_touch
 from synth.native.views import call_back
+from synth.solver.coupling import RESTING, end_at
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import INNER
 from synth.units import LN_1000
@@ -70,6 +71,8 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     set_rest(core, thread, me)
     me.base = me.rest
     rest_state(core, thread, me, scratch.q)
+    if on_bridge(core, s):
+        end_at(shared_of(core).end_at[s]).counts[RESTING] = 1
     for j in range(string.q.size):
         string.q[j] = scratch.q[j] if j < n else 0.0
         string.v[j] = 0.0

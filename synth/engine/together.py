@@ -41,7 +41,7 @@ from synth.engine.layout import (
 from synth.engine.output import BASE_S
 from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
-from synth.solver.coupling import ENGAGED, LEAST, SPENT, coupling_at, end_at, gather_lines
+from synth.solver.coupling import ENGAGED, FELT_MODES, LEAST, RESTING, SPENT, coupling_at, end_at, gather_lines
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import certify_line
@@ -51,6 +51,8 @@ from synth.solver.vectors import FAST, INNER, dot
 
 #: levels are taken, and whether all is silent is asked, every so many quanta: a multiple of CHECK_EVERY
 SLEEP_EVERY = 4 * CHECK_EVERY
+#: modes that would not be felt at the bridge rest once their sum at the output is certain to stay below this (−120 dBFS)
+REST_BELOW = 0.1 * SLEEP_BELOW
 #: a line whose nearest contact is clear by more than so many times what has been spent is not certified anew
 CLEAR_ENOUGH = 4.0
 #: of a pull on the bridge that is about to be counted as nothing, what is nothing [N]
@@ -125,7 +127,15 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
         plain = string_model(shared_of(core).model_at[me.model, PLAIN])
         n = min(plain.modes, string.counts[MOVING])
         rest_state(core, thread, me, scratch.q)
-        me.level = _level(plain.weights[0, :n], plain.omega, string.q, string.v, scratch.q)
+        end = end_at(shared_of(core).end_at[s])
+        felt = end.counts[FELT_MODES]
+        me.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, 0, min(n, felt))
+        if n > felt:
+            above = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, felt, n)
+            me.level += above
+            if above < REST_BELOW and end.counts[ENGAGED] == 0 and me.phase == NO_FINGER and me.lift == 0.0:
+                end.counts[RESTING] = 1
+                me.stale = 1
         loudest += me.level
     if loudest < SLEEP_BELOW:
         sleep_together(core, i)
@@ -134,10 +144,10 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
 
 
 @njit(fastmath=FAST, **INNER)
-def _level(weights, omega, q, v, q_rest) -> float:
-    """What so many modes may come to at the output, together, while they fly free."""
+def _level(weights, omega, q, v, q_rest, first: int, end: int) -> float:
+    """What modes `first` … `end` may come to at the output, together, while they fly free."""
     total = 0.0
-    for j in range(weights.size):
+    for j in range(first, end):
         away, swing = q[j] - q_rest[j], v[j] / omega[j]
         total += weights[j] * math.sqrt(away * away + swing * swing)
     return total

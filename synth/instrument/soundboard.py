@@ -43,6 +43,15 @@ class Soundboard:
         swing = -(w**2) / (self.mass * (self.omega**2 - w**2 + 2j * self.sigma * w)) * (self.direction[line] @ self.shape)
         return np.abs(swing @ self.radiation.T).max(axis=1)
 
+    def felt(self, omega: np.ndarray, sigma: np.ndarray, stiffness: float, line: int) -> np.ndarray:
+        """(N,) share by which modes ω, σ (N,) [1/s] of a line, T/L its stiffness [N/m], change how the bridge moves at their
+        frequencies: |Y Z| of the body's mobility there and their impedance Z = T/(L σ), of which YZ/(1 + YZ) is missed
+        where they are left out."""
+        at = self.direction[line] @ self.shape
+        w = omega[:, None]
+        mobility = 1j * omega * np.sum(at**2 / (self.mass * (self.omega**2 - w**2 + 2j * self.sigma * w)), axis=1)
+        return np.abs(mobility) * stiffness / sigma
+
     @property
     def swinging_bound(self) -> float:
         """|output| ≤ bound · √(Σ m (ṗ² + Ω²p²)) of modes that swing freely."""

@@ -53,9 +53,10 @@ N_NUMBERS = 12
 #: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
 #: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
 #: End.bound holds; what it is in this block; which of its tables wait until it is looked at (`line_tables`); number of the
-#: model, from 1 on, that PLAIN_REACH is of
-ENGAGED, NEAR, KEPT, APART_MODES, CERTIFIED, QUIET, KIND, DUE, REACH_OF = range(9)
-N_COUNTS = 9
+#: model, from 1 on, that PLAIN_REACH is of; whether modes rest that would not be missed; APART_MODES while they do, and
+#: while they do not
+ENGAGED, NEAR, KEPT, APART_MODES, CERTIFIED, QUIET, KIND, DUE, REACH_OF, RESTING, FELT_MODES, HEARD_MODES = range(12)
+N_COUNTS = 12
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is

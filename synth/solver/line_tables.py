@@ -17,11 +17,14 @@ from synth.solver.coupling import (
     APART_MODES,
     DUE,
     ENGAGED,
+    FELT_MODES,
     FINGER_LEVERAGE,
+    HEARD_MODES,
     KICK_REACH,
     LARGEST_LEVERAGE,
     LOOKED_AT,
     RELIEF,
+    RESTING,
     coupling_at,
     end_at,
 )
@@ -35,6 +38,13 @@ from synth.solver.vectors import FAST, INNER
 
 #: End.counts[DUE]: all tables are there; those of end and contacts wait; the coefficients of a step wait, too
 READY, TABLES_DUE, ALL_DUE = range(3)
+
+
+@njit(**INNER)
+def set_apart_modes(end: int) -> None:
+    """How many modes of a line move while it is not looked at. `fill_apart` goes by it."""
+    counts = end_at(end).counts
+    counts[APART_MODES] = counts[FELT_MODES] if counts[RESTING] else counts[HEARD_MODES]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -178,6 +188,20 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     e.counts[DUE] = READY
 
 
+@njit(**INNER)
+def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
+    """All modes of a line that are heard move again while it is not looked at."""
+    c, w = coupling_at(coupling), scratch_of(scratch)
+    end = c.line_end[line]
+    e = end_at(end)
+    e.counts[RESTING] = 0
+    if e.counts[HEARD_MODES] > e.counts[APART_MODES]:
+        e.counts[DUE] = max(e.counts[DUE], TABLES_DUE)
+        ensure_tables(coupling, line, scratch)
+        set_apart_modes(end)
+        fill_apart(end, w.q, w.v, w.spare)
+
+
 @njit(cache=True, nogil=True)
 def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
     """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
@@ -186,6 +210,8 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
     e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
     e.counts[ENGAGED] = engaged
     if engaged:
+        if e.counts[RESTING]:
+            _rest_no_more(coupling, line, scratch)
         ensure_tables(coupling, line, scratch)
         s.counts[MOVING] = string_model(c.line_model[line]).modes
         return
