@@ -93,6 +93,7 @@ class CoupledLines:
             coupling.Coupling,
             coupling.COUPLING_SIZES | extents,
             frame=frame_s,
+            single=0,
             steps=np.array(self.steps, np.int64),
             direction=coupling.in_components(np.array([line.direction for line in lines]), 1),
             body=np.ascontiguousarray(hold),

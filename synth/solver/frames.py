@@ -132,6 +132,9 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
                 again = True
         if again:
             _take_back(coupling)
+            for line in range(c.line_end.size):
+                if frames == BLOCK and end_at(c.line_end[line]).counts[ENGAGED] == 0:
+                    _give_back(coupling, line)
             gather_lines(coupling)
             _sum_apart(coupling)
             active = int(np.int64(0))
