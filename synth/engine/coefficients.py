@@ -32,7 +32,8 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     string.due[:] = 0
     string.counts[FREE] = 0
     string.counts[CERTAIN] = 0
-    string.counts[MOVING] = model.modes
+    if not on_bridge(core, s):  # there a line that is looked at moves all (`line_tables.look_at`)
+        string.counts[MOVING] = model.modes
     set_rest(core, thread, me)
     me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
     if shared_of(core).board_at[me.model] != 0:

@@ -23,11 +23,14 @@ from synth.engine.layout import CORE, PLAIN
 from synth.solver.coupling import (
     APART_MODES,
     DUE,
+    ENGAGED,
     FELT_MODES,
     HEARD_MODES,
     KICK_REACH,
     LENGTH,
     PLAIN_REACH,
+    RAISED,
+    RATIO,
     REACH_OF,
     RELIEF,
     TENSION,
@@ -38,6 +41,7 @@ from synth.solver.coupling import (
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import PAD, padded
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.line_certificates import outlives_bend
 from synth.solver.line_tables import (
     ALL_DUE,
     TABLES_DUE,
@@ -94,8 +98,9 @@ def _moment(length: float, j: int) -> float:
 
 
 @njit(**CORE)
-def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
-    """What its end is to a string whose finger, or (model_too) whose coefficients have become others."""
+def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
+    """What its end is to a string whose finger, or (model_too) whose coefficients have become others; whether its
+    certificate still holds, with a reserve."""
     shared, scratch = shared_of(core), scratch_of(thread)
     me = state_of(core).sounding[s]
     address = model_address(core, s)
@@ -104,8 +109,9 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
     i = bank.strings[s].instrument
     coupling, line = shared.coupling_at[i], s - bank.instruments[i].first_string
     coupling_at(coupling).line_model[line] = address
+    certain = False
     if model_too:
-        _refresh_apart(core, s)
+        certain = _refresh_apart(core, s)
         fill_apart(shared.end_at[s], scratch.q, scratch.v, scratch.spare)
         end.counts[DUE] = ALL_DUE if me.altered else TABLES_DUE
     if is_held(me):
@@ -113,16 +119,20 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> None:
         fill_grip(address, shared.string_at[s], thread, int(np.int64(1)))
         steps = bank.strings[s].factor
         fill_finger_end(address, shared.string_at[s], shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
+    return certain
 
 
 @njit(**CORE)
-def _refresh_apart(core: int, s: int) -> None:
-    """Numbers of a string's end, and its flight over a frame as far as it is heard."""
+def _refresh_apart(core: int, s: int) -> bool:
+    """Numbers of a string's end, and its flight over a frame as far as it is heard; whether its certificate still holds."""
     shared, bank = shared_of(core), bank_of(core)
     me = state_of(core).sounding[s]
     plain, model = string_model(shared.model_at[me.model, PLAIN]), model_of(core, s)
     end, fixed = end_at(shared.end_at[s]), bank.models[me.model]
     bend_ratio = 2.0 ** (me.bend / 12.0)
+    certain = end.counts[REACH_OF] == me.model + 1 and end.numbers[RAISED] == me.height and end.counts[ENGAGED] == 0
+    certain = certain and not is_held(me) and outlives_bend(shared.end_at[s], bend_ratio / end.numbers[RATIO])
+    end.numbers[RATIO], end.numbers[RAISED] = bend_ratio, me.height
     if end.counts[REACH_OF] != me.model + 1:
         for j in range(end.kick.size):
             c = _moment(fixed.length, j) if j < fixed.own else 0.0
@@ -149,3 +159,4 @@ def _refresh_apart(core: int, s: int) -> None:
     n = end.counts[APART_MODES]
     quick_coefficients(EXACT_HOLD, model.omega[:n], end.sigma[:n], plain.mu, 1.0 / settings_of(core).rate_hz, end.flight)
     complete_rows(end.flight, padded(n))
+    return certain

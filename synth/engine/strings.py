@@ -33,6 +33,7 @@ from synth.engine.strokes import begin_stroke, slips
 from synth.engine.touches import lay_on, lift_touch
 from synth.native.views import call_back
 from synth.solver.coupling import RESTING, end_at
+from synth.solver.line_certificates import look_everywhere
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import INNER
 from synth.units import LN_1000
@@ -72,6 +73,7 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     me.base = me.rest
     rest_state(core, thread, me, scratch.q)
     if on_bridge(core, s):
+        look_everywhere(shared_of(core).end_at[s])
         end_at(shared_of(core).end_at[s]).counts[RESTING] = 1
     for j in range(string.q.size):
         string.q[j] = scratch.q[j] if j < n else 0.0
@@ -263,6 +265,8 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     if end_speed != 0.0:
         add_end_speed(core, s, -end_speed)
     _forget_forces(core, s)
+    if on_bridge(core, s):
+        look_everywhere(shared_of(core).end_at[s])
     string.counts[MOVING] = new.n
     me.phase = NO_FINGER
     me.stale = 1

@@ -44,7 +44,7 @@ from synth.engine.strokes import has_bounced
 from synth.solver.coupling import ENGAGED, FELT_MODES, LEAST, RESTING, SPENT, coupling_at, end_at, gather_lines
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
-from synth.solver.line_certificates import certify_line
+from synth.solver.line_certificates import CLEAR_ENOUGH, certify_line
 from synth.solver.line_tables import look_at
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import FAST, INNER, dot
@@ -53,8 +53,6 @@ from synth.solver.vectors import FAST, INNER, dot
 SLEEP_EVERY = 4 * CHECK_EVERY
 #: modes that would not be felt at the bridge rest once their sum at the output is certain to stay below this (−120 dBFS)
 REST_BELOW = 0.1 * SLEEP_BELOW
-#: a line whose nearest contact is clear by more than so many times what has been spent is not certified anew
-CLEAR_ENOUGH = 4.0
 #: of a pull on the bridge that is about to be counted as nothing, what is nothing [N]
 LEAST_PULL_N = 1e-9
 
@@ -252,11 +250,11 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
     count = frames
     for s in range(instrument.first_string, instrument.end_string):
         me, end = state.sounding[s], end_at(shared.end_at[s])
-        engaged, changed_it = end.counts[ENGAGED], me.stale != 0
+        engaged, changed_it, certain = end.counts[ENGAGED], me.stale != 0, False
         if me.stale:
             whole = me.stale == 1
             refresh(core, thread, s)
-            refresh_end(core, thread, s, whole)
+            certain = refresh_end(core, thread, s, whole)
             changed = True
         fingered = is_held(me)
         contacts = bank.models[me.model].contacts
@@ -264,7 +262,7 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         coupling.line_model[line] = model_address(core, s)
         if bank.strings[s].friction > 0.0:
             engaged = end_at(shared.end_at[s - 1]).counts[ENGAGED]
-        elif changed_it and contacts > 0:
+        elif changed_it and contacts > 0 and not certain:
             engaged = 1 if certify_line(shared.coupling_at[i], line, thread) > 0 else 0
         if fingered:
             engaged = 1

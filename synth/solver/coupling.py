@@ -45,10 +45,12 @@ KEPT_BY_THE_REST = 0.9
 #: places in End.numbers: T/L [N/m]; L; ξ under the finger; of any contact, what a unit kick can move the string by there,
 #: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`), of it by
 #: kicks since End.bound, and in the last block; what it may lessen them by in this one; KICK_REACH of the model as compiled;
-#: share of the contacts' residual compliance that a bend has added to it; least clearance of a contact that is certified
+#: share of the contacts' residual compliance that a bend has added to it; least clearance of a contact that is certified;
+#: the furthest that free flight could ever move a contact when the line was certified [m]; the ratio of its bend, and how
+#: far its obstacle was raised [m], when it was last refreshed
 TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK = range(9)
-PLAIN_REACH, RELIEF, LEAST = range(9, 12)
-N_NUMBERS = 12
+PLAIN_REACH, RELIEF, LEAST, EVER, RATIO, RAISED = range(9, 15)
+N_NUMBERS = 15
 #: places in End.counts: whether its contacts and finger count; contacts that are looked at; whether End.kept is of this
 #: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
 #: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
@@ -213,13 +215,21 @@ def gather_responses(coupling: int) -> None:
     for line in range(c.line_end.size):
         e, direction, mu = end_at(c.line_end[line]), c.direction[line], string_model(c.line_model[line]).mu
         kind = LOOKED_AT if e.counts[ENGAGED] else APART
+        of_line, moving = e.own[kind], mu * e.share[kind]
+        left_out = mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.share[kind])
         for i in range(d):
-            for k in range(d):
-                both = direction[i] * direction[k]
-                c.share[i, k] += both * mu * e.share[kind]
-                c.rest_mass[i, k] += both * mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.share[kind])
-                for t in range(BLOCK):
-                    c.own[kind, i, k, BLOCK + t] += both * e.own[kind, BLOCK + t]
+            for k in range(i + 1):
+                both, own = direction[i] * direction[k], c.own[kind, i, k]
+                c.share[i, k] += both * moving
+                c.rest_mass[i, k] += both * left_out
+                for t in range(BLOCK, 2 * BLOCK):
+                    own[t] += both * of_line[t]
+    for i in range(d):
+        for k in range(i):
+            c.share[k, i], c.rest_mass[k, i] = c.share[i, k], c.rest_mass[i, k]
+            for kind in range(2):
+                for t in range(BLOCK, 2 * BLOCK):
+                    c.own[kind, k, i, t] = c.own[kind, i, k, t]
     for i in range(d):
         for k in range(d):
             c.moving[i, k] = c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]

@@ -15,6 +15,7 @@ from synth.solver.certificates import MARGIN, extents
 from synth.solver.coupling import (
     CERTIFIED,
     CLEAR,
+    EVER,
     KICK_REACH,
     KIND,
     LARGEST_LEVERAGE,
@@ -36,6 +37,8 @@ from synth.solver.vectors import FAST, INNER, dot
 
 #: a contact is certified if it is clear by so many times what has been spent since the line was last asked
 _RESERVE = 2.0
+#: a line whose nearest contact is clear by more than so many times what has been spent is not certified anew
+CLEAR_ENOUGH = 4.0
 #: blocks without a force after which it is asked again what is clear: asking costs about what looking for one block does
 _QUIET_BLOCKS = 4
 #: left to the nearest contact where there is none
@@ -54,7 +57,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
     for j in range(n):
         moved[j] = extent[j] * min(2.0, m.omega[j] * time)
-    near, least = 0, _FAR_AWAY_M
+    near, least, furthest = 0, _FAR_AWAY_M, 0.0
     for k in range(m.shapes.shape[0]):
         ever, soon = 0.0, 0.0
         for j in range(n):
@@ -62,6 +65,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
             ever += size * extent[j]
             soon += size * moved[j]
         e.bound[k] = MARGIN * soon
+        furthest = max(furthest, MARGIN * ever)
         e.clearance[k] = e.leverage[k] * height - s.eta[k] - MARGIN * ever
         if e.clearance[k] <= _RESERVE * e.numbers[SPENT]:  # would not last
             e.clearance[k] = 0.0
@@ -70,6 +74,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
             least = min(least, e.clearance[k])
     e.numbers[SPENT] = 0.0
     e.numbers[LEAST] = least
+    e.numbers[EVER] = furthest
     e.numbers[RISEN] = 0.0
     e.counts[QUIET] = -1
     e.counts[CERTIFIED] = m.shapes.shape[0] - near
@@ -134,12 +139,27 @@ def spend(coupling: int, line: int, frames: int) -> bool:
     return enough
 
 
+@njit(**INNER)
+def outlives_bend(end: int, ratio: float) -> bool:
+    """Whether the certificate of a line that is not looked at still has a reserve after its frequencies have changed by this
+    ratio, at most, and nothing else has: no E_j = √(q_j² + v_j²/ω_j²) has grown by more than 1/ratio."""
+    e = end_at(end)
+    lost = max(0.0, 1.0 / ratio - 1.0) * (e.numbers[EVER] + e.numbers[SPENT])
+    for k in range(e.clearance.size):
+        if e.clearance[k] > 0.0:
+            e.clearance[k] = max(0.0, e.clearance[k] - lost)
+    e.numbers[SPENT] += lost
+    e.numbers[LEAST] -= lost
+    return e.numbers[LEAST] > CLEAR_ENOUGH * e.numbers[SPENT]
+
+
 @njit(cache=True, nogil=True)
 def look_everywhere(end: int) -> None:
     """No contact of a line is certified any more, nor clear for a while."""
     e = end_at(end)
     for k in range(e.clearance.size):
         e.clearance[k] = 0.0
+    e.numbers[LEAST] = 0.0
     e.counts[CERTIFIED] = 0
     e.counts[QUIET] = 0
     e.counts[KIND] = SEVERAL

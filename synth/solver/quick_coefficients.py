@@ -35,11 +35,21 @@ def quick_coefficients(law: int, omega, sigma, mu: float, dt: float, coef) -> No
     n = omega.size
     _turn(omega, sigma, dt, coef[0, :n], coef[1, :n])
     _in_vectors(omega, sigma, 1.0 / mu, dt, coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n], coef[4, :n], coef[5, :n])
+    left = int(np.int64(0))
     for j in range(n):
+        left += _is_left(omega[j], sigma[j], dt)
+    for j in range(n if left else 0):
         w, s = omega[j], sigma[j]
-        turn, loss = w * dt, s * dt
-        if turn > _MOST or loss > _MOST_LOSS or loss > _LOSS_OF_SQUARE * turn * turn or (w - s) * (w + s) < 0.5 * w * w:
+        if _is_left(w, s, dt):
             put_hold(w, mu, hold_responses(w, s, dt), coef, j)
+
+
+@njit(inline="always")
+def _is_left(w: float, s: float, dt: float) -> int:
+    """1 where the series are not as good as the closed forms, else 0."""
+    turn, loss = w * dt, s * dt
+    far = (turn > _MOST) | (loss > _MOST_LOSS)
+    return int(far | (loss > _LOSS_OF_SQUARE * turn * turn) | ((w - s) * (w + s) < 0.5 * w * w))
 
 
 @njit(error_model="numpy", **INNER)
