@@ -15,9 +15,12 @@ from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS, Coupling, End
 from synth.solver.lanes import padded
 
 #: what a block works with and no block leaves behind
-END_ROOM = ("path", "pulled", "row", "u", "forces", "slopes", "kicks", "near", "matrix", "kept", "kept_contacts")
+END_ROOM = (
+    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "few", "sides", "kicks", "near",
+    "matrix", "kept", "kept_contacts",
+)  # fmt: skip
 COUPLING_ROOM = (
-    "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
+    "touching", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
     "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
 )  # fmt: skip
 #: …and what is constant, or an address

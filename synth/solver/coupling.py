@@ -56,6 +56,14 @@ N_COUNTS = 7
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
+#: places in End.answer: what the end's speed changes by in the frame that is asked for, the contacts' and the finger's mean
+#: force on the bridge then, its slope
+TURNED, PUSHED, STEEPNESS = range(3)
+#: places in End.known: which contacts press in which steps of that frame, as a number; whether their answer is linear while
+#: these do; sets whose tables are there, and of how many contacts (`few_contacts`)
+PATTERN, LINEAR, SETS, OF_SETS = range(4)
+#: contacts, at most, of which every set has a table
+FEW = 4
 
 
 class End(NamedTuple):
@@ -83,6 +91,12 @@ class End(NamedTuple):
     u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts looked at, then height under the finger
     forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
     slopes: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what the forces change by with the speed of the end
+    apart: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts that do not press, 0 of those that do
+    opening: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what these change by with it
+    answer: Annotated[np.ndarray, f8("3")]
+    known: Annotated[np.ndarray, i8("4")]
+    few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
+    sides: Annotated[np.ndarray, f8("4, FEW")]
     kicks: Annotated[np.ndarray, f8("BLOCK")]
     pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
     near: Annotated[np.ndarray, i8("contacts")]
@@ -125,6 +139,7 @@ class Coupling(NamedTuple):
     inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
     answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
     # room for a block
+    touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
     pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
     small: Annotated[np.ndarray, f8("8, components")]
@@ -349,6 +364,8 @@ COUPLING_SIZES = {
     "ROWS": ROWS,
     "BLOCK": BLOCK,
     "RESPONSE": 2 * BLOCK,
+    "FEW": FEW,
+    "SETS": 1 << FEW,
 }
 
 

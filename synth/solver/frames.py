@@ -30,10 +30,15 @@ from synth.solver.coupling import (
     KEPT,
     KEPT_BY_THE_REST,
     KIND,
+    LINEAR,
     NEAR,
+    PATTERN,
+    PUSHED,
     SEVERAL,
     SINGLE,
+    STEEPNESS,
     TOUCHED,
+    TURNED,
     along,
     coupling_at,
     end_at,
@@ -44,18 +49,19 @@ from synth.solver.coupling import (
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
+from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, look_everywhere, spend
 from synth.solver.line_forces import (
     answer_of_line,
     coast_line,
     drive_line,
+    follow_line,
     look_at_line,
     settle_line,
     step_line,
 )
 from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
 from synth.solver.line_layers import keep_gaps, note_gaps
-from synth.solver.line_rows import MIX
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, dot, put
@@ -252,14 +258,20 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
     """K frames, or one, from number `at` of the call on. A line that is looked at takes K steps of its own at a time."""
     c = coupling_at(coupling)
     status = int(np.int64(0))
+    touching = int(np.int64(0))
     for line in range(c.line_end.size):
-        pushed = end_at(c.line_end[line]).pushed
-        pushed[0] = pushed[1] = 0.0
+        e = end_at(c.line_end[line])
+        e.pushed[0] = e.pushed[1] = 0.0
+        if e.counts[KIND] != FAR:
+            touching += 1
+            c.touching[touching] = line
+    c.touching[0] = touching
     for number in range(frames):
-        for line in range(c.line_end.size):
+        for place in range(1, touching + 1):
+            line = c.touching[place]
             end = c.line_end[line]
             e = end_at(end)
-            if e.counts[KIND] != FAR and _within(c, e, line, number)[1] == 0:
+            if _within(c, e, line, number)[1] == 0:
                 if e.counts[KIND] == CLEAR:
                     coast_line(c.line_model[line], c.line_state[line], end)
                 else:
@@ -270,15 +282,14 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
-        for line in range(c.line_end.size):
+        for place in range(1, touching + 1):
+            line = c.touching[place]
             end = c.line_end[line]
-            e = end_at(end)
-            if e.counts[KIND] != FAR:
-                every, within = _within(c, e, line, number)
-                if frames == 1:
-                    step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
-                elif within == every - 1:
-                    drive_line(c.line_model[line], c.line_state[line], end)
+            every, within = _within(c, end_at(end), line, number)
+            if frames == 1:
+                step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
+            elif within == every - 1:
+                drive_line(c.line_model[line], c.line_state[line], end)
     return status
 
 
@@ -293,12 +304,12 @@ def _pulls(c, number: int, out) -> None:
     """out (D,): pull of all lines at the end of a frame, as far as its kicks and forces are known."""
     for i in range(c.beta.size):
         out[i] = c.pull[i, number]
-    for line in range(c.line_end.size):
+    for place in range(1, c.touching[0] + 1):
+        line = c.touching[place]
         e = end_at(c.line_end[line])
-        if e.counts[KIND] != FAR:
-            pull = e.row[_within(c, e, line, number)[1]]
-            for i in range(c.beta.size):
-                out[i] += c.direction[line, i] * pull
+        pull = e.row[_within(c, e, line, number)[1]]
+        for i in range(c.beta.size):
+            out[i] += c.direction[line, i] * pull
 
 
 @njit(fastmath=FAST, **INNER)
@@ -361,15 +372,15 @@ def _settle(coupling: int, number: int) -> None:
     for i in range(d):
         for k in range(d):
             add_late(c.pull[i], c.own[APART, i, k], number, small[TURN, k])
-    for line in range(c.line_end.size):
+    for place in range(1, c.touching[0] + 1):
+        line = c.touching[place]
         end = c.line_end[line]
         e = end_at(end)
-        if e.counts[KIND] != FAR:
-            within = _within(c, e, line, number)[1]
-            turn = along(c, line, small[TURN])
-            settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], turn)
-            if e.counts[KIND] >= SINGLE and _looks_back(c, line):
-                keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
+        within = _within(c, e, line, number)[1]
+        back = _looks_back(c, line)
+        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], along(c, line, small[TURN]), back)
+        if e.counts[KIND] >= SINGLE and back:
+            keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
     _pulls(c, number, c.momentum)
     for i in range(d):
         for k in range(d):
@@ -384,30 +395,30 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
     """The frame's V and the contacts' force on the bridge into Coupling.small, all lines' forces with it; status of `lcp`.
 
     Newton's method from V without contacts on V − V_free − W J(V)/H = 0. While the same contacts press in the same steps the
-    equation is linear: where they do so twice in a row, V is its root.
+    equation is linear, and lines are not solved again (`follow_line`): where they do so twice in a row, V is its root.
     """
     c = coupling_at(coupling)
     d, small = c.beta.size, c.small
     v, contact, missing, turns = small[V], small[FROM_CONTACTS], small[MISSING], small[TURN]
     for i in range(d):
         v[i] = small[V_FREE, i]
-    before = 0
     for iteration in range(MOST_ITERATIONS):
         status = int(np.int64(0))
-        acts = False
-        pattern = 0
+        acts, same = False, iteration > 0
         for i in range(d):
             turns[i] = v[i] - c.speed[i]
             contact[i] = 0.0
             for k in range(d):
                 c.jacobian[i, k] = 0.0
-        for line in range(c.line_end.size):
+        for place in range(1, c.touching[0] + 1):
+            line = c.touching[place]
             end = c.line_end[line]
             e = end_at(end)
             if e.counts[KIND] >= SINGLE:
                 turn, steps = along(c, line, turns), c.steps[line]
                 first, at = _within(c, e, line, number)[1] * steps, (begin + number) * steps
                 if rubs(coupling, line):
+                    e.known[LINEAR] = 0
                     force, slope, cross, mine, bad = answer_of_rubbed(
                         c.line_model[line], c.line_state[line], end, c.line_end[line - 1], c.friction[line], scratch, first,
                         steps, turn,
@@ -415,12 +426,16 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                     for i in range(d):
                         for k in range(d):
                             c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
+                elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, steps, turn):
+                    force, slope, mine, bad = e.answer[PUSHED], e.answer[STEEPNESS], e.known[PATTERN], SOLVED
                 else:
                     force, slope, mine, bad = answer_of_line(
                         c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
                     )
+                    e.answer[TURNED], e.answer[PUSHED], e.answer[STEEPNESS] = turn, force, slope
                 status = max(status, bad)
-                pattern = pattern * MIX + mine
+                same = same and mine == e.known[PATTERN]
+                e.known[PATTERN] = mine
                 if force != 0.0 or slope != 0.0:
                     acts = True
                     for i in range(d):
@@ -438,10 +453,9 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             missing[i] = v[i] - small[V_FREE, i] - pushed
             far = max(far, abs(missing[i]))
             size = max(size, abs(v[i]), abs(small[V_FREE, i]), abs(pushed))
-        if far <= CLOSE * size or (iteration > 0 and pattern == before and far <= SAME * size):
+        if far <= CLOSE * size or (same and far <= SAME * size):
             c.counts[TOUCHED] += 1
             return status
-        before = pattern
         # I − W J′/H
         for i in range(d):
             for k in range(d):

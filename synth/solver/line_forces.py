@@ -11,8 +11,24 @@ import numpy as np
 from numba import njit
 
 from synth.solver.blocks import look
-from synth.solver.coupling import CLEAR, FINGER_LEVERAGE, KIND, LOOKED_AT, NEAR, SEVERAL, SINGLE, end_at
+from synth.solver.coupling import (
+    CLEAR,
+    FEW,
+    FINGER_LEVERAGE,
+    KIND,
+    LINEAR,
+    LOOKED_AT,
+    NEAR,
+    OF_SETS,
+    PUSHED,
+    SEVERAL,
+    SINGLE,
+    STEEPNESS,
+    TURNED,
+    end_at,
+)
 from synth.solver.due_responses import fill_due
+from synth.solver.few_contacts import answer_of_few, note_matrix
 from synth.solver.lanes import (
     BLOCK,
     add_late,
@@ -69,11 +85,10 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
         e.kicks[k] = 0.0
     if e.counts[KIND] == SINGLE:
         return
-    matrix = e.matrix[: several * several].reshape(several, several)
-    for i in range(several):
-        for d in range(several):
-            matrix[i, d] = m.lags[e.near[i], e.near[d], BLOCK]
+    note_matrix(model, end)
     if finger.on:
+        e.known[OF_SETS] = 0  # which have tables without a finger only
+        matrix = e.matrix[: several * several].reshape(several, several)
         _, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
         total = s.grip_own[0, BLOCK] + compliance
         for i in range(several):
@@ -111,12 +126,42 @@ def answer_of_line(
     is that of the force by the speed, with the contacts that press as they are.
     """
     e = end_at(end)
+    e.known[LINEAR] = 1
     if e.counts[KIND] == SINGLE:
         force, slope, pattern = _one_contact(model, state, scratch, e, first, steps, turn)
         return force, slope, pattern, SOLVED
     if string_model(model).layers.shape[1] > 0:
+        e.known[LINEAR] = 0
         return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
+    if 1 < e.counts[NEAR] <= FEW and string_state(state).finger[0].on == 0:
+        force, slope, pattern, status = answer_of_few(model, state, end, scratch, first, steps, turn)
+        if status == SOLVED:
+            return force, slope, pattern, status
     return _contacts_and_finger(model, state, end, scratch, first, at, steps, turn)
+
+
+@njit(**INNER)
+def follow_line(model: int, state: int, end: int, first: int, steps: int, turn: float) -> bool:
+    """What `answer_of_line` gave last, at another `turn`; whether that is its answer: the same contacts press, no others."""
+    e = end_at(end)
+    if e.known[LINEAR] == 0:
+        return False
+    more = turn - e.answer[TURNED]
+    holds = True
+    for i in range(e.counts[NEAR]):
+        for t in range(first, first + steps):
+            e.forces[i, t] += more * e.slopes[i, t]
+            e.apart[i, t] += more * e.opening[i, t]
+            holds = holds and e.forces[i, t] >= 0.0 and e.apart[i, t] >= 0.0
+    if not holds:
+        return False
+    if string_state(state).finger[0].on != 0:
+        finger = string_model(model).shapes.shape[0]
+        for t in range(first, first + steps):
+            e.forces[finger, t] += more * e.slopes[finger, t]
+    e.answer[TURNED] = turn
+    e.answer[PUSHED] += more * e.answer[STEEPNESS]
+    return True
 
 
 @njit(inline="always")
@@ -124,24 +169,26 @@ def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int
     c = e.near[0]
     lags, moved, reach = string_model(model).lags[c, c], e.moved[c], e.reach[c]
     stiffness = 1.0 / lags[BLOCK]
-    u, forces, slopes = e.u[0], e.forces[0], e.slopes[0]
+    u, forces, slopes, apart, opening = e.u[0], e.forces[0], e.slopes[0], e.apart[0], e.opening[0]
     force, slope, pattern = 0.0, 0.0, 0
     for t in range(steps):
         gap, change = u[first + t] + moved[BLOCK + t] * turn, moved[BLOCK + t]
-        for i in range(t):
-            gap += lags[BLOCK + t - i] * forces[first + i]
-            change += lags[BLOCK + t - i] * slopes[first + i]
-        pressed = 0.0
+        if pattern:
+            for i in range(t):
+                gap += lags[BLOCK + t - i] * forces[first + i]
+                change += lags[BLOCK + t - i] * slopes[first + i]
         if gap < 0.0:
             if string_state(state).due[c]:
                 fill_due(model, state, scratch, c)
-            pressed, change = -gap * stiffness, -change * stiffness
+            pressed, steeper = -gap * stiffness, -change * stiffness
             pattern |= 1 << t
             force += reach[t] * pressed
-            slope += reach[t] * change
+            slope += reach[t] * steeper
+            forces[first + t], slopes[first + t] = pressed, steeper
+            apart[first + t] = opening[first + t] = 0.0
         else:
-            change = 0.0
-        forces[first + t], slopes[first + t] = pressed, change
+            forces[first + t] = slopes[first + t] = 0.0
+            apart[first + t], opening[first + t] = gap, change
     return force, slope, pattern
 
 
@@ -151,14 +198,14 @@ def _contacts_and_finger(
 ) -> tuple[float, float, int, int]:
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
     several, near, grip, finger = e.counts[NEAR], e.near, s.grip_contacts, s.finger[0]
-    forces, slopes, fingered = e.forces, e.slopes, finger.on != 0
+    forces, slopes, apart, opening, fingered = e.forces, e.slopes, e.apart, e.opening, finger.on != 0
     gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
     begin_rows(m, s, e, w, first, steps, turn)
     matrix = e.matrix[: several * several].reshape(several, several)
     enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
     for i in range(several):
         enabled[i] = 1
-        active[i] = 1 if forces[i, first] > 0.0 else 0  # when this frame was asked for the last time
+        active[i] = 1 if s.force[near[i]] > 0.0 else 0  # in the step before
     push, push_slope, total = 0.0, 0.0, 1.0
     here, here_slope = finger.here, 0.0
     force, slope, pattern, status, held = 0.0, 0.0, 0, SOLVED, int(np.int64(0))
@@ -169,23 +216,36 @@ def _contacts_and_finger(
         for i in range(several):
             b[i] = gaps[i, t] + (grip[near[i], BLOCK] * push if fingered else 0.0)
             touching = touching or b[i] < 0.0
+            apart[i, first + t] = b[i]
+            opening[i, first + t] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
             forces[i, first + t] = slopes[i, first + t] = 0.0
         if touching:
             bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i]
-                if z[i] > 0.0:
+                if active[i]:
+                    if bad != SOLVED or z[i] == 0.0:
+                        e.known[LINEAR] = 0
                     if s.due[near[i]]:
                         fill_due(model, state, scratch, near[i])
                     pattern = pattern * MIX + i * BLOCK + t + 1
-                b[i] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
+                b[i] = opening[i, first + t]
             # how they change while the same ones press; contacts solved one by one leave no factor
             count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.factor, w.order, held)[0]
             if count > 0:
                 substitute(b, count, w.factor, w.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i]
+            else:
+                e.known[LINEAR] = 0
+            for d in range(several):
+                if active[d]:
+                    apart[d, first + t] = opening[d, first + t] = 0.0
+                    for i in range(several):
+                        if not active[i]:
+                            apart[i, first + t] += matrix[i, d] * forces[d, first + t]
+                            opening[i, first + t] += matrix[i, d] * slopes[d, first + t]
         more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total, t + 1 < steps)
         force += more
         slope += steeper
@@ -195,9 +255,9 @@ def _contacts_and_finger(
 
 
 @njit(**INNER)
-def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: float) -> None:
+def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: float, looks_back: bool) -> None:
     """A frame of a line is decided, that of this number since it was looked at: its kick and forces act on the rows of later
-    steps, and on the pull at the ends of this and later frames."""
+    steps, and of its own where it looks back, and on the pull at the ends of this and later frames."""
     e = end_at(end)
     kind = e.counts[KIND]
     add_late(e.row, e.own[LOOKED_AT], frame, turn)
@@ -208,8 +268,16 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
     several, contacts, fingered = e.counts[NEAR], m.shapes.shape[0], s.finger[0].on != 0
     near, first = e.near, frame * steps
     e.kicks[first] = turn
-    for i in range(several):
-        add_late(e.u[i], e.moved[near[i]], first, turn)
+    if looks_back or first + steps < BLOCK:
+        for d in range(several):
+            add_late(e.u[d], e.moved[near[d]], first, turn)
+            for i in range(several):
+                for t in range(first, first + steps):
+                    if e.forces[i, t] != 0.0:
+                        add_late(e.u[d], m.lags[near[d], near[i]], t, e.forces[i, t])
+            if fingered:
+                for t in range(first, first + steps):
+                    add_late(e.u[d], s.grip_contacts[near[d]], t, e.forces[contacts, t])
     if fingered:
         add_late(e.u[contacts], e.finger_moved[0], first, turn)
     for i in range(several):
@@ -218,8 +286,6 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
             force = e.forces[i, first + t]
             if force != 0.0:
                 e.pushed[1] += force
-                for d in range(several):
-                    add_late(e.u[d], m.lags[near[d], c], first + t, force)
                 if fingered:
                     add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
                 _draw(e.drawn[c], frame, t, steps, force, e.row)
@@ -228,8 +294,6 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
         for t in range(steps):
             force = e.forces[contacts, first + t]
             e.pushed[0] += abs(force)
-            for d in range(several):
-                add_late(e.u[d], s.grip_contacts[near[d]], first + t, force)
             add_late(e.u[contacts], s.grip_own[0], first + t, force)
             _draw(e.finger_drawn[0], frame, t, steps, force, e.row)
         finger = s.finger[0]
