@@ -11,13 +11,13 @@ from synth.engine.layout import QUANTUM, Bank, Shared
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate
 from synth.native.views import table
-from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS, Coupling, End
+from synth.solver.coupling import COUPLING_SIZES, CULLED_FROM, MOST_STEPS, Coupling, End
 from synth.solver.lanes import padded
 
 #: what a block works with and no block leaves behind
 END_ROOM = (
-    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "few", "sides", "kicks", "near",
-    "matrix", "kept", "kept_contacts",
+    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "left", "few", "sides",
+    "kicks", "near", "matrix", "kept", "kept_contacts",
 )  # fmt: skip
 COUPLING_ROOM = (
     "touching", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
@@ -72,6 +72,7 @@ class Bridges:
                     Coupling,
                     COUPLING_SIZES | extents,
                     frame=body.frame_s,
+                    culled_from=CULLED_FROM,
                     steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
                     direction=np.ascontiguousarray(body.direction),
                     body=np.ascontiguousarray(body.steps),

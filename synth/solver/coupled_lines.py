@@ -72,8 +72,10 @@ class CoupledLines:
         *,
         most_modes: Sequence[int] | None = None,
         path: int = 1,
+        culled_from: int = coupling.CULLED_FROM,
     ) -> None:
-        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes."""
+        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes; culled_from:
+        contacts of a line from which on some may be passed over."""
         self._path = path
         self.steps = [int(count) for count in steps]
         self._frame_s = frame_s
@@ -93,6 +95,7 @@ class CoupledLines:
             coupling.Coupling,
             coupling.COUPLING_SIZES | extents,
             frame=frame_s,
+            culled_from=culled_from,
             steps=np.array(self.steps, np.int64),
             direction=np.ascontiguousarray([line.direction for line in lines]),
             body=np.ascontiguousarray(hold),

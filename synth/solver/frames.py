@@ -18,10 +18,12 @@ import numpy as np
 from numba import njit
 
 from synth.solver.coupling import (
+    AHEAD,
     APART,
     APART_MODES,
     CERTIFIED,
     CLEAR,
+    CULLING,
     ENGAGED,
     FAR,
     FRAMES,
@@ -30,8 +32,11 @@ from synth.solver.coupling import (
     KEPT,
     KEPT_BY_THE_REST,
     KIND,
+    LASTS,
     LINEAR,
+    LONG,
     NEAR,
+    NEVER,
     PATTERN,
     PUSHED,
     SEVERAL,
@@ -39,6 +44,7 @@ from synth.solver.coupling import (
     STEEPNESS,
     TOUCHED,
     TURNED,
+    USED_UP,
     along,
     coupling_at,
     end_at,
@@ -51,6 +57,7 @@ from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, look_everywhere, spend
+from synth.solver.line_culling import cull, may_cull, spend_left
 from synth.solver.line_forces import (
     answer_of_line,
     coast_line,
@@ -110,7 +117,8 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             else:
                 clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
-        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0
+        e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and may_cull(coupling, line) else NEVER
+        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
     if uncertain:
         _keep(coupling)
     status = int(np.int64(0))
@@ -119,6 +127,10 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         status = _block(coupling, scratch, frames, at, out)
         again = False
         for line in range(c.line_end.size):
+            known = end_at(c.line_end[line]).known
+            if known[CULLING] != NEVER and known[LASTS] == USED_UP:
+                known[CULLING] -= 1
+                again = True
             if c.friction[line] > 0.0:
                 if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
                     look_at(coupling, line, int(np.int64(1)))
@@ -262,6 +274,7 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         e.pushed[0] = e.pushed[1] = 0.0
+        e.known[AHEAD] = 0
         if e.counts[KIND] != FAR:
             touching += 1
             c.touching[touching] = line
@@ -279,17 +292,22 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                         rub_where_pressed(coupling, line, end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE)
                     if _looks_back(c, line):
                         note_gaps(coupling, line)
+                    if e.known[CULLING] != NEVER and (number == 0 or e.known[LASTS] == 0):
+                        cull(coupling, line, scratch, (frames - number) * c.steps[line])
+                    if e.known[LASTS] > 0:
+                        e.known[LASTS] -= BLOCK if frames > 1 else e.known[LASTS]
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
         for place in range(1, touching + 1):
             line = c.touching[place]
             end = c.line_end[line]
-            every, within = _within(c, end_at(end), line, number)
-            if frames == 1:
+            e = end_at(end)
+            every, within = _within(c, e, line, number)
+            if within == every - 1:
+                drive_line(c.line_model[line], c.line_state[line], end, c.steps[line], number + 1 < frames)
+            elif frames == 1:
                 step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
-            elif within == every - 1:
-                drive_line(c.line_model[line], c.line_state[line], end)
     return status
 
 
@@ -378,7 +396,10 @@ def _settle(coupling: int, number: int) -> None:
         e = end_at(end)
         within = _within(c, e, line, number)[1]
         back = _looks_back(c, line)
-        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], along(c, line, small[TURN]), back)
+        turn = along(c, line, small[TURN])
+        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], turn, back)
+        if e.known[CULLING] != NEVER:
+            spend_left(coupling, line, within * c.steps[line], turn, along(c, line, small[V]))
         if e.counts[KIND] >= SINGLE and back:
             keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
     _pulls(c, number, c.momentum)

@@ -9,6 +9,7 @@ line's contacts looked at.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from synth.solver.certificates import MARGIN, extents
@@ -29,7 +30,7 @@ from synth.solver.coupling import (
     coupling_at,
     end_at,
 )
-from synth.solver.lanes import BLOCK
+from synth.solver.lanes import BLOCK, KQ, KV
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
@@ -49,12 +50,16 @@ def fill_reach(model: int, end: int) -> None:
     moved = e.kept[0, : m.modes]  # which holds something within a block only
     for j in range(m.modes):
         moved[j] = abs(e.kick[j]) / m.omega[j]
+    after = e.kept[1, : m.modes]  # extents after a unit push
+    extents(m.omega[: m.modes], m.rows[KQ], m.rows[KV], after)
     for c in range(m.shapes.shape[0]):
-        total = 0.0
+        total, own = 0.0, 0.0
         for j in range(m.modes):
             total += abs(m.shapes[c, j]) * moved[j]
+            own += m.shapes[c, j] * m.shapes[c, j] * after[j]
         furthest = max(furthest, MARGIN * total)
         largest = max(largest, abs(e.leverage[c]))
+        e.stirred[c] = np.sqrt(MARGIN * own)
     e.numbers[KICK_REACH] = furthest
     e.numbers[LARGEST_LEVERAGE] = largest
 

@@ -12,13 +12,16 @@ from numba import njit
 
 from synth.solver.blocks import look
 from synth.solver.coupling import (
+    AHEAD,
     CLEAR,
+    CULLING,
     FEW,
     FINGER_LEVERAGE,
     KIND,
     LINEAR,
     LOOKED_AT,
     NEAR,
+    NEVER,
     OF_SETS,
     PUSHED,
     SEVERAL,
@@ -30,14 +33,23 @@ from synth.solver.coupling import (
 from synth.solver.due_responses import fill_due
 from synth.solver.few_contacts import answer_of_few, note_matrix
 from synth.solver.lanes import (
+    ADV11,
+    ADV21,
     BLOCK,
+    P21,
     add_late,
+    coast,
+    drive,
     drive_kicked,
+    drive_listed,
+    drive_listed_and_one,
     drive_listed_and_one_kicked,
     drive_listed_kicked,
+    drive_q,
     kick,
     padded,
     project_q,
+    project_qq,
     project_qv,
     project_v,
 )
@@ -47,7 +59,10 @@ from synth.solver.line_layers import answer_of_soft_line
 from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger
 from synth.solver.stepwise import finger_blend, fly, push_modes
 from synth.solver.stringmodel import scratch_of, string_model, string_state
-from synth.solver.vectors import INNER, add
+from synth.solver.vectors import FAST, INNER, add
+
+#: steps of a frame from which on a line's pull is worked out for the ends of frames alone: there are two at most in a pass
+_PULLED_BY_FRAMES = 4
 
 
 @njit(**INNER)
@@ -58,9 +73,9 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
-    several = int(np.int64(0))
+    several, culled = int(np.int64(0)), e.known[CULLING] != NEVER
     for c in range(contacts):
-        if e.clearance[c] <= 0.0:
+        if e.clearance[c] <= 0.0 and not (culled and e.left[c] > 0.0):
             e.near[several] = c
             several += 1
         else:
@@ -69,18 +84,38 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
     finger = s.finger[0]
     e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
     look(n, m.rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
-    if finger.on:
-        project_q(n, m.rows, s.q, s.v, s.finger_weights[:n], e.u[contacts])
-        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, m.dt, speed, height, e.u[contacts], e.forces[contacts])
+    touch, last = s.finger_weights[:n], several - 1
+    finger_too = finger.on != 0 and e.known[AHEAD] == 0
+    e.known[AHEAD] = 0
+    by_steps = steps < _PULLED_BY_FRAMES
+    if not by_steps:
+        for frame in range(BLOCK // steps):
+            early = steps * (frame + 1) < BLOCK
+            e.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else m.rows[ADV21:], s.q, s.v)
     if several % 2 == 1:
-        project_qv(n, m.rows, s.q, s.v, m.shapes[e.near[several - 1]], e.pull, e.u[several - 1], e.row)
-    else:
+        shape = m.shapes[e.near[last]]
+        if by_steps:
+            project_qv(n, m.rows, s.q, s.v, shape, e.pull, e.u[last], e.row)
+            if finger_too:
+                project_q(n, m.rows, s.q, s.v, touch, e.u[contacts])
+        elif finger_too:
+            project_qq(n, m.rows, s.q, s.v, shape, touch, e.u[last], e.u[contacts])
+        else:
+            project_q(n, m.rows, s.q, s.v, shape, e.u[last])
+    elif finger_too and by_steps:
+        project_qv(n, m.rows, s.q, s.v, touch, e.pull, e.u[contacts], e.row)
+    elif finger_too:
+        project_q(n, m.rows, s.q, s.v, touch, e.u[contacts])
+    elif by_steps:
         project_v(n, m.rows, s.q, s.v, e.pull, e.row)
+    if finger.on:
+        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, m.dt, speed, height, e.u[contacts], e.forces[contacts])
     for i in range(several):
         c = e.near[i]
         _add_way(e.leverage[c], s.eta[c], m.dt, speed, height, e.u[i], e.forces[i])
-    for frame in range(BLOCK // steps):
-        e.row[frame] = e.row[(frame + 1) * steps - 1]
+    if by_steps:
+        for frame in range(BLOCK // steps):
+            e.row[frame] = e.row[(frame + 1) * steps - 1]
     for k in range(BLOCK):
         e.kicks[k] = 0.0
     if e.counts[KIND] == SINGLE:
@@ -94,6 +129,15 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
         for i in range(several):
             for d in range(several):
                 matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+
+
+@njit(fastmath=FAST, **INNER)
+def _pull_after(n: int, pull, rows, q, v) -> float:
+    """Pull of modes once they have flown as the two rows say that begin `rows` (·, ≥n), of velocities."""
+    total = 0.0
+    for j in range(n):
+        total += pull[j] * (rows[0, j] * q[j] + rows[1, j] * v[j])
+    return total
 
 
 @njit(inline="always")
@@ -327,23 +371,40 @@ def _pressed(e, several: int) -> int:
 
 
 @njit(**INNER)
-def drive_line(model: int, state: int, end: int) -> None:
-    """The modes go through K steps with all that acts on them; those of a line that is clear through K frames."""
+def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None:
+    """The modes go through K steps with all that acts on them; those of a line that is clear through K frames.
+
+    Where the K steps are one frame its kick comes before them, and if there are `more` frames what is under a finger in the
+    next K steps is looked at in the same pass.
+    """
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
     rows, q, v = m.rows, s.q, s.v
     if e.counts[KIND] == CLEAR:
         kick(padded(m.modes), e.flight, q, v, e.kick, e.kicks)
         return
-    pressed = _pressed(e, e.counts[NEAR])
-    if s.finger[0].on != 0:
-        touch, pushes = s.finger_weights[:n], e.forces[contacts]
-        if pressed == 0:
-            drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.kicks)
+    pressed, fingered = _pressed(e, e.counts[NEAR]), s.finger[0].on != 0
+    touch, pushes = s.finger_weights[:n], e.forces[contacts]
+    if steps == BLOCK:
+        add(e.kicks[0], e.kick[:n], v)
+        if fingered and pressed == 0:
+            if more:
+                drive_q(n, rows, q, v, touch, pushes, touch, e.u[contacts])
+                e.known[AHEAD] = 1
+            else:
+                drive(n, rows, q, v, touch, pushes)
+        elif fingered:
+            drive_listed_and_one(n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes)
+        elif pressed == 0:
+            coast(n, rows, q, v)
+        elif pressed == 1:
+            drive(n, rows, q, v, m.shapes[e.near[0]], e.forces[0])
         else:
-            drive_listed_and_one_kicked(
-                n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes, e.kick, e.kicks
-            )  # fmt: skip
+            drive_listed(n, rows, q, v, pressed, e.near, m.shapes, e.forces)
+    elif fingered and pressed == 0:
+        drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.kicks)
+    elif fingered:
+        drive_listed_and_one_kicked(n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes, e.kick, e.kicks)
     elif pressed == 0:
         kick(n, rows, q, v, e.kick, e.kicks)
     elif pressed == 1:
@@ -354,7 +415,7 @@ def drive_line(model: int, state: int, end: int) -> None:
 
 @njit(**INNER)
 def step_line(model: int, state: int, end: int, steps: int) -> None:
-    """The same for the first `steps` steps of the block only, or its first frame."""
+    """The same for the first `steps` steps of the block only, fewer than K, or its first frame."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.modes, m.shapes.shape[0]
     q, v = s.q[:n], s.v[:n]
