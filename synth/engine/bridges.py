@@ -16,7 +16,7 @@ from synth.solver.lanes import padded
 
 #: what a block works with and no block leaves behind
 END_ROOM = (
-    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "left", "few", "sides",
+    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "left", "few", "sides", "drew",
     "kicks", "near", "matrix", "kept", "kept_contacts",
 )  # fmt: skip
 COUPLING_ROOM = (

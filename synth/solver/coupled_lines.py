@@ -74,8 +74,8 @@ class CoupledLines:
         path: int = 1,
         culled_from: int = coupling.CULLED_FROM,
     ) -> None:
-        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes; culled_from:
-        contacts of a line from which on some may be passed over."""
+        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes;
+        culled_from: contacts of a line from which on some may be passed over."""
         self._path = path
         self.steps = [int(count) for count in steps]
         self._frame_s = frame_s

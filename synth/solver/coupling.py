@@ -110,6 +110,7 @@ class End(NamedTuple):
     ]  # of the gap of each contact that is not certified, > 0: it is passed over [m]
     few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
     sides: Annotated[np.ndarray, f8("4, FEW")]
+    drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames
     kicks: Annotated[np.ndarray, f8("BLOCK")]
     pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
     near: Annotated[np.ndarray, i8("contacts")]

@@ -56,7 +56,7 @@ from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import BLOCK, add_late, kick, kick_v, padded, project_v
 from synth.solver.lcp import SOLVED
-from synth.solver.line_certificates import is_clear, look_everywhere, spend
+from synth.solver.line_certificates import is_clear, look_everywhere, runs_out, spend
 from synth.solver.line_culling import cull, may_cull, spend_left
 from synth.solver.line_forces import (
     answer_of_line,
@@ -117,6 +117,8 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             else:
                 clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
+            if e.clearance.size >= c.culled_from and runs_out(coupling, line, frames):
+                look_everywhere(c.line_end[line])
         e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and may_cull(coupling, line) else NEVER
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
     if uncertain:

@@ -25,8 +25,8 @@ from synth.solver.coupling import (
     LARGEST_LEVERAGE,
     LASTS,
     LATELY,
-    LONG,
     NEAR,
+    SHORT,
     USED_UP,
     along,
     coupling_at,
@@ -34,7 +34,7 @@ from synth.solver.coupling import (
 )
 from synth.solver.lanes import BLOCK
 from synth.solver.stringmodel import scratch_of, string_model, string_state
-from synth.solver.vectors import FAST
+from synth.solver.vectors import FAST, INNER
 
 #: of a gap, what has to be left beyond free flight, and how often what the bridge did in the block before
 _KEPT_BACK = 0.25
@@ -57,47 +57,47 @@ def may_cull(coupling: int, line: int) -> bool:
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def cull(coupling: int, line: int, scratch: int, steps: int) -> None:
     """End.left, of the contacts that are not certified: > 0 where one need not be looked at for the line's next K steps, or
-    for all `steps` up to the end of the block where few need to even then."""
+    for all `steps` up to the end of the block if few need to even then."""
     c, w = coupling_at(coupling), scratch_of(scratch)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     n, height, finger = m.modes, along(c, line, c.beta), s.finger[0]
-    soon, late, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
+    extent, moved, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
     push = finger.push if finger.on else 0.0
     e.answer[FINGERS_PUSH] = push
-    per_mass, short, long = push / m.mu, BLOCK * m.dt, steps * m.dt
+    per_mass, time = push / m.mu, steps * m.dt
     for j in range(n):
-        at_rest = per_mass * s.finger_weights[j] / (omega[j] * omega[j]) if push != 0.0 else 0.0
-        away, speed = q[j] - at_rest, v[j] / omega[j]
-        extent = MARGIN * np.sqrt(away * away + speed * speed)
-        soon[j] = extent * min(2.0, omega[j] * short)
-        late[j] = extent * min(2.0, omega[j] * long)
-    reserve = _RESERVE * e.numbers[LATELY]
-    near, near_late = 0, 0
-    for k in range(e.left.size):
-        e.left[k] = w.b[k] = 0.0
-        if e.clearance[k] > 0.0:
-            continue
-        here, by_soon, by_late = 0.0, 0.0, 0.0
+        period = 1.0 / omega[j]
+        away, speed = q[j] - per_mass * s.finger_weights[j] * (period * period), v[j] * period
+        extent[j] = MARGIN * np.sqrt(away * away + speed * speed)
+        moved[j] = extent[j] * min(2.0, omega[j] * time)
+    near = _left_after(c, line, moved, height)
+    e.known[LASTS] = steps
+    if steps > BLOCK and (near > FEW or e.known[CULLING] == SHORT):
         for j in range(n):
-            shape = m.shapes[k, j]
-            here += shape * q[j]
-            by_soon += abs(shape) * soon[j]
-            by_late += abs(shape) * late[j]
-        gap = here + e.leverage[k] * height - s.eta[k]
-        wanted = max(reserve, _KEPT_BACK * gap)
-        if gap - by_soon > wanted:
-            e.left[k] = gap - by_soon
-        else:
-            near += 1
-        if gap - by_late > wanted:
-            w.b[k] = gap - by_late
-        else:
-            near_late += 1
-    e.known[LASTS] = BLOCK
-    if e.known[CULLING] == LONG and near_late <= near + FEW:
-        e.known[LASTS] = steps
-        for k in range(e.left.size):
-            e.left[k] = w.b[k]
+            moved[j] = extent[j] * min(2.0, omega[j] * (BLOCK * m.dt))
+        _left_after(c, line, moved, height)
+        e.known[LASTS] = BLOCK
+
+
+@njit(fastmath=FAST, **INNER)
+def _left_after(c, line: int, moved, height: float) -> int:
+    """End.left once each mode has moved by so much (n,); how many contacts are to be looked at."""
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    q, near = s.q[: moved.size], 0
+    reserve = _RESERVE * e.numbers[LATELY]
+    for k in range(e.left.size):
+        e.left[k] = 0.0
+        if e.clearance[k] <= 0.0:
+            shape, here, furthest = m.shapes[k, : moved.size], 0.0, 0.0
+            for j in range(moved.size):
+                here += shape[j] * q[j]
+                furthest += abs(shape[j]) * moved[j]
+            gap = here + e.leverage[k] * height - s.eta[k]
+            if gap - furthest > max(reserve, _KEPT_BACK * gap):
+                e.left[k] = gap - furthest
+            else:
+                near += 1
+    return near
 
 
 @njit(cache=True, nogil=True)

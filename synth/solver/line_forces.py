@@ -46,6 +46,7 @@ from synth.solver.lanes import (
     drive_listed_and_one_kicked,
     drive_listed_kicked,
     drive_q,
+    grip_sequence,
     kick,
     padded,
     project_q,
@@ -57,9 +58,9 @@ from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED, factorise, pivot, substitute
 from synth.solver.line_layers import answer_of_soft_line
 from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger
-from synth.solver.stepwise import finger_blend, fly, push_modes
+from synth.solver.stepwise import finger_blend, finger_target, fly, push_modes
 from synth.solver.stringmodel import scratch_of, string_model, string_state
-from synth.solver.vectors import FAST, INNER, add
+from synth.solver.vectors import FAST, INNER, add, dot
 
 #: steps of a frame from which on a line's pull is worked out for the ends of frames alone: there are two at most in a pass
 _PULLED_BY_FRAMES = 4
@@ -177,7 +178,11 @@ def answer_of_line(
     if string_model(model).layers.shape[1] > 0:
         e.known[LINEAR] = 0
         return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
-    if 1 < e.counts[NEAR] <= FEW and string_state(state).finger[0].on == 0:
+    fingered = string_state(state).finger[0].on != 0
+    if e.counts[NEAR] == 0 and steps == BLOCK and fingered:
+        force, slope = _finger_alone(model, state, end, scratch, at, turn)
+        return force, slope, 0, SOLVED
+    if 1 < e.counts[NEAR] <= FEW and not fingered:
         force, slope, pattern, status = answer_of_few(model, state, end, scratch, first, steps, turn)
         if status == SOLVED:
             return force, slope, pattern, status
@@ -234,6 +239,28 @@ def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int
             forces[first + t] = slopes[first + t] = 0.0
             apart[first + t], opening[first + t] = gap, change
     return force, slope, pattern
+
+
+@njit(**INNER)
+def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn: float) -> tuple[float, float]:
+    """Force and slope of a finger without contacts over K steps that are one frame."""
+    m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
+    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.spare[0], w.spare[1]
+    blend, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
+    stiff = 1.0 / (s.grip_own[0, BLOCK] + compliance)
+    follow = finger.resistance / m.dt / blend * stiff
+    moved = e.finger_moved[0, BLOCK:]
+    for k in range(BLOCK):
+        target = finger_target(
+            EXACT_HOLD, m.dt, finger.stiffness, finger.resistance, e.path[at + k], e.path[at + k + 1], 0.0
+        )
+        pull[k] = target / blend * stiff
+        y[k] = e.u[contacts, k] + moved[k] * turn
+    grip_sequence(pull, stiff, follow, finger.here, y, s.grip_own[0], e.forces[contacts], w.spare[2])
+    for k in range(BLOCK):
+        pull[k] = 0.0
+    grip_sequence(pull, stiff, follow, 0.0, moved, s.grip_own[0], e.slopes[contacts], w.spare[2])
+    return dot(e.finger_reach[0], e.forces[contacts]), dot(e.finger_reach[0], e.slopes[contacts])
 
 
 @njit(**INNER)
@@ -315,15 +342,19 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
     if looks_back or first + steps < BLOCK:
         for d in range(several):
             add_late(e.u[d], e.moved[near[d]], first, turn)
+        for t in range(first, first + steps):
             for i in range(several):
-                for t in range(first, first + steps):
-                    if e.forces[i, t] != 0.0:
-                        add_late(e.u[d], m.lags[near[d], near[i]], t, e.forces[i, t])
+                force = e.forces[i, t]
+                if force != 0.0:
+                    for d in range(several):
+                        add_late(e.u[d], m.lags[near[d], near[i]], t, force)
             if fingered:
-                for t in range(first, first + steps):
+                for d in range(several):
                     add_late(e.u[d], s.grip_contacts[near[d]], t, e.forces[contacts, t])
     if fingered:
         add_late(e.u[contacts], e.finger_moved[0], first, turn)
+    for k in range(BLOCK):
+        e.drew[k] = 0.0
     for i in range(several):
         c = near[i]
         for t in range(steps):
@@ -332,7 +363,11 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
                 e.pushed[1] += force
                 if fingered:
                     add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
-                _draw(e.drawn[c], frame, t, steps, force, e.row)
+                if steps == 1:
+                    for k in range(BLOCK):
+                        e.drew[k] += e.drawn[c, k] * force
+                else:
+                    _draw(e.drawn[c], frame, t, steps, force, e.row)
         s.force[c] = e.forces[i, first + steps - 1]
     if fingered:
         for t in range(steps):
@@ -343,6 +378,9 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
         finger = s.finger[0]
         finger.push = e.forces[contacts, first + steps - 1]
         finger.here = e.u[contacts, first + steps - 1]
+    if steps == 1:
+        for i in range(BLOCK - frame):
+            e.row[frame + i] += e.drew[i]
 
 
 @njit(inline="always")
