@@ -34,6 +34,8 @@ class Kernel:
         look_at_all: bool = False,
         steps_of: Sequence[int] | None = None,
         layers: np.ndarray | None = None,
+        path: int = 1,
+        culled_from: int = coupling.CULLED_FROM,
     ) -> None:
         self.system, self.engaged = system, engaged
         body = system.body
@@ -62,17 +64,16 @@ class Kernel:
             )
         radiation = np.ones((1, len(body.modes)))
         each = [steps] * len(lines) if steps_of is None else steps_of
-        self._lines = CoupledLines(
-            lines, BodyArrays(body.omega, body.sigma, body.mass, body.shapes, radiation), frame_s, each
-        )
-        self.models, self.states, self.ends = self._lines.models, self._lines.states, self._lines.ends
-        self.coupling = self._lines.coupling
+        there = BodyArrays(body.omega, body.sigma, body.mass, body.shapes, radiation)
+        self.lines = CoupledLines(lines, there, frame_s, each, path=path, culled_from=culled_from)
+        self.models, self.states, self.ends = self.lines.models, self.lines.states, self.lines.ends
+        self.coupling = self.lines.coupling
         for end, mine in zip(self.ends, self.mine, strict=True):
             end.counts[coupling.ENGAGED] = int(look_at_all or (engaged and bool(mine)))
 
     @property
     def address(self) -> int:
-        return self._lines.address
+        return self.lines.address
 
     def start(self, x: np.ndarray) -> None:
         """From x (n,) as `coupled` lays it out, with the speed of the bridge that goes with it."""
@@ -80,18 +81,18 @@ class Kernel:
         for state, of_w, of_rates in zip(self.states, w, rates, strict=True):
             n = of_w.stop - of_w.start
             state.q[:n], state.v[:n] = x[of_w], x[of_rates]
-        self._lines.place(x[p], x[v])
+        self.lines.place(x[p], x[v])
         if not self.engaged:
             for line, mine in enumerate(self.mine):
                 if mine:
-                    near = certify_line(self.address, line, self._lines.scratch)
+                    near = certify_line(self.address, line, self.lines.scratch)
                     self.ends[line].counts[coupling.ENGAGED] = int(near > 0)
             coupling.gather_lines(self.address)
 
     def advance(self, frames: int) -> np.ndarray:
         """(frames,) what the body radiates."""
         out = np.zeros((1, frames))
-        assert advance_frames(self.address, self._lines.scratch, frames, out) == 0
+        assert advance_frames(self.address, self.lines.scratch, frames, out) == 0
         return out[0]
 
     @property

@@ -11,16 +11,17 @@ from synth.engine.layout import QUANTUM, Bank, Shared
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate
 from synth.native.views import table
-from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS, Coupling, End, in_components
+from synth.solver.coupling import COUPLING_SIZES, CULLED_FROM, MOST_STEPS, Coupling, End, in_components
 from synth.solver.lanes import padded, padded_single
 
 #: what a block works with and no block leaves behind
 END_ROOM = (
-    "path", "pulled", "row", "u", "forces", "slopes", "kicks", "near", "matrix", "kept", "kept_contacts", "single_of",
-    "single_flight", "single_kick", "single_pull", "single_q", "single_v",
+    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "left", "few", "sides", "drew",
+    "kicks", "near", "matrix", "kept", "kept_contacts",
+    "single_of", "single_flight", "single_kick", "single_pull", "single_q", "single_v",
 )  # fmt: skip
 COUPLING_ROOM = (
-    "active", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
+    "touching", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
     "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
 )  # fmt: skip
 #: …and what is constant, or an address
@@ -75,6 +76,7 @@ class Bridges:
                     COUPLING_SIZES | extents,
                     frame=body.frame_s,
                     single=int(single),
+                    culled_from=CULLED_FROM,
                     steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
                     direction=in_components(body.direction, 1),
                     body=np.ascontiguousarray(body.steps),

@@ -72,8 +72,10 @@ class CoupledLines:
         *,
         most_modes: Sequence[int] | None = None,
         path: int = 1,
+        culled_from: int = coupling.CULLED_FROM,
     ) -> None:
-        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes."""
+        """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes;
+        culled_from: contacts of a line from which on some may be passed over."""
         self._path = path
         self.steps = [int(count) for count in steps]
         self._frame_s = frame_s
@@ -94,6 +96,7 @@ class CoupledLines:
             coupling.COUPLING_SIZES | extents,
             frame=frame_s,
             single=0,
+            culled_from=culled_from,
             steps=np.array(self.steps, np.int64),
             direction=coupling.in_components(np.array([line.direction for line in lines]), 1),
             body=np.ascontiguousarray(hold),

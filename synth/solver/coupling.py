@@ -63,6 +63,23 @@ N_COUNTS = 12
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
+#: places in End.answer: what the end's speed changes by in the frame that is asked for, the contacts' and the finger's mean
+#: force on the bridge then, its slope; the finger's push that End.left takes for granted
+TURNED, PUSHED, STEEPNESS, FINGERS_PUSH = range(4)
+N_ANSWER = 4
+#: places in End.known: which contacts press in which steps of that frame, as a number; whether their answer is linear while
+#: these do; sets whose tables are there, and of how many contacts (`few_contacts`); for how long at a time contacts may be
+#: passed over in this block, and for how many steps End.left holds (`line_culling`); whether End.u has the finger's next
+#: steps already
+PATTERN, LINEAR, SETS, OF_SETS, CULLING, LASTS, AHEAD = range(7)
+N_KNOWN = 7
+#: that is never, for one pass, for what is left of the block; and in the place of steps: something left is used up
+NEVER, SHORT, LONG = range(3)
+USED_UP = -1
+#: contacts, at most, of which every set has a table
+FEW = 4
+#: contacts from which on it pays to ask which are out of reach
+CULLED_FROM = 5
 
 
 class End(NamedTuple):
@@ -93,12 +110,23 @@ class End(NamedTuple):
     finger_reach: Annotated[np.ndarray, f8("1, BLOCK")]
     finger_drawn: Annotated[np.ndarray, f8("1, BLOCK")]
     bound: Annotated[np.ndarray, f8("contacts")]  # what free flight can move the string by there within a block [m]
+    stirred: Annotated[np.ndarray, f8("contacts")]  # √ of how far a unit push there moves the string there, at most [√(m/N)]
     path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
     pulled: Annotated[np.ndarray, f8("1, contacts + 1, RESPONSE")]  # pull after a force, by steps
     row: Annotated[np.ndarray, f8("BLOCK")]  # pull at the ends of the frames that lie ahead
     u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts looked at, then height under the finger
     forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
     slopes: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what the forces change by with the speed of the end
+    apart: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts that do not press, 0 of those that do
+    opening: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what these change by with it
+    answer: Annotated[np.ndarray, f8("N_ANSWER")]
+    known: Annotated[np.ndarray, i8("N_KNOWN")]
+    left: Annotated[
+        np.ndarray, f8("contacts")
+    ]  # of the gap of each contact that is not certified, > 0: it is passed over [m]
+    few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
+    sides: Annotated[np.ndarray, f8("4, FEW")]
+    drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames
     kicks: Annotated[np.ndarray, f8("BLOCK")]
     pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
     near: Annotated[np.ndarray, i8("contacts")]
@@ -112,6 +140,7 @@ class Coupling(NamedTuple):
 
     frame: float  # H [s]
     single: int  # whether lines that are not looked at hold their modes in float32 over a call
+    culled_from: int  # contacts of a line from which on some are passed over where they are out of reach (`line_culling`)
     steps: Annotated[np.ndarray, i8("lines")]  # r of each
     line_model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
     line_state: Annotated[np.ndarray, i8("lines")]  # … StringState …
@@ -143,7 +172,7 @@ class Coupling(NamedTuple):
     inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
     answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
     # room for a block
-    active: Annotated[np.ndarray, i8("lines")]  # lines that are not FAR, in rising order, …
+    touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
     pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
     small: Annotated[np.ndarray, f8("8, components")]
@@ -161,9 +190,9 @@ class Coupling(NamedTuple):
 
 
 #: places in Coupling.counts: frames gone through; of these, those in which something touched or was held, iterations of
-#: these, and frames that held the forces because no iteration ended; lines in Coupling.active
-FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES, ACTIVE = range(5)
-N_COUPLING_COUNTS = 5
+#: these, and frames that held the forces because no iteration ended
+FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES = range(4)
+N_COUPLING_COUNTS = 4
 
 coupling_at, end_at = opener(Coupling), opener(End)
 
@@ -315,6 +344,10 @@ COUPLING_SIZES = {
     "ROWS": ROWS,
     "BLOCK": BLOCK,
     "RESPONSE": 2 * BLOCK,
+    "N_ANSWER": N_ANSWER,
+    "N_KNOWN": N_KNOWN,
+    "FEW": FEW,
+    "SETS": 1 << FEW,
 }
 
 

@@ -18,12 +18,13 @@ import numpy as np
 from numba import njit
 
 from synth.solver.coupling import (
-    ACTIVE,
+    AHEAD,
     APART,
     APART_MODES,
     CERTIFIED,
     CLEAR,
     COMPONENTS,
+    CULLING,
     ENGAGED,
     FAR,
     FRAMES,
@@ -32,10 +33,19 @@ from synth.solver.coupling import (
     KEPT,
     KEPT_BY_THE_REST,
     KIND,
+    LASTS,
+    LINEAR,
+    LONG,
     NEAR,
+    NEVER,
+    PATTERN,
+    PUSHED,
     SEVERAL,
     SINGLE,
+    STEEPNESS,
     TOUCHED,
+    TURNED,
+    USED_UP,
     along,
     coupling_at,
     end_at,
@@ -45,18 +55,20 @@ from synth.solver.coupling import (
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import ADV11, ADV12, ADV22, BLOCK, ROWS, add_late, kick, kick_v, padded, padded_single, project_v
-from synth.solver.line_certificates import is_clear, look_everywhere, spend
+from synth.solver.lcp import SOLVED
+from synth.solver.line_certificates import is_clear, look_everywhere, runs_out, spend
+from synth.solver.line_culling import cull, may_cull, spend_left
 from synth.solver.line_forces import (
     answer_of_line,
     coast_line,
     drive_line,
+    follow_line,
     look_at_line,
     settle_line,
     step_line,
 )
 from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
 from synth.solver.line_layers import keep_gaps, note_gaps
-from synth.solver.line_rows import MIX
 from synth.solver.line_tables import look_at
 from synth.solver.single import give_back, round_into, take
 from synth.solver.stepwise import fly
@@ -100,7 +112,6 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
     """`_block`, again where a line that was not looked at might have touched something."""
     c = coupling_at(coupling)
     uncertain = False
-    active = int(np.int64(0))
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         e.counts[KIND] = FAR
@@ -110,10 +121,10 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             else:
                 clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
-            c.active[active] = line
-            active += 1
-        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0
-    c.counts[ACTIVE] = active
+            if e.clearance.size >= c.culled_from and runs_out(coupling, line, frames):
+                look_everywhere(c.line_end[line])
+        e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and may_cull(coupling, line) else NEVER
+        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
     if uncertain:
         _keep(coupling)
     status = int(np.int64(0))
@@ -122,6 +133,10 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         status = _block(coupling, scratch, frames, at, out)
         again = False
         for line in range(c.line_end.size):
+            known = end_at(c.line_end[line]).known
+            if known[CULLING] != NEVER and known[LASTS] == USED_UP:
+                known[CULLING] -= 1
+                again = True
             if c.friction[line] > 0.0:
                 if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
                     _begin_to_look(coupling, line, scratch, frames)
@@ -137,12 +152,6 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
                     _give_back(coupling, line)
             gather_lines(coupling)
             _sum_apart(coupling)
-            active = int(np.int64(0))
-            for line in range(c.line_end.size):
-                if end_at(c.line_end[line]).counts[KIND] != FAR:
-                    c.active[active] = line
-                    active += 1
-            c.counts[ACTIVE] = active
     return status
 
 
@@ -352,12 +361,18 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
     """K frames, or one, from number `at` of the call on. A line that is looked at takes K steps of its own at a time."""
     c = coupling_at(coupling)
     status = int(np.int64(0))
-    for a in range(c.counts[ACTIVE]):
-        pushed = end_at(c.line_end[c.active[a]]).pushed
-        pushed[0] = pushed[1] = 0.0
+    touching = int(np.int64(0))
+    for line in range(c.line_end.size):
+        e = end_at(c.line_end[line])
+        e.pushed[0] = e.pushed[1] = 0.0
+        e.known[AHEAD] = 0
+        if e.counts[KIND] != FAR:
+            touching += 1
+            c.touching[touching] = line
+    c.touching[0] = touching
     for number in range(frames):
-        for a in range(c.counts[ACTIVE]):
-            line = c.active[a]
+        for place in range(1, touching + 1):
+            line = c.touching[place]
             end = c.line_end[line]
             e = end_at(end)
             if _within(c, e, line, number)[1] == 0:
@@ -368,18 +383,22 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                         rub_where_pressed(coupling, line, end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE)
                     if _looks_back(c, line):
                         note_gaps(coupling, line)
+                    if e.known[CULLING] != NEVER and (number == 0 or e.known[LASTS] == 0):
+                        cull(coupling, line, scratch, (frames - number) * c.steps[line])
+                    if e.known[LASTS] > 0:
+                        e.known[LASTS] -= BLOCK if frames > 1 else e.known[LASTS]
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
         status = max(status, _frame(coupling, scratch, number, at, out))
-        for a in range(c.counts[ACTIVE]):
-            line = c.active[a]
+        for place in range(1, touching + 1):
+            line = c.touching[place]
             end = c.line_end[line]
             e = end_at(end)
             every, within = _within(c, e, line, number)
-            if frames == 1:
+            if within == every - 1:
+                drive_line(c.line_model[line], c.line_state[line], end, c.steps[line], number + 1 < frames)
+            elif frames == 1:
                 step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
-            elif within == every - 1:
-                drive_line(c.line_model[line], c.line_state[line], end)
     return status
 
 
@@ -416,8 +435,8 @@ def _pulls(c, number: int) -> tuple[float, float, float]:
     """Pull of all lines at the end of a frame (D,), as far as its kicks and forces are known."""
     pull, direction = c.pull, c.direction
     x, y, z = pull[0, number], pull[1, number], pull[2, number]
-    for a in range(c.counts[ACTIVE]):
-        line = c.active[a]
+    for place in range(1, c.touching[0] + 1):
+        line = c.touching[place]
         e = end_at(c.line_end[line])
         more = e.row[_within(c, e, line, number)[1]]
         x += direction[line, 0] * more
@@ -478,7 +497,7 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
     contact = (0.0, 0.0, 0.0)
     status = int(np.int64(0))
     _put(small[FORCE], force)
-    if c.counts[ACTIVE] > 0:
+    if c.touching[0] > 0:
         _put(small[V_FREE], v)
         status = _bridge_speed(coupling, scratch, number, begin)
         v, contact = _triple(small[V]), _triple(small[FROM_CONTACTS])
@@ -494,14 +513,14 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
     _push_body(c, total, per_frame)
     for channel in range(out.shape[0]):
         out[channel, begin + number] = dot(c.radiation[channel], c.body_free[1])
-    _settle(c, number, v, speed, rest)
+    _settle(coupling, c, number, v, speed, rest)
     given = _times(c.gamma, total)
     _put(c.beta, (gone[0] + given[0], gone[1] + given[1], gone[2] + given[2]))
     return status
 
 
 @njit(inline="always")
-def _settle(c, number: int, v, before, rest) -> None:
+def _settle(coupling: int, c, number: int, v, before, rest) -> None:
     """The bridge's speed v of this frame, `before` in the one before, acts on lines, pulls and modes left out, `rest`."""
     small, kicks = c.small, c.kicks
     turn = (v[0] - before[0], v[1] - before[1], v[2] - before[2])
@@ -512,14 +531,17 @@ def _settle(c, number: int, v, before, rest) -> None:
     for i in range(COMPONENTS):
         for k in range(COMPONENTS):
             add_late(c.pull[i], c.own[APART, i, k], number, turn[k])
-    for a in range(c.counts[ACTIVE]):
-        line = c.active[a]
+    for place in range(1, c.touching[0] + 1):
+        line = c.touching[place]
         end = c.line_end[line]
         e = end_at(end)
         within = _within(c, e, line, number)[1]
         of_line = along(c, line, small[TURN])
-        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], of_line)
-        if e.counts[KIND] >= SINGLE and _looks_back(c, line):
+        back = _looks_back(c, line)
+        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], of_line, back)
+        if e.known[CULLING] != NEVER:
+            spend_left(coupling, line, within * c.steps[line], of_line, along(c, line, small[V]))
+        if e.counts[KIND] >= SINGLE and back:
             keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
     pull, share = _pulls(c, number), _times(c.share, v)
     _put(c.momentum, (pull[0] + share[0], pull[1] + share[1], pull[2] + share[2]))
@@ -532,30 +554,30 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
     """The frame's V and the contacts' force on the bridge into Coupling.small, all lines' forces with it; status of `lcp`.
 
     Newton's method from V without contacts on V − V_free − W J(V)/H = 0. While the same contacts press in the same steps the
-    equation is linear: where they do so twice in a row, V is its root.
+    equation is linear, and lines are not solved again (`follow_line`): where they do so twice in a row, V is its root.
     """
     c = coupling_at(coupling)
     d, small = COMPONENTS, c.small
     v, contact, missing, turns = small[V], small[FROM_CONTACTS], small[MISSING], small[TURN]
     for i in range(d):
         v[i] = small[V_FREE, i]
-    before = 0
     for iteration in range(MOST_ITERATIONS):
         status = int(np.int64(0))
-        acts = False
-        pattern = 0
+        acts, same = False, iteration > 0
         for i in range(d):
             turns[i] = v[i] - c.speed[i]
             contact[i] = 0.0
             for k in range(d):
                 c.jacobian[i, k] = 0.0
-        for line in range(c.line_end.size):
+        for place in range(1, c.touching[0] + 1):
+            line = c.touching[place]
             end = c.line_end[line]
             e = end_at(end)
             if e.counts[KIND] >= SINGLE:
                 turn, steps = along(c, line, turns), c.steps[line]
                 first, at = _within(c, e, line, number)[1] * steps, (begin + number) * steps
                 if rubs(coupling, line):
+                    e.known[LINEAR] = 0
                     force, slope, cross, mine, bad = answer_of_rubbed(
                         c.line_model[line], c.line_state[line], end, c.line_end[line - 1], c.friction[line], scratch, first,
                         steps, turn,
@@ -563,12 +585,16 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                     for i in range(d):
                         for k in range(d):
                             c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
+                elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, steps, turn):
+                    force, slope, mine, bad = e.answer[PUSHED], e.answer[STEEPNESS], e.known[PATTERN], SOLVED
                 else:
                     force, slope, mine, bad = answer_of_line(
                         c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
                     )
+                    e.answer[TURNED], e.answer[PUSHED], e.answer[STEEPNESS] = turn, force, slope
                 status = max(status, bad)
-                pattern = pattern * MIX + mine
+                same = same and mine == e.known[PATTERN]
+                e.known[PATTERN] = mine
                 if force != 0.0 or slope != 0.0:
                     acts = True
                     for i in range(d):
@@ -586,10 +612,9 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             missing[i] = v[i] - small[V_FREE, i] - pushed
             far = max(far, abs(missing[i]))
             size = max(size, abs(v[i]), abs(small[V_FREE, i]), abs(pushed))
-        if far <= CLOSE * size or (iteration > 0 and pattern == before and far <= SAME * size):
+        if far <= CLOSE * size or (same and far <= SAME * size):
             c.counts[TOUCHED] += 1
             return status
-        before = pattern
         # I − W J′/H
         for i in range(d):
             for k in range(d):

@@ -154,6 +154,21 @@ def outlives_bend(end: int, ratio: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def runs_out(coupling: int, line: int, frames: int) -> bool:
+    """Whether a finger that goes on pushing as it does may use up what is left to a certified contact in so many frames: it
+    is better to ask the contacts then than to go through the block twice."""
+    c = coupling_at(coupling)
+    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    if s.finger[0].on == 0 or e.counts[CERTIFIED] == 0:
+        return False
+    strength = _RESERVE * abs(s.finger[0].push) * (frames * c.steps[line])
+    for k in range(e.clearance.size):
+        if e.clearance[k] > 0.0 and e.clearance[k] < s.grip_far[k] * strength:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def look_everywhere(end: int) -> None:
     """No contact of a line is certified any more, nor clear for a while."""
     e = end_at(end)

@@ -11,17 +11,46 @@ import numpy as np
 from numba import njit
 
 from synth.solver.blocks import look
-from synth.solver.coupling import CLEAR, FINGER_LEVERAGE, KIND, LOOKED_AT, NEAR, SEVERAL, SINGLE, end_at
+from synth.solver.coupling import (
+    AHEAD,
+    CLEAR,
+    CULLING,
+    FEW,
+    FINGER_LEVERAGE,
+    KIND,
+    LINEAR,
+    LOOKED_AT,
+    NEAR,
+    NEVER,
+    OF_SETS,
+    PUSHED,
+    SEVERAL,
+    SINGLE,
+    STEEPNESS,
+    TURNED,
+    end_at,
+)
 from synth.solver.due_responses import fill_due
+from synth.solver.few_contacts import answer_of_few, note_matrix
 from synth.solver.lanes import (
+    ADV11,
+    ADV21,
     BLOCK,
+    P21,
     add_late,
+    coast,
+    drive,
     drive_kicked,
+    drive_listed,
+    drive_listed_and_one,
     drive_listed_and_one_kicked,
     drive_listed_kicked,
+    drive_q,
+    grip_sequence,
     kick,
     padded,
     project_q,
+    project_qq,
     project_qv,
     project_v,
 )
@@ -29,9 +58,12 @@ from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED, factorise, pivot, substitute
 from synth.solver.line_layers import answer_of_soft_line
 from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger
-from synth.solver.stepwise import finger_blend, fly, push_modes
+from synth.solver.stepwise import finger_blend, finger_target, fly, push_modes
 from synth.solver.stringmodel import scratch_of, string_model, string_state
-from synth.solver.vectors import INNER, add
+from synth.solver.vectors import FAST, INNER, add, dot
+
+#: steps of a frame from which on a line's pull is worked out for the ends of frames alone: there are two at most in a pass
+_PULLED_BY_FRAMES = 4
 
 
 @njit(**INNER)
@@ -42,9 +74,9 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
-    several = int(np.int64(0))
+    several, culled = int(np.int64(0)), e.known[CULLING] != NEVER
     for c in range(contacts):
-        if e.clearance[c] <= 0.0:
+        if e.clearance[c] <= 0.0 and not (culled and e.left[c] > 0.0):
             e.near[several] = c
             several += 1
         else:
@@ -53,32 +85,60 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
     finger = s.finger[0]
     e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
     look(n, m.rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
-    if finger.on:
-        project_q(n, m.rows, s.q, s.v, s.finger_weights[:n], e.u[contacts])
-        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, m.dt, speed, height, e.u[contacts], e.forces[contacts])
+    touch, last = s.finger_weights[:n], several - 1
+    finger_too = finger.on != 0 and e.known[AHEAD] == 0
+    e.known[AHEAD] = 0
+    by_steps = steps < _PULLED_BY_FRAMES
+    if not by_steps:
+        for frame in range(BLOCK // steps):
+            early = steps * (frame + 1) < BLOCK
+            e.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else m.rows[ADV21:], s.q, s.v)
     if several % 2 == 1:
-        project_qv(n, m.rows, s.q, s.v, m.shapes[e.near[several - 1]], e.pull, e.u[several - 1], e.row)
-    else:
+        shape = m.shapes[e.near[last]]
+        if by_steps:
+            project_qv(n, m.rows, s.q, s.v, shape, e.pull, e.u[last], e.row)
+            if finger_too:
+                project_q(n, m.rows, s.q, s.v, touch, e.u[contacts])
+        elif finger_too:
+            project_qq(n, m.rows, s.q, s.v, shape, touch, e.u[last], e.u[contacts])
+        else:
+            project_q(n, m.rows, s.q, s.v, shape, e.u[last])
+    elif finger_too and by_steps:
+        project_qv(n, m.rows, s.q, s.v, touch, e.pull, e.u[contacts], e.row)
+    elif finger_too:
+        project_q(n, m.rows, s.q, s.v, touch, e.u[contacts])
+    elif by_steps:
         project_v(n, m.rows, s.q, s.v, e.pull, e.row)
+    if finger.on:
+        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, m.dt, speed, height, e.u[contacts], e.forces[contacts])
     for i in range(several):
         c = e.near[i]
         _add_way(e.leverage[c], s.eta[c], m.dt, speed, height, e.u[i], e.forces[i])
-    for frame in range(BLOCK // steps):
-        e.row[frame] = e.row[(frame + 1) * steps - 1]
+    if by_steps:
+        for frame in range(BLOCK // steps):
+            e.row[frame] = e.row[(frame + 1) * steps - 1]
     for k in range(BLOCK):
         e.kicks[k] = 0.0
     if e.counts[KIND] == SINGLE:
         return
-    matrix = e.matrix[: several * several].reshape(several, several)
-    for i in range(several):
-        for d in range(several):
-            matrix[i, d] = m.lags[e.near[i], e.near[d], BLOCK]
+    note_matrix(model, end)
     if finger.on:
+        e.known[OF_SETS] = 0  # which have tables without a finger only
+        matrix = e.matrix[: several * several].reshape(several, several)
         _, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
         total = s.grip_own[0, BLOCK] + compliance
         for i in range(several):
             for d in range(several):
                 matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+
+
+@njit(fastmath=FAST, **INNER)
+def _pull_after(n: int, pull, rows, q, v) -> float:
+    """Pull of modes once they have flown as the two rows say that begin `rows` (·, ≥n), of velocities."""
+    total = 0.0
+    for j in range(n):
+        total += pull[j] * (rows[0, j] * q[j] + rows[1, j] * v[j])
+    return total
 
 
 @njit(inline="always")
@@ -111,12 +171,46 @@ def answer_of_line(
     is that of the force by the speed, with the contacts that press as they are.
     """
     e = end_at(end)
+    e.known[LINEAR] = 1
     if e.counts[KIND] == SINGLE:
         force, slope, pattern = _one_contact(model, state, scratch, e, first, steps, turn)
         return force, slope, pattern, SOLVED
     if string_model(model).layers.shape[1] > 0:
+        e.known[LINEAR] = 0
         return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
+    fingered = string_state(state).finger[0].on != 0
+    if e.counts[NEAR] == 0 and steps == BLOCK and fingered:
+        force, slope = _finger_alone(model, state, end, scratch, at, turn)
+        return force, slope, 0, SOLVED
+    if 1 < e.counts[NEAR] <= FEW and not fingered:
+        force, slope, pattern, status = answer_of_few(model, state, end, scratch, first, steps, turn)
+        if status == SOLVED:
+            return force, slope, pattern, status
     return _contacts_and_finger(model, state, end, scratch, first, at, steps, turn)
+
+
+@njit(**INNER)
+def follow_line(model: int, state: int, end: int, first: int, steps: int, turn: float) -> bool:
+    """What `answer_of_line` gave last, at another `turn`; whether that is its answer: the same contacts press, no others."""
+    e = end_at(end)
+    if e.known[LINEAR] == 0:
+        return False
+    more = turn - e.answer[TURNED]
+    holds = True
+    for i in range(e.counts[NEAR]):
+        for t in range(first, first + steps):
+            e.forces[i, t] += more * e.slopes[i, t]
+            e.apart[i, t] += more * e.opening[i, t]
+            holds = holds and e.forces[i, t] >= 0.0 and e.apart[i, t] >= 0.0
+    if not holds:
+        return False
+    if string_state(state).finger[0].on != 0:
+        finger = string_model(model).shapes.shape[0]
+        for t in range(first, first + steps):
+            e.forces[finger, t] += more * e.slopes[finger, t]
+    e.answer[TURNED] = turn
+    e.answer[PUSHED] += more * e.answer[STEEPNESS]
+    return True
 
 
 @njit(inline="always")
@@ -124,25 +218,49 @@ def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int
     c = e.near[0]
     lags, moved, reach = string_model(model).lags[c, c], e.moved[c], e.reach[c]
     stiffness = 1.0 / lags[BLOCK]
-    u, forces, slopes = e.u[0], e.forces[0], e.slopes[0]
+    u, forces, slopes, apart, opening = e.u[0], e.forces[0], e.slopes[0], e.apart[0], e.opening[0]
     force, slope, pattern = 0.0, 0.0, 0
     for t in range(steps):
         gap, change = u[first + t] + moved[BLOCK + t] * turn, moved[BLOCK + t]
-        for i in range(t):
-            gap += lags[BLOCK + t - i] * forces[first + i]
-            change += lags[BLOCK + t - i] * slopes[first + i]
-        pressed = 0.0
+        if pattern:
+            for i in range(t):
+                gap += lags[BLOCK + t - i] * forces[first + i]
+                change += lags[BLOCK + t - i] * slopes[first + i]
         if gap < 0.0:
             if string_state(state).due[c]:
                 fill_due(model, state, scratch, c)
-            pressed, change = -gap * stiffness, -change * stiffness
+            pressed, steeper = -gap * stiffness, -change * stiffness
             pattern |= 1 << t
             force += reach[t] * pressed
-            slope += reach[t] * change
+            slope += reach[t] * steeper
+            forces[first + t], slopes[first + t] = pressed, steeper
+            apart[first + t] = opening[first + t] = 0.0
         else:
-            change = 0.0
-        forces[first + t], slopes[first + t] = pressed, change
+            forces[first + t] = slopes[first + t] = 0.0
+            apart[first + t], opening[first + t] = gap, change
     return force, slope, pattern
+
+
+@njit(**INNER)
+def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn: float) -> tuple[float, float]:
+    """Force and slope of a finger without contacts over K steps that are one frame."""
+    m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
+    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.spare[0], w.spare[1]
+    blend, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
+    stiff = 1.0 / (s.grip_own[0, BLOCK] + compliance)
+    follow = finger.resistance / m.dt / blend * stiff
+    moved = e.finger_moved[0, BLOCK:]
+    for k in range(BLOCK):
+        target = finger_target(
+            EXACT_HOLD, m.dt, finger.stiffness, finger.resistance, e.path[at + k], e.path[at + k + 1], 0.0
+        )
+        pull[k] = target / blend * stiff
+        y[k] = e.u[contacts, k] + moved[k] * turn
+    grip_sequence(pull, stiff, follow, finger.here, y, s.grip_own[0], e.forces[contacts], w.spare[2])
+    for k in range(BLOCK):
+        pull[k] = 0.0
+    grip_sequence(pull, stiff, follow, 0.0, moved, s.grip_own[0], e.slopes[contacts], w.spare[2])
+    return dot(e.finger_reach[0], e.forces[contacts]), dot(e.finger_reach[0], e.slopes[contacts])
 
 
 @njit(**INNER)
@@ -151,14 +269,14 @@ def _contacts_and_finger(
 ) -> tuple[float, float, int, int]:
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
     several, near, grip, finger = e.counts[NEAR], e.near, s.grip_contacts, s.finger[0]
-    forces, slopes, fingered = e.forces, e.slopes, finger.on != 0
+    forces, slopes, apart, opening, fingered = e.forces, e.slopes, e.apart, e.opening, finger.on != 0
     gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
     begin_rows(m, s, e, w, first, steps, turn)
     matrix = e.matrix[: several * several].reshape(several, several)
     enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
     for i in range(several):
         enabled[i] = 1
-        active[i] = 1 if forces[i, first] > 0.0 else 0  # when this frame was asked for the last time
+        active[i] = 1 if s.force[near[i]] > 0.0 else 0  # in the step before
     push, push_slope, total = 0.0, 0.0, 1.0
     here, here_slope = finger.here, 0.0
     force, slope, pattern, status, held = 0.0, 0.0, 0, SOLVED, int(np.int64(0))
@@ -169,23 +287,36 @@ def _contacts_and_finger(
         for i in range(several):
             b[i] = gaps[i, t] + (grip[near[i], BLOCK] * push if fingered else 0.0)
             touching = touching or b[i] < 0.0
+            apart[i, first + t] = b[i]
+            opening[i, first + t] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
             forces[i, first + t] = slopes[i, first + t] = 0.0
         if touching:
             bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i]
-                if z[i] > 0.0:
+                if active[i]:
+                    if bad != SOLVED or z[i] == 0.0:
+                        e.known[LINEAR] = 0
                     if s.due[near[i]]:
                         fill_due(model, state, scratch, near[i])
                     pattern = pattern * MIX + i * BLOCK + t + 1
-                b[i] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
+                b[i] = opening[i, first + t]
             # how they change while the same ones press; contacts solved one by one leave no factor
             count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.factor, w.order, held)[0]
             if count > 0:
                 substitute(b, count, w.factor, w.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i]
+            else:
+                e.known[LINEAR] = 0
+            for d in range(several):
+                if active[d]:
+                    apart[d, first + t] = opening[d, first + t] = 0.0
+                    for i in range(several):
+                        if not active[i]:
+                            apart[i, first + t] += matrix[i, d] * forces[d, first + t]
+                            opening[i, first + t] += matrix[i, d] * slopes[d, first + t]
         more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total, t + 1 < steps)
         force += more
         slope += steeper
@@ -195,9 +326,9 @@ def _contacts_and_finger(
 
 
 @njit(**INNER)
-def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: float) -> None:
+def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: float, looks_back: bool) -> None:
     """A frame of a line is decided, that of this number since it was looked at: its kick and forces act on the rows of later
-    steps, and on the pull at the ends of this and later frames."""
+    steps, and of its own where it looks back, and on the pull at the ends of this and later frames."""
     e = end_at(end)
     kind = e.counts[KIND]
     add_late(e.row, e.own[LOOKED_AT], frame, turn)
@@ -208,33 +339,48 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
     several, contacts, fingered = e.counts[NEAR], m.shapes.shape[0], s.finger[0].on != 0
     near, first = e.near, frame * steps
     e.kicks[first] = turn
-    for i in range(several):
-        add_late(e.u[i], e.moved[near[i]], first, turn)
+    if looks_back or first + steps < BLOCK:
+        for d in range(several):
+            add_late(e.u[d], e.moved[near[d]], first, turn)
+        for t in range(first, first + steps):
+            for i in range(several):
+                force = e.forces[i, t]
+                if force != 0.0:
+                    for d in range(several):
+                        add_late(e.u[d], m.lags[near[d], near[i]], t, force)
+            if fingered:
+                for d in range(several):
+                    add_late(e.u[d], s.grip_contacts[near[d]], t, e.forces[contacts, t])
     if fingered:
         add_late(e.u[contacts], e.finger_moved[0], first, turn)
+    for k in range(BLOCK):
+        e.drew[k] = 0.0
     for i in range(several):
         c = near[i]
         for t in range(steps):
             force = e.forces[i, first + t]
             if force != 0.0:
                 e.pushed[1] += force
-                for d in range(several):
-                    add_late(e.u[d], m.lags[near[d], c], first + t, force)
                 if fingered:
                     add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
-                _draw(e.drawn[c], frame, t, steps, force, e.row)
+                if steps == 1:
+                    for k in range(BLOCK):
+                        e.drew[k] += e.drawn[c, k] * force
+                else:
+                    _draw(e.drawn[c], frame, t, steps, force, e.row)
         s.force[c] = e.forces[i, first + steps - 1]
     if fingered:
         for t in range(steps):
             force = e.forces[contacts, first + t]
             e.pushed[0] += abs(force)
-            for d in range(several):
-                add_late(e.u[d], s.grip_contacts[near[d]], first + t, force)
             add_late(e.u[contacts], s.grip_own[0], first + t, force)
             _draw(e.finger_drawn[0], frame, t, steps, force, e.row)
         finger = s.finger[0]
         finger.push = e.forces[contacts, first + steps - 1]
         finger.here = e.u[contacts, first + steps - 1]
+    if steps == 1:
+        for i in range(BLOCK - frame):
+            e.row[frame + i] += e.drew[i]
 
 
 @njit(inline="always")
@@ -263,23 +409,40 @@ def _pressed(e, several: int) -> int:
 
 
 @njit(**INNER)
-def drive_line(model: int, state: int, end: int) -> None:
-    """The modes go through K steps with all that acts on them; those of a line that is clear through K frames."""
+def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None:
+    """The modes go through K steps with all that acts on them; those of a line that is clear through K frames.
+
+    Where the K steps are one frame its kick comes before them, and if there are `more` frames what is under a finger in the
+    next K steps is looked at in the same pass.
+    """
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
     rows, q, v = m.rows, s.q, s.v
     if e.counts[KIND] == CLEAR:
         kick(padded(m.modes), e.flight, q, v, e.kick, e.kicks)
         return
-    pressed = _pressed(e, e.counts[NEAR])
-    if s.finger[0].on != 0:
-        touch, pushes = s.finger_weights[:n], e.forces[contacts]
-        if pressed == 0:
-            drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.kicks)
+    pressed, fingered = _pressed(e, e.counts[NEAR]), s.finger[0].on != 0
+    touch, pushes = s.finger_weights[:n], e.forces[contacts]
+    if steps == BLOCK:
+        add(e.kicks[0], e.kick[:n], v)
+        if fingered and pressed == 0:
+            if more:
+                drive_q(n, rows, q, v, touch, pushes, touch, e.u[contacts])
+                e.known[AHEAD] = 1
+            else:
+                drive(n, rows, q, v, touch, pushes)
+        elif fingered:
+            drive_listed_and_one(n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes)
+        elif pressed == 0:
+            coast(n, rows, q, v)
+        elif pressed == 1:
+            drive(n, rows, q, v, m.shapes[e.near[0]], e.forces[0])
         else:
-            drive_listed_and_one_kicked(
-                n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes, e.kick, e.kicks
-            )  # fmt: skip
+            drive_listed(n, rows, q, v, pressed, e.near, m.shapes, e.forces)
+    elif fingered and pressed == 0:
+        drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.kicks)
+    elif fingered:
+        drive_listed_and_one_kicked(n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes, e.kick, e.kicks)
     elif pressed == 0:
         kick(n, rows, q, v, e.kick, e.kicks)
     elif pressed == 1:
@@ -290,7 +453,7 @@ def drive_line(model: int, state: int, end: int) -> None:
 
 @njit(**INNER)
 def step_line(model: int, state: int, end: int, steps: int) -> None:
-    """The same for the first `steps` steps of the block only, or its first frame."""
+    """The same for the first `steps` steps of the block only, fewer than K, or its first frame."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.modes, m.shapes.shape[0]
     q, v = s.q[:n], s.v[:n]

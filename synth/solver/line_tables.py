@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.certificates import MARGIN
+from synth.solver.certificates import MARGIN, extents
 from synth.solver.coupling import (
     APART,
     APART_MODES,
@@ -29,7 +29,7 @@ from synth.solver.coupling import (
     end_at,
 )
 from synth.solver.due_responses import put_off
-from synth.solver.lanes import BLOCK, P12, P22, padded, project_v
+from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded, project_v
 from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_lags, fill_response, fill_rows
@@ -96,6 +96,13 @@ def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare
         fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
         for c in range(contacts):
             _fill_reach(steps, m.dt, e.leverage[c], e.pulled[0, c], e.moved[c], e.reach[c], e.drawn[c])
+        after = scratch_q[: m.modes]  # extents after a unit push
+        extents(m.omega[: m.modes], rows[KQ], rows[KV], after)
+        for c in range(contacts):
+            own = 0.0
+            for j in range(m.modes):
+                own += m.shapes[c, j] * m.shapes[c, j] * after[j]
+            e.stirred[c] = np.sqrt(MARGIN * own)
 
 
 @njit(**INNER)

@@ -1,0 +1,129 @@
+"""Which contacts of a line need not be looked at for a few passes, though nothing certifies them: a bound, then checked.
+
+From one pass to another a string moves little. With q_p the shape in which the finger's last push p would hold it at rest,
+and E_j the extents (`certificates`) of what it is away from that, free flight under that push moves a contact within τ by
+
+    Σ |φ_j| E_j min(2, ω_j τ)
+
+at most; a string that is being drawn is hardly away from q_p. Beside that come what the finger pushes otherwise than p, what
+contacts press, and what the bridge does. None of it is known when the line is looked at: what is left of a contact's gap is
+spent by what has come of it, frame by frame, and a block in which it is used up is gone through once more (`frames`). So no
+sound depends on what is passed over here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from synth.solver.certificates import MARGIN
+from synth.solver.coupling import (
+    CULLING,
+    FEW,
+    FINGERS_PUSH,
+    KICK_REACH,
+    LARGEST_LEVERAGE,
+    LASTS,
+    LATELY,
+    NEAR,
+    SHORT,
+    USED_UP,
+    along,
+    coupling_at,
+    end_at,
+)
+from synth.solver.lanes import BLOCK
+from synth.solver.stringmodel import scratch_of, string_model, string_state
+from synth.solver.vectors import FAST, INNER
+
+#: of a gap, what has to be left beyond free flight, and how often what the bridge did in the block before
+_KEPT_BACK = 0.25
+_RESERVE = 2.0
+
+
+@njit(cache=True, nogil=True)
+def may_cull(coupling: int, line: int) -> bool:
+    """Whether it pays: a line with many contacts that are not certified, which do not rub."""
+    c = coupling_at(coupling)
+    if c.friction[line] > 0.0 or (line + 1 < c.friction.size and c.friction[line + 1] > 0.0):
+        return False
+    e = end_at(c.line_end[line])
+    several = 0
+    for k in range(e.clearance.size):
+        several += 1 if e.clearance[k] <= 0.0 else 0
+    return several >= c.culled_from
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def cull(coupling: int, line: int, scratch: int, steps: int) -> None:
+    """End.left, of the contacts that are not certified: > 0 where one need not be looked at for the line's next K steps, or
+    for all `steps` up to the end of the block if few need to even then."""
+    c, w = coupling_at(coupling), scratch_of(scratch)
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    n, height, finger = m.modes, along(c, line, c.beta), s.finger[0]
+    extent, moved, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
+    push = finger.push if finger.on else 0.0
+    e.answer[FINGERS_PUSH] = push
+    per_mass, time = push / m.mu, steps * m.dt
+    for j in range(n):
+        period = 1.0 / omega[j]
+        away, speed = q[j] - per_mass * s.finger_weights[j] * (period * period), v[j] * period
+        extent[j] = MARGIN * np.sqrt(away * away + speed * speed)
+        moved[j] = extent[j] * min(2.0, omega[j] * time)
+    near = _left_after(c, line, moved, height)
+    e.known[LASTS] = steps
+    if steps > BLOCK and (near > FEW or e.known[CULLING] == SHORT):
+        for j in range(n):
+            moved[j] = extent[j] * min(2.0, omega[j] * (BLOCK * m.dt))
+        _left_after(c, line, moved, height)
+        e.known[LASTS] = BLOCK
+
+
+@njit(fastmath=FAST, **INNER)
+def _left_after(c, line: int, moved, height: float) -> int:
+    """End.left once each mode has moved by so much (n,); how many contacts are to be looked at."""
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    q, near = s.q[: moved.size], 0
+    reserve = _RESERVE * e.numbers[LATELY]
+    for k in range(e.left.size):
+        e.left[k] = 0.0
+        if e.clearance[k] <= 0.0:
+            shape, here, furthest = m.shapes[k, : moved.size], 0.0, 0.0
+            for j in range(moved.size):
+                here += shape[j] * q[j]
+                furthest += abs(shape[j]) * moved[j]
+            gap = here + e.leverage[k] * height - s.eta[k]
+            if gap - furthest > max(reserve, _KEPT_BACK * gap):
+                e.left[k] = gap - furthest
+            else:
+                near += 1
+    return near
+
+
+@njit(cache=True, nogil=True)
+def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) -> None:
+    """Take what a frame has done off End.left: its line's end turned by `turn` and went at `speed`, and the finger and the
+    contacts pushed as they have from step `first` of the block on. End.known has it where something is used up."""
+    c = coupling_at(coupling)
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    steps, contacts, strength = c.steps[line], e.left.size, 0.0
+    if s.finger[0].on != 0:
+        for t in range(first, first + steps):
+            strength += abs(e.forces[contacts, t] - e.answer[FINGERS_PUSH])
+    spent = e.numbers[KICK_REACH] * abs(turn) + e.numbers[LARGEST_LEVERAGE] * c.frame * abs(speed)
+    for i in range(e.counts[NEAR]):
+        d, pressed = e.near[i], 0.0
+        for t in range(first, first + steps):
+            pressed += e.forces[i, t]
+        if pressed > 0.0:
+            for k in range(contacts):
+                if e.left[k] > 0.0:
+                    reached = e.stirred[k] * e.stirred[d] + abs(m.matrix[k, d])
+                    e.left[k] -= reached * pressed
+                    if e.left[k] <= 0.0:
+                        e.known[LASTS] = USED_UP
+    for k in range(contacts):
+        if e.left[k] > 0.0:
+            e.left[k] -= spent + (s.grip_far[k] * strength if strength > 0.0 else 0.0)
+            if e.left[k] <= 0.0:
+                e.known[LASTS] = USED_UP
