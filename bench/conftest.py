@@ -28,6 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "full: left out by --short")
     config.addinivalue_line("markers", "versus: left out without --against")
+    config.addinivalue_line("markers", "page: gives a figure that docs/speed.md or README.md shows, so `--only page` has it")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
