@@ -22,6 +22,8 @@ STRUMMED = ("steel-guitar", "nylon-guitar")
 #: E, A, G and C major over all six strings, time between chords and between two strings of one [s]
 CHORDS = ((40, 47, 52, 56, 59, 64), (40, 45, 52, 57, 61, 64), (43, 47, 50, 55, 59, 67), (40, 48, 52, 55, 60, 64))
 CHORD_S, STRING_S = 0.4, 0.012
+#: seconds of twelve notes, of chords, and of sixty strings after the last of them has been struck
+TWELVE_S, STRUMMED_S, SIXTY_S = measured_cost.PLAYED_S, 4.0, 1.5
 GESTURES = ("plain", "vibrato", "bend")
 #: open strings that ring together while a plain loop is timed beside the engine, time between them, and how long before [s]
 RINGING = {"steel-guitar": CHORDS[0], "sitar": (54, 49, 44, 37)}
@@ -30,7 +32,8 @@ RINGING_S = 0.3
 GESTURE_S, WHEEL_S, SWING_S = 1.5, 0.004, 0.5
 #: parts with sixty strings: of the sitar 13 are tarafs, which ring with those that are struck; every other is struck
 SIXTY = (
-    "sitar", "veena", "steel-guitar", "nylon-guitar", "banjo", "tanpura-male", "tanpura-female", "tanpura-old", "tanpura-clear",
+    "sitar", "veena", "steel-guitar", "nylon-guitar", "banjo", "tanpura-male", "tanpura-female", "tanpura-old",
+    "tanpura-clear",
 )  # fmt: skip
 SIXTY_STRINGS = 60
 
@@ -39,18 +42,18 @@ def rows_of_twelve(preset: Preset) -> list[tuple]:
     """The strokes of `measured_cost.measure_cost`: low to high, four a second, held."""
     notes = playable_notes(preset)
     count = measured_cost.STROKES
-    struck = sorted({notes[i * (len(notes) - 1) // max(1, count - 1)] for i in range(count)})
-    times = np.arange(0.0, measured_cost.PLAYED_S, measured_cost.EVERY_S)
+    chosen = sorted({notes[i * (len(notes) - 1) // max(1, count - 1)] for i in range(count)})
+    times = np.arange(0.0, TWELVE_S, measured_cost.EVERY_S)
     return [
-        (round(at * scenes.RATE_HZ), NOTE_ON, 0, struck[k % len(struck)], measured_cost.VELOCITY)
+        (round(at * scenes.RATE_HZ), NOTE_ON, 0, chosen[k % len(chosen)], measured_cost.VELOCITY)
         for k, at in enumerate(times)
     ]
 
 
-def twelve(name: str) -> scenes.Player:
+def twelve(name: str, quality: str = "standard") -> scenes.Player:
     """`synth plan NAME --measure`."""
     preset = load_preset(name)
-    return _player([preset], rows_of_twelve(preset), measured_cost.PLAYED_S)
+    return _player([preset], rows_of_twelve(preset), TWELVE_S, quality)
 
 
 def rows_of_chords(seconds: float) -> list[tuple]:
@@ -62,12 +65,21 @@ def rows_of_chords(seconds: float) -> list[tuple]:
             at = number * CHORD_S + place * STRING_S
             rows.append((round(at * scenes.RATE_HZ), NOTE_ON, 0, note, 100))
             rows.append((round((at + CHORD_S - 0.01) * scenes.RATE_HZ), NOTE_OFF, 0, note, 0))
-    return rows
+    return sorted(rows)
 
 
-def strummed(name: str, seconds: float = 4.0) -> scenes.Player:
+def strummed(name: str, seconds: float = STRUMMED_S, quality: str = "standard") -> scenes.Player:
     """Six-string chords down and up without end."""
-    return _player([load_preset(name)], rows_of_chords(seconds), seconds)
+    return _player([load_preset(name)], rows_of_chords(seconds), seconds, quality)
+
+
+def struck(rows: list[tuple], parts: int) -> list[set[int]]:
+    """The notes that are struck, by part."""
+    found: list[set[int]] = [set() for _ in range(parts)]
+    for _, kind, channel, note, *_ in rows:
+        if kind == NOTE_ON:
+            found[channel].add(note)
+    return found
 
 
 def ringing(name: str) -> scenes.Player:
@@ -112,7 +124,7 @@ def rows_of_sixty(presets: list[Preset]) -> list[tuple]:
     return rows
 
 
-def sixty(seconds: float = 1.5) -> scenes.Player:
+def sixty(seconds: float = SIXTY_S) -> scenes.Player:
     """Sixty strings on nine bridges, `seconds` after the last stroke."""
     presets = [load_preset(name) for name in SIXTY]
     rows = rows_of_sixty(presets)
@@ -138,12 +150,9 @@ def awake(player: scenes.Player) -> int:
     return int(np.count_nonzero((sounding["awake"] != 0) & (strings["of_first"] == 0)))
 
 
-def _player(presets: list[Preset], rows: list[tuple], seconds: float) -> scenes.Player:
-    struck: list[set[int]] = [set() for _ in presets]
-    for _, kind, channel, note, *_ in rows:
-        if kind == NOTE_ON:
-            struck[channel].add(note)
-    engine = scenes.engine_of(presets, "standard", struck, limiter=False, every_fret=False)
+def _player(presets: list[Preset], rows: list[tuple], seconds: float, quality: str = "standard") -> scenes.Player:
+    notes = struck(rows, len(presets))
+    engine = scenes.engine_of(presets, quality, notes, limiter=False, every_fret=False)
     return scenes.Player(engine, make_events(sorted(rows, key=lambda row: row[0])), seconds)
 
 
