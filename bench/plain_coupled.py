@@ -112,8 +112,8 @@ class PlainInstrument:
         """(channels, frames) what the body radiates."""
         out = np.zeros((self.radiation.shape[0], frames))
         self.unsolved += _advance(
-            frames, self.frame_s, self.steps, self.modes, self.first, self.rows, self.coef, self.ramp, self.kicked, self.shapes,
-            self.leverage, self.eta, self.direction, self.mu, self.stiffness, self.body_step, self.body_shape,
+            frames, self.frame_s, self.steps, self.modes, self.first, self.rows, self.coef, self.ramp, self.kicked,
+            self.shapes, self.leverage, self.eta, self.direction, self.mu, self.stiffness, self.body_step, self.body_shape,
             self.radiation, self.rest_mass, self.held, self.gap_v, self.force_f, self.force_v, self.gamma, self.solved,
             self.change, self.columns, self.q, self.v, self.p, self.p_speed, self.speed, self.rest, out,
         )  # fmt: skip

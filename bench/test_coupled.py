@@ -43,10 +43,10 @@ def test_strummed(race: Race, preset: str, short: bool) -> None:
 
 
 def test_sixty_strings(benchmark: Any, short: bool) -> None:
-    """Wall-clock time of blocks of 64 frames, from the first stroke on."""
+    """Processor time of blocks of 64 frames, from the first stroke on."""
     player = coupled_scenes.sixty()
     own = LIVE_BLOCK / scenes.RATE_HZ
-    rounds = block_rounds(benchmark, player, LIVE_BLOCK, short)
+    rounds = block_rounds(benchmark, player, LIVE_BLOCK, short, time.thread_time)
     assert coupled_scenes.awake(player) == SIXTY_STRINGS
     found = block_times(rounds, own)
     what = f"{SIXTY_STRINGS} coupled strings on {len(SIXTY)} bridges, all but 13 tarafs struck, blocks of {LIVE_BLOCK}"
@@ -100,9 +100,7 @@ def test_coupled_loop(race: Race, preset: str) -> None:
     sound, name = _PLAIN_FRAMES / scenes.RATE_HZ, f"ringing/{preset}"
     rows = [
         row(name, f"{preset}, open strings ringing, through the engine", "× real time", *real_time(sound, race.seconds)),
-        row(
-            f"{name}/plain loop", "the same in a plain Numba loop", "× real time", *real_time(sound, race.others["plain"])
-        ),
+        row(f"{name}/plain loop", "the same in a plain Numba loop", "× real time", *real_time(sound, race.others["plain"])),
         row(f"{name}/apart", "difference of their displacements afterwards", "", apart, None),
     ]
     race.note("targets", rows=rows, **scenes.vectors_of(player.engine))

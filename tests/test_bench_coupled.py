@@ -17,9 +17,7 @@ from tests.oracles.ramp_frames import RampFrames
 RATE_HZ = 48000.0
 
 
-def line_arrays(
-    system: CoupledStrings, places: list[Place], heights: np.ndarray, residual: np.ndarray
-) -> list[LineArrays]:
+def line_arrays(system: CoupledStrings, places: list[Place], heights: np.ndarray, residual: np.ndarray) -> list[LineArrays]:
     """The lines of a system over contacts, as `tests.coupledkit` gives them to the kernels."""
     made = []
     for k, line in enumerate(system.lines):
