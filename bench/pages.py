@@ -144,66 +144,67 @@ SHORT = (
 
 
 class Beside(NamedTuple):
-    """A row of what a user might run instead: what is played, the names of our figures, what is known of our error, what
-    else plays it, and the names of its figures, or its speed as somebody published it."""
+    """A row of what a user might run instead: what is played, the names of our figures, what is known of our error, and what
+    else plays it, each with the name of its figure or its speed as it was published."""
 
     what: str
     ours: tuple[str, ...]
     error: str
-    other: str
-    others: tuple[str, ...] = ()
-    published: str = ""
+    others: tuple[tuple[str, str], ...]
 
     def cells(self, run: Run) -> list[str]:
         """The row of a run; empty where it has none of our figures, or none of the others'."""
-        found = [Line("", names).cell(run) for names in (self.ours, self.others)]
-        others = self.published or found[1]
-        if "–" in (found[0], others):
+        ours, others = Line("", self.ours).cell(run), []
+        for words, of in self.others:
+            if of.startswith(_PUBLISHED):
+                others.append((words, of.removeprefix(_PUBLISHED)))
+            elif of in run.figures:
+                others.append((words, Line("", (of,)).cell(run)))
+        if ours == "–" or not others:
             return []
-        return [self.what, found[0], self.error, self.other, others]
+        return [self.what, ours, self.error, *("; ".join(each) for each in zip(*others, strict=True))]
 
 
-def _qualities(what: str, name: str, error: str) -> list[Beside]:
+_PUBLISHED = "published "
+
+
+def _qualities(what: str, name: str, error: str) -> Beside:
     ours = tuple(f"beside/{name}/{quality}" for quality in QUALITIES)
-    others = ("Karplus–Strong loop", "FluidSynth")
-    words = ("Karplus–Strong, a Numba loop", "FluidSynth, a General MIDI sound font")
-    return [
-        Beside(f"{what}, `{'`; `'.join(QUALITIES)}`", ours, error, word, (f"beside/{name}/{other}",))
-        for other, word in zip(others, words, strict=True)
-    ]
+    others = ("Karplus–Strong", "Karplus–Strong loop"), ("FluidSynth", "FluidSynth")
+    return Beside(
+        f"{what}, `{'`; `'.join(QUALITIES)}`", ours, error, tuple((words, f"beside/{name}/{each}") for words, each in others)
+    )
 
 
 _RINGING = {"steel-guitar": "six open strings, frets, body", "sitar": "four struck strings, 13 tarafs, bridge, body"}
-_KERNEL = "tanpura string over its bridge, 44.1 kHz, 103 modes, kernel with output"
-_ON_BRIDGE, _PUBLISHED = "e < 0.3; 0.1; 0.02 over 3 s", "(published, of 2017)"
+_ON_BRIDGE = "e < 0.3; 0.1; 0.02 over 3 s"
 BESIDE = (
     *(
         Beside(
-            f"{name} ringing: {what}; engine, `standard`", (f"ringing/{name}",), "the loop's, to rounding",
-            "the same physics, a plain Numba loop", (f"ringing/{name}/plain loop",),
+            f"{name} ringing: {what}; engine, `standard`", (f"ringing/{name}",), "that of the loop",
+            (("the same physics in a plain Numba loop", f"ringing/{name}/plain loop"),),
         )
         for name, what in _RINGING.items()
     ),
     Beside(
-        _KERNEL, ("tanpura-kernel",), "e = 0.05 over 3 s", "the same physics, a plain Numba loop",
-        ("tanpura-kernel/by the naive loop",),
-    ),
-    Beside(
-        _KERNEL, ("tanpura-kernel",), "e = 0.05 over 3 s", "the paper's MATLAB, Moreau–Jean, 1.06 MHz (e = 0.17)",
-        published=f"1/142 {_PUBLISHED}",
+        "tanpura string over its bridge, 44.1 kHz, 103 modes, kernel with output", ("tanpura-kernel",), "e = 0.05 over 3 s",
+        (
+            ("the same physics in a plain Numba loop", "tanpura-kernel/by the naive loop"),
+            ("the paper's MATLAB, Moreau–Jean, 1.06 MHz, e = 0.17", f"{_PUBLISHED}1/142"),
+        ),
     ),
     Beside(
         "the paper's bass, 20 frets, 863 modes, 1.06 MHz, its first 0.1 s", ("paper-bass",), "e = 0.035 over 0.1 s",
-        "the paper's C++; its MATLAB", published=f"1/300; 1/3000 {_PUBLISHED}",
+        (("the paper's C++ (Siconos)", f"{_PUBLISHED}1/300"), ("its MATLAB", f"{_PUBLISHED}1/3000")),
     ),
-    *_qualities("tanpura, a note", "tanpura", _ON_BRIDGE),
-    *_qualities("fretted bass, a note", "fretted-bass", "spectrum within 6; 3; 1.5 dB"),
-    *_qualities("steel guitar with its body, strummed chords", "steel-guitar", "spectrum within 6 dB"),
-    *_qualities("sitar with its tarafs, twelve notes", "sitar", _ON_BRIDGE),
+    _qualities("tanpura, a note", "tanpura", _ON_BRIDGE),
+    _qualities("fretted bass, a note", "fretted-bass", "spectrum within 6; 3; 1.5 dB"),
+    _qualities("steel guitar with its body, strummed chords", "steel-guitar", "spectrum within 6 dB"),
+    _qualities("sitar with its tarafs, twelve notes", "sitar", _ON_BRIDGE),
 )  # fmt: skip
 #: every figure that a page shows by its name
 SHOWN = frozenset(name for line in (*TARGETS, *SHORT) for name in line.names if not line.spread and not line.worst) | {
-    name for line in BESIDE for name in (*line.ours, *line.others)
+    name for line in BESIDE for name in (*line.ours, *(of for _, of in line.others if not of.startswith(_PUBLISHED)))
 }
 
 

@@ -150,8 +150,8 @@ def test_what_else_plays_it_stands_beside_ours_where_it_was_measured() -> None:
     loop = {"beside/sitar/Karplus–Strong loop": {"median": 1000.0}}
     run = replace(run_of(EPYC, "a"), figures={**ours, **loop, "paper-bass": {"median": 4.8}})
     text = pages.parts([run])[pages.SPEED]["beside"]
-    assert "| 5; 5; 5 | e < 0.3; 0.1; 0.02 over 3 s | Karplus–Strong, a Numba loop | 1000 |" in text
-    assert "1/300; 1/3000 (published" in text and "FluidSynth" not in text
+    assert "| 5; 5; 5 | e < 0.3; 0.1; 0.02 over 3 s | Karplus–Strong | 1000 |" in text
+    assert "the paper's C++ (Siconos); its MATLAB | 1/300; 1/3000 |" in text and "FluidSynth" not in text
 
 
 def test_the_newest_whole_run_is_shown() -> None:
