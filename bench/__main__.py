@@ -1,9 +1,9 @@
 """What the program costs on this machine: tables, JSON, a picture.
 
-    tools/bench --short             # less than two minutes with kernels compiled before
-    tools/bench                     # everything, less than ten
+    tools/bench --short             # three minutes with kernels compiled before
+    tools/bench                     # everything, a quarter of an hour
     tools/bench --only peak         # what has the word in its name
-    tools/bench --only against --against COMMIT     # notes, songs, 64 strings, in turn with those of a commit
+    tools/bench --only against --against COMMIT     # notes, songs, coupled strings, in turn with a commit's
     tools/bench --only cold --against COMMIT        # starts with nothing compiled, likewise
     tools/bench --only bass_note --record           # into the history of runs by machine, bench/history.jsonl
     tools/bench --publish           # everything, into the history, and the history into docs/speed.md and README.md

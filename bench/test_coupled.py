@@ -59,7 +59,12 @@ def test_sixty_strings(benchmark: Any, short: bool) -> None:
     noted(benchmark, "targets", rows=rows, **found, **scenes.vectors_of(player.engine))
 
 
-@pytest.mark.parametrize("preset", [each.name for each in list_presets()])
+def _presets() -> list:
+    names = [each.name for each in list_presets()]
+    return [pytest.param(name, marks=() if name in STRUMMED else pytest.mark.full) for name in names]
+
+
+@pytest.mark.parametrize("preset", _presets())
 def test_coupled_gestures(benchmark: Any, preset: str, short: bool) -> None:
     """Processor time of one note, plain, under a modulation wheel and under a bend wheel that moves, block by block in turn;
     each block counts with the least of its times."""
