@@ -1,12 +1,13 @@
 """What the program costs on this machine: tables, JSON, a picture.
 
-    tools/bench --short             # less than two minutes with kernels compiled before
-    tools/bench                     # everything, less than ten
+    tools/bench --short             # three minutes with kernels compiled before
+    tools/bench                     # everything, a quarter of an hour
     tools/bench --only peak         # what has the word in its name
-    tools/bench --only against --against COMMIT     # notes, songs, 64 strings, in turn with those of a commit
+    tools/bench --only against --against COMMIT     # notes, songs, coupled strings, in turn with a commit's
     tools/bench --only cold --against COMMIT        # starts with nothing compiled, likewise
     tools/bench --only bass_note --record           # into the history of runs by machine, bench/history.jsonl
     tools/bench --publish           # everything, into the history, and the history into docs/speed.md and README.md
+    tools/bench --only page --publish               # the same of what these pages show, some minutes
     tools/bench --pages             # the history into these pages; nothing is measured
 
 One core, pinned where the system can; everything that is compared is measured in one run, round by round in turn. Kernels
@@ -20,7 +21,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -29,11 +29,14 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest
-from documentation import machine, page
+from documentation import machine
 from same_sound import trees
 
 from bench import REPOSITORY, history, pages, report
 from synth.files.targets import write_text
+
+#: mark of the benchmarks whose figures the pages show
+PAGE = "page"
 
 
 def pin() -> None:
@@ -54,13 +57,15 @@ def main() -> int:
     parser.add_argument(
         "--publish",
         action="store_true",
-        help="--record, then docs/growth.png, and --pages",
+        help="--record, then --pages",
     )
     parser.add_argument("--pages", action="store_true", help="only write the tables of both pages, from the history")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default out/bench")
     options = parser.parse_args()
-    if options.publish and (options.short or options.only):
-        parser.error("--publish needs a whole run: leave out --short and --only, or take --record, then --pages")
+    if options.publish and (options.short or options.only not in (None, PAGE)):
+        parser.error(
+            f"--publish needs a whole run: leave out --short and --only, or take --only {PAGE}, or --record, then --pages"
+        )
     if options.record and options.short:
         parser.error("--record needs all rounds: leave out --short")
     if options.pages and (options.publish or options.record or options.short or options.only or options.against):
@@ -108,9 +113,7 @@ def measured(options: argparse.Namespace) -> int:
     if (options.record or options.publish) and not failed:
         runs = history.with_runs(history.read(), history.runs_of(pages.figures_of(found), here))
         history.write(runs)
-    if options.publish and drawn and not failed:
-        shutil.copyfile(out / "growth.png", page.DOCS / "growth.png")
-        page.put({"growth": pages.of_picture(here)}, pages.SPEED)
+    if options.publish and not failed:
         pages.publish(runs)
     print(f"{out}: results.json, tables.md" + (", growth.png" if drawn else ""))
     return failed

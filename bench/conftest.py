@@ -28,6 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "full: left out by --short")
     config.addinivalue_line("markers", "versus: left out without --against")
+    config.addinivalue_line("markers", "page: gives a figure that docs/speed.md or README.md shows, so `--only page` has it")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -104,13 +105,15 @@ def race(benchmark: Any, short: bool) -> Race:
     return Race(benchmark, 5 if short else 15)
 
 
-def block_rounds(benchmark: Any, player: Player, block: int, short: bool) -> list[list[float]]:
-    """Wall-clock seconds of every block, played five times (short: three) after once unmeasured."""
+def block_rounds(
+    benchmark: Any, player: Player, block: int, short: bool, clock: Callable[[], float] = time.perf_counter
+) -> list[list[float]]:
+    """Seconds of every block, wall-clock unless said, played five times (short: three) after once unmeasured."""
     rounds: list[list[float]] = []
 
     def play() -> None:
         player.engine.reset()
-        rounds.append(list(player.blocks(block)))
+        rounds.append(list(player.blocks(block, clock)))
 
     play()
     rounds.clear()

@@ -1,4 +1,4 @@
-"""Tables of the documentation's pages, made from the history alone: a row a figure, a column a machine."""
+"""Tables of the documentation's pages, made from the history alone: of one version on one machine."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from documentation import page
-from documentation.machine import Machine
 from speed_error.tables import number, table
 
 from bench import REPOSITORY, report
 from bench.aims import aim_of
-from bench.history import BITS, Run
-from synth import __version__
+from bench.history import Run
 
 SPEED, README = page.DOCS / "speed.md", REPOSITORY / "README.md"
-#: presets whose notes the page shows, lowest, middle and highest
+#: presets whose notes the history keeps, lowest, middle and highest
 NOTES = {"tanpura": ("C2", "G2", "C3"), "fretted-bass": ("E1", "G2", "D#4"), "jawari-harp": ("E1", "D4", "C7")}
 QUALITIES = ("draft", "standard", "fine")
 FRAMES = (64, 128, 256)
 #: scenes of blocks, by what the page calls them
 SCENES = {
-    "drone": "`presets/demos/drone.mid`, tanpura", "bassline": "`presets/demos/bassline.mid`, fretted-bass",
-    "64-strings": "64 tanpura strings",
-}  # fmt: skip
+    "drone": "`presets/demos/drone.mid`, tanpura, 64, 128 and 256 frames, share of its time",
+    "bassline": "`presets/demos/bassline.mid`, fretted-bass, likewise",
+}
 
 
 class Line(NamedTuple):
     """A row: what it is of, the figures that stand in its cells one after the other, and their unit.
 
-    spread: instead of each figure, the least and the most of all whose names begin with one of `names`.
+    spread: instead of each figure, the least and the most of all whose names begin with one of `names`; worst: instead of
+    each, the largest of these, and the end of its name.
     """
 
     what: str
     names: tuple[str, ...]
     unit: str = ""
     spread: bool = False
+    worst: bool = False
 
     @property
     def aim(self) -> str:
@@ -50,10 +50,13 @@ class Line(NamedTuple):
     def cell(self, run: Run) -> str:
         """What a run reached; bold where it misses its aim."""
         found = run.figures
-        if self.spread:
+        if self.spread or self.worst:
             some = [(name, figure) for name, figure in found.items() if name.startswith(self.names)]
             if not some:
                 return "–"
+            if self.worst:
+                value, name = max((_value(figure, "worst"), name) for name, figure in some)
+                return f"{_marked(value, name)} {self.unit} ({name.rpartition('/')[2]})".replace("  ", " ")
             least = min((_value(figure, "least"), name) for name, figure in some)
             most = max((_value(figure, "most"), name) for name, figure in some)
             return f"{_marked(*least)} to {_marked(*most)} {self.unit}".strip()
@@ -82,15 +85,28 @@ _BASS = Line(
     spread=True,
 )
 _MANY = Line("64 tanpura strings at `standard`, all sounding and touching, 1 core", ("many-strings/1",), "×")
-_BASSLINE = Line(
-    "worst block of a bass line, 64, 128 and 256 frames, share of its time", tuple(f"block/bassline/{f}" for f in FRAMES)
+_SONGS = tuple(Line(f"worst block of {what}", tuple(f"block/{scene}/{f}" for f in FRAMES)) for scene, what in SCENES.items())
+_COUPLED = tuple(
+    Line(f"{', '.join(names)}: twelve notes from low to high", tuple(f"twelve/{name}" for name in names), "×")
+    for names in (("sitar",), ("veena",), ("steel-guitar", "nylon-guitar"), ("double-bass", "banjo"))
+)
+_STRUMMED = Line(
+    "steel-guitar, nylon-guitar: six-string chords strummed without end",
+    ("strummed/steel-guitar", "strummed/nylon-guitar"),
+    "×",
+)
+_SIXTY = Line(
+    "60 coupled strings on nine bridges (a sitar with its tarafs, a veena, two guitars, a banjo, four tanpuras), blocks of "
+    "64 frames: median; worst, share of its time",
+    ("sixty/median", "sixty/worst"),
 )
 TARGETS = (
+    *_COUPLED,
+    _STRUMMED,
+    _SIXTY,
+    Line("vibrato, cost over that of the plain note, the worst of all presets", ("gesture/vibrato/",), "×", worst=True),
+    Line("a bend wheel that moves all the time, likewise", ("gesture/bend/",), "×", worst=True),
     _TANPURA,
-    Line(
-        "the same by the one-step kernel; by a naive loop",
-        ("tanpura-kernel/by the plain loop", "tanpura-kernel/by the naive loop"), "×",
-    ),
     Line(
         "speed-up of the block kernel over the one-step kernel, one contact, 137 modes; 1001 modes",
         ("several-steps/press_blocks/137", "several-steps/press_blocks/1001"),
@@ -99,14 +115,8 @@ TARGETS = (
         "free flight with output, share of the machine's peak multiply-add rate, 137 modes; 1001 modes",
         ("free-flight/137", "free-flight/1001"),
     ),
-    Line(
-        "the paper's tanpura reference, Moreau–Jean, 1001 modes, 2.12 MHz (the authors' C++: 1/217)",
-        ("published/moreau-jean",), "×",
-    ),
-    Line(
-        "the paper's bass, 20 frets, all 863 modes, 1.06 MHz, the 0.1 s with contacts (the paper's C++: 1/300)",
-        ("paper-bass",), "×",
-    ),
+    Line("the paper's tanpura reference, Moreau–Jean, 1001 modes, 2.12 MHz", ("published/moreau-jean",), "×"),
+    Line("the paper's bass, 20 frets, all 863 modes, 1.06 MHz, the 0.1 s with contacts", ("paper-bass",), "×"),
     _BASS,
     Line("a fretless note of 3 s (`simulate` at `standard`)", ("fretless-note",), "×"),
     _MANY,
@@ -115,22 +125,87 @@ TARGETS = (
         "worst block of these strings, 128 frames, share of its time, 1 core; 2 cores",
         ("many-strings/1/block-128", "many-strings/2/block-128"),
     ),
+    *_SONGS,
     Line(
         "many notes at once, share of cores × the bare engine, jawari-harp on 1 core, 2 cores; fretted-bass likewise",
         tuple(f"batch/{preset}/{threads}" for preset in ("jawari-harp", "fretted-bass") for threads in (1, 2)),
     ),
     Line("last second of a 60 s decay, mode-steps, share of the first second's", ("decay/tanpura/C2/standard/mode-steps",)),
 )  # fmt: skip
-BLOCKS = tuple(Line(what, tuple(f"block/{scene}/{frames}" for frames in FRAMES)) for scene, what in SCENES.items())
-OF_NOTES = tuple(
-    Line(f"{preset} {', '.join(notes)}, {quality}", tuple(f"note/{preset}/{note}/{quality}" for note in notes))
-    for preset, notes in NOTES.items()
-    for quality in QUALITIES
-)
 _NAIVE = Line("the same model in a plain Numba loop, mode after mode", ("tanpura-kernel/by the naive loop",), "×")
-SHORT = (_TANPURA, _NAIVE, _BASS, _MANY, _BASSLINE)
+SHORT = (
+    _TANPURA,
+    _NAIVE,
+    _BASS,
+    _MANY,
+    Line("sitar; steel guitar with its body: twelve notes", ("twelve/sitar", "twelve/steel-guitar"), "×"),
+    _STRUMMED,
+)
+
+
+class Beside(NamedTuple):
+    """A row of what a user might run instead: what is played, the names of our figures, what is known of our error, and what
+    else plays it, each with the name of its figure or its speed as it was published."""
+
+    what: str
+    ours: tuple[str, ...]
+    error: str
+    others: tuple[tuple[str, str], ...]
+
+    def cells(self, run: Run) -> list[str]:
+        """The row of a run; empty where it has none of our figures, or none of the others'."""
+        ours, others = Line("", self.ours).cell(run), []
+        for words, of in self.others:
+            if of.startswith(_PUBLISHED):
+                others.append((words, of.removeprefix(_PUBLISHED)))
+            elif of in run.figures:
+                others.append((words, Line("", (of,)).cell(run)))
+        if ours == "–" or not others:
+            return []
+        return [self.what, ours, self.error, *("; ".join(each) for each in zip(*others, strict=True))]
+
+
+_PUBLISHED = "published "
+
+
+def _qualities(what: str, name: str, error: str) -> Beside:
+    ours = tuple(f"beside/{name}/{quality}" for quality in QUALITIES)
+    others = ("Karplus–Strong", "Karplus–Strong loop"), ("FluidSynth", "FluidSynth")
+    return Beside(
+        f"{what}, `{'`; `'.join(QUALITIES)}`", ours, error, tuple((words, f"beside/{name}/{each}") for words, each in others)
+    )
+
+
+_RINGING = {"steel-guitar": "six open strings, frets, body", "sitar": "four struck strings, 13 tarafs, bridge, body"}
+_ON_BRIDGE = "e < 0.3; 0.1; 0.02 over 3 s"
+BESIDE = (
+    *(
+        Beside(
+            f"{name} ringing: {what}; engine, `standard`", (f"ringing/{name}",), "that of the loop",
+            (("the same physics in a plain Numba loop", f"ringing/{name}/plain loop"),),
+        )
+        for name, what in _RINGING.items()
+    ),
+    Beside(
+        "tanpura string over its bridge, 44.1 kHz, 103 modes, kernel with output", ("tanpura-kernel",), "e = 0.05 over 3 s",
+        (
+            ("the same physics in a plain Numba loop", "tanpura-kernel/by the naive loop"),
+            ("the paper's MATLAB, Moreau–Jean, 1.06 MHz, e = 0.17", f"{_PUBLISHED}1/142"),
+        ),
+    ),
+    Beside(
+        "the paper's bass, 20 frets, 863 modes, 1.06 MHz, its first 0.1 s", ("paper-bass",), "e = 0.035 over 0.1 s",
+        (("the paper's C++ (Siconos)", f"{_PUBLISHED}1/300"), ("its MATLAB", f"{_PUBLISHED}1/3000")),
+    ),
+    _qualities("tanpura, a note", "tanpura", _ON_BRIDGE),
+    _qualities("fretted bass, a note", "fretted-bass", "spectrum within 6; 3; 1.5 dB"),
+    _qualities("steel guitar with its body, strummed chords", "steel-guitar", "spectrum within 6 dB"),
+    _qualities("sitar with its tarafs, twelve notes", "sitar", _ON_BRIDGE),
+)  # fmt: skip
 #: every figure that a page shows by its name
-SHOWN = frozenset(name for line in (*TARGETS, *BLOCKS, *OF_NOTES) for name in line.names if not line.spread)
+SHOWN = frozenset(name for line in (*TARGETS, *SHORT) for name in line.names if not line.spread and not line.worst) | {
+    name for line in BESIDE for name in (*line.ours, *(of for _, of in line.others if not of.startswith(_PUBLISHED)))
+}
 
 
 def figures_of(found: Iterable[dict[str, Any]]) -> dict[tuple[str, int], dict[str, dict[str, float]]]:
@@ -150,6 +225,9 @@ def figures_of(found: Iterable[dict[str, Any]]) -> dict[tuple[str, int], dict[st
             if info["preset"] in NOTES:
                 name = f"note/{info['preset']}/{info['note']}/{info['quality']}"
                 here[name] = {"median": info["times_real_time"], "best": info["best"]}
+        for info in report.of(infos, "gestures"):
+            for gesture in ("vibrato", "bend"):
+                here[f"gesture/{gesture}/{info['preset']}"] = {"median": info[gesture]}
         for info in report.of(infos, "batch"):
             here[f"batch/{info['preset']}/{info['threads']}"] = {"median": report.of_bare(info)}
         for info in report.of(infos, "peak"):
@@ -160,30 +238,28 @@ def figures_of(found: Iterable[dict[str, Any]]) -> dict[tuple[str, int], dict[st
     return kept
 
 
-def chosen(runs: Sequence[Run]) -> list[Run]:
-    """One run of each machine, precision and width, in the order in which these came: of those with the most figures
-    that are shown the newest, so that a run of a few pieces does not empty a column."""
-    best: dict[tuple[Any, ...], tuple[tuple[int, str, int], Run]] = {}
-    for place, run in enumerate(runs):
-        column = run.machine.same, run.precision, run.lanes
-        rank = len(SHOWN & set(run.figures)), run.date, place
-        if column not in best or rank > best[column][0]:
-            best[column] = rank, run
-    return [run for _, run in best.values()]
-
-
-def newest_whole(runs: Sequence[Run]) -> Run:
-    """The figures of one version on one machine, of all precisions: of those with the most rows of `SHORT` the newest."""
+def newest_whole(runs: Sequence[Run], lines: Sequence[Line]) -> Run:
+    """The figures of one version on one machine, of all precisions: of those with the most of these rows the newest, so that
+    a run of a few pieces does not empty a table. Raises ValueError where there are no runs."""
+    if not runs:
+        raise ValueError("bench/history.jsonl has no runs, so there is nothing to publish; record one with --record")
     versions: dict[tuple[Any, ...], Run] = {}
     for run in runs:
         key = run.machine.same, run.commit or run.version
         before = versions.pop(key, run)
         versions[key] = replace(run, figures={**before.figures, **run.figures})
-    return max(enumerate(versions.values()), key=lambda each: (_complete(each[1]), each[1].date, each[0]))[1]
+    rank = {key: sum(line.cell(run) != "–" for line in lines) for key, run in versions.items()}
+    return max(enumerate(versions.items()), key=lambda each: (rank[each[1][0]], each[1][1].date, each[0]))[1][1]
 
 
-def _complete(run: Run) -> int:
-    return sum(line.cell(run) != "–" for line in SHORT)
+def _machine(run: Run) -> str:
+    """A line about what a table was measured on."""
+    machine = run.machine
+    size = {level: f"{size // 1024} MiB" if size >= 1024 else f"{size} KiB" for level, size in machine.caches.items()}
+    about = [f"{machine.cores} cores"] * bool(machine.cores) + [f"{level} {text}" for level, text in size.items()]
+    when = [f"version {run.version}"] + [run.commit] * bool(run.commit) + [run.date] * bool(run.date)
+    note = f" ({run.note})" if run.note else ""
+    return f"{machine.words}{''.join(f', {each}' for each in about)}; {', '.join(when)}{note}."
 
 
 def _short(run: Run) -> str:
@@ -192,49 +268,25 @@ def _short(run: Run) -> str:
     return table(["× real time, one core (bold: misses its aim)", "aim", column], rows)
 
 
-def _rows(lines: Sequence[Line], runs: Sequence[Run], head: str, aims: bool) -> str:
-    rows = [[line.what, *([line.aim] if aims else []), *(line.cell(run) for run in runs)] for line in lines]
-    return table([head, *(["aim"] if aims else []), *(run.column for run in runs)], rows)
+def _targets(run: Run) -> str:
+    rows = [[line.what, line.aim, cell] for line in TARGETS if (cell := line.cell(run)) != "–"]
+    return f"{_machine(run)}\n\n{table(['what (×: times real time)', 'aim', 'reached'], rows)}"
 
 
-def _machines(runs: Sequence[Run]) -> str:
-    rows = []
-    for run in runs:
-        machine, peak = run.machine, run.figures.get("peak")
-        caches = ", ".join(
-            f"{level} {size // 1024} MiB" if size >= 1024 else f"{level} {size} KiB"
-            for level, size in machine.caches.items()
-        )
-        when = ", ".join(part for part in (run.version, run.commit, run.date) if part)
-        rows.append([
-            run.column, machine.words, str(machine.cores or "–"), caches or "–",
-            f"{run.lanes} × {run.precision} ({run.lanes * BITS[run.precision]} bit)",
-            f"{number(peak['median'] / 1e9, 3)}" if peak else "–", f"{when}; {run.note}" if run.note else when,
-        ])  # fmt: skip
-    head = ["column", "processor", "cores", "caches of a core", "vectors", "10⁹ multiply-adds a second", "measured"]
-    return table(head, rows)
+def _beside(run: Run) -> str:
+    rows = [cells for line in BESIDE if (cells := line.cells(run))]
+    head = ["what is played", "ours, × real time", "our error", "instead", "its × real time"]
+    return f"{_machine(run)}\n\n{table(head, rows)}"
 
 
 def parts(runs: Sequence[Run]) -> dict[Path, dict[str, str]]:
     """What the pages say of the history: page → name of a place there → text (`documentation.page`). Raises ValueError
     for a history without runs."""
-    some = chosen(runs)
-    if not some:
-        raise ValueError("bench/history.jsonl has no runs, so there is nothing to publish; record one with --record")
+    ours = [Line("", line.ours) for line in BESIDE]
     return {
-        SPEED: {
-            "machine": _machines(some),
-            "targets": _rows(TARGETS, some, "what (×: times real time)", True),
-            "blocks": _rows(BLOCKS, some, "worst block, share of its time, one core; 64, 128 and 256 frames", False),
-            "notes": _rows(OF_NOTES, some, "× real time of one string, from the pluck on", False),
-        },
-        README: {"speed": _short(newest_whole(runs))},
+        SPEED: {"beside": _beside(newest_whole(runs, ours)), "targets": _targets(newest_whole(runs, TARGETS))},
+        README: {"speed": _short(newest_whole(runs, SHORT))},
     }
-
-
-def of_picture(machine: Machine) -> str:
-    """What stands above the picture, which is of a whole run and not of the history."""
-    return f"One core of: {machine.words}, version {__version__}."
 
 
 def publish(runs: Sequence[Run]) -> None:

@@ -17,6 +17,7 @@ SECTIONS = (
     "against",
     "targets",
     "batch",
+    "gestures",
     "peak",
     "kernels",
     "strings",
@@ -189,6 +190,16 @@ def _batch(found: list[dict[str, Any]]) -> str:
     return table([*head, ""], lines)
 
 
+def _gestures(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for info in sorted(of(found, "gestures"), key=lambda info: -max(info["vibrato"], info["bend"])):
+        lines.append([info["preset"], "yes" if info["coupled"] else "no", number(info["times_real_time"], 3)])
+        lines[-1] += [number(info[name], 3) for name in ("vibrato", "bend")]
+        lines[-1].append(verdict(max(info["vibrato"], info["bend"]), aim_of("gesture/")))
+    head = ["preset", "coupled", "the plain note, × real time", "under vibrato, of its cost", "under a bend that moves"]
+    return table([*head, ""], lines)
+
+
 def _memory(found: list[dict[str, Any]]) -> str:
     lines = []
     for info in of(found, "memory"):
@@ -244,6 +255,13 @@ def markdown(found: list[dict[str, Any]], machine: str, whole: bool = True) -> s
             "Notes a second, by the wall clock: of the engine alone with all notes prepared, of `render_notes` with what "
             "prepared its engines taken off, and of the whole call.",
             _batch,
+        ),
+        "gestures": (
+            "Bends and vibrato",
+            "Processor time of a note of the middle, 1.5 s in blocks of 64, under a modulation wheel that is up and under a "
+            "bend wheel that moves all the time, over that of the same note without. Each block counts with the least of "
+            "its times.",
+            _gestures,
         ),
         "peak": ("The machine's peak", "Independent chains of fused multiply-adds, one core.", _peak),
         "kernels": (

@@ -14,6 +14,8 @@ from synth.host.alone import BLOCK
 from synth.host.batch import render_notes
 from synth.midi.events import NOTE_ON, make_events
 
+pytestmark = pytest.mark.page
+
 #: presets whose notes cost little and much, and their notes
 PRESETS = {"jawari-harp": range(36, 84, 2), "fretted-bass": range(28, 52)}
 VELOCITIES = (50, 70, 90, 110)

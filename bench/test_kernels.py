@@ -21,11 +21,14 @@ def _label(value: object) -> str:
     return "-".join(map(str, value)) if isinstance(value, Setting) else str(value)
 
 
+def _marks(setting: Setting) -> tuple:
+    if setting.modes not in _IN_SHORT:
+        return (pytest.mark.full,)
+    return (pytest.mark.page,) if (setting.scheme, setting.contacts) == (HOLD, 0) else ()
+
+
 def _grid() -> list:
-    return [
-        pytest.param(kernel, setting, marks=() if setting.modes in _IN_SHORT else pytest.mark.full)
-        for kernel, setting in GRID
-    ]
+    return [pytest.param(kernel, setting, marks=_marks(setting)) for kernel, setting in GRID]
 
 
 @pytest.mark.parametrize("lanes", sorted({2, min(4, LANES), LANES}))

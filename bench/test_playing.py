@@ -41,7 +41,7 @@ def test_note(race: Race, preset: str, midi: int, quality: str) -> None:
 
 
 @pytest.mark.parametrize("block", BLOCKS)
-@pytest.mark.parametrize("scene", [*scenes.SONGS, "64 strings"])
+@pytest.mark.parametrize("scene", [*(pytest.param(song, marks=pytest.mark.page) for song in scenes.SONGS), "64 strings"])
 def test_blocks(benchmark: Any, scene: str, block: int, short: bool) -> None:
     """Wall-clock time of every block; then as many turns of a loop that does nothing, as long as a median block."""
     if scene in scenes.SONGS:

@@ -77,7 +77,7 @@ def test_verdicts(reached: float | None, aim: Aim | None, said: str) -> None:
 
 def test_an_aim_is_found_by_the_name_of_a_figure() -> None:
     assert aim_of("bass-note/E1/64") == Aim(150.0) and aim_of("bass-notes") is None
-    assert aim_of("many-strings/2") == Aim(4.0) and aim_of("many-strings/2/block-128") == Aim(0.5, at_most=True)
+    assert aim_of("many-strings/2") == Aim(24.0) and aim_of("many-strings/2/block-128") == Aim(0.5, at_most=True)
     assert aim_of("several-steps/advance_blocks/137") is None
 
 

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 from in_turn.session import Failed, in_turn
 from same_sound.trees import ROOT, Side
 
-from bench import report, scenes, versus
+from bench import coupled_scenes, report, scenes, versus
 from synth.midi.song import read_song
 
 HERE = Side("this tree", ROOT)
@@ -32,6 +32,20 @@ def test_many_strings_are_timed_once_all_have_been_plucked() -> None:
     one, two = (versus.scene(name, ROOT / "presets") for name in versus.MANY)
     assert len(one["events"]) == scenes.MANY and one["events"][-1][0] < one["timed_from"] < one["seconds"]
     assert (one["options"]["threads"], two["options"]["threads"]) == (1, 2)
+
+
+def test_coupled_scenes_are_those_of_the_benchmarks() -> None:
+    """Events, length and blocks of a scene are what its player here plays."""
+    found = {name: versus.scene(name, ROOT / "presets") for name in versus.COUPLED}
+    assert all(scene["options"]["quality"] == "standard" and scene["events"] for scene in found.values())
+    twelve, chords = found["sitar, twelve notes"], found["steel-guitar, chords without end"]
+    assert (twelve["blocks"], chords["blocks"]) == ([128], [64])
+    for scene, player in ((twelve, coupled_scenes.twelve("sitar")), (chords, coupled_scenes.strummed("steel-guitar"))):
+        frames = [round(row[0] * scene["rate_hz"]) for row in scene["events"]]
+        assert np.array_equal(frames, player.events["frame"]) and scene["seconds"] == player.seconds
+    sixty = found[versus.SIXTY]
+    assert [each["plan_of"] for each in sixty["presets"]] == list(coupled_scenes.SIXTY)
+    assert {row[2] for row in sixty["events"]} == set(range(len(coupled_scenes.SIXTY)))
 
 
 def test_both_sides_play_every_round() -> None:
@@ -66,9 +80,9 @@ def test_the_ratio_is_of_the_other_commit_to_this_tree() -> None:
 
 def test_without_another_commit_nothing_is_compared() -> None:
     words = [sys.executable, "-m", "pytest", "bench/test_against.py", "--collect-only", "-q"]
-    assert "10 deselected" in subprocess.run(words, cwd=ROOT, capture_output=True, text=True).stdout
+    assert f"{len(versus.NAMES)} deselected" in subprocess.run(words, cwd=ROOT, capture_output=True, text=True).stdout
     done = subprocess.run([*words, "--against=HEAD"], cwd=ROOT, capture_output=True, text=True)
-    assert "10 tests collected" in done.stdout
+    assert f"{len(versus.NAMES)} tests collected" in done.stdout
 
 
 def test_a_commit_that_is_none_is_refused_before_anything_is_measured() -> None:
