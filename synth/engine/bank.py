@@ -16,7 +16,20 @@ from synth.engine import layout
 from synth.engine.articulated import articulation_rows, hand_fields
 from synth.engine.board_tables import Boards, LaidBoard
 from synth.engine.bridges import Bridges, SharedBody
-from synth.engine.layout import FADE, OFF_BOARD, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
+from synth.engine.layout import (
+    FADE,
+    OFF_BOARD,
+    QUANTUM,
+    SPAN,
+    SPAN_STEPS,
+    STEP,
+    STEP_TWO,
+    TOGETHER,
+    WORK_ON,
+    Bank,
+    Shared,
+    State,
+)
 from synth.engine.team import N_WORDS
 from synth.engine.voices.channels import power_up
 from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction, static_compliance
@@ -499,10 +512,10 @@ def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     return model._replace(**taken, single_rows=model.single_rows[:, :0])  # made in each call from those of its own
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int], strings: Strings) -> Shared:
+def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> Shared:
     """Work arrays for spans of so many quanta; `tasks.entries`."""
     shared = allocate(Shared, _state_sizes(bank, span))
-    shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD]] = entries
+    shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD, STEP_TWO]] = entries
     strings.point(shared)
     return shared
 
