@@ -24,7 +24,7 @@ from synth.engine.core import (
     state_of,
     string_of,
 )
-from synth.engine.expression import bend_of, follow, height_of
+from synth.engine.expression import bend_of, follow, height_of, is_settled
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.hand_damping import damping
 from synth.engine.instruments import may_fly, may_sleep
@@ -39,6 +39,8 @@ from synth.engine.layout import (
     NO_FINGER,
     OFF_BOARD,
     PLAIN,
+    QUANTA,
+    QUANTUM,
     SLEEP_BELOW,
     SPARE,
     STEP,
@@ -82,6 +84,35 @@ def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
         follow_quantum(core, s, k)
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
         _check(core, thread, s)
+
+
+@njit(**CORE)
+def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
+    """Quanta of the span from k on that an awake string goes through as one stretch: behind the first one there is nothing to
+    be decided and no control to follow, and the arrays of a thread have room for them. `begin_quantum` has been for k."""
+    shared, me, fixed = shared_of(core), state_of(core).sounding[s], bank_of(core).strings[s]
+    if me.phase != NO_FINGER or fixed.second >= 0 or fixed.of_first or fixed.axial_stiffness > 0.0:
+        return 1
+    if not me.flying and (me.stale or not presses(model_address(core, s), shared.string_at[s])):
+        return 1
+    scratch = scratch_of(thread)
+    room = min(scratch.out.size // 2, scratch.record.size) // (QUANTUM * fixed.factor)
+    most = max(1, min(room, shared.task[QUANTA] - k))
+    count = int(np.int64(1))
+    while count < most and _goes_on(core, s, k + count):
+        count += 1
+    return count
+
+
+@njit(**CORE)
+def _goes_on(core: int, s: int, k: int) -> bool:
+    """Whether `begin_quantum` of quantum k would change nothing about a string in one direction that no finger is at."""
+    shared, state = shared_of(core), state_of(core)
+    if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0 or not is_settled(core, s):
+        return False
+    me = state.sounding[s]
+    bend = bend_of(core, s, k, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
+    return bend == me.bend and height_of(core, s, shared.heights[k, bank_of(core).strings[s].part]) == me.height
 
 
 @njit(**CORE)
@@ -242,7 +273,9 @@ def moves_like_a_string(core: int, s: int) -> bool:
     far, fast = squares(string.q[:moving], string.v[:moving])
     length = model.length
     # modes are normalised: ∫u² dx = Σ q², so that the mean square is Σ q²/L; a bend upwards raises the waves' speed
-    tension = model.tension * 2.0 ** (max(0.0, me.bend) / 6.0)
+    tension = model.tension
+    if me.bend > 0.0:
+        tension *= 2.0 ** (me.bend / 6.0)
     most_far, most_fast = TOO_FAR * TOO_FAR * length * length, TOO_FAR * TOO_FAR * tension / model.mu
     return far <= most_far * length and fast <= most_fast * length
 

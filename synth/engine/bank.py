@@ -17,6 +17,7 @@ from synth.engine.articulated import articulation_rows, hand_fields
 from synth.engine.board_tables import Boards, LaidBoard
 from synth.engine.bridges import Bridges, SharedBody
 from synth.engine.layout import (
+    CHECK_EVERY,
     FADE,
     OFF_BOARD,
     QUANTUM,
@@ -524,5 +525,9 @@ def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
     models = bank.models
     most_rows = int((models["contacts"] * (1 + models["layered"])).max(initial=0))  # a layer and what is behind it
-    steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
+    factors = bank.strings["factor"]
+    steps = QUANTUM * int(factors.max(initial=1))
+    # what only presses or flies goes through several quanta at a time
+    over_one = factors[models["string"][models["contacts"] <= 1]]
+    steps = max(steps, min(CHECK_EVERY * QUANTUM * int(over_one.max(initial=1)), SPAN_STEPS))
     return make_scratch(most_rows, int(models["n"].max(initial=1)), OUTPUTS, steps)

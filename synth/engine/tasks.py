@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.engine.advance import advance_string, advance_two_strings, begin_quantum, make_steps, make_steps_of_two
+from synth.engine.advance import advance_string, advance_two_strings, begin_quantum, make_steps, make_steps_of_two, unchanged_quanta
 from synth.engine.core import bank_of, shared_of, state_of
 from synth.engine.layout import BEGIN, CORE, QUANTA, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL
 from synth.jit.entries import entry
@@ -32,17 +32,21 @@ def _work_on(core: int, thread: int, i: int, other: int) -> None:
             advance_two_strings(core, thread, s, beside, begun, task[UNTIL] - begun)
         sounding[s].reached = sounding[beside].reached = task[UNTIL]
         return
-    for k in range(task[QUANTA]):
-        if sounding[s].awake:
-            begin_quantum(core, thread, s, k)
-        if sounding[beside].awake:
-            begin_quantum(core, thread, beside, k)
+    k = int(np.int64(0))
+    while k < task[QUANTA]:
+        count = task[QUANTA] - k
+        for line in (s, beside):
+            if sounding[line].awake:
+                begin_quantum(core, thread, line, k)
+            if sounding[line].awake:
+                count = min(count, unchanged_quanta(core, thread, line, k))
         if sounding[s].awake and sounding[beside].awake:
-            advance_two_strings(core, thread, s, beside, k * QUANTUM, int(np.int64(QUANTUM)))
+            advance_two_strings(core, thread, s, beside, k * QUANTUM, count * QUANTUM)
         elif sounding[s].awake:
-            advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
+            advance_string(core, thread, s, k * QUANTUM, count * QUANTUM)
         elif sounding[beside].awake:
-            advance_string(core, thread, beside, k * QUANTUM, int(np.int64(QUANTUM)))
+            advance_string(core, thread, beside, k * QUANTUM, count * QUANTUM)
+        k += count
 
 
 @njit(**CORE)
@@ -71,13 +75,17 @@ def _work_on_one(core: int, thread: int, i: int) -> None:
                 advance_string(core, thread, s, me.reached, task[UNTIL] - me.reached)
             me.reached = task[UNTIL]
     else:
-        for k in range(task[QUANTA]):
+        k = int(np.int64(0))
+        while k < task[QUANTA]:
             for s in range(first, end):
                 if sounding[s].awake:
                     begin_quantum(core, thread, s, k)
+            alone = end == first + 1 and sounding[first].awake
+            count = unchanged_quanta(core, thread, first, k) if alone else int(np.int64(1))
             for s in range(first, end):
                 if sounding[s].awake and not strings[s].of_first:
-                    advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
+                    advance_string(core, thread, s, k * QUANTUM, count * QUANTUM)
+            k += count
 
 
 def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int, int]:
