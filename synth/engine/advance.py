@@ -88,8 +88,8 @@ def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
 
 @njit(**CORE)
 def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
-    """Quanta of the span from k on that an awake string goes through as one stretch: behind the first one there is nothing to
-    be decided and no control to follow, and the arrays of a thread have room for them. `begin_quantum` has been for k."""
+    """Quanta of the span from k on that an awake string goes through as one stretch: behind the first one there is nothing
+    to decide and no control to follow, and the arrays of a thread have room for them. `begin_quantum` has been for k."""
     shared, me, fixed = shared_of(core), state_of(core).sounding[s], bank_of(core).strings[s]
     if me.phase != NO_FINGER or fixed.second >= 0 or fixed.of_first or fixed.axial_stiffness > 0.0:
         return 1

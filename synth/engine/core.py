@@ -15,8 +15,8 @@ from numba import njit
 
 from synth.engine.layout import CONSTANTS, FLIGHT, WAIT, Bank, Effects, Settings, Shared, State
 from synth.native.views import opener, words
-from synth.solver.stringmodel import scratch_of as scratch_of
 from synth.solver.stringmodel import Scratch, string_model, string_state
+from synth.solver.stringmodel import scratch_of as scratch_of
 
 #: what stands in the table of a core, in this order
 CORE_PARTS: tuple[Any, ...] = (Bank, State, Shared, Settings, Effects)

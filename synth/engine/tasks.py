@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.engine.advance import advance_string, advance_two_strings, begin_quantum, make_steps, make_steps_of_two, unchanged_quanta
+from synth.engine.advance import (
+    advance_string,
+    advance_two_strings,
+    begin_quantum,
+    make_steps,
+    make_steps_of_two,
+    unchanged_quanta,
+)
 from synth.engine.core import bank_of, shared_of, state_of
 from synth.engine.layout import BEGIN, CORE, QUANTA, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL
 from synth.jit.entries import entry

@@ -149,7 +149,10 @@ def press_blocks(model: int, state: int, scratch: int, blocks: int, stride: int)
     Returns the number of blocks that touched.
     """
     _begin_press(model, state, scratch)
-    before, touched = int(np.int64(_NOTHING)), int(np.int64(0))  # literals would have what they are given to compiled once more
+    before, touched = (
+        int(np.int64(_NOTHING)),
+        int(np.int64(0)),
+    )  # literals would have what they are given to compiled once more
     for t in range(blocks):
         _pass_modes(model, state, scratch, t * BLOCK, stride, before)
         before = _solve_block(model, state, scratch, t * BLOCK, stride)
