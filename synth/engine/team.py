@@ -1,9 +1,9 @@
 """Threads that advance instruments beside the one that calls `process`.
 
-Work is a list of instruments of which every thread takes the next (a counter that runs down). The caller takes part; once
-nothing is left to take it waits only for those that another thread has in hand. A worker that finds nothing to do looks
-again for some tens of µs and then sleeps until it gets a token. The caller sends one and does not wait for it either: who
-comes too late finds nothing left.
+Work is a list of instruments of which every thread takes the next two, towards the end the next one (a counter that runs
+down): strings that only press go side by side. The caller takes part; once nothing is left to take it waits only for those
+that another thread has in hand. A worker that finds nothing to do looks again for some tens of µs and then sleeps until it
+gets a token. The caller sends one and does not wait for it either: who comes too late finds nothing left.
 
 Which thread computes an instrument changes no bit: each string has a row of its own, and rows are added up in order.
 """

@@ -70,7 +70,7 @@ def sound_alone(
     """
     latency, frames = engine.latency_samples, round(seconds * rate_hz)
     samples = np.empty((frames, 2), dtype)
-    # a piece stays in the cache: to write the whole sound as float64 and read it again costs a tenth of a short note
+    # a piece stays in the cache: to write the whole sound as float64 and read it again took a twentieth of a harp's note
     out = np.empty((min(block, frames + latency), 2))
     finite = True
     source = from_events(events)
