@@ -18,12 +18,13 @@ from synth.engine.core import (
     model_address,
     model_of,
     scratch_of,
+    second_thread,
     settings_of,
     shared_of,
     state_of,
     string_of,
 )
-from synth.engine.expression import bend_of, follow, height_of
+from synth.engine.expression import bend_of, follow, height_of, is_settled
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.hand_damping import damping
 from synth.engine.instruments import may_fly, may_sleep
@@ -36,10 +37,14 @@ from synth.engine.layout import (
     FOLLOW,
     HIT,
     NO_FINGER,
+    OFF_BOARD,
     PLAIN,
+    QUANTA,
+    QUANTUM,
     SLEEP_BELOW,
     SPARE,
     STEP,
+    STEP_TWO,
     TOUCHED,
 )
 from synth.engine.output import collect
@@ -47,14 +52,15 @@ from synth.engine.strings import damp, finger_done, sleep
 from synth.engine.strokes import follow_stroke, has_bounced
 from synth.engine.tension import bend_with_motion
 from synth.engine.touches import press_on
-from synth.native.views import call_back
+from synth.native.views import ask, call_back
 from synth.solver.board_table import clear_of_board
-from synth.solver.certificates import amplitudes, reach
+from synth.solver.certificates import amplitudes, least_reach, reach
+from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
-from synth.solver.step import advance
+from synth.solver.step import advance, advance_two, presses
 from synth.solver.stringmodel import CERTAIN, FREE, MOVING, string_model
-from synth.solver.vectors import FAST, dot
+from synth.solver.vectors import FAST, dot, squares
 from synth.units import LN_1000
 
 #: a mode is put to rest when its largest possible output is below this (−160 dBFS)
@@ -78,6 +84,35 @@ def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
         follow_quantum(core, s, k)
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0:
         _check(core, thread, s)
+
+
+@njit(**CORE)
+def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
+    """Quanta of the span from k on that an awake string goes through as one stretch: behind the first one there is nothing
+    to decide and no control to follow, and the arrays of a thread have room for them. `begin_quantum` has been for k."""
+    shared, me, fixed = shared_of(core), state_of(core).sounding[s], bank_of(core).strings[s]
+    if me.phase != NO_FINGER or fixed.second >= 0 or fixed.of_first or fixed.axial_stiffness > 0.0:
+        return 1
+    if not me.flying and (me.stale or not presses(model_address(core, s), shared.string_at[s])):
+        return 1
+    scratch = scratch_of(thread)
+    room = min(scratch.out.size // 2, scratch.record.size) // (QUANTUM * fixed.factor)
+    most = max(1, min(room, shared.task[QUANTA] - k))
+    count = int(np.int64(1))
+    while count < most and _goes_on(core, s, k + count):
+        count += 1
+    return count
+
+
+@njit(**CORE)
+def _goes_on(core: int, s: int, k: int) -> bool:
+    """Whether `begin_quantum` of quantum k would change nothing about a string in one direction that no finger is at."""
+    shared, state = shared_of(core), state_of(core)
+    if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0 or not is_settled(core, s):
+        return False
+    me = state.sounding[s]
+    bend = bend_of(core, s, k, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
+    return bend == me.bend and height_of(core, s, shared.heights[k, bank_of(core).strings[s].part]) == me.height
 
 
 @njit(**CORE)
@@ -137,6 +172,13 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
         done += count
         if not me.flying and me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
             finger_done(core, thread, s)
+    _end_stretch(core, s, start, frames)
+
+
+@njit(**CORE)
+def _end_stretch(core: int, s: int, start: int, frames: int) -> None:
+    """What comes after these frames of a string, in all of its directions: what still fades, and whether it is a sound."""
+    me, second = state_of(core).sounding[s], bank_of(core).strings[s].second
     fade(core, s, start, frames)
     if second >= 0:
         fade(core, second, start, frames)
@@ -145,6 +187,53 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
         me.silenced += 1
         if second >= 0:
             _silence(core, second, start)
+
+
+@njit(**CORE)
+def advance_two_strings(core: int, thread: int, s: int, other: int, start: int, frames: int) -> None:
+    """`advance_string` of two awake strings that share nothing, to the bit; side by side where both only press."""
+    strings, sounding = bank_of(core).strings, state_of(core).sounding
+    factor = strings[s].factor
+    beside = strings[other].factor == factor and _may_go_beside(core, thread, s, frames)
+    if not (beside and _may_go_beside(core, thread, other, frames)):
+        advance_string(core, thread, s, start, frames)
+        advance_string(core, thread, other, start, frames)
+        return
+    ask(shared_of(core).task[STEP_TWO], core, thread, s, other, frames * factor)
+    for place in range(2):
+        line = s if place == 0 else other
+        me, row = sounding[line], row_of(core, line, start, frames)
+        me.base = collect(core, thread if place == 0 else second_thread(thread), line, row.size, factor, me.base, row)
+        _end_stretch(core, line, start, frames)
+
+
+@njit(**CORE)
+def _may_go_beside(core: int, thread: int, s: int, frames: int) -> bool:
+    """Whether these frames of a string are whole blocks of steps over its one contact, and no more."""
+    shared, fixed, me = shared_of(core), bank_of(core).strings[s], state_of(core).sounding[s]
+    if fixed.second >= 0 or fixed.of_first or me.phase != NO_FINGER or frames * fixed.factor % BLOCK != 0:
+        return False
+    if shared.task[STEP] != shared.task[OFF_BOARD]:  # somebody else makes steps, or looks on
+        return False
+    _land(core, thread, s)
+    if me.flying:
+        return False
+    if me.stale:
+        refresh(core, thread, s)
+    string_of(core, s).finger[0].on = 0
+    return presses(model_address(core, s), shared.string_at[s])
+
+
+def make_steps_of_two(core: int, thread: int, s: int, other: int, steps: int) -> None:
+    """`make_steps` of two strings that only press; the outputs of the other one go to the second Scratch."""
+    string_at, sounding = shared_of(core).string_at, state_of(core).sounding
+    advance_two(
+        model_address(core, s), string_at[s], thread,
+        model_address(core, other), string_at[other], second_thread(thread), steps // BLOCK,
+    )  # fmt: skip
+    for place in range(2):
+        line = s if place == 0 else other
+        sounding[line].mode_steps += string_of(core, line).counts[MOVING] * steps
 
 
 @njit(**CORE)
@@ -181,12 +270,14 @@ def moves_like_a_string(core: int, s: int) -> bool:
     me, string = state_of(core).sounding[s], string_of(core, s)
     model = bank_of(core).models[me.model]
     moving = string.counts[MOVING]
-    q, v = string.q[:moving], string.v[:moving]
+    far, fast = squares(string.q[:moving], string.v[:moving])
     length = model.length
     # modes are normalised: ∫u² dx = Σ q², so that the mean square is Σ q²/L; a bend upwards raises the waves' speed
-    tension = model.tension * 2.0 ** (max(0.0, me.bend) / 6.0)
-    far, fast = TOO_FAR * TOO_FAR * length * length, TOO_FAR * TOO_FAR * tension / model.mu
-    return dot(q, q) <= far * length and dot(v, v) <= fast * length
+    tension = model.tension
+    if me.bend > 0.0:
+        tension *= 2.0 ** (me.bend / 6.0)
+    most_far, most_fast = TOO_FAR * TOO_FAR * length * length, TOO_FAR * TOO_FAR * tension / model.mu
+    return far <= most_far * length and fast <= most_fast * length
 
 
 @njit(**CORE)
@@ -300,6 +391,8 @@ def _check(core: int, thread: int, s: int) -> None:
         return
     if not settings.economy or model.law != EXACT_HOLD or me.phase != NO_FINGER:
         return  # the amplitudes below are those of v = q̇
+    if string.counts[FREE] == 0 and model.eta.size == 1 and _is_in_reach(core, s):
+        return  # touched again and again, and all modes with it
     omega, sigma, dt = model.omega[:n], scratch.sigma[:n], model.dt
     for j in range(n):
         sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt if me.bend != 0.0 else 0.0)
@@ -326,6 +419,18 @@ def _check(core: int, thread: int, s: int) -> None:
     string.counts[MOVING] = n
     if free and not me.flying and not me.altered and fixed.direct_bus >= 0 and may_fly(core, s):
         take_off(core, thread, s)
+
+
+@njit(**CORE)
+def _is_in_reach(core: int, s: int) -> bool:
+    """Whether a string's one contact is in reach by its modes' displacements alone, for whose amplitudes below they are a
+    lower bound: what `_nothing_in_reach` denies."""
+    string, model, me = string_of(core, s), model_of(core, s), state_of(core).sounding[s]
+    if shared_of(core).board_at[me.model] != 0:
+        return False
+    if string.eta[0] >= 0.0 or string.force[0] > 0.0:
+        return True
+    return least_reach(model.shapes[0], string.q[: string.counts[MOVING]]) >= -string.eta[0]
 
 
 @njit(**CORE)

@@ -16,7 +16,21 @@ from synth.engine import layout
 from synth.engine.articulated import articulation_rows, hand_fields
 from synth.engine.board_tables import Boards, LaidBoard
 from synth.engine.bridges import Bridges, SharedBody
-from synth.engine.layout import FADE, OFF_BOARD, QUANTUM, SPAN, SPAN_STEPS, STEP, TOGETHER, WORK_ON, Bank, Shared, State
+from synth.engine.layout import (
+    CHECK_EVERY,
+    FADE,
+    OFF_BOARD,
+    QUANTUM,
+    SPAN,
+    SPAN_STEPS,
+    STEP,
+    STEP_TWO,
+    TOGETHER,
+    WORK_ON,
+    Bank,
+    Shared,
+    State,
+)
 from synth.engine.team import N_WORDS
 from synth.engine.voices.channels import power_up
 from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction, static_compliance
@@ -513,10 +527,10 @@ def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     return model._replace(**taken, single_rows=model.single_rows[:, :0])  # made in each call from those of its own
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int], strings: Strings) -> Shared:
+def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> Shared:
     """Work arrays for spans of so many quanta; `tasks.entries`."""
     shared = allocate(Shared, _state_sizes(bank, span))
-    shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD]] = entries
+    shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD, STEP_TWO]] = entries
     strings.point(shared)
     return shared
 
@@ -525,5 +539,9 @@ def new_scratch(bank: Bank) -> Scratch:
     """Work arrays for one thread."""
     models = bank.models
     most_rows = int((models["contacts"] * (1 + models["layered"])).max(initial=0))  # a layer and what is behind it
-    steps = QUANTUM * int(bank.strings["factor"].max(initial=1))
+    factors = bank.strings["factor"]
+    steps = QUANTUM * int(factors.max(initial=1))
+    # what only presses or flies goes through several quanta at a time
+    over_one = factors[models["string"][models["contacts"] <= 1]]
+    steps = max(steps, min(CHECK_EVERY * QUANTUM * int(over_one.max(initial=1)), SPAN_STEPS))
     return make_scratch(most_rows, int(models["n"].max(initial=1)), OUTPUTS, steps)

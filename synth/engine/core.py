@@ -15,18 +15,26 @@ from numba import njit
 
 from synth.engine.layout import CONSTANTS, FLIGHT, WAIT, Bank, Effects, Settings, Shared, State
 from synth.native.views import opener, words
+from synth.solver.stringmodel import Scratch, string_model, string_state
 from synth.solver.stringmodel import scratch_of as scratch_of
-from synth.solver.stringmodel import string_model, string_state
 
 #: what stands in the table of a core, in this order
 CORE_PARTS: tuple[Any, ...] = (Bank, State, Shared, Settings, Effects)
 #: …and how many words it takes
 CORE_WORDS = sum(map(words, CORE_PARTS))
+#: length of a Scratch in the table of a thread
+_SCRATCH_BYTES = 8 * words(Scratch)
 
 #: (core) → the Bank, State, … that are there, in compiled code
 bank_of, state_of, shared_of, settings_of, effects_of = (
     opener(kind, sum(map(words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
 )
+
+
+@njit(inline="always")
+def second_thread(thread: int) -> int:
+    """Work arrays of a thread for a string that it advances beside another: they stand behind the first in its table."""
+    return thread + _SCRATCH_BYTES
 
 
 @njit(inline="always")

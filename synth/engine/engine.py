@@ -303,8 +303,8 @@ class Engine:
         called = entries(bool(built.bodies), bool(built.boards))
         self._shared: Shared = new_shared(bank, self._settings.span, called, self._strings)
         self._excitations.point(self._shared)
-        self._scratch = new_scratch(bank)
-        self._thread_table = table(self._scratch)
+        self._scratch = new_scratch(bank), new_scratch(bank)
+        self._thread_table = table(*self._scratch)
         self._state: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
         self._fresh: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
         self._effects: Effects
@@ -377,8 +377,8 @@ class Engine:
         wanted = cores() if self.threads == "auto" else int(self.threads)
         workers = min(wanted, bank.instruments.size) - 1
         if workers > 0:
-            self._worker_scratch = [new_scratch(bank) for _ in range(workers)]
-            scratches = [table(scratch) for scratch in self._worker_scratch]
+            self._worker_scratch = [(new_scratch(bank), new_scratch(bank)) for _ in range(workers)]
+            scratches = [table(*scratch) for scratch in self._worker_scratch]
             keep = (bank, self._state, self._shared, self._strings, self._excitations, self._worker_scratch)
             self._team = Team(self, self._core, self._shared.team, scratches, keep)
         else:

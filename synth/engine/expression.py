@@ -82,6 +82,14 @@ def follow(core: int, s: int) -> None:
 
 
 @njit(**CORE)
+def is_settled(core: int, s: int) -> bool:
+    """Whether `follow` has nothing to follow."""
+    me = state_of(core).sounding[s]
+    tuned = me.retuned == me.retune_to and me.pull == me.pull_to and me.slide == 0.0
+    return tuned and me.pressure == _pressed(core, s)
+
+
+@njit(**CORE)
 def vibrato_of(core: int, s: int, k: int) -> float:
     """Semitones by which the hand shakes a string in quantum k of the span: as far as the wheels of its channel and of its
     zone's master ask for, at instants that follow from the number of the quantum alone."""

@@ -7,7 +7,7 @@ from numba import njit
 from synth.engine.core import bank_of, shared_of, state_of
 from synth.engine.hand_damping import CUT_S
 from synth.engine.instruments import played_strings
-from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, UNTIL, WORK_ON, Bank, Settings, Shared, State
+from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, NOBODY, UNTIL, WORK_ON, Bank, Settings, Shared, State
 from synth.engine.strings import damp, let_go, pluck
 from synth.engine.voices.voice_table import CUT, GO_ON, LET_GO, PLUCK, SLUR, Voices
 from synth.jit.entries import entry
@@ -40,7 +40,7 @@ def _go_on(core: int, thread: int, s: int) -> None:
     if me.awake and me.reached < shared.task[UNTIL]:
         i = bank_of(core).strings[s].instrument
         before = played_strings(core, i)
-        call_back(shared.task[WORK_ON], core, thread, i, 0)
+        call_back(shared.task[WORK_ON], core, thread, i, NOBODY)
         state_of(core).counters[AWAKE] -= before - played_strings(core, i)  # had blown up
     me.reached = shared.task[UNTIL]
 

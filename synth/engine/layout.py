@@ -437,8 +437,10 @@ class Effects(NamedTuple):
 WHOLE, BEGIN, STRETCH = range(3)
 #: places in Shared.task: one of these; number of the span's first quantum; quanta; frame of the quantum up to which a
 #: stretch goes; addresses of what does it, `tasks.entries`; of what decides about an event, and of the table it sees
-TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, TOGETHER, OFF_BOARD, HANDLE, VOICES = range(10)
-N_TASK = 10
+TASK, FIRST_QUANTUM, QUANTA, UNTIL, WORK_ON, STEP, TOGETHER, OFF_BOARD, STEP_TWO, HANDLE, VOICES = range(11)
+N_TASK = 11
+#: the second instrument of a call of WORK_ON where there is none
+NOBODY = -1
 
 
 #: addresses of what begins an excitation, of what its hand follows, of its constants (`instrument.excitations`)

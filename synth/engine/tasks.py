@@ -3,15 +3,68 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from synth.engine.advance import advance_string, begin_quantum, make_steps
+from synth.engine.advance import (
+    advance_string,
+    advance_two_strings,
+    begin_quantum,
+    make_steps,
+    make_steps_of_two,
+    unchanged_quanta,
+)
 from synth.engine.core import bank_of, shared_of, state_of
-from synth.engine.layout import BEGIN, QUANTA, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL
+from synth.engine.layout import BEGIN, CORE, QUANTA, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL
 from synth.jit.entries import entry
 from synth.native.views import call_back
 
 
-def _work_on(core: int, thread: int, i: int, _: int) -> None:
+def _work_on(core: int, thread: int, i: int, other: int) -> None:
+    """Let instrument i do what Shared.task asks, and with it, where there is one (≥ 0), the other."""
+    task = shared_of(core).task
+    if other < 0 or task[TASK] == BEGIN or not (_is_one_string(core, i) and _is_one_string(core, other)):
+        _work_on_one(core, thread, i)
+        if other >= 0:
+            _work_on_one(core, thread, other)
+        return
+    sounding, instruments = state_of(core).sounding, bank_of(core).instruments
+    s, beside = instruments[i].first_string, instruments[other].first_string
+    if task[TASK] == STRETCH:
+        if not (sounding[s].awake and sounding[beside].awake and sounding[s].reached == sounding[beside].reached):
+            _work_on_one(core, thread, i)
+            _work_on_one(core, thread, other)
+            return
+        begun = sounding[s].reached
+        if begun < task[UNTIL]:
+            advance_two_strings(core, thread, s, beside, begun, task[UNTIL] - begun)
+        sounding[s].reached = sounding[beside].reached = task[UNTIL]
+        return
+    k = int(np.int64(0))
+    while k < task[QUANTA]:
+        count = task[QUANTA] - k
+        for line in (s, beside):
+            if sounding[line].awake:
+                begin_quantum(core, thread, line, k)
+            if sounding[line].awake:
+                count = min(count, unchanged_quanta(core, thread, line, k))
+        if sounding[s].awake and sounding[beside].awake:
+            advance_two_strings(core, thread, s, beside, k * QUANTUM, count * QUANTUM)
+        elif sounding[s].awake:
+            advance_string(core, thread, s, k * QUANTUM, count * QUANTUM)
+        elif sounding[beside].awake:
+            advance_string(core, thread, beside, k * QUANTUM, count * QUANTUM)
+        k += count
+
+
+@njit(**CORE)
+def _is_one_string(core: int, i: int) -> bool:
+    """Whether an instrument is a string that shares nothing with another, in one direction."""
+    instrument = bank_of(core).instruments[i]
+    return instrument.body < 0 and instrument.end_string == instrument.first_string + 1
+
+
+@njit(**CORE)
+def _work_on_one(core: int, thread: int, i: int) -> None:
     """Let instrument i do what Shared.task asks."""
     task, sounding, strings = shared_of(core).task, state_of(core).sounding, bank_of(core).strings
     instrument = bank_of(core).instruments[i]
@@ -29,19 +82,23 @@ def _work_on(core: int, thread: int, i: int, _: int) -> None:
                 advance_string(core, thread, s, me.reached, task[UNTIL] - me.reached)
             me.reached = task[UNTIL]
     else:
-        for k in range(task[QUANTA]):
+        k = int(np.int64(0))
+        while k < task[QUANTA]:
             for s in range(first, end):
                 if sounding[s].awake:
                     begin_quantum(core, thread, s, k)
+            alone = end == first + 1 and sounding[first].awake
+            count = unchanged_quanta(core, thread, first, k) if alone else int(np.int64(1))
             for s in range(first, end):
                 if sounding[s].awake and not strings[s].of_first:
-                    advance_string(core, thread, s, k * QUANTUM, int(np.int64(QUANTUM)))
+                    advance_string(core, thread, s, k * QUANTUM, count * QUANTUM)
+            k += count
 
 
-def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int]:
-    """Addresses of `_work_on` (core, thread, i, –), of what makes steps (core, thread, s, steps), where strings share a
-    bridge of `together.work_together` (core, thread, i, –), else 0, and of what makes the steps of strings without a board;
-    compiled on first use.
+def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int, int]:
+    """Addresses of `_work_on` (core, thread, i, other), of what makes steps (core, thread, s, steps), where strings share a
+    bridge of `together.work_together` (core, thread, i, –), else 0, of what makes the steps of strings without a board, and
+    of two of them at a time (core, thread, s, other, steps); compiled on first use.
 
     Called by address: every function that contains the kernels takes seconds to compile, so none but the last two do, and
     neither `process` nor the loop of a worker contains `_work_on`.
@@ -56,4 +113,4 @@ def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int]:
         from synth.engine.board_steps import make_steps_on_boards
 
         step = entry(make_steps_on_boards, 4).address
-    return entry(_work_on, 4).address, step, together, off_board
+    return entry(_work_on, 4).address, step, together, off_board, entry(make_steps_of_two, 5).address

@@ -1,9 +1,9 @@
 """Threads that advance instruments beside the one that calls `process`.
 
-Work is a list of instruments of which every thread takes the next (a counter that runs down). The caller takes part; once
-nothing is left to take it waits only for those that another thread has in hand. A worker that finds nothing to do looks
-again for some tens of µs and then sleeps until it gets a token. The caller sends one and does not wait for it either: who
-comes too late finds nothing left.
+Work is a list of instruments of which every thread takes the next two, towards the end the next one (a counter that runs
+down): strings that only press go side by side. The caller takes part; once nothing is left to take it waits only for those
+that another thread has in hand. A worker that finds nothing to do looks again for some tens of µs and then sleeps until it
+gets a token. The caller sends one and does not wait for it either: who comes too late finds nothing left.
 
 Which thread computes an instrument changes no bit: each string has a row of its own, and rows are added up in order.
 """
@@ -21,7 +21,7 @@ import numpy as np
 from numba import int64, njit
 
 from synth.engine.core import shared_of
-from synth.engine.layout import CORE, WORK_ON
+from synth.engine.layout import CORE, NOBODY, WORK_ON
 from synth.engine.uncopied import Uncopied
 from synth.jit.entries import kernel
 from synth.native.arrays import LINE_F8
@@ -62,8 +62,9 @@ def share_out(core: int, thread: int, count: int, mode_steps: int) -> None:
     shared = shared_of(core)
     words = shared.team
     if count < 2 or mode_steps < WORTH_SHARING or words[WORKERS] == 0:
-        for i in range(count):
-            call_back(shared.task[WORK_ON], core, thread, shared.queue[i], 0)
+        for i in range(0, count, 2):
+            other = shared.queue[i + 1] if i + 1 < count else NOBODY
+            call_back(shared.task[WORK_ON], core, thread, shared.queue[i], other)
         return
     store(words, UNFINISHED, count)
     store(words, LEFT, count)
@@ -81,14 +82,16 @@ def share_out(core: int, thread: int, count: int, mode_steps: int) -> None:
 
 @njit(**CORE)
 def _take(core: int, thread: int) -> bool:
-    """Take an instrument and advance it; whether there was one."""
+    """Take an instrument and advance it, or two while there are enough for every thread; whether there was one."""
     shared = shared_of(core)
     words = shared.team
     left = load(words, LEFT)
     while left > 0:
-        if exchange_if(words, LEFT, left, left - 1):
-            call_back(shared.task[WORK_ON], core, thread, shared.queue[left - 1], 0)
-            add(words, UNFINISHED, -1)
+        taken = 2 if left >= 2 * (words[WORKERS] + 1) else 1
+        if exchange_if(words, LEFT, left, left - taken):
+            other = shared.queue[left - 2] if taken == 2 else NOBODY
+            call_back(shared.task[WORK_ON], core, thread, shared.queue[left - 1], other)
+            add(words, UNFINISHED, -taken)
             return True
         left = load(words, LEFT)
     return False

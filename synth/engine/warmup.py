@@ -6,7 +6,7 @@ from typing import Any
 
 from numba import types
 
-from synth.engine.advance import advance_string, begin_quantum
+from synth.engine.advance import advance_string, advance_two_strings, begin_quantum
 from synth.engine.coefficients import refresh
 from synth.engine.hands import perform
 from synth.engine.mix import mix_span
@@ -33,6 +33,7 @@ def kernels() -> list[tuple[Any, tuple[Any, ...]]]:
         (begin_quantum, words[4]),
         (advance, words[5]),
         (advance_string, words[5]),
+        (advance_two_strings, words[6]),
     ]
 
 

@@ -39,6 +39,7 @@ ENTRIES = {
         "dsp.decimator:split_taps",
         "engine.tasks:_work_on",
         "engine.advance:make_steps",
+        "engine.advance:make_steps_of_two",
         "engine.together:work_together",
         "engine.board_steps:make_steps_on_boards",
         "dsp.limiter_effect:_process",

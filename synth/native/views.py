@@ -180,6 +180,22 @@ def _frames_at(typingctx, address, frames, channels):
     return kind(types.int64, types.int64, types.int64), generate
 
 
+def _in_rows(typingctx, array, rows, columns):
+    """The first rows·columns elements of an array as (rows, columns): Numba's own `reshape` takes longer than what is done
+    with a short row. Nothing holds on to the array."""
+    kind = types.Array(array.dtype, 2, "C")
+
+    def generate(context, builder, signature, arguments):
+        made = make_array(kind)(context, builder)
+        data = make_array(signature.args[0])(context, builder, arguments[0]).data
+        size = _I64(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        strides = [builder.mul(arguments[2], size), size]
+        populate_array(made, data=data, shape=arguments[1:], strides=strides, itemsize=size, meminfo=None)
+        return made._getvalue()
+
+    return kind(array, types.int64, types.int64), generate
+
+
 def _address_of(typingctx, array):
     """Where an array's first element is."""
 
@@ -195,6 +211,8 @@ consult: Any = intrinsic(_consult)
 #: (address, frames, channels) → the float64 that are there as an array of that shape, in compiled code
 frames_at: Any = intrinsic(_frames_at)
 address_of: Any = intrinsic(_address_of)
+#: (array, rows, columns) → its first elements as an array of that shape, in compiled code
+in_rows: Any = intrinsic(_in_rows)
 #: call the function at an address, compiled for one int64, for four, or for five
 tell: Any = intrinsic(_tell)
 call_back: Any = intrinsic(_call_back)

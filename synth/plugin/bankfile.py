@@ -24,6 +24,7 @@ import hashlib
 import sys
 import zlib
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -481,14 +482,14 @@ def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
         if name not in _SHARED_POINTS:
             memory.add(CORE, array, content=np.zeros_like(array))
     fresh = new_scratch(bank)
-    for array, content in zip(engine._scratch, fresh, strict=True):
+    for array, content in zip(chain(*engine._scratch), chain(fresh, fresh), strict=True):
         memory.add(THREAD, array, content=content)
     return begin, end
 
 
 #: words of the arrays of Shared that are addresses
 _SHARED_POINTS: dict[str, Callable[[np.ndarray], Sequence[int]]] = {
-    "task": lambda task: (layout.WORK_ON, layout.STEP, layout.TOGETHER, layout.OFF_BOARD, layout.HANDLE, layout.VOICES),
+    "task": lambda task: range(layout.WORK_ON, layout.VOICES + 1),
     "model_at": lambda array: range(array.size),
     "string_at": lambda array: range(array.size),
     "excitation": lambda array: range(array.size),
@@ -504,7 +505,7 @@ def _add_tables(memory: Memory, engine: Engine) -> None:
     """All that holds addresses."""
     strings = engine._strings
     thread = engine._thread_table.copy()
-    memory.add(THREAD, engine._thread_table, points=pointers(thread, Scratch), content=thread)
+    memory.add(THREAD, engine._thread_table, points=pointers(thread, Scratch, Scratch), content=thread)
     core = engine._core.copy()
     memory.add(CORE, engine._core, points=pointers(core, *CORE_PARTS), content=core)
     voices = engine._voices.copy()

@@ -130,7 +130,7 @@ def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
     from synth.dsp.body_effect import BODY
     from synth.dsp.delay_effect import DELAY
     from synth.dsp.limiter_effect import LIMITER
-    from synth.engine.advance import make_steps
+    from synth.engine.advance import make_steps, make_steps_of_two
     from synth.engine.board_steps import make_steps_on_boards
     from synth.engine.hands import _respond
     from synth.engine.tasks import _work_on
@@ -141,6 +141,7 @@ def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
 
     effects = [row for each in (BODY, DELAY, LIMITER) for row in ((each.process, 4, False), (each.silent, 1, True))]
     engine: list[Any] = [(each, 4, False) for each in (_work_on, make_steps, work_together, make_steps_on_boards)]
+    engine.append((make_steps_of_two, 5, False))
     engine += [(_respond, 5, False), (decide, 1, False)]
     return [*engine, *effects, (_taped_steps, 4, False), (_taped_together, 4, False), (_portaudio, 6, True), *CALLED]
 

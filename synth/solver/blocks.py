@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.native.views import in_rows
 from synth.solver.certificates import HORIZONS, certify
 from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
@@ -128,13 +129,17 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
 @njit(inline="always")
 def _single_rows(m, w):
     """(ROWS, padded_single(N)) float32 of a model: its own, or made in the Scratch where it has none."""
-    count = padded_single(m.modes)
-    rows = w.single_rows[: ROWS * count].reshape(ROWS, count)
+    if m.single_rows.shape[1] == 0:
+        fill_single_rows(m.rows, in_rows(w.single_rows, ROWS, padded_single(m.modes)))
+    return _rows_in_use(m, w)
+
+
+@njit(inline="always")
+def _rows_in_use(m, w):
+    """The same where it has been made."""
     if m.single_rows.shape[1] > 0:
-        rows = m.single_rows
-    else:
-        fill_single_rows(m.rows, rows)
-    return rows
+        return m.single_rows
+    return in_rows(w.single_rows, ROWS, padded_single(m.modes))
 
 
 @njit(cache=True, nogil=True)
@@ -143,79 +148,134 @@ def press_blocks(model: int, state: int, scratch: int, blocks: int, stride: int)
 
     Returns the number of blocks that touched.
     """
-    m, s = string_model(model), string_state(state)
-    if not m.single:
-        return _press(model, state, scratch, blocks, stride, m.rows, m.shapes, m.weights, s.q, s.v)
-    w = scratch_of(scratch)
-    n = padded_single(m.modes)
-    q, v = w.single_q[:n], w.single_v[:n]
-    take(s.q, s.v, m.modes, q, v)
-    rows = _single_rows(m, w)
-    touched = _press(model, state, scratch, blocks, stride, rows, m.single_shapes, m.single_weights, q, v)
-    give_back(q, v, m.modes, s.q, s.v)
+    _begin_press(model, state, scratch)
+    # literals would have the kernels that are called with them compiled once more
+    before, touched = int(np.int64(_NOTHING)), int(np.int64(0))
+    for t in range(blocks):
+        _pass_modes(model, state, scratch, t * BLOCK, stride, before)
+        before = _solve_block(model, state, scratch, t * BLOCK, stride)
+        touched += 1 if before == _FORCES else 0
+    _end_press(model, state, scratch, blocks * BLOCK, before)
     return touched
+
+
+@njit(cache=True, nogil=True)
+def press_two(
+    model: int, state: int, scratch: int, other_model: int, other_state: int, other_scratch: int, blocks: int, stride: int
+) -> None:
+    """`press_blocks` of two strings side by side: while the contact problems of the one wait for each other, the modes of
+    the other pass. Saves 8 % of the time at 126 modes and 13 % at 50 where every block touches, on a processor of Zen 5."""
+    _begin_press(model, state, scratch)
+    _begin_press(other_model, other_state, other_scratch)
+    before = other_before = int(np.int64(_NOTHING))
+    for t in range(blocks):
+        _pass_modes(model, state, scratch, t * BLOCK, stride, before)
+        _pass_modes(other_model, other_state, other_scratch, t * BLOCK, stride, other_before)
+        before = _solve_block(model, state, scratch, t * BLOCK, stride)
+        other_before = _solve_block(other_model, other_state, other_scratch, t * BLOCK, stride)
+    _end_press(model, state, scratch, blocks * BLOCK, before)
+    _end_press(other_model, other_state, other_scratch, blocks * BLOCK, other_before)
 
 
 @njit(**INNER)
-def _press(model: int, state: int, scratch: int, blocks: int, stride: int, rows, shapes, all_weights, q, v) -> int:
-    """The same with the modes q, v (n,) and what they are multiplied with: rows (ROWS, n), shapes (1, n), weights (P, n)."""
+def _begin_press(model: int, state: int, scratch: int) -> None:
+    """Modes that are float32 go into Scratch."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    n, points, on_q = rows.shape[1], m.points, m.on_q
-    shape, eta, lags = shapes[0], s.eta[0], m.lags[0, 0]
-    weights, out_lags = all_weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
-    out = w.out[: points * stride].reshape(points, stride)
-    u, forces, record, contact_u = w.spare[0], w.forces[0], w.record, w.contact_u
-    touched = 0
-    if blocks == 0:
-        return 0
-    pending = _NOTHING  # what the modes have still to go through of the block before
-    for t in range(blocks):
-        at = t * BLOCK
-        if points == 0:
-            if pending == _NOTHING:
-                project_q(n, rows, q, v, shape, u)
-            elif pending == _FLIGHT:
-                coast_q(n, rows, q, v, shape, u)
-            else:
-                drive_q(n, rows, q, v, shape, forces, shape, u)
-        elif on_q:
-            if pending == _NOTHING:
-                project_qq(n, rows, q, v, shape, weights[0], u, out[0, at:])
-            elif pending == _FLIGHT:
-                coast_qq(n, rows, q, v, shape, weights[0], u, out[0, at:])
-            else:
-                drive_qq(n, rows, q, v, shape, forces, shape, weights[0], u, out[0, at:])
-        elif pending == _NOTHING:
-            project_qv(n, rows, q, v, shape, weights[0], u, out[0, at:])
-        elif pending == _FLIGHT:
-            coast_qv(n, rows, q, v, shape, weights[0], u, out[0, at:])
-        else:
-            drive_qv(n, rows, q, v, shape, forces, shape, weights[0], u, out[0, at:])
-        if points > 1:
-            project_v(n, rows, q, v, weights[1], out[1, at:])
-        if any_below(u, eta):
-            press_sequence(u, eta, lags, forces)
-            for p in range(points):
-                add_forced(out[p, at:], out_lags[p, 0], forces)
-            pending = _FORCES
-            touched += 1
-        else:
-            for k in range(BLOCK):
-                forces[k] = 0.0
-            pending = _FLIGHT
-        for k in range(BLOCK):
-            record[at + k] = forces[k]
-        if contact_u.size > 0:
-            if pending == _FORCES:
-                add_forced(u, lags, forces)
-            for k in range(BLOCK):
-                contact_u[at + k] = u[k]
-    if pending == _FORCES:
-        drive(n, rows, q, v, shape, forces)
+    if m.single:
+        n = padded_single(m.modes)
+        take(s.q, s.v, m.modes, w.single_q[:n], w.single_v[:n])
+        _single_rows(m, w)
+
+
+@njit(**INNER)
+def _pass_modes(model: int, state: int, scratch: int, at: int, stride: int, before: int) -> None:
+    """Modes go through what the block before has left (`before`); the free displacements of the contact over the next one go
+    into Scratch.spare[0], the free outputs into their rows from step `at` on."""
+    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
+    if m.single:
+        rows, shape, weights = _rows_in_use(m, w), m.single_shapes[0], m.single_weights
+        _pass_of(before, at, stride, rows.shape[1], rows, w.single_q, w.single_v, shape, weights, m, w)
     else:
+        _pass_of(before, at, stride, m.rows.shape[1], m.rows, s.q, s.v, m.shapes[0], m.weights, m, w)
+
+
+@njit(inline="always")
+def _pass_of(before: int, at: int, stride: int, n: int, rows, q, v, shape, all_weights, m, w) -> None:
+    """The same with the modes q, v (≥n,) and what they are multiplied with: rows (ROWS, n), shape (n,) of the contact,
+    all_weights (·, n)."""
+    u, forces = w.spare[0], w.record[max(0, at - BLOCK) :]
+    if m.points == 0:
+        if before == _NOTHING:
+            project_q(n, rows, q, v, shape, u)
+        elif before == _FLIGHT:
+            coast_q(n, rows, q, v, shape, u)
+        else:
+            drive_q(n, rows, q, v, shape, forces, shape, u)
+        return
+    weights, out = all_weights[m.first], w.out[at:]
+    if m.on_q:
+        if before == _NOTHING:
+            project_qq(n, rows, q, v, shape, weights, u, out)
+        elif before == _FLIGHT:
+            coast_qq(n, rows, q, v, shape, weights, u, out)
+        else:
+            drive_qq(n, rows, q, v, shape, forces, shape, weights, u, out)
+    elif before == _NOTHING:
+        project_qv(n, rows, q, v, shape, weights, u, out)
+    elif before == _FLIGHT:
+        coast_qv(n, rows, q, v, shape, weights, u, out)
+    else:
+        drive_qv(n, rows, q, v, shape, forces, shape, weights, u, out)
+    if m.points > 1:
+        project_v(n, rows, q, v, all_weights[m.first + 1], w.out[stride + at :])
+
+
+@njit(**INNER)
+def _solve_block(model: int, state: int, scratch: int, at: int, stride: int) -> int:
+    """Forces of the block from step `at` on into Scratch.record, and what they add to the outputs; what the modes have to
+    go through of it."""
+    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
+    u, forces, lags = w.spare[0], w.record[at:], m.lags[0, 0]
+    after = _FLIGHT
+    if any_below(u, s.eta[0]):
+        press_sequence(u, s.eta[0], lags, forces)
+        for p in range(m.points):
+            add_forced(w.out[p * stride + at :], m.out_lags[m.first + p, 0], forces)
+        after = _FORCES
+    else:
+        for k in range(BLOCK):
+            forces[k] = 0.0
+    if w.contact_u.size > 0:
+        if after == _FORCES:
+            add_forced(u, lags, forces)
+        contact_u = w.contact_u[at:]
+        for k in range(BLOCK):
+            contact_u[k] = u[k]
+    return after
+
+
+@njit(**INNER)
+def _end_press(model: int, state: int, scratch: int, steps: int, before: int) -> None:
+    """After so many steps modes go through what the last block has left, and back into the state."""
+    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
+    forces = w.record[max(0, steps - BLOCK) :]
+    if m.single:
+        n = padded_single(m.modes)
+        q, v = w.single_q[:n], w.single_v[:n]
+        _leave(before, n, _rows_in_use(m, w), q, v, m.single_shapes[0], forces)
+        give_back(q, v, m.modes, s.q, s.v)
+    else:
+        _leave(before, m.rows.shape[1], m.rows, s.q, s.v, m.shapes[0], forces)
+    if before != _NOTHING:
+        s.force[0] = forces[BLOCK - 1]
+
+
+@njit(inline="always")
+def _leave(before: int, n: int, rows, q, v, shape, forces) -> None:
+    if before == _FORCES:
+        drive(n, rows, q, v, shape, forces)
+    elif before == _FLIGHT:
         coast(n, rows, q, v)
-    s.force[0] = forces[BLOCK - 1]
-    return touched
 
 
 @njit(inline="always")

@@ -53,6 +53,15 @@ def reach(shape, amplitude) -> float:
     return total
 
 
+@njit(fastmath=FAST, **INNER)
+def least_reach(shape, q) -> float:
+    """Σ |φ_j q_j|, below `reach` of the amplitudes of any free flight that passes q."""
+    total = 0.0
+    for j in range(q.size):
+        total += abs(shape[j] * q[j])
+    return total
+
+
 @njit(cache=True, nogil=True)
 def forget(state: int) -> None:
     """No certificate holds any more: the string or the obstacle was changed from outside."""

@@ -118,6 +118,14 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     place += 2 if kicked else 0
     at_w = [code.data(place + p) for p in range(len(kinds))]
     at_out = [code.data(place + len(kinds) + p) for p in range(len(kinds))]
+
+    def splats(i: int) -> list:
+        """The K numbers of argument i, in every lane."""
+        return [code.splat(code.scalar(code.data(i), k)) for k in range(BLOCK)]
+
+    forces_at = {"drive": 5, "drive listed and one": 9}.get(motion)
+    # a double is made a float, and that one spread, once; a double is read in the loop: from memory it costs no register
+    rounded = {i: splats(i) for i in (forces_at, kicks_at + 1 if kicked else None) if code.single and i is not None}
     before = b.block
     loop = b.append_basic_block("modes")
     b.branch(loop)
@@ -133,10 +141,10 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
         force = _emit_listed_forces(code, j, 4, 5, 6, 7, [code.zero] * BLOCK)
     elif motion == "drive listed and one":
         shape = code.load(code.data(8), j)
-        one = [code.times(shape, code.splat(code.scalar(code.data(9), k))) for k in range(BLOCK)]
+        one = [code.times(shape, x) for x in rounded.get(9) or splats(9)]
         force = _emit_listed_forces(code, j, 4, 5, 6, 7, one)
-    elif motion == "drive":  # read in the loop: a broadcast from memory costs no register
-        force = [code.splat(code.scalar(code.data(5), k)) for k in range(BLOCK)]
+    elif motion == "drive":
+        force = rounded.get(5) or splats(5)
     x, y = code.load(at_q, j), code.load(at_v, j)
     trace = minus_det = None
     if kinds or force or kicked:
@@ -151,7 +159,7 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
             for i, (early, late) in enumerate(((KQ, KQ_LATE), (KV, KV_LATE))):
                 ahead[i] = code.fma(code.load(at[early], j), newer, code.fma(code.load(at[late], j), older, ahead[i]))
         if kicked:
-            kicks = [code.splat(code.scalar(code.data(kicks_at + 1), k)) for k in range(BLOCK)]
+            kicks = rounded.get(kicks_at + 1) or splats(kicks_at + 1)
             shape = code.load(code.data(kicks_at), j)
             older, newer = (code.times(shape, x) for x in _emit_horner(code, trace, minus_det, kicks))
             ahead[0] = code.fma(code.load(at[P12], j), newer, ahead[0])

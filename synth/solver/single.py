@@ -48,9 +48,11 @@ def round_into(x, count: int, out) -> None:
 @njit(**INNER)
 def take(q, v, count: int, single_q, single_v) -> None:
     """The first `count` modes (N,) as float32, zero behind them."""
-    for j in range(single_q.size):
-        single_q[j] = q[j] if j < count else 0.0
-        single_v[j] = v[j] if j < count else 0.0
+    for j in range(count):
+        single_q[j] = q[j]
+        single_v[j] = v[j]
+    for j in range(count, single_q.size):
+        single_q[j] = single_v[j] = 0.0
 
 
 @njit(**INNER)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.solver.blocks import advance_blocks, fly_modes, press_blocks
+from synth.solver.blocks import advance_blocks, fly_modes, press_blocks, press_two
 from synth.solver.by_law import by_law
 from synth.solver.certificates import forget
 from synth.solver.fingers import advance_under_finger
@@ -24,7 +24,7 @@ def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> in
     that is on goes along Scratch.path. placed: whether laws of velocities read the contacts' places off the modes before
     they step (where strings are changed from outside); else these are carried along, as the laws are printed.
     """
-    m, s = string_model(model), string_state(state)
+    m = string_model(model)
     blocks = steps // BLOCK
     if not _flies(model, state) and (m.step != 0 or m.layers.shape[1] != 0 or m.lags.shape[0] != m.shapes.shape[0]):
         blocks = 0
@@ -32,19 +32,43 @@ def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> in
     if blocks > 0:
         status = _whole_blocks(model, state, scratch, blocks, steps, placed)
     if blocks * BLOCK < steps:
-        w = scratch_of(scratch)
-        if not s.counts[FREE]:
-            s.counts[MOVING] = m.modes
-        for c in range(m.shapes.shape[0]):
-            w.watch[c] = 0 if s.counts[FREE] else 1
-            w.active[c] = 1 if s.force[c] > 0.0 else 0
-        if placed:
-            place_contacts(model, state, s.counts[MOVING])
-        bad = step_by_step(model, state, scratch, blocks * BLOCK, blocks * BLOCK, steps - blocks * BLOCK)
+        bad = _remainder(model, state, scratch, blocks * BLOCK, steps - blocks * BLOCK, placed)
         if bad != SOLVED:
             status = bad
-        s.counts[CERTAIN] = 0
     return status
+
+
+@njit(cache=True, nogil=True)
+def _remainder(model: int, state: int, scratch: int, done: int, steps: int, placed: int) -> int:
+    """So many steps, one by one, behind those that are done in blocks."""
+    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
+    if not s.counts[FREE]:
+        s.counts[MOVING] = m.modes
+    for c in range(m.shapes.shape[0]):
+        w.watch[c] = 0 if s.counts[FREE] else 1
+        w.active[c] = 1 if s.force[c] > 0.0 else 0
+    if placed:
+        place_contacts(model, state, s.counts[MOVING])
+    status = step_by_step(model, state, scratch, done, done, steps)
+    s.counts[CERTAIN] = 0
+    return status
+
+
+@njit(cache=True, nogil=True)
+def advance_two(
+    model: int, state: int, scratch: int, other_model: int, other_state: int, other_scratch: int, blocks: int
+) -> None:
+    """So many blocks of steps of two strings that both `press`, to the bit what `advance` makes of each."""
+    press_two(model, state, scratch, other_model, other_state, other_scratch, blocks, blocks * BLOCK)
+
+
+@njit(**INNER)
+def presses(model: int, state: int) -> bool:
+    """Whether `advance` takes whole blocks by `press_blocks`: exact-hold over one contact that may be touched, no finger."""
+    m, s = string_model(model), string_state(state)
+    known = m.law == EXACT_HOLD and m.step == 0 and m.layers.shape[1] == 0
+    alone = m.shapes.shape[0] == 1 and m.lags.shape[0] == 1 and s.finger[0].on == 0 and s.counts[FREE] == 0
+    return known and alone and m.on_q <= 1 and m.points - m.on_q <= 1
 
 
 @njit(cache=True, nogil=True)
@@ -68,12 +92,12 @@ def _flies(model: int, state: int) -> bool:
 def _whole_blocks(model: int, state: int, scratch: int, blocks: int, stride: int, placed: int) -> int:
     """The first blocks of rows of `stride` steps."""
     m, s = string_model(model), string_state(state)
-    contacts, hold, fingered = m.shapes.shape[0], m.law == EXACT_HOLD, s.finger[0].on != 0
+    hold, fingered = m.law == EXACT_HOLD, s.finger[0].on != 0
     if _flies(model, state):
         out = scratch_of(scratch).out[: m.points * stride].reshape(m.points, stride)
         fly_modes(model, scratch, s.q, s.v, s.counts[MOVING], blocks, out)
         return SOLVED
-    if contacts == 1 and hold and not fingered and m.on_q <= 1 and m.points - m.on_q <= 1:
+    if presses(model, state):
         press_blocks(model, state, scratch, blocks, stride)
         return SOLVED
     if placed and not hold:

@@ -6,8 +6,9 @@ from typing import Any
 
 from numba import njit
 
-#: an inner kernel, called by kernels only: without the wrapper for Python, up to a second for what takes many arrays
-INNER: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True}
+#: an inner kernel, called by kernels only: without the wrapper for Python, up to a second for what takes many arrays; and
+#: without counting references to arrays, of which it makes none: a call for each one, and for each part of one
+INNER: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True, "_nrt": False}
 #: sums may be reordered and contracted (vectorised, FMA); NaN and infinity keep their meaning.
 FAST = {"reassoc", "contract", "nsz"}
 
@@ -19,6 +20,16 @@ def dot(a, b) -> float:
     for j in range(b.size):
         total += a[j] * b[j]
     return total
+
+
+@njit(fastmath=FAST, **INNER)
+def squares(a, b) -> tuple[float, float]:
+    """Σ a_j² and Σ b_j² over b's length."""
+    first, second = 0.0, 0.0
+    for j in range(b.size):
+        first += a[j] * a[j]
+        second += b[j] * b[j]
+    return first, second
 
 
 @njit(**INNER)

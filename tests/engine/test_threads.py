@@ -15,7 +15,7 @@ from synth.engine import layout, team
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from tests.patience import compiling_s
 
-from .kit import BRIDGE, FREE, NECK, RATE_HZ, engine, play, preset, random_events, steel
+from .kit import BRIDGE, BRIDGE_OBSTACLE, FORCE, FREE, NECK, RATE_HZ, engine, play, preset, random_events, steel
 
 FRAMES = 16000
 
@@ -66,16 +66,37 @@ def test_threads_change_no_bit():
         made.close()
 
 
+def test_strings_side_by_side_change_no_bit():
+    """Two strings that only press are advanced in one kernel where they may be: the samples are those of each by itself."""
+    notes = [("G2", "a"), ("C3", "b"), ("C3", "c"), ("G2", "d"), ("E3", "e")]
+    five = preset(
+        "five", "".join(steel(*each) for each in notes), obstacle=BRIDGE_OBSTACLE, output=FORCE, damping="ring_on = true"
+    )
+    rng = np.random.default_rng(5)
+    for quality in ("standard", "fine"):
+        made = engine(five, quality=quality, limiter=True)
+        for events in (random_events(rng, 80, FRAMES - 2000, 1, (43, 53)), [(0, NOTE_ON, 0, n, 90) for n in (43, 48, 48)]):
+            runs = []
+            for beside in (True, False):
+                made.reset()
+                steps = int(made._shared.task[layout.OFF_BOARD])
+                if not beside:  # as where others make the steps
+                    made._shared.task[layout.OFF_BOARD] = 0
+                runs.append((play(made, events, FRAMES, 256), made.report()))
+                made._shared.task[layout.OFF_BOARD] = steps
+            assert runs[0][0].any() and np.array_equal(runs[0][0], runs[1][0]) and runs[0][1] == runs[1][1]
+
+
 def test_workers_take_part():
     """Of many strings at work for a while at least one is advanced by the other thread, which sets its own work arrays."""
     eight = preset("eight", "".join(steel("G2", str(k)) for k in range(8)), polyphony=8)
     made = engine(eight, threads=2)
-    made._worker_scratch[0].out[:] = np.nan
+    made._worker_scratch[0][0].out[:] = np.nan
     for _ in range(50):
         play(made, [(k, NOTE_ON, 0, 43, 100) for k in range(8)], 44100, 4096)
-        if np.isfinite(made._worker_scratch[0].out).any():
+        if np.isfinite(made._worker_scratch[0][0].out).any():
             break
-    assert np.isfinite(made._worker_scratch[0].out).any()
+    assert np.isfinite(made._worker_scratch[0][0].out).any()
     made.close()
 
 

@@ -7,17 +7,19 @@ import sys
 
 import numpy as np
 import pytest
+from numba import njit
 
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
 from synth.research.case import read_case
 from synth.research.scene import Scene as CaseScene
 from synth.solver import driver
-from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
+from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks, press_two
+from synth.solver.certificates import amplitudes, least_reach, reach
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.stepwise import advance_free, one_by_one
-from synth.solver.stringmodel import Strung, make_string
+from synth.solver.stringmodel import Strung, in_single, make_string
 from tests.oracles.plain import advance_one
 from tests.patience import compiling_s, patience_s
 
@@ -181,6 +183,73 @@ def test_kernels_of_the_engine(use, eta):
         same(string.v, b, 1e-11, "v")
         for got, want in zip(string.out(steps), [expected["qv".index(kind)] for kind in use], strict=True):
             same(got, want, 1e-11, "output")
+
+
+def _pressing(seed: int, single: bool, steps: int) -> Strung:
+    """A random string over one contact with a random kind of output, its modes in float32 or not."""
+    rng = np.random.default_rng([seed, 9])
+    scene = Scene(seed, EXACT_HOLD, 1, modes=int(rng.integers(3, 150)))
+    outputs = int(rng.integers(3))
+    string = scene.strung(steps, outputs=outputs, on_q=int(rng.integers(2)) if outputs < 2 else 1)
+    model = in_single(string.model) if single else string.model
+    return Strung(model, scene.q, scene.v, steps, watched=bool(rng.integers(2)))
+
+
+def _answers(string: Strung, steps: int) -> list[np.ndarray]:
+    """All that steps have given, and where they have brought the string."""
+    state, watched = string.state, string.scratch.contact_u.size > 0
+    given = [string.out(steps), string.forces(steps), string.contact_u(steps) if watched else string.forces(steps)]
+    return [each.copy() for each in (string.q, string.v, state.q, state.v, state.force, *given)]
+
+
+def test_two_strings_side_by_side_are_each_as_alone():
+    """`press_two` gives what `press_blocks` gives of each, to the bit, whatever the two have in common."""
+    touched = 0
+    for seed in range(300):
+        blocks = 1 + seed % 7
+        steps = blocks * BLOCK
+        kinds = [(2 * seed, seed % 4 > 1), (2 * seed + 1, seed % 2 > 0)]
+        alone = [_pressing(*kind, steps) for kind in kinds]
+        beside = [_pressing(*kind, steps) for kind in kinds]
+        touched += sum(press_blocks(*each.addresses, blocks, steps) > 0 for each in alone)
+        press_two(*beside[0].addresses, *beside[1].addresses, blocks, steps)
+        for one, other in zip(alone, beside, strict=True):
+            for a, b in zip(_answers(one, steps), _answers(other, steps), strict=True):
+                np.testing.assert_array_equal(a, b)
+    assert touched > 150
+
+
+def test_a_stretch_of_blocks_is_as_its_pieces():
+    """Several calls of `press_blocks` in a row give what one call gives, to the bit."""
+    for seed in range(100):
+        blocks = 8
+        whole, pieces = (_pressing(seed, seed % 2 > 0, blocks * BLOCK) for _ in range(2))
+        press_blocks(*whole.addresses, blocks, blocks * BLOCK)
+        outputs = []
+        for count in (1, 3, 4):
+            press_blocks(*pieces.addresses, count, count * BLOCK)
+            outputs.append(pieces.out(count * BLOCK).copy())
+        np.testing.assert_array_equal(np.concatenate(outputs, axis=1), whole.out(blocks * BLOCK))
+        for a, b in zip(_answers(whole, 0), _answers(pieces, 0), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_least_reach_is_below_the_reach_of_any_flight():
+    for seed in range(200):
+        scene = Scene(seed, EXACT_HOLD, 1, modes=1 + seed)
+        amplitude = np.empty(scene.q.size)
+        sigma = np.random.default_rng(seed).uniform(0.0, 3.0) * scene.omega  # overdamped, too
+        amplitudes(scene.omega, sigma, scene.q, scene.v, amplitude)
+        shape = np.ascontiguousarray(scene.shapes[0])
+        least = least_reach_of(shape, scene.q)
+        assert abs(shape @ scene.q) <= least * (1.0 + 1e-14)
+        assert least <= reach(shape, amplitude) * (1.0 + 1e-14)
+
+
+@njit
+def least_reach_of(shape, q):
+    """`least_reach`, for Python."""
+    return least_reach(shape, q)
 
 
 def test_no_block_and_no_step():
