@@ -462,11 +462,13 @@ def _fly_body(c) -> tuple[float, float, float]:
 
 @njit(fastmath=FAST, **INNER)
 def _push_body(c, force, per_frame: float) -> None:
-    """The body's modes under a force of the bridge (D,) held over the frame; their mean acceleration into body_free[1]."""
+    """The body's modes under a force of the bridge (D,) held over the frame; their mean acceleration into body_free[1], what
+    each is pushed with into body_free[2]."""
     free, body, p, p_speed, shape = c.body_free, c.body, c.p, c.p_speed, c.shape
     x, y, z = force
     for j in range(p.size):
         push = x * shape[0, j] + y * shape[1, j] + z * shape[2, j]
+        free[2, j] = push
         speed = free[1, j] + body[5, j] * push
         p[j] = free[0, j] + body[4, j] * push
         free[1, j] = (speed - p_speed[j]) * per_frame
