@@ -117,7 +117,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             else:
                 clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
-            if e.clearance.size >= c.culled_from and runs_out(coupling, line, frames):
+            if string_model(c.line_model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
                 look_everywhere(c.line_end[line])
         e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and may_cull(coupling, line) else NEVER
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
