@@ -2,8 +2,9 @@
 
 In a block of K frames the lines that touch nothing pass over their modes once, as in free flight, and so do those that are
 certain to stay clear of their contacts for the block; those whose contacts or finger are looked at take r passes of K
-steps, r a line's own. A pass gives what the modes would do if the bridge kept its
-speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is decided on D numbers:
+steps, r a line's own, without the contacts that are out of reach (`line_culling`). A pass gives what the modes would do if
+the bridge kept its speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is
+decided on D numbers:
 
     Δβ = (I + ΓA/H)⁻¹ (β_free − β + Γ (F₀ + J(V))),
 
