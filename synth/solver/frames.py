@@ -2,8 +2,9 @@
 
 In a block of K frames the lines that touch nothing pass over their modes once, as in free flight, and so do those that are
 certain to stay clear of their contacts for the block; those whose contacts or finger are looked at take r passes of K
-steps, r a line's own. A pass gives what the modes would do if the bridge kept its
-speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is decided on D numbers:
+steps, r a line's own, without the contacts that are out of reach (`line_culling`). A pass gives what the modes would do if
+the bridge kept its speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is
+decided on D numbers:
 
     Δβ = (I + ΓA/H)⁻¹ (β_free − β + Γ (F₀ + J(V))),
 
@@ -121,7 +122,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             else:
                 clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
-            if e.clearance.size >= c.culled_from and runs_out(coupling, line, frames):
+            if string_model(c.line_model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
                 look_everywhere(c.line_end[line])
         e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and may_cull(coupling, line) else NEVER
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER

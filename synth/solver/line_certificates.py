@@ -162,7 +162,7 @@ def runs_out(coupling: int, line: int, frames: int) -> bool:
     if s.finger[0].on == 0 or e.counts[CERTIFIED] == 0:
         return False
     strength = _RESERVE * abs(s.finger[0].push) * (frames * c.steps[line])
-    for k in range(e.clearance.size):
+    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
         if e.clearance[k] > 0.0 and e.clearance[k] < s.grip_far[k] * strength:
             return True
     return False

@@ -49,7 +49,7 @@ def may_cull(coupling: int, line: int) -> bool:
         return False
     e = end_at(c.line_end[line])
     several = 0
-    for k in range(e.clearance.size):
+    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
         several += 1 if e.clearance[k] <= 0.0 else 0
     return several >= c.culled_from
 
@@ -85,7 +85,7 @@ def _left_after(c, line: int, moved, height: float) -> int:
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     q, near = s.q[: moved.size], 0
     reserve = _RESERVE * e.numbers[LATELY]
-    for k in range(e.left.size):
+    for k in range(m.shapes.shape[0]):
         e.left[k] = 0.0
         if e.clearance[k] <= 0.0:
             shape, here, furthest = m.shapes[k, : moved.size], 0.0, 0.0
@@ -106,7 +106,7 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
     contacts pushed as they have from step `first` of the block on. End.known has it where something is used up."""
     c = coupling_at(coupling)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    steps, contacts, strength = c.steps[line], e.left.size, 0.0
+    steps, contacts, strength = c.steps[line], m.shapes.shape[0], 0.0
     if s.finger[0].on != 0:
         for t in range(first, first + steps):
             strength += abs(e.forces[contacts, t] - e.answer[FINGERS_PUSH])
