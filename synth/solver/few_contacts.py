@@ -16,13 +16,16 @@ from numba import njit
 from synth.solver.coupling import FEW, NEAR, OF_SETS, SETS, end_at
 from synth.solver.due_responses import fill_due
 from synth.solver.lanes import BLOCK
-from synth.solver.lcp import DEPENDENT, FEASIBILITY, NOT_SOLVED, SOLVED
+from synth.solver.lcp import FEASIBILITY, NOT_SOLVED, SOLVED
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import INNER
 
 #: sets that are tried with all that is wrong changing sides at once, and then with the first of it alone, which always ends
 _AT_ONCE = 4
 _MOST_TRIED = 40
+#: of a contact's diagonal entry, what is left of it beside the others of its set: of sets with less, whose inverse loses too
+#: many digits where a factor would not, no table is made
+_LEAST_LEFT = 1e-4
 #: rows of End.sides: gaps without forces, their slopes, what the set makes of both
 _GAPS, _MOVES, _ANSWERS, _CHANGES = range(4)
 
@@ -45,7 +48,7 @@ def note_matrix(model: int, end: int) -> None:
 
 @njit(**INNER)
 def _fill_table(end: int, held: int) -> bool:
-    """The table of a set, bit i of `held` for contact i; whether its contacts are independent.
+    """The table of a set, bit i of `held` for contact i; whether its contacts are independent enough.
 
     Each contact of it is swept (Beaton 1964): the matrix, P swept, is −A_PP⁻¹, A_NP A_PP⁻¹ and what is left of A_NN.
     """
@@ -57,7 +60,7 @@ def _fill_table(end: int, held: int) -> bool:
     for p in range(several):
         if held >> p & 1:
             left = table[p, p]
-            if left <= DEPENDENT * e.matrix[p * several + p]:
+            if left <= _LEAST_LEFT * e.matrix[p * several + p]:
                 return False
             for i in range(several):
                 for k in range(several):
