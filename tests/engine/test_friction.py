@@ -58,7 +58,7 @@ def test_nothing_but_a_hand_gives_energy(instrument: Preset) -> None:
 
 def second_direction_after(instrument: Preset, note: int) -> float:
     """Energy of the first string's second direction a second after a hard pluck, mass left out [m²/s²]."""
-    made: Engine = engine(instrument)
+    made: Engine = engine(instrument, precision="float64")
     play(made, [(0, NOTE_ON, 0, note, 127)], 44100)
     q, v = state_of(made, 1)
     omega = made._strings.models[made._state.sounding["model"][1]].omega[: q.size]
