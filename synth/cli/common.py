@@ -163,7 +163,7 @@ def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     group.add_argument(
         "--precision",
         choices=PRECISIONS,
-        help="precision of the modes of strings with rigid ends (default: float32 at draft and standard, otherwise float64)",
+        help="precision of the strings' modes (default: float32 at draft and standard, otherwise float64)",
     )
     group.add_argument(
         "--internal-rate",

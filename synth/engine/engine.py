@@ -95,8 +95,8 @@ class Engine:
     note_hz      (128,) frequencies that replace the presets' equal temperament
     bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
                  all, id, value at 0, value at 127), None for the parameter's own range
-    precision    "float64", or "float32" where strings can have their modes so (on rigid ends, not over boards); None: as
-                 planned for the quality (`plan.planned_precision`)
+    precision    "float64", or "float32" where strings can have their modes so (not over boards, and on a shared body only
+                 while they touch nothing); None: as planned for the quality (`plan.planned_precision`)
     only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
                  every_fret what else can be played on the others. No effect on the sound of those notes
     mix_effects  effects of the mix, in this order before the limiter: tables as in presets
@@ -333,8 +333,9 @@ class Engine:
 
     @property
     def has_single(self) -> bool:
-        """Whether any of its strings has its modes in float32: those on rigid ends, where `precision` says so."""
-        return any(model.single for model in self._strings.models)
+        """Whether any of its strings has its modes in float32: not those over boards, and where `precision` says so."""
+        alone = any(model.single for model in self._strings.models)
+        return alone or any(each.single for each in self._strings.bridges.couplings)
 
     def reset(self, seed: int | None = None) -> None:
         """Silence, controllers at their power-up values, counters at zero. seed: from now on the engine's; None: as before.
