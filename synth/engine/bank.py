@@ -75,7 +75,8 @@ class Built(NamedTuple):
     flights: list[StringModel]
     bodies: list[SharedBody]
     boards: list[LaidBoard]
-    single: bool  # whether modes may be float32 (`solver.single`)
+    single: bool  # whether modes may be float32 (`solver.single`) …
+    frame_s: float  # … over a frame of the output, if all lose enough in it
 
 
 class _Lists:
@@ -402,7 +403,7 @@ def build_bank(
     np.concatenate([np.zeros(0), *lists.taps], out=bank.taps)
     np.concatenate([np.zeros(0), *lists.leverage], out=bank.leverage)
     np.concatenate([np.zeros(0), *lists.settled], out=bank.settled)
-    return Built(bank, lists.compiled, lists.flights, lists.bodies, lists.boards, single)
+    return Built(bank, lists.compiled, lists.flights, lists.bodies, lists.boards, single, 1.0 / rate_hz)
 
 
 def default_parameters(parts: Sequence[CompiledPart]) -> np.ndarray:
@@ -496,7 +497,8 @@ class Strings:
             for variant, model in ((layout.PLAIN, models[m]), (layout.ALTERED, altered), (layout.FLIGHT, built.flights[m])):
                 self._models[m, variant] = table(model)
         self._states = [table(state) for state in self.states.items]
-        self.bridges = Bridges(built.bank, built.bodies, built.single)
+        single = [built.single and keeps_losses(model.sigma[: model.modes], built.frame_s) for model in models]
+        self.bridges = Bridges(built.bank, built.bodies, single)
         self.boards = Boards(built.bank, built.boards)
 
     def point(self, shared: Shared) -> None:

@@ -46,25 +46,28 @@ class Bridges:
     ends        Pool of End, by place in `strings`
     """
 
-    def __init__(self, bank: Bank, bodies: Sequence[SharedBody], single: bool) -> None:
-        """single: whether strings that touch nothing hold their modes in float32 from one control period to the next."""
+    def __init__(self, bank: Bank, bodies: Sequence[SharedBody], single: Sequence[bool]) -> None:
+        """single: of each model, whether its modes may be float32 over frames. Where all of an instrument may, those of its
+        strings that touch nothing are, from one control period to the next."""
         self.strings: list[int] = []
         self._of_body: list[range] = []
+        self._single: list[bool] = []
         sizes = []
         for shared in bodies:
             instrument = bank.instruments[shared.instrument]
             mine = range(int(instrument["first_string"]), int(instrument["end_string"]))
             self._of_body.append(mine)
+            self._single.append(all(single[int(m)] for m in np.flatnonzero(np.isin(bank.models["string"], mine))))
             for s in mine:
                 own = bank.models[bank.models["string"] == s]
                 path = QUANTUM * MOST_STEPS + 1
                 modes, contacts = padded(int(own["n"].max())), int(own["contacts"].max())
-                singles = padded_single(modes) if single else 0
+                singles = padded_single(modes) if self._single[-1] else 0
                 sizes.append(COUPLING_SIZES | {"modes": modes, "singles": singles, "contacts": contacts, "path": path})
                 self.strings.append(s)
         self.ends = Pool(End, sizes)
         self.couplings = []
-        for shared, mine in zip(bodies, self._of_body, strict=True):
+        for shared, mine, single_too in zip(bodies, self._of_body, self._single, strict=True):
             body, lines = shared.body, len(mine)
             soft = int(bank.models["layered"].any())
             rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
@@ -75,7 +78,7 @@ class Bridges:
                     Coupling,
                     COUPLING_SIZES | extents,
                     frame=body.frame_s,
-                    single=int(single),
+                    single=int(single_too),
                     culled_from=CULLED_FROM,
                     steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
                     direction=in_components(body.direction, 1),

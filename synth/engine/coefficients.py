@@ -12,13 +12,12 @@ from synth.engine.ends import on_bridge
 from synth.engine.hand_damping import damping
 from synth.engine.layout import CORE, PLAIN
 from synth.engine.on_board import stop_on_board
-from synth.solver.due_responses import put_off
+from synth.solver.due_responses import fill_step, put_off
 from synth.solver.fingers import fill_grip
-from synth.solver.laws import EXACT_HOLD, contact_matrix
+from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import settle
 from synth.solver.lcp import SOLVED
-from synth.solver.quick_coefficients import quick_coefficients
-from synth.solver.responses import fill_lags, fill_rows
+from synth.solver.responses import fill_lags
 from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, string_model
 
 
@@ -63,19 +62,10 @@ def _alter(core: int, thread: int, s: int) -> None:
         return
     for j in range(n):
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
-    rows = own.rows
-    rows[:6, n:] = 0.0
-    quick_coefficients(plain.law, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
-    fill_rows(rows)
+    fill_step(model_address(core, s), scratch.sigma, 1.0 / (bend_ratio * bend_ratio) - 1.0)
     if c == 0:
         return
-    residual, matrix = plain.residual, own.matrix
-    contact_matrix(plain.law, rows, plain.shapes, residual, matrix)
-    if plain.law == EXACT_HOLD:  # the residual compliance goes with 1/T
-        relief = 1.0 / (bend_ratio * bend_ratio) - 1.0
-        for a in range(c):
-            for b in range(c):
-                matrix[a, b] += relief * residual[a, b]
+    rows, matrix = own.rows, own.matrix
     if plain.law == EXACT_HOLD and c > 1:
         put_off(model_address(core, s), shared_of(core).string_at[s])
         return

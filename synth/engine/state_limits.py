@@ -25,7 +25,7 @@ from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
 from synth.solver.board_table import SPEAKING
 from synth.solver.certificates import FOR_EVER
-from synth.solver.coupling import DUE, FAR, SEVERAL
+from synth.solver.coupling import APART_MODES, DUE, FAR, FELT_MODES, HEARD_MODES, RATIO, REACH_OF, SEVERAL
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_tables import ALL_DUE, READY, TABLES_DUE
@@ -279,8 +279,8 @@ def _of_strings(
     of_state = {name.removeprefix("string."): places for name, places in flat.items()}
     of_own = {name.removeprefix("own."): places for name, places in flat.items()}
     first, last = own_models(bank)
-    ends = zip(strings.bridges.strings, _counts_of_ends(strings, arrays), strict=True)
-    filled = {s: (Where(here.of("end.counts", "", counts[DUE]), READY, TABLES_DUE),) for s, counts in ends}
+    ends = zip(strings.bridges.strings, _places_of_ends(strings, arrays), strict=True)
+    filled = {s: (Where(here.of("end.counts", "", counts[DUE]), READY, TABLES_DUE),) for s, (counts, _) in ends}
     for s in range(bank.strings.size):
         mine = strings.states.item(s, of_state)
         own = strings.coefficients.item(s, of_own)
@@ -318,12 +318,13 @@ def _of_strings(
     yield from here.all_of("string.finger", ("on", 0, 1), ("stiffness", 0.0, MOST), ("resistance", 0.0, MOST))
 
 
-def _counts_of_ends(strings: Strings, arrays: Mapping[str, np.ndarray]) -> Iterator[np.ndarray]:
-    """Places of the counts of every end, in the order of the strings that end on a bridge."""
+def _places_of_ends(strings: Strings, arrays: Mapping[str, np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Places of the counts and of the numbers of every end, in the order of the strings that end on a bridge."""
     flat = {name.removeprefix("end."): np.arange(array.size) for name, array in arrays.items() if name.startswith("end.")}
     flat |= {name: np.arange(array.size) for name, array in strings.bridges.room.items()}
     for place in range(len(strings.bridges.strings)):
-        yield strings.bridges.ends.item(place, flat).counts
+        end = strings.bridges.ends.item(place, flat)
+        yield end.counts, end.numbers
 
 
 def _of_own(
@@ -361,7 +362,7 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
             yield Limit(across, 0, 0, above=first, below=first, said=said)
             own = here.of("sounding", "idle", s)
             yield Limit(own, 0, 0, above=across, below=across, said="{label} is {value}, but this second direction is awake")
-    for s, counts in zip(strings.bridges.strings, _counts_of_ends(strings, arrays), strict=True):
+    for s, (counts, numbers) in zip(strings.bridges.strings, _places_of_ends(strings, arrays), strict=True):
         models = bank.models[bank.models["string"] == s]
         contacts = models["contacts"].max()
         n = models["n"].max()
@@ -383,6 +384,12 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
         )
         least = np.array([0, 0, 0, 0, 0, -1, FAR, READY, 0, 0, 0, 0])
         yield Limit(here.of("end.counts", "", counts), least, most)
+        known = (Where(here.of("end.counts", "", counts[REACH_OF]), 1, int(bank.models.size)),)
+        said = f"{{label}} of string {s}, which has been advanced, must be at least {{low}}, got {{value}}"
+        for place in (APART_MODES, FELT_MODES, HEARD_MODES):
+            yield Limit(here.of("end.counts", "", counts[place]), 1, int(n), where=known, said=said)
+        ratio = (2.0 ** (-MOST_BEND / 12.0) - _ROUNDING, 2.0 ** (MOST_BEND / 12.0) * (1.0 + _ROUNDING))
+        yield Limit(here.of("end.numbers", "", numbers[RATIO]), *ratio, where=known, said=said)
         # such strings go by whole frames, and so do their fingers: what is left of one could not be gone through otherwise
         fingered = (Where(here.of("sounding", "phase", s), NO_FINGER + 1, layout.TOUCHED),)
         frame, said = int(bank.strings["factor"][s]), "{label} is {value}, which is not a whole number of frames"

@@ -265,8 +265,9 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     if end_speed != 0.0:
         add_end_speed(core, s, -end_speed)
     _forget_forces(core, s)
-    if on_bridge(core, s):
+    if on_bridge(core, s):  # the projection moves all modes
         look_everywhere(shared_of(core).end_at[s])
+        end_at(shared_of(core).end_at[s]).counts[RESTING] = 0
     string.counts[MOVING] = new.n
     me.phase = NO_FINGER
     me.stale = 1

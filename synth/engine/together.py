@@ -41,7 +41,18 @@ from synth.engine.layout import (
 from synth.engine.output import BASE_S
 from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
-from synth.solver.coupling import ENGAGED, FELT_MODES, LEAST, RESTING, SPENT, coupling_at, end_at, gather_lines
+from synth.solver.coupling import (
+    APART_MODES,
+    ENGAGED,
+    FELT_MODES,
+    LEAST,
+    REACH_OF,
+    RESTING,
+    SPENT,
+    coupling_at,
+    end_at,
+    gather_lines,
+)
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import CLEAR_ENOUGH, certify_line
@@ -131,7 +142,8 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
         if n > felt:
             above = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, felt, n)
             me.level += above
-            if above < REST_BELOW and end.counts[ENGAGED] == 0 and me.phase == NO_FINGER and me.lift == 0.0:
+            apart = end.counts[ENGAGED] == 0 and me.phase == NO_FINGER and end.counts[REACH_OF] == me.model + 1
+            if above < REST_BELOW and apart and me.lift == 0.0:
                 end.counts[RESTING] = 1
                 me.stale = 1
         loudest += me.level
@@ -208,7 +220,10 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
         for s in range(instrument.first_string, instrument.end_string):
             me = state.sounding[s]
             engaged = end_at(shared.end_at[s]).counts[ENGAGED]
-            me.mode_steps += model_of(core, s).modes * count * (bank.strings[s].factor if engaged else 1)
+            modes = (
+                model_of(core, s).modes * bank.strings[s].factor if engaged else end_at(shared.end_at[s]).counts[APART_MODES]
+            )
+            me.mode_steps += modes * count
             if bank.strings[s].of_first:
                 if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
                     me.phase = NO_FINGER  # the first direction, just before, has decided for both

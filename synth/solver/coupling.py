@@ -47,10 +47,10 @@ KEPT_BY_THE_REST = 0.9
 #: kicks since End.bound, and in the last block; what it may lessen them by in this one; KICK_REACH of the model as compiled;
 #: share of the contacts' residual compliance that a bend has added to it; least clearance of a contact that is certified;
 #: the furthest that free flight could ever move a contact when the line was certified [m]; the ratio of its bend, and how
-#: far its obstacle was raised [m], when it was last refreshed
+#: far its obstacle was raised [m], when it was last refreshed; what kicks have lessened clearances by in the last block
 TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK = range(9)
-PLAIN_REACH, RELIEF, LEAST, EVER, RATIO, RAISED = range(9, 15)
-N_NUMBERS = 15
+PLAIN_REACH, RELIEF, LEAST, EVER, RATIO, RAISED, LATELY_RISEN = range(9, 16)
+N_NUMBERS = 16
 #: places in End.counts: whether its contacts and finger count; contacts that are looked at; whether End.kept is of this
 #: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
 #: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
@@ -175,7 +175,7 @@ class Coupling(NamedTuple):
     touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
     pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
-    small: Annotated[np.ndarray, f8("8, components")]
+    small: Annotated[np.ndarray, f8("6, components")]
     jacobian: Annotated[np.ndarray, f8("components, components")]
     newton: Annotated[np.ndarray, f8("components, components")]
     body_free: Annotated[np.ndarray, f8("3, body")]

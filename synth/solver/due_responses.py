@@ -14,10 +14,30 @@ import numpy as np
 from numba import njit
 
 from synth.solver.lanes import BLOCK, KQ, KV
-from synth.solver.laws import EXACT_HOLD
-from synth.solver.responses import fill_response
+from synth.solver.laws import EXACT_HOLD, contact_matrix
+from synth.solver.quick_coefficients import quick_coefficients
+from synth.solver.responses import fill_response, fill_rows
 from synth.solver.stringmodel import scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
+
+
+@njit(**INNER)
+def fill_step(model: int, sigma, relief: float) -> None:
+    """Coefficients of a step and the contacts' matrix of a string that is bent or damped, from its own ω and these σ (≥N,)
+    [1/s]; relief: share of the residual compliance, which goes with 1/T, that a bend has added."""
+    m = string_model(model)
+    n, rows, matrix = m.modes, m.rows, m.matrix
+    rows[:6, n:] = 0.0
+    quick_coefficients(m.law, m.omega[:n], sigma[:n], m.mu, m.dt, rows)
+    fill_rows(rows)
+    contacts = m.shapes.shape[0]
+    if contacts == 0:
+        return
+    contact_matrix(m.law, rows, m.shapes, m.residual, matrix)
+    if m.law == EXACT_HOLD:
+        for a in range(contacts):
+            for b in range(contacts):
+                matrix[a, b] += relief * m.residual[a, b]
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,7 @@ In a block of K frames the lines that touch nothing pass over their modes once, 
 certain to stay clear of their contacts for the block; those whose contacts or finger are looked at take r passes of K
 steps, r a line's own, without the contacts that are out of reach (`line_culling`). A pass gives what the modes would do if
 the bridge kept its speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is
-decided on D numbers:
+decided on D = COMPONENTS numbers:
 
     Δβ = (I + ΓA/H)⁻¹ (β_free − β + Γ (F₀ + J(V))),
 
@@ -57,7 +57,7 @@ from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import ADV11, ADV12, ADV22, BLOCK, ROWS, add_late, kick, kick_v, padded, padded_single, project_v
 from synth.solver.lcp import SOLVED
-from synth.solver.line_certificates import is_clear, look_everywhere, runs_out, spend
+from synth.solver.line_certificates import is_clear, lasts, look_everywhere, runs_out, spend
 from synth.solver.line_culling import cull, may_cull, spend_left
 from synth.solver.line_forces import (
     answer_of_line,
@@ -82,7 +82,7 @@ CLOSE = 4e-15
 #: how near the root of a linear equation is after one iteration: less near, it was not the same equation
 SAME = 1e-10
 #: rows of Coupling.small
-FREE, FORCE, V, FROM_CONTACTS, MISSING, V_FREE, PULL, TURN = range(8)
+FORCE, V, FROM_CONTACTS, MISSING, V_FREE, TURN = range(6)
 
 
 @njit(cache=True, nogil=True)
@@ -142,7 +142,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
                 if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
                     _begin_to_look(coupling, line, scratch, frames)
                     end_at(c.line_end[line]).counts[KIND] = SEVERAL
-            elif string_model(c.line_model[line]).shapes.shape[0] > 0 and not spend(coupling, line, frames):
+            elif string_model(c.line_model[line]).shapes.shape[0] > 0 and not lasts(coupling, line, frames):
                 _begin_to_look(coupling, line, scratch, frames)
                 look_everywhere(c.line_end[line])
                 again = True
@@ -153,6 +153,9 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
                     _give_back(coupling, line)
             gather_lines(coupling)
             _sum_apart(coupling)
+    for line in range(c.line_end.size):
+        if c.friction[line] == 0.0 and string_model(c.line_model[line]).shapes.shape[0] > 0:
+            spend(coupling, line)
     return status
 
 
@@ -164,6 +167,8 @@ def _begin_to_look(coupling: int, line: int, scratch: int, frames: int) -> None:
         if frames == BLOCK:
             _give_back(coupling, line)
         look_at(coupling, line, int(np.int64(1)), scratch)
+        end_at(c.line_end[line]).counts[KEPT] = 1  # it still is as the block began
+        _keep_line(c, line)
 
 
 @njit(**INNER)
@@ -177,16 +182,22 @@ def _keep(coupling: int) -> None:
     put(c.kept[2], c.rest)
     put(c.kept[3], c.momentum)
     for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-        e.counts[KEPT] = e.counts[ENGAGED]
-        if e.counts[KEPT]:
-            n = string_model(c.line_model[line]).modes
-            put(e.kept[0], s.q[:n])
-            put(e.kept[1], s.v[:n])
-            contacts = e.leverage.size
-            put(e.kept_contacts, s.force[:contacts])
-            e.kept_contacts[contacts] = s.finger[0].here
-            e.kept_contacts[contacts + 1] = s.finger[0].push
+        counts = end_at(c.line_end[line]).counts
+        counts[KEPT] = counts[ENGAGED]
+        if counts[KEPT]:
+            _keep_line(c, line)
+
+
+@njit(**INNER)
+def _keep_line(c, line: int) -> None:
+    """What a block changes of a line that is looked at, as it begins."""
+    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    n, contacts = string_model(c.line_model[line]).modes, e.leverage.size
+    put(e.kept[0], s.q[:n])
+    put(e.kept[1], s.v[:n])
+    put(e.kept_contacts, s.force[:contacts])
+    e.kept_contacts[contacts] = s.finger[0].here
+    e.kept_contacts[contacts + 1] = s.finger[0].push
 
 
 @njit(**INNER)

@@ -20,6 +20,7 @@ from synth.solver.coupling import (
     KIND,
     LARGEST_LEVERAGE,
     LATELY,
+    LATELY_RISEN,
     LEAST,
     QUIET,
     RISEN,
@@ -101,19 +102,20 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
     return e.numbers[SLACK] > _RESERVE * e.numbers[LATELY]
 
 
-@njit(cache=True, nogil=True)
-def spend(coupling: int, line: int, frames: int) -> bool:
-    """Take what bridge and finger have done in the last `frames` frames off a line's clearances; whether all contacts that
-    were not looked at have some left. Forces of contacts end every certificate."""
-    c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    contacts = m.shapes.shape[0]
+@njit(inline="always")
+def _stirred(e) -> tuple[bool, bool]:
+    """Whether a finger, and whether contacts of a line have pushed it in the last block."""
     looked = e.counts[KIND] >= SINGLE
-    pushed, pressed = looked and e.pushed[0] > 0.0, looked and e.pushed[1] > 0.0
-    if pushed or pressed:
-        e.counts[QUIET] = 0
-    elif e.counts[QUIET] >= 0:
-        e.counts[QUIET] += 1
+    return looked and e.pushed[0] > 0.0, looked and e.pushed[1] > 0.0
+
+
+@njit(cache=True, nogil=True)
+def lasts(coupling: int, line: int, frames: int) -> bool:
+    """Whether all contacts of a line that were not looked at in the last `frames` frames have some clearance left after what
+    bridge and finger have done; LATELY and LATELY_RISEN are the bridge's part. Forces of contacts end every certificate."""
+    c = coupling_at(coupling)
+    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    pushed, pressed = _stirred(e)
     speed, kicked, moved = along(c, line, c.speed), 0.0, 0.0
     for k in range(frames):
         speed -= along(c, line, c.kicks[:, k])
@@ -122,21 +124,38 @@ def spend(coupling: int, line: int, frames: int) -> bool:
         speed += turn
         kicked += abs(turn)
         moved += abs(speed)
-    risen = e.numbers[KICK_REACH] * kicked
-    spent = risen + e.numbers[LARGEST_LEVERAGE] * c.frame * moved
-    e.numbers[SPENT] += spent
-    e.numbers[RISEN] += risen
-    e.numbers[LATELY] = spent
-    enough = e.counts[KIND] != CLEAR or spent < e.numbers[SLACK]
+    e.numbers[LATELY_RISEN] = e.numbers[KICK_REACH] * kicked
+    e.numbers[LATELY] = e.numbers[LATELY_RISEN] + e.numbers[LARGEST_LEVERAGE] * c.frame * moved
+    enough = e.counts[KIND] != CLEAR or e.numbers[LATELY] < e.numbers[SLACK]
+    if e.counts[CERTIFIED] == 0:
+        return enough
+    if not pushed:
+        return enough and not pressed and e.numbers[LEAST] > e.numbers[LATELY]
+    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
+        if e.clearance[k] > 0.0:
+            enough = enough and e.clearance[k] > e.numbers[LATELY] + s.grip_far[k] * e.pushed[0]
+    return enough and not pressed
+
+
+@njit(cache=True, nogil=True)
+def spend(coupling: int, line: int) -> None:
+    """Take what the last block has done, by `lasts`, off a line's clearances."""
+    c = coupling_at(coupling)
+    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    pushed, pressed = _stirred(e)
+    if pushed or pressed:
+        e.counts[QUIET] = 0
+    elif e.counts[QUIET] >= 0:
+        e.counts[QUIET] += 1
+    e.numbers[SPENT] += e.numbers[LATELY]
+    e.numbers[RISEN] += e.numbers[LATELY_RISEN]
     if e.counts[CERTIFIED] > 0:
         least, clearance = _FAR_AWAY_M, e.clearance
-        for k in range(contacts):
+        for k in range(string_model(c.line_model[line]).shapes.shape[0]):
             if clearance[k] > 0.0:
-                clearance[k] -= spent + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
+                clearance[k] -= e.numbers[LATELY] + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
                 least = min(least, clearance[k])
         e.numbers[LEAST] = least
-        enough = enough and not pressed and least > 0.0
-    return enough
 
 
 @njit(**INNER)

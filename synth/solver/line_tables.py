@@ -28,9 +28,9 @@ from synth.solver.coupling import (
     coupling_at,
     end_at,
 )
-from synth.solver.due_responses import put_off
+from synth.solver.due_responses import fill_step, put_off
 from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded, project_v
-from synth.solver.laws import EXACT_HOLD, contact_matrix
+from synth.solver.laws import EXACT_HOLD
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_lags, fill_response, fill_rows
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
@@ -64,6 +64,7 @@ def fill_apart(end: int, scratch_q, scratch_v, spare) -> None:
     for j in range(moving):
         own += pull[j] * scratch_v[j]
     project_v(whole, e.flight, scratch_q, scratch_v, e.pull, spare[0])
+    e.single_of[0] = np.nan  # what is float32 is to be made anew
     row = e.own[APART]
     row[BLOCK] = own
     for k in range(1, BLOCK):
@@ -159,24 +160,6 @@ def fill_reach(model: int, end: int) -> None:
     e.numbers[LARGEST_LEVERAGE] = largest
 
 
-@njit(**INNER)
-def _fill_step(model: int, state: int, end: int) -> None:
-    """Coefficients of a step and the contacts' matrix of a line that is bent or damped, from its ω, End.sigma and RELIEF."""
-    m, e = string_model(model), end_at(end)
-    n, rows, contacts = m.modes, m.rows, m.shapes.shape[0]
-    rows[:6, n:] = 0.0
-    quick_coefficients(m.law, m.omega[:n], e.sigma[:n], m.mu, m.dt, rows)
-    fill_rows(rows)
-    if contacts == 0:
-        return
-    contact_matrix(m.law, rows, m.shapes, m.residual, m.matrix)
-    relief = e.numbers[RELIEF]
-    for a in range(contacts):
-        for b in range(contacts):
-            m.matrix[a, b] += relief * m.residual[a, b]
-    put_off(model, state)
-
-
 @njit(cache=True, nogil=True)
 def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     """All that is due of a line is filled. Works in Scratch.q, v and spare."""
@@ -186,7 +169,9 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     if e.counts[DUE] == READY:
         return
     if e.counts[DUE] == ALL_DUE:
-        _fill_step(model, c.line_state[line], end)
+        fill_step(model, e.sigma, e.numbers[RELIEF])
+        if m.shapes.shape[0] > 0:
+            put_off(model, c.line_state[line])
     n = m.modes
     e.flight[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)

@@ -6,7 +6,7 @@ import pytest
 from synth.engine import bank, layout
 from synth.engine.engine import Engine
 from synth.instrument.preset import Preset
-from synth.midi.events import BEND, NOTE_OFF, NOTE_ON
+from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from synth.solver import coupling
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.line_certificates import certify_line
@@ -87,6 +87,19 @@ def test_a_string_that_is_struck_has_all_its_modes_again() -> None:
     assert np.abs(q[above]).max() > 0.0 and np.abs(v[above]).max() > 0.0
 
 
+def test_a_pull_off_moves_all_modes_again() -> None:
+    """A fret that is left for a lower one, after the string's high modes have come to rest."""
+    rows = [(0, CONTROL, 0, 68, 127), (9, NOTE_ON, 0, 45, 20), (80_000, NOTE_ON, 0, 41, 20), (80_500, NOTE_OFF, 0, 45)]
+    made = engine(NECK, precision="float64")
+    play(made, rows, 79_968)
+    line = int(np.flatnonzero(made._state.sounding["note"] == 45)[0])
+    assert ends_of(made)[line].counts[coupling.RESTING] == 1
+    play(made, [(row[0] - 79_968, *row[1:]) for row in rows[2:]], 128)
+    assert made._state.sounding["note"][line] == 41 and ends_of(made)[line].counts[coupling.RESTING] == 0
+    sound, whole = (played(NECK, rows, precision="float64", economy=economy)[1] for economy in (True, False))
+    assert error(sound, whole) < PROMISED
+
+
 def test_float32_is_not_missed() -> None:
     single, double = (played(OPEN, CHORD + WHEEL, precision=kind)[1] for kind in ("float32", "float64"))
     assert 0.0 < error(single, double) < 0.1 * PROMISED
@@ -106,7 +119,7 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
     ratio = 2.0 ** (made._state.sounding["bend"][line] / 12.0)
     assert own.omega[0] == pytest.approx(ratio * model.omega[0], rel=1e-9) and ratio < 0.95
     step = coefficients(EXACT_HOLD, own.omega[:n], end.sigma[:n], model.mu, model.dt)
-    rows = own.rows[: layout_rows(own, model)].reshape(14, -1)
+    rows = own.rows[: model.rows.size].reshape(model.rows.shape)
     np.testing.assert_allclose(rows[:6, :n], step, rtol=1e-9, atol=1e-16)
     np.testing.assert_allclose(
         end.flight[:6, :n],
@@ -118,10 +131,6 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
     contact_matrix(EXACT_HOLD, step, np.ascontiguousarray(model.shapes[:, :n]), model.residual / ratio**2, matrix)
     np.testing.assert_allclose(own.matrix[: contacts**2].reshape(contacts, contacts), matrix, rtol=1e-9)
     assert string.due[:contacts].all()
-
-
-def layout_rows(own, model) -> int:
-    return 14 * model.rows.shape[1]
 
 
 def test_a_bend_keeps_no_string_awake_to_its_frets() -> None:

@@ -107,6 +107,45 @@ def test_certificates_change_nothing(steps: int) -> None:
     assert came_into_reach > 0
 
 
+def apart(twin, x, clearances: dict[int, float]) -> tuple[Kernel, dict[int, float]]:
+    """A kernel after one block of 8 frames whose lines with contacts were apart at first, with these clearances [m]; what
+    the bridge took off each line's in the last pass."""
+    kernel = kernel_of(twin)
+    kernel.start(x)
+    for line, left in clearances.items():
+        end = kernel.ends[line]
+        end.counts[coupling.ENGAGED], end.counts[coupling.CERTIFIED] = 0, end.leverage.size
+        end.clearance[:], end.numbers[coupling.LEAST] = left, left
+    coupling.gather_lines(kernel.address)
+    kernel.advance(8)
+    return kernel, {line: float(kernel.ends[line].numbers[coupling.LATELY]) for line in clearances}
+
+
+def test_a_block_may_be_gone_through_more_than_twice() -> None:
+    """A certificate that runs out once another line, whose own has, is looked at: that line begins anew as well."""
+    passes = []
+    for seed in range(120):
+        twin, x = contact_scene(700 + seed, 2)
+        always = kernel_of(twin)
+        always.start(x)
+        lines = [line for line, mine in enumerate(always.mine) if mine]
+        if len(lines) < 2:
+            continue
+        always.advance(8)
+        far = 1.0
+        _, alone = apart(twin, x, dict.fromkeys(lines, far))
+        first, second = lines[:2]
+        _, together = apart(twin, x, dict.fromkeys(lines, far) | {first: 0.5 * alone[first]})
+        if not together[second] > alone[second]:
+            continue
+        between = 0.5 * (alone[second] + together[second])
+        kernel, _ = apart(twin, x, dict.fromkeys(lines[2:], 0.0) | {first: 0.5 * alone[first], second: between})
+        passes.append(int(kernel.coupling.counts[coupling.FRAMES]) // 8)
+        if passes[-1] > 2:
+            assert size_of(twin.system, always.x - kernel.x) < 1e-10 * size_of(twin.system, x), seed
+    assert sum(count > 2 for count in passes) >= 5
+
+
 @pytest.mark.parametrize("lightness", [1.0, 30.0, 1000.0])
 def test_no_frame_gains_energy(lightness: float) -> None:
     """Not even where a body is too light for one root a frame, and forces have to be held."""

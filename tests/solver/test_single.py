@@ -219,8 +219,8 @@ def test_a_precision_that_there_is_not_is_refused():
         Engine([load_preset("tanpura")], precision="float32", scheme="moreau-jean")
 
 
-def test_what_share_a_body_is_float64_and_said_to_be():
-    for name, single in (("tanpura", True), ("steel-guitar", False), ("fretless-bass", False)):
+def test_what_is_over_a_board_is_float64_and_said_to_be():
+    for name, single in (("tanpura", True), ("steel-guitar", True), ("fretless-bass", False)):
         engine = Engine([load_preset(name)], only_notes=[{48}], every_fret=False)
         engine.prepare(RATE_HZ, 64)
         assert engine.has_single is single, name

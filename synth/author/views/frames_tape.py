@@ -105,7 +105,7 @@ def _taped_together(core: int, thread: int, i: int, _: int) -> None:
         for j in range(coupling.p.size):
             tape.p[shot, j] = coupling.p[j]
             tape.p_speed[shot, j] = coupling.p_speed[j]
-        for j in range(coupling.beta.size):
+        for j in range(tape.bridge.shape[1]):
             tape.bridge[shot, j] = coupling.beta[j]
             tape.speed[shot, j] = coupling.speed[j]
         for k in range(tape.running.shape[1]):
