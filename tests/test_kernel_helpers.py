@@ -302,4 +302,4 @@ def test_what_helpers_compile_is_what_is_called(tmp_path: Path, listed: str, arg
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert len(found) > 2 and all(count == 0 or there for there, count in found.values()), found
-    assert all(found[name][1] for name in ("advance_blocks", "one_by_one")), found
+    assert all(found[name][1] for name in ("advance_under_finger", "one_by_one")), found

@@ -177,7 +177,8 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
 
 @njit(**CORE)
 def _end_stretch(core: int, s: int, start: int, frames: int) -> None:
-    """What comes after these frames of a string, in all of its directions: what still fades, and whether it is a sound."""
+    """End a stretch of a string, in all of its directions: add what still fades, and silence a motion that is no sound, from
+    the start of the stretch on. How long that is may hang on blocks and threads, for such a motion alone."""
     me, second = state_of(core).sounding[s], bank_of(core).strings[s].second
     fade(core, s, start, frames)
     if second >= 0:

@@ -25,7 +25,23 @@ from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
 from synth.solver.board_table import SPEAKING
 from synth.solver.certificates import FOR_EVER
-from synth.solver.coupling import APART_MODES, DUE, FAR, FELT_MODES, HEARD_MODES, RATIO, REACH_OF, SEVERAL
+from synth.solver.coupling import (
+    APART_MODES,
+    CERTIFIED,
+    DUE,
+    ENGAGED,
+    FELT_MODES,
+    HEARD_MODES,
+    KEPT,
+    KIND,
+    N_COUNTS,
+    NEAR,
+    QUIET,
+    RATIO,
+    REACH_OF,
+    RESTING,
+    SEVERAL,
+)
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_tables import ALL_DUE, READY, TABLES_DUE
@@ -365,24 +381,13 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
     for s, (counts, numbers) in zip(strings.bridges.strings, _places_of_ends(strings, arrays), strict=True):
         models = bank.models[bank.models["string"] == s]
         contacts = models["contacts"].max()
-        n = models["n"].max()
-        most = np.array(
-            [
-                1,
-                contacts,
-                1,
-                n,
-                contacts,
-                MOST_COUNT,
-                SEVERAL,
-                ALL_DUE,
-                bank.models.size,
-                1,
-                n,
-                n,
-            ]  # as they stand in `coupling`
-        )
-        least = np.array([0, 0, 0, 0, 0, -1, FAR, READY, 0, 0, 0, 0])
+        n = int(models["n"].max())
+        low = {QUIET: -1}
+        high = {
+            ENGAGED: 1, NEAR: contacts, KEPT: 1, APART_MODES: n, CERTIFIED: contacts, QUIET: MOST_COUNT, KIND: SEVERAL,
+            DUE: ALL_DUE, REACH_OF: bank.models.size, RESTING: 1, FELT_MODES: n, HEARD_MODES: n,
+        }  # fmt: skip
+        least, most = (np.array([of.get(k, 0) for k in range(N_COUNTS)]) for of in (low, high))
         yield Limit(here.of("end.counts", "", counts), least, most)
         known = (Where(here.of("end.counts", "", counts[REACH_OF]), 1, int(bank.models.size)),)
         said = f"{{label}} of string {s}, which has been advanced, must be at least {{low}}, got {{value}}"

@@ -100,8 +100,8 @@ def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int, in
     bridge of `together.work_together` (core, thread, i, –), else 0, of what makes the steps of strings without a board, and
     of two of them at a time (core, thread, s, other, steps); compiled on first use.
 
-    Called by address: every function that contains the kernels takes seconds to compile, so none but the last two do, and
-    neither `process` nor the loop of a worker contains `_work_on`.
+    Called by address: a function that contains the kernels takes seconds to compile. `_work_on` contains none, and neither
+    `process` nor the loop of a worker contains it.
     """
     together = 0
     if coupled:

@@ -42,39 +42,68 @@ MOST_STEPS = BLOCK
 #: what the modes left out keep of their motion against the bridge from frame to frame (negative: it swings over)
 KEPT_BY_THE_REST = 0.9
 
-#: places in End.numbers: T/L [N/m]; L; ξ under the finger; of any contact, what a unit kick can move the string by there,
-#: and |ξ|; by how much the bridge has lessened clearances since the line was last certified (`line_certificates`), of it by
-#: kicks since End.bound, and in the last block; what it may lessen them by in this one; KICK_REACH of the model as compiled;
-#: share of the contacts' residual compliance that a bend has added to it; least clearance of a contact that is certified;
-#: the furthest that free flight could ever move a contact when the line was certified [m]; the ratio of its bend, and how
-#: far its obstacle was raised [m], when it was last refreshed; what kicks have lessened clearances by in the last block
-TENSION, LENGTH, FINGER_LEVERAGE, KICK_REACH, LARGEST_LEVERAGE, SPENT, RISEN, LATELY, SLACK = range(9)
-PLAIN_REACH, RELIEF, LEAST, EVER, RATIO, RAISED, LATELY_RISEN = range(9, 16)
+#: places in End.numbers
+(
+    TENSION,  # T/L [N/m]
+    LENGTH,  # L [m]
+    FINGER_LEVERAGE,  # ξ under the finger
+    KICK_REACH,  # how far a unit kick can move any contact, at most [s]
+    LARGEST_LEVERAGE,  # |ξ| of any contact, at most
+    SPENT,  # what bridge and bends have taken off the clearances since the line was certified [m]
+    RISEN,  # the kicks' part of it since End.bound was taken [m]
+    LATELY,  # what the bridge took off them in the last block [m]
+    SLACK,  # what it may take off them in this block [m]
+    PLAIN_REACH,  # KICK_REACH of the model as compiled [s]
+    RELIEF,  # share of the contacts' residual compliance that a bend has added to it
+    LEAST,  # least clearance of a contact that is certified [m]
+    EVER,  # furthest that free flight could move a contact when the line was certified [m]
+    RATIO,  # frequency ratio of the bend when the line was last refreshed
+    RAISED,  # height that its obstacle was raised by then [m]
+    LATELY_RISEN,  # the kicks' part of LATELY [m]
+) = range(16)
 N_NUMBERS = 16
-#: places in End.counts: whether its contacts and finger count; contacts that are looked at; whether End.kept is of this
-#: block; modes that move while it is apart, all or a multiple of `lanes.PAD`: what is above the output's band rests then,
-#: and counts among the modes left out; contacts that need not be looked at; blocks since something pressed, −1 once
-#: End.bound holds; what it is in this block; which of its tables wait until it is looked at (`line_tables`); number of the
-#: model, from 1 on, that PLAIN_REACH is of; whether modes rest that would not be missed; APART_MODES while they do, and
-#: while they do not
-ENGAGED, NEAR, KEPT, APART_MODES, CERTIFIED, QUIET, KIND, DUE, REACH_OF, RESTING, FELT_MODES, HEARD_MODES = range(12)
+#: places in End.counts
+(
+    ENGAGED,  # whether contacts and finger count
+    NEAR,  # contacts that are looked at
+    KEPT,  # whether End.kept is of this block
+    APART_MODES,  # modes that move while the line is apart, all or a multiple of `lanes.PAD`; others rest, as left out
+    CERTIFIED,  # contacts that need not be looked at
+    QUIET,  # blocks since something pressed, −1 once End.bound holds
+    KIND,  # state of the line in this block, see below
+    DUE,  # tables that wait until the line is looked at (`line_tables`)
+    REACH_OF,  # number of the model, from 1 on, that PLAIN_REACH is of
+    RESTING,  # whether modes rest that would not be missed
+    FELT_MODES,  # APART_MODES while they do
+    HEARD_MODES,  # APART_MODES while they do not
+) = range(12)
 N_COUNTS = 12
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
-#: places in End.answer: what the end's speed changes by in the frame that is asked for, the contacts' and the finger's mean
-#: force on the bridge then, its slope; the finger's push that End.left takes for granted
-TURNED, PUSHED, STEEPNESS, FINGERS_PUSH = range(4)
+#: places in End.answer
+(
+    TURNED,  # what the end's speed changes by in the frame that is asked for [m/s]
+    PUSHED,  # mean force of contacts and finger on the bridge then [N]
+    STEEPNESS,  # slope of that by the speed
+    FINGERS_PUSH,  # push of the finger that End.left takes for granted [N]
+) = range(4)
 N_ANSWER = 4
-#: places in End.known: which contacts press in which steps of that frame, as a number; whether their answer is linear while
-#: these do; sets whose tables are there, and of how many contacts (`few_contacts`); for how long at a time contacts may be
-#: passed over in this block, and for how many steps End.left holds (`line_culling`); whether End.u has the finger's next
-#: steps already
-PATTERN, LINEAR, SETS, OF_SETS, CULLING, LASTS, AHEAD = range(7)
+#: places in End.known
+(
+    PATTERN,  # contacts that press in the steps of that frame, as a number
+    LINEAR,  # whether the answer is linear while the same ones press
+    SETS,  # sets of contacts whose tables are there (`few_contacts`)
+    OF_SETS,  # contacts that these are of
+    CULLING,  # how long at a time contacts may be passed over in this block: NEVER, SHORT or LONG
+    LASTS,  # steps for which End.left holds (`line_culling`), or USED_UP
+    AHEAD,  # whether End.u has the finger's next steps already
+) = range(7)
 N_KNOWN = 7
-#: that is never, for one pass, for what is left of the block; and in the place of steps: something left is used up
+#: contacts are not passed over; for one pass; for what is left of the block
 NEVER, SHORT, LONG = range(3)
+#: in the place of steps: nothing is left of a contact's gap
 USED_UP = -1
 #: contacts, at most, of which every set has a table
 FEW = 4

@@ -304,7 +304,7 @@ def _look_apart(coupling: int, kicked: bool) -> None:
 
 @njit(**INNER)
 def _look_apart_once(coupling: int) -> None:
-    """The same for frames that are taken one by one, without a kick before."""
+    """Free pull over K frames of the lines that are not looked at, for a frame that is taken by itself."""
     c = coupling_at(coupling)
     for line in range(c.line_end.size):
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
@@ -349,7 +349,7 @@ def _leave_apart(coupling: int) -> None:
 
 @njit(**INNER)
 def _step_apart(coupling: int) -> None:
-    """The same for one frame."""
+    """Advance the lines that are not looked at by one frame."""
     c = coupling_at(coupling)
     for line in range(c.line_end.size):
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])

@@ -36,9 +36,10 @@ from synth.solver.lanes import BLOCK
 from synth.solver.stringmodel import scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER
 
-#: of a gap, what has to be left beyond free flight, and how often what the bridge did in the block before
+#: share of a gap that has to be left beyond free flight
 _KEPT_BACK = 0.25
-_RESERVE = 2.0
+#: times what the bridge did in the block before that have to be left
+_OF_THE_BRIDGE = 2.0
 
 
 @njit(cache=True, nogil=True)
@@ -84,7 +85,7 @@ def _left_after(c, line: int, moved, height: float) -> int:
     """End.left once each mode has moved by so much (n,); how many contacts are to be looked at."""
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     q, near = s.q[: moved.size], 0
-    reserve = _RESERVE * e.numbers[LATELY]
+    reserve = _OF_THE_BRIDGE * e.numbers[LATELY]
     for k in range(m.shapes.shape[0]):
         e.left[k] = 0.0
         if e.clearance[k] <= 0.0:

@@ -453,7 +453,7 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
 
 @njit(**INNER)
 def step_line(model: int, state: int, end: int, steps: int) -> None:
-    """The same for the first `steps` steps of the block only, fewer than K, or its first frame."""
+    """Advance the modes by the first `steps` steps of the block, fewer than K, or its first frame, as `drive_line` does."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     n, contacts = m.modes, m.shapes.shape[0]
     q, v = s.q[:n], s.v[:n]

@@ -39,7 +39,7 @@ def note_gaps(coupling: int, line: int) -> None:
 
 @njit(cache=True, nogil=True)
 def keep_gaps(state: int, end: int, last: int) -> None:
-    """The same once a frame is decided whose last step is number `last` of the block."""
+    """Gaps of soft contacts and of those that rub once a frame is decided whose last step is number `last` of the block."""
     s, e = string_state(state), end_at(end)
     for i in range(e.counts[NEAR]):
         s.u[e.near[i]] = e.u[i, last]

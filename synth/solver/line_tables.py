@@ -122,7 +122,7 @@ def _fill_reach(steps: int, dt: float, leverage: float, pulled, moved, reach, dr
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
-    """The same of the finger whose weights the state has; `fingers.fill_grip` fills its other responses."""
+    """Responses between the finger whose weights the state has and the end; `fingers.fill_grip` fills its others."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     rows, n = m.rows, m.rows.shape[1]
     q, v = scratch_q[:n], scratch_v[:n]
@@ -188,8 +188,7 @@ def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
     e = end_at(end)
     e.counts[RESTING] = 0
     if e.counts[HEARD_MODES] > e.counts[APART_MODES]:
-        e.counts[DUE] = max(e.counts[DUE], TABLES_DUE)
-        ensure_tables(coupling, line, scratch)
+        ensure_tables(coupling, line, scratch)  # the flight of all modes among them
         set_apart_modes(end)
         fill_apart(end, w.q, w.v, w.spare)
 

@@ -82,8 +82,10 @@ def test_strings_side_by_side_change_no_bit():
                 steps = int(made._shared.task[layout.OFF_BOARD])
                 if not beside:  # as where others make the steps
                     made._shared.task[layout.OFF_BOARD] = 0
+                made._scratch[1].out[:] = np.nan  # of the string that goes beside another
                 runs.append((play(made, events, FRAMES, 256), made.report()))
                 made._shared.task[layout.OFF_BOARD] = steps
+                assert np.isfinite(made._scratch[1].out).any() == beside
             assert runs[0][0].any() and np.array_equal(runs[0][0], runs[1][0]) and runs[0][1] == runs[1][1]
 
 

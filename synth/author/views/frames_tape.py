@@ -159,6 +159,7 @@ class Frames(Engine):
             [preset],
             quality=quality,
             internal_rate_hz=internal_rate_hz,
+            precision="float64",  # frame by frame, as it is taped, nothing is float32
             limiter=False,
             economy=economy,
             only_notes=[{place.note}],

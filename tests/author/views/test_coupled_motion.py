@@ -29,7 +29,7 @@ NOTES = [
 @pytest.mark.parametrize(("made", "note", "velocity"), NOTES)
 def test_a_taped_instrument_sounds_as_the_engine(made: Preset, note: int, velocity: int) -> None:
     """For as long as contacts do not magnify how single frames are rounded."""
-    engine = Engine([made], limiter=False, only_notes=[{note}], every_fret=False)
+    engine = Engine([made], limiter=False, only_notes=[{note}], every_fret=False, precision="float64")
     engine.prepare(RATE_HZ)
     taped = Frames(made, find(made, note))
     out = joined(list(taped.play(velocity, 700, 3, 200))).out
