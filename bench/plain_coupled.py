@@ -121,6 +121,15 @@ class PlainInstrument:
 
 
 @njit(nogil=True, fastmath=True, cache=True)
+def _fly(n, coef, q, v):
+    """A step of n modes without a force."""
+    for j in range(n):
+        a, b = q[j], v[j]
+        q[j] = coef[0, j] * a + coef[1, j] * b
+        v[j] = coef[2, j] * a + coef[3, j] * b
+
+
+@njit(nogil=True, fastmath=True, cache=True)
 def _advance(
     frames, frame, steps, modes, first, rows, coef, ramp, kicked, shapes, leverage, eta, direction, mu, stiffness, body_step,
     body_shape, radiation, rest_mass, held, gap_v, force_f, force_v, gamma, solved, change, columns, q, v, p, p_speed, speed,
@@ -158,10 +167,7 @@ def _advance(
                 kept_q[k, j], kept_v[k, j] = q[k, j], v[k, j]
                 before += ramp[k, j] * v[k, j]
             for t in range(r):
-                for j in range(n):
-                    a, b = q[k, j], v[k, j]
-                    q[k, j] = coef[k, 0, j] * a + coef[k, 1, j] * b
-                    v[k, j] = coef[k, 2, j] * a + coef[k, 3, j] * b
+                _fly(n, coef[k], q[k], v[k])
                 for c in range(contacts):
                     u = leverage[first[k] + c] * (height + along * frame * (t + 1) / r) - eta[first[k] + c]
                     for j in range(n):
@@ -227,10 +233,7 @@ def _advance(
             for j in range(n):
                 q[k, j], v[k, j] = kept_q[k, j], kept_v[k, j] - ramp[k, j] * along
             for t in range(r):
-                for j in range(n):
-                    a, b = q[k, j], v[k, j]
-                    q[k, j] = coef[k, 0, j] * a + coef[k, 1, j] * b
-                    v[k, j] = coef[k, 2, j] * a + coef[k, 3, j] * b
+                _fly(n, coef[k], q[k], v[k])
                 for c in range(contacts):
                     f = force[rows[k] + t * contacts + c]
                     if f > 0.0:

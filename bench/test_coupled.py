@@ -24,22 +24,23 @@ pytestmark = pytest.mark.page
 _PLAIN_FRAMES = 1024
 
 
+def _against_time(race: Race, player: scenes.Player, block: int, short: bool, key: str, what: str) -> None:
+    """A row of the targets: × real time of what a player plays in blocks of so many frames."""
+    race(lambda: player.play(block), rounds=3 if short else 5)
+    rows = [row(key, what, "× real time", *real_time(player.seconds, race.seconds))]
+    race.note("targets", rows=rows, **scenes.vectors_of(player.engine))
+
+
 @pytest.mark.parametrize("preset", TWELVE)
 def test_twelve_notes(race: Race, preset: str, short: bool) -> None:
-    player = coupled_scenes.twelve(preset)
-    race(lambda: player.play(BLOCK), rounds=3 if short else 5)
     what = f"{preset}, twelve notes from low to high, as `synth plan {preset} --measure`"
-    rows = [row(f"twelve/{preset}", what, "× real time", *real_time(player.seconds, race.seconds))]
-    race.note("targets", rows=rows, **scenes.vectors_of(player.engine))
+    _against_time(race, coupled_scenes.twelve(preset), BLOCK, short, f"twelve/{preset}", what)
 
 
 @pytest.mark.parametrize("preset", STRUMMED)
 def test_strummed(race: Race, preset: str, short: bool) -> None:
-    player = coupled_scenes.strummed(preset)
-    race(lambda: player.play(LIVE_BLOCK), rounds=3 if short else 5)
     what = f"{preset}, six-string chords strummed without end"
-    rows = [row(f"strummed/{preset}", what, "× real time", *real_time(player.seconds, race.seconds))]
-    race.note("targets", rows=rows, **scenes.vectors_of(player.engine))
+    _against_time(race, coupled_scenes.strummed(preset), LIVE_BLOCK, short, f"strummed/{preset}", what)
 
 
 def test_sixty_strings(benchmark: Any, short: bool) -> None:

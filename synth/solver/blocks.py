@@ -130,13 +130,13 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
 def _single_rows(m, w):
     """(ROWS, padded_single(N)) float32 of a model: its own, or made in the Scratch where it has none."""
     if m.single_rows.shape[1] == 0:
-        fill_single_rows(m.rows, in_rows(w.single_rows, ROWS, padded_single(m.modes)))
+        fill_single_rows(m.rows, m.rows.shape[1], in_rows(w.single_rows, ROWS, padded_single(m.modes)))
     return _rows_in_use(m, w)
 
 
 @njit(inline="always")
 def _rows_in_use(m, w):
-    """The same where it has been made."""
+    """Rows of float32 of a model that `_single_rows` has been asked for."""
     if m.single_rows.shape[1] > 0:
         return m.single_rows
     return in_rows(w.single_rows, ROWS, padded_single(m.modes))

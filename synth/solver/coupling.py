@@ -382,6 +382,5 @@ COUPLING_SIZES = {
 
 def in_components(array: np.ndarray, axis: int) -> np.ndarray:
     """An array whose axis has D ≤ COMPONENTS places with zeros for the others."""
-    out = np.moveaxis(np.zeros((COMPONENTS, *np.delete(array.shape, axis))), 0, axis)
-    np.moveaxis(out, axis, 0)[: array.shape[axis]] = np.moveaxis(array, axis, 0)
-    return np.ascontiguousarray(out)
+    widths = [(0, COMPONENTS - array.shape[axis] if k == axis else 0) for k in range(array.ndim)]
+    return np.ascontiguousarray(np.pad(array, widths))

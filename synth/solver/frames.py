@@ -55,7 +55,7 @@ from synth.solver.coupling import (
 )
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
-from synth.solver.lanes import ADV11, ADV12, ADV22, BLOCK, ROWS, add_late, kick, kick_v, padded, padded_single, project_v
+from synth.solver.lanes import ADV11, ADV12, BLOCK, add_late, kick, kick_v, padded, padded_single, project_v
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, lasts, look_everywhere, runs_out, spend
 from synth.solver.line_culling import cull, may_cull, spend_left
@@ -71,7 +71,7 @@ from synth.solver.line_forces import (
 from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
 from synth.solver.line_layers import keep_gaps, note_gaps
 from synth.solver.line_tables import look_at
-from synth.solver.single import give_back, round_into, take
+from synth.solver.single import fill_single_rows, give_back, round_into, take
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, dot, put
@@ -97,12 +97,12 @@ def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
     if blocks > 0:
         _take_apart(coupling)
     for t in range(blocks):
-        _look_apart(coupling, t > 0)
+        _look_apart(coupling, t > 0, coupling_at(coupling).single != 0)
         status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), t * BLOCK, out))
     if blocks > 0:
         _leave_apart(coupling)
     for t in range(blocks * BLOCK, frames):
-        _look_apart_once(coupling)
+        _look_apart(coupling, False, False)
         status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), t, out))
         _step_apart(coupling)
     return status
@@ -259,12 +259,7 @@ def _ensure_singles(e, n: int) -> None:
     of[0], of[1], of[2], of[3] = flight[ADV11, 0], flight[ADV12, 0], flight[ADV11, last], flight[ADV12, last]
     of[4] = e.kick[last]
     whole = padded_single(n)
-    for r in range(ROWS):
-        row = e.single_flight[r, :whole]
-        round_into(flight[r], n, row)
-        if r == ADV11 or r == ADV22:
-            for j in range(n):
-                row[j] = flight[r, j] - 1.0
+    fill_single_rows(flight, n, e.single_flight)
     round_into(e.kick, n, e.single_kick[:whole])
     round_into(e.pull, n, e.single_pull[:whole])
 
@@ -279,8 +274,11 @@ def _give_back(coupling: int, line: int) -> None:
 
 
 @njit(**INNER)
-def _look_apart(coupling: int, kicked: bool) -> None:
-    """The free pull over K frames of the lines that are not looked at, where kicked after those of the block before."""
+def _look_apart(coupling: int, kicked: bool, single: bool) -> None:
+    """The free pull over K frames of the lines that are not looked at, where kicked after those of the block before.
+
+    single: whether their modes are float32 now (`_take_apart`).
+    """
     c = coupling_at(coupling)
     for line in range(c.line_end.size):
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
@@ -289,27 +287,16 @@ def _look_apart(coupling: int, kicked: bool) -> None:
         n = e.counts[APART_MODES]
         if kicked:
             _kicks_of(c, line, e.kicks)
-            if c.single:
+            if single:
                 kick_v(
                     padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks, e.single_pull, e.row
                 )
             else:
                 kick_v(padded(n), e.flight, s.q, s.v, e.kick, e.kicks, e.pull, e.row)
-        elif c.single:
+        elif single:
             project_v(padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_pull, e.row)
         else:
             project_v(padded(n), e.flight, s.q, s.v, e.pull, e.row)
-    _sum_apart(coupling)
-
-
-@njit(**INNER)
-def _look_apart_once(coupling: int) -> None:
-    """Free pull over K frames of the lines that are not looked at, for a frame that is taken by itself."""
-    c = coupling_at(coupling)
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-        if not e.counts[ENGAGED]:
-            project_v(padded(e.counts[APART_MODES]), e.flight, s.q, s.v, e.pull, e.row)
     _sum_apart(coupling)
 
 

@@ -117,13 +117,11 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
     s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
     pushed, pressed = _stirred(e)
     speed, kicked, moved = along(c, line, c.speed), 0.0, 0.0
-    for k in range(frames):
-        speed -= along(c, line, c.kicks[:, k])
-    for k in range(frames):
+    for k in range(frames - 1, -1, -1):
         turn = along(c, line, c.kicks[:, k])
-        speed += turn
         kicked += abs(turn)
         moved += abs(speed)
+        speed -= turn
     e.numbers[LATELY_RISEN] = e.numbers[KICK_REACH] * kicked
     e.numbers[LATELY] = e.numbers[LATELY_RISEN] + e.numbers[LARGEST_LEVERAGE] * c.frame * moved
     enough = e.counts[KIND] != CLEAR or e.numbers[LATELY] < e.numbers[SLACK]

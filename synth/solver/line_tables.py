@@ -29,7 +29,7 @@ from synth.solver.coupling import (
     end_at,
 )
 from synth.solver.due_responses import fill_step, put_off
-from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded, project_v
+from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_lags, fill_response, fill_rows
@@ -50,25 +50,19 @@ def set_apart_modes(end: int) -> None:
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_apart(end: int, scratch_q, scratch_v, spare) -> None:
     """End.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of flight.
-    Work space (≥n,) and (≥1, K)."""
+    Work space (≥n,) and (2, K)."""
     e = end_at(end)
-    moving = e.counts[APART_MODES]
-    whole = padded(moving)
-    total = 0.0
-    for j in range(whole):
-        scratch_q[j] = e.flight[P12, j] * e.kick[j] if j < moving else 0.0
-        scratch_v[j] = e.flight[P22, j] * e.kick[j] if j < moving else 0.0
-        total += e.kick[j] * e.kick[j] if j < moving else 0.0
-    e.share[APART] = total
-    own, pull = 0.0, e.pull
-    for j in range(moving):
-        own += pull[j] * scratch_v[j]
-    project_v(whole, e.flight, scratch_q, scratch_v, e.pull, spare[0])
+    moving, all_modes = e.counts[APART_MODES], e.pull.size
+    zero, one = int(np.int64(0)), int(np.int64(1))
+    q, v = scratch_q[: padded(moving)], scratch_v[: padded(moving)]
+    share = 0.0
+    for j in range(q.size):
+        q[j] = e.flight[P12, j] * e.kick[j] if j < moving else 0.0
+        v[j] = e.flight[P22, j] * e.kick[j] if j < moving else 0.0
+        share += e.kick[j] * e.kick[j] if j < moving else 0.0
+    e.share[APART] = share
+    fill_response(one, e.flight, q, v, e.pull.reshape(1, all_modes), zero, spare, e.own[APART : APART + 1])
     e.single_of[0] = np.nan  # what is float32 is to be made anew
-    row = e.own[APART]
-    row[BLOCK] = own
-    for k in range(1, BLOCK):
-        row[BLOCK + k] = spare[0, k - 1]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

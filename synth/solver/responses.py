@@ -67,11 +67,11 @@ def fill_rows(rows) -> None:
 
 @njit(fastmath=FAST, **INNER)
 def fill_response(velocity: int, rows, q, v, weights, first: int, spare, out) -> None:
-    """out (P, 2K) from row `first` on: the sums `weights` (P, n) over a free motion from (q, v) (n,), l steps on, at K + l.
+    """out (P, 2K) from row `first` on: the sums `weights` (P, ≥n) over a free motion from (q, v) (n,), l steps on, at K + l.
 
     velocity: whether weights are on velocities. spare (2, K) is work space.
     """
-    n, points = rows.shape[1], weights.shape[0]
+    n, points = q.size, weights.shape[0]
     for p in range(first, points, 2):
         both = p + 1 < points
         if velocity:

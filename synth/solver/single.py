@@ -12,10 +12,10 @@ and loss are right to a part ε, and what is left is the rounding of the state i
 from __future__ import annotations
 
 import numpy as np
-from numba import float32, float64, njit
+from numba import float32, float64, int64, njit
 
 from synth.jit.entries import kernel
-from synth.solver.lanes import ADV11, ADV22, BLOCK, ROWS
+from synth.solver.lanes import ADV11, ADV22, BLOCK, ROWS, padded_single
 from synth.solver.vectors import INNER
 
 #: half the distance from 1 to the next number of float32
@@ -29,30 +29,30 @@ def keeps_losses(sigma: np.ndarray, dt: float) -> bool:
     return bool(np.all(sigma * BLOCK * dt >= _LEAST_LOSS))
 
 
-@kernel(float64[:, ::1], float32[:, ::1])
-def fill_single_rows(rows, singles) -> None:
-    """singles (ROWS, m) float32 of rows (ROWS, n), m ≥ N: as `lanes` takes them, zero behind the n-th."""
+@kernel(float64[:, ::1], int64, float32[:, ::1])
+def fill_single_rows(rows, modes: int, singles) -> None:
+    """singles (ROWS, ≥padded_single(modes)) float32 of the first `modes` columns of rows (ROWS, ≥modes): as `lanes` takes
+    them, zero behind those."""
     for r in range(ROWS):
         less = 1.0 if r == ADV11 or r == ADV22 else 0.0
-        for j in range(singles.shape[1]):
-            singles[r, j] = rows[r, j] - less if j < rows.shape[1] else 0.0
+        for j in range(padded_single(modes)):
+            singles[r, j] = rows[r, j] - less if j < modes else 0.0
 
 
 @njit(**INNER)
 def round_into(x, count: int, out) -> None:
     """out (m,) float32: the first `count` numbers of x (≥ count,), zero behind them."""
-    for j in range(out.size):
-        out[j] = x[j] if j < count else 0.0
+    for j in range(count):
+        out[j] = x[j]
+    for j in range(count, out.size):
+        out[j] = 0.0
 
 
 @njit(**INNER)
 def take(q, v, count: int, single_q, single_v) -> None:
     """The first `count` modes (N,) as float32, zero behind them."""
-    for j in range(count):
-        single_q[j] = q[j]
-        single_v[j] = v[j]
-    for j in range(count, single_q.size):
-        single_q[j] = single_v[j] = 0.0
+    round_into(q, count, single_q)
+    round_into(v, count, single_v)
 
 
 @njit(**INNER)

@@ -245,7 +245,7 @@ def in_single(model: StringModel) -> StringModel:
     """The model with its modes in float32 where it is advanced in blocks: what its float64 arrays say, rounded."""
     singles = padded_single(model.modes)
     rows = aligned((ROWS, singles), np.float32)
-    fill_single_rows(model.rows, rows)
+    fill_single_rows(model.rows, model.rows.shape[1], rows)
     return model._replace(
         single=1,
         single_rows=rows,
