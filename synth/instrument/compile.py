@@ -20,6 +20,7 @@ from synth.instrument.boards import StringBoard, board_plan, on_board, string_bo
 from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.fingerprints import fingerprint, strokes
 from synth.instrument.neck import linear_density, obstacle_under, strung
+from synth.instrument.nut_modes import nut_resonances
 from synth.instrument.plan import KEPT, StringPlan, measured_plan, plan_string, scene_kind
 from synth.instrument.planfile import PROMISED, VERSION, Measured
 from synth.instrument.preset import (
@@ -180,7 +181,7 @@ def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: fl
         viscoelastic_loss=at_note(table.viscoelastic_loss, note),
         thermoelastic_q_inverse=at_note(table.thermoelastic_q_inverse, note),
         stiffness_law=table.stiffness_law,
-        nut=tuple(NutResonance(mode.frequency_hz, mode.q, mode.mass_kg) for mode in preset.nut),
+        nut=nut_resonances(preset.nut),
     )
 
 
@@ -499,10 +500,14 @@ def compile_position(
 
 
 def string_across(across: Polarisation, string: String) -> String:
-    """The string as its second direction has it: with a share of the nut's mobility."""
-    if across.nut_share == 1.0:
+    """The string as its second direction has it: with a share of the nut's mobility there."""
+    if across.nut_share == 1.0 and all(each.across_mass_kg is None for each in string.nut):
         return string
-    nut = [replace(each, mass_kg=each.mass_kg / across.nut_share) for each in string.nut if across.nut_share > 0.0]
+    nut = [
+        NutResonance(each.frequency_hz, each.q, (each.across_mass_kg or each.mass_kg) / across.nut_share)
+        for each in string.nut
+        if across.nut_share > 0.0
+    ]
     return replace(string, nut=tuple(nut))
 
 

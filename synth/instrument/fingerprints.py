@@ -42,7 +42,7 @@ def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
     """Of one open string of a preset: 16 hexadecimal digits."""
     parts: dict[str, Any] = {
         "string": strung(preset, table, note).model_dump(exclude=_STRING),
-        "nut": [mode.model_dump() for mode in preset.nut],
+        "nut": [mode.model_dump(exclude_defaults=True) for mode in preset.nut],
         "obstacle": obstacle_under(preset, table, note).model_dump(),
         "pluck": preset.pluck.model_dump(),
         "polarisation": None if preset.polarisation is None else preset.polarisation.model_dump(exclude={"heard"}),

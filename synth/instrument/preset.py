@@ -39,6 +39,7 @@ from synth.instrument.fields import at_note as at_note
 from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
 from synth.instrument.setup_table import ACTION_FRET, Setup, fault
 from synth.instrument.table import Table, written_value
+from synth.physics.mode_field import FieldMode, field_modes
 from synth.spelling import perhaps
 from synth.units import midi_to_note
 
@@ -79,12 +80,37 @@ class Tuning(Table):
     sympathetic_cents: Annotated[dict[int, float], BeforeValidator(anchors), within(-1200.0, 1200.0)] | None = None
 
 
-class NutMode(Table):
-    """One resonance of the nut end's mobility."""
+class ModeOrField(Table):
+    """A mode, or with `to_hz` and `spacing_hz` a field of modes from its frequency on (`physics.mode_field`)."""
 
     frequency_hz: float = Field(gt=0.0, le=20000.0)
     q: float = Field(gt=0.0, le=10000.0)
     mass_kg: float = Field(gt=0.0, le=1000.0)
+    #: a field reaches up to here, its modes this far apart in the mean; which ones, the seed says
+    to_hz: float | None = Field(None, gt=0.0, le=20000.0)
+    spacing_hz: float | None = Field(None, gt=0.0, le=20000.0)
+    seed: int = Field(0, ge=0, le=2**31 - 1)
+
+    @model_validator(mode="after")
+    def _whole_field(self) -> ModeOrField:
+        if (self.to_hz is None) != (self.spacing_hz is None):
+            raise ValueError("to_hz and spacing_hz make a field of modes together: give both or neither")
+        if self.seed and self.to_hz is None:
+            raise ValueError(
+                f"seed chooses the modes of a field, got {self.seed} without to_hz and spacing_hz: leave it out"
+            )
+        self.field()
+        return self
+
+    def field(self) -> tuple[FieldMode, ...] | None:
+        """Its modes; None where it is a single one. Raises ValueError."""
+        if self.to_hz is None or self.spacing_hz is None:
+            return None
+        return field_modes(self.frequency_hz, self.to_hz, self.spacing_hz, self.q, self.seed)
+
+
+class NutMode(ModeOrField):
+    """One resonance of the nut end's mobility, or a field of them."""
 
 
 class StringTable(Table):
@@ -425,8 +451,11 @@ class BodyMode(Table):
     pan: float = Field(0.0, ge=-1.0, le=1.0)
 
 
-class MovingMode(Table):
-    """One mode of the body that the strings share by their bridge."""
+class MovingMode(ModeOrField):
+    """One mode of the body that the strings share by their bridge, or a field of them.
+
+    Of a field, shape and radiation are what the single modes have in the root mean square, and pan is the farthest of them.
+    """
 
     frequency_hz: float = Field(ge=5.0, le=20000.0)
     q: float = Field(gt=0.5, le=10000.0)

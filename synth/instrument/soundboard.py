@@ -66,10 +66,10 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     mode is given and gives, is made up for in the shapes.
     """
     frame = 1.0 / rate_hz
-    modes = [mode for mode in preset.body.mode if mode.frequency_hz < 0.45 * rate_hz]
+    modes = tuple(mode for mode in body_of(preset.body.mode).modes if mode.frequency_hz < 0.45 * rate_hz)
     if not modes:
         raise PresetError(f"{preset.name}: body.mode: no mode lies below {0.45 * rate_hz:g} Hz; give one, or a higher rate")
-    body = body_of(modes)
+    body = Body(modes)
     omega, sigma, mass = body.omega, body.sigma, body.mass
     half = np.minimum(0.5 * omega * frame, _FARTHEST)
     shape = body.shapes / np.sinc(half / math.pi) ** 2
@@ -105,13 +105,26 @@ def spanned(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def body_of(modes: Sequence[MovingMode]) -> Body:
     """A body of the modes of a file, with as many components of the bridge's motion as any of them has."""
     components = max(len(mode.shape) for mode in modes)
-    return Body(tuple(_whole(mode, components) for mode in modes))
+    return Body(tuple(single for mode in modes for single in single_modes(mode, components)))
 
 
-def _whole(mode: MovingMode, components: int) -> BodyMode:
-    """A mode with so many components, those that are not given being zero."""
+def single_modes(mode: MovingMode, components: int) -> tuple[BodyMode, ...]:
+    """A mode, or those of a field, with so many components, those that are not given being zero."""
     shape = (*mode.shape, *(0.0,) * (components - len(mode.shape)))
-    return BodyMode(mode.frequency_hz, mode.q, mode.mass_kg, shape, mode.radiation, mode.pan)
+    field = mode.field()
+    if field is None:
+        return (BodyMode(mode.frequency_hz, mode.q, mode.mass_kg, shape, mode.radiation, mode.pan),)
+    return tuple(
+        BodyMode(
+            each.frequency_hz,
+            each.q,
+            mode.mass_kg,
+            tuple(mean * psi for mean, psi in zip(shape, each.shape, strict=False)),
+            mode.radiation * each.radiation,
+            mode.pan * each.pan,
+        )
+        for each in field
+    )
 
 
 def step_count(wanted: int) -> int:

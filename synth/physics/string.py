@@ -47,17 +47,21 @@ class NutResonance:
     frequency_hz   resonance frequency ω_n/2π [Hz]
     q              quality factor Q
     mass_kg  modal mass m seen by the string at that end [kg]
+    across_mass_kg  the same of a string that moves at right angles to its first direction [kg]; None: as `mass_kg`
 
-    Raises ValueError unless all three are within LIMITS.
+    Raises ValueError unless all are within LIMITS.
     """
 
     frequency_hz: float
     q: float
     mass_kg: float
+    across_mass_kg: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("frequency_hz", "q", "mass_kg"):
             require_within(name, getattr(self, name), f"nut resonance {name}")
+        if self.across_mass_kg is not None:
+            require_within("mass_kg", self.across_mass_kg, "nut resonance across_mass_kg")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ describe_body(preset) -> dict
     hz           [`ROWS` frequencies, evenly in octaves]
     mobility_db  [[of each axis, per frequency] |Y_ii| at the bridge's reference point, without strings, in dB of 1 m/(N s),
                  rocking of 1 rad/(N m s)]
-    modes        [{index, frequency_hz, q, mass_kg, rings_s (time to −60 dB), peak_db: [of each axis, what the mode alone
+    modes        of a field what a single one of its modes does in the mean, at its lowest frequency:
+                 [{index, frequency_hz, q, mass_kg, rings_s (time to −60 dB), peak_db: [of each axis, what the mode alone
                  reaches at its frequency, null where it does not move that way],
                  drag: {frequency: D, q: [D per axis], mass: [D per axis]}}]
     new          a mode to begin with, in the widest gap between two: an edit of body.mode.N appends it, N how many there are
@@ -46,7 +47,7 @@ def describe_body(preset: Preset) -> dict[str, Any]:
         return {"coupled": False}
     modes = preset.body.mode
     body = body_of(preset.body.mode)
-    frequencies = [mode.frequency_hz for mode in modes]
+    frequencies = [mode.frequency_hz for mode in body.modes]
     low, high = min(LOWEST_HZ, min(frequencies) / 2.0**BEYOND), max(HIGHEST_HZ, max(frequencies) * 2.0**BEYOND)
     # the very top of each peak as well, which may lie between two of the even ones
     hz = np.unique(np.concatenate([np.geomspace(low, high, ROWS), frequencies]))

@@ -28,6 +28,7 @@ from synth.author.views.instrument import draw
 from synth.author.views.place import find, speaking
 from synth.instrument.compile import string_notes
 from synth.instrument.preset import BridgeObstacle, Preset, at_note
+from synth.instrument.soundboard import single_modes
 from synth.physics.body_modes import AXES
 from synth.physics.modes import mode_shapes
 from synth.units import midi_to_note
@@ -113,15 +114,15 @@ def _bridge(made: Frames, shots: Shots) -> dict[str, Any]:
 
 
 def _body(preset: Preset, made: Frames, shots: Shots) -> dict[str, Any]:
-    """Of every mode of the preset; those that the engine leaves out rest."""
+    """Of every mode of the preset, of a field the sum; those that the engine leaves out rest."""
     motion = np.zeros((len(shots.p), len(preset.body.mode)))
-    omega = list(made.body.omega)
-    for number, mode in enumerate(preset.body.mode):
-        there = np.flatnonzero(np.isclose(omega, 2.0 * math.pi * mode.frequency_hz))
-        if there.size:
-            # modes of one frequency one after the other
-            index = int(there[sum(other.frequency_hz == mode.frequency_hz for other in preset.body.mode[:number])])
-            motion[:, number] = 1e6 * shots.p[:, index] * max(mode.shape[:2], key=abs, default=1.0)
+    left = list(enumerate(made.body.omega))  # modes of one frequency one after the other
+    for number, table in enumerate(preset.body.mode):
+        for mode in single_modes(table, len(table.shape)):
+            place = next((k for k, (_, w) in enumerate(left) if math.isclose(w, 2.0 * math.pi * mode.frequency_hz)), None)
+            if place is not None:
+                index, _ = left.pop(place)
+                motion[:, number] += 1e6 * shots.p[:, index] * max(mode.shape[:2], key=abs, default=1.0)
     return {"motion": rounded(motion, 4), "largest": round(float(np.abs(motion).max()), 4)}
 
 

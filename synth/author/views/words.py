@@ -94,6 +94,21 @@ _OBSTACLE_KIND = Words(
     setup=True,
 )
 
+#: a field of modes in place of one
+_FIELD = {
+    "to_hz": Words(
+        "Field of modes up to",
+        "One entry stands for many modes from its frequency up to this one, irregularly spaced and each in another "
+        "way, as a structure has them where they are not known one by one.",
+        "Hz",
+        (200.0, 12000.0),
+        10.0,
+    ),
+    "spacing_hz": Words(
+        "Mean spacing", "How far neighbouring modes of the field are apart in the mean.", "Hz", (10.0, 400.0), 1.0
+    ),
+    "seed": Words("Which field", "Another seed gives another structure of the same kind.", "", (0, 100), 1),
+}
 WORDS: dict[type[Table], dict[str, Words]] = {
     Preset: {
         "name": Words("Name", "The name that commands use: up to 64 lower-case letters, digits and hyphens."),
@@ -161,6 +176,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (0.05, 10.0),
             0.01,
         ),
+        **_FIELD,
     },
     StringTable: {
         "name": Words("Name", "The string's name among players: Pa, Sa, E, G."),
@@ -872,6 +888,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             0.1,
         ),
         "pan": Words("Heard from", "−1 left, 1 right.", "", (-1.0, 1.0), 0.1),
+        **_FIELD,
     },
     Hand: {
         "place_mm": Words(
