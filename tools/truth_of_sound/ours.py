@@ -12,6 +12,7 @@ from synth.instrument.preset import Preset
 from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
 from synth.units import midi_to_hz
 from truth_of_sound import measure
+from truth_of_sound.note_features import features
 
 RATE_HZ = 44100.0
 #: what is judged: six notes from D1 (our basses' lowest is E1) to D3, soft to loud
@@ -19,6 +20,10 @@ BASS_NOTES = (28, 33, 36, 38, 43, 48)
 VELOCITIES = (32, 80, 127)
 #: what stands for pp and ff
 SOFT, LOUD = 32, 127
+
+
+#: velocities and length of the notes that the impostor test judges [s]
+JUDGED_VELOCITIES, JUDGED_S = (48, 80, 110), 3.3
 
 
 class Player:
@@ -57,3 +62,10 @@ def measured(player: Player, note: int, velocity: int, **how: int) -> dict[str, 
     found = measure.cut(player.note(note, velocity, **how), RATE_HZ)
     out = measure.ring(found, float(midi_to_hz(note)))
     return out | measure.early(found, out["f0_hz"])
+
+
+def judged(player: Player, notes: Iterable[int]) -> list[dict[str, float]]:
+    """`note_features.features` of notes at `JUDGED_VELOCITIES`."""
+    return [
+        features(player.note(note, velocity, JUDGED_S), RATE_HZ, note) for note in notes for velocity in JUDGED_VELOCITIES
+    ]

@@ -1,17 +1,18 @@
-"""What one call of the tool does: ranges from recordings, or ours against them."""
+"""What one call of the tool does: the impostor test, ranges from recordings, or ours against them."""
 
 from __future__ import annotations
 
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from synth.fit.recording import FitRefused
 from synth.instrument.preset import load_preset
 from synth.units import midi_to_hz
-from truth_of_sound import hand, judge, measure, page, ranges, sources
-from truth_of_sound.ours import Player
+from truth_of_sound import families, hand, impostor, judge, measure, page, ranges, sources, verdict
+from truth_of_sound.ours import Player, judged
 
 RANGES = Path(__file__).resolve().parents[2] / "tests" / "truth" / "ranges.toml"
 _SOURCE = {
@@ -62,6 +63,35 @@ def compare(names: list[str], publish: bool) -> None:
         found = judge.bass(player)
         of_hands = judge.hand_table(judge.hands(player, found), of_hand)
         _show(player.preset.name, f"{judge.table(found, of_bass)}\n{of_hands}", publish)
+
+
+def measure_families(roots: list[Path]) -> None:
+    """Features of all recordings of the impostor test, kept as numbers. Raises ValueError, OSError."""
+    families.measure(roots, impostor.equalised)
+
+
+def impostors(names: list[str], publish: bool) -> None:
+    """The impostor test of families, or of presets by name or file; onto the page if `publish`.
+
+    Raises ValueError, OSError.
+    """
+    every = families.families()
+    chosen = {name: family for name, family in every.items() if not names or name in names}
+    for name in [name for name in names if name not in every]:
+        preset = load_preset(name)
+        # a file of one's own is of the family that has its `family`, or one of the same name
+        home = next((f for f in every.values() if preset.name in f.presets), None) or every.get(preset.family)
+        if home is None:
+            raise ValueError(f"{name}: no recordings of its family; those of {', '.join(every)} are known")
+        chosen[home.name] = replace(home, presets=(*(chosen[home.name].presets if home.name in chosen else ()), name))
+    for family in chosen.values():
+        ours = {}
+        for name in family.presets:
+            player = Player(load_preset(name))
+            ours[player.preset.name] = judged(player, family.notes)
+        found = verdict.verdict(family, ours, *families.kept(family))
+        parts = (verdict.auc_table(found), verdict.feature_table(found), verdict.distance_table(found))
+        _show(f"impostor {family.name}", "\n".join(parts), publish)
 
 
 def _show(name: str, text: str, publish: bool) -> None:
