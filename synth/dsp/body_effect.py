@@ -46,16 +46,14 @@ def _make(body: Any, rate_hz: float) -> Made:
 
 def _at_rest(made: Made, channels: int) -> State:
     sides, rows, resonances = made.coefficients.shape
-    if channels != sides:
-        raise ValueError(
-            f"this body has {sides} channel{'' if sides == 1 else 's'}, got a signal with {channels}; use it in a part"
-        )
-    return allocate(State, {"rows": sides * rows, "resonances": resonances, "PIECE": _PIECE})
+    if channels < sides:
+        raise ValueError(f"this body has left and right, got a signal with {channels} channel; use it in a part")
+    return allocate(State, {"rows": channels * rows, "resonances": resonances, "PIECE": _PIECE})
 
 
 def _process(effect: int, x: int, frames: int, channels: int) -> None:
     made, state = _made(effect), _state(effect)
-    whole = frames_at(x, frames, channels)
+    whole, sides = frames_at(x, frames, channels), made.coefficients.shape[0]
     for side in range(channels):
         ringing = state.ringing[3 * side : 3 * side + 3]
         for begin in range(0, frames, _PIECE):
@@ -64,7 +62,7 @@ def _process(effect: int, x: int, frames: int, channels: int) -> None:
             for i in range(size):
                 dry[i] = whole[begin + i, side]
                 wet[i] = made.direct * dry[i]
-            body_filter(made.coefficients[side], ringing, dry, wet)
+            body_filter(made.coefficients[min(side, sides - 1)], ringing, dry, wet)
             for i in range(size):
                 whole[begin + i, side] = wet[i]
 

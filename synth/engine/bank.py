@@ -11,6 +11,7 @@ from zlib import crc32
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from synth import panning
 from synth.dsp.decimator import STOPBAND_EDGE, design, phase_space, response, split_taps
 from synth.engine import layout
 from synth.engine.articulated import articulation_rows, hand_fields
@@ -108,10 +109,11 @@ class _Lists:
         preset, p = part.preset, len(self.parts)
         first_position, first_bus = len(self.positions), len(self.buses)
         bus_of: dict[int, int] = {}
+        sides = 2 if part.body is not None or preset.spread else 1
         body = {"body": -1, "bus": -1, "output_bound": 0.0}
         together = together or part.body is not None
         if part.body is not None:
-            left, _ = self._bus(p, 1), self._bus(p, 1)
+            left = self._bus(p, 1, sides)
             bus_of = {1: left, **{string.factor: left for string in part.strings}}
             body = {"body": len(self.bodies), "bus": left, "output_bound": part.body.swinging_bound}
             self.bodies.append(SharedBody(len(self.instruments), part.body))
@@ -126,7 +128,7 @@ class _Lists:
                 self.instruments.append(record(layout.INSTRUMENT, **own, **body))
             for factor in (string.factor, 1):
                 if factor not in bus_of:
-                    bus_of[factor] = self._bus(p, factor)
+                    bus_of[factor] = self._bus(p, factor, sides)
             heard = None if part.body is None else (part.body, number * (1 + two))
             self._string(p, preset, string, bus_of, heard, two, False, dice)
             if preset.polarisation is not None:
@@ -157,7 +159,7 @@ class _Lists:
                 finger_loss=pluck.finger_loss,
                 pressure_bend=1e-2 * preset.mapping.pressure_cents,
                 stereo=int(preset.stereo),
-                two_buses=int(part.body is not None),
+                sides=sides,
                 pluck_first=math.cos(angle),
                 pluck_second=math.sin(angle),
                 choirs=max((string.choir for string in part.strings), default=1),
@@ -168,17 +170,18 @@ class _Lists:
             )
         )
 
-    def _bus(self, p: int, factor: int) -> int:
-        """A bus of part p at `factor` times the output rate; its number."""
+    def _bus(self, p: int, factor: int, sides: int) -> int:
+        """Buses of part p at `factor` times the output rate, one or left and right; the number of the first."""
         if factor not in self._tap_places:
             linear = design(self.rate_hz, factor)
             self._tap_places[factor] = (sum(t.size for t in self.taps), linear.size)
             self.taps.append(np.empty_like(linear))
             split_taps(linear, factor, self.taps[-1])
         place, size = self._tap_places[factor]
-        self.buses.append(record(layout.BUS, part=p, factor=factor, taps=place, n_taps=size, off=self._line))
-        self._line += whole_lines(size + self.span * QUANTUM * factor)
-        return len(self.buses) - 1
+        for _ in range(sides):
+            self.buses.append(record(layout.BUS, part=p, factor=factor, taps=place, n_taps=size, off=self._line))
+            self._line += whole_lines(size + self.span * QUANTUM * factor)
+        return len(self.buses) - sides
 
     def _string(
         self,
@@ -192,6 +195,7 @@ class _Lists:
         dice: int,
     ) -> None:
         factor, index = string.factor, len(self.strings)
+        left, right = math.sqrt(2.0) * panning.shares(string.pan)
         self.strings.append(
             record(
                 layout.STRING,
@@ -200,6 +204,8 @@ class _Lists:
                 instrument=len(self.instruments) - 1,
                 bus=bus_of[factor],
                 factor=factor,
+                left=left,
+                right=right,
                 positions=0 if string.sympathetic else string.places,
                 open_length=string.open_length_m,
                 pluck_force=string.pluck_force_n,

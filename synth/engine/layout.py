@@ -67,8 +67,10 @@ STRING = np.dtype(
         ("part", "i8"),
         ("dice", "i8"),  # what tells it from the others of its preset, where strokes vary
         ("instrument", "i8"),
-        ("bus", "i8"),
+        ("bus", "i8"),  # where its part has sides, of the left one; the right one is the next
         ("factor", "i8"),
+        ("left", "f8"),  # how loud it is on either side, where its part has them
+        ("right", "f8"),
         ("positions", "i8"),  # how many; more than one: a neck; none: no key plays it
         ("open_length", "f8"),
         ("pluck_force", "f8"),
@@ -144,7 +146,7 @@ PART = np.dtype(
         ("finger_loss", "f8"),
         ("pressure_bend", "f8"),  # tension at full pressure [semitones]
         ("stereo", "i8"),  # its chain has left and right
-        ("two_buses", "i8"),  # …and so have its buses, which are two
+        ("sides", "i8"),  # buses of each internal rate: one, or left and right
         ("pluck_first", "f8"),  # share of a pluck in the first direction of strings that have two, …
         ("pluck_second", "f8"),  # … and in the second
         ("choirs", "i8"),

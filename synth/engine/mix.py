@@ -64,10 +64,10 @@ def _gather_rows(core: int) -> None:
         me = state.sounding[s]
         fixed = bank.strings[s]
         if me.row_to > me.row_from:
-            _add_row(core, fixed.bus, me.row_from, shared.rows[fixed.row + me.row_from : fixed.row + me.row_to])
+            _add_sides(core, s, fixed.bus, me.row_from, shared.rows[fixed.row + me.row_from : fixed.row + me.row_to])
         if me.direct_to > me.direct_from:
             begin, end = fixed.direct + me.direct_from, fixed.direct + me.direct_to
-            _add_row(core, fixed.direct_bus, me.direct_from, shared.direct[begin:end])
+            _add_sides(core, s, fixed.direct_bus, me.direct_from, shared.direct[begin:end])
         me.row_from = me.row_to = 0
         me.direct_from = me.direct_to = 0
     for i in range(bank.instruments.size):
@@ -77,12 +77,24 @@ def _gather_rows(core: int) -> None:
             if there[1] > there[0]:
                 for channel in range(2):
                     row = shared.radiated[instrument.body, channel, there[0] : there[1]]
-                    _add_row(core, instrument.bus + channel, there[0], row)
+                    _add_row(core, instrument.bus + channel, there[0], row, 1.0)
             there[0] = there[1] = 0
 
 
 @njit(**CORE)
-def _add_row(core: int, b: int, first: int, row) -> None:
+def _add_sides(core: int, s: int, b: int, first: int, row) -> None:
+    """`_add_row` of a string to its bus, or to those of both sides."""
+    bank = bank_of(core)
+    fixed = bank.strings[s]
+    if bank.parts[fixed.part].sides == 1:
+        _add_row(core, b, first, row, 1.0)
+        return
+    _add_row(core, b, first, row, fixed.left)
+    _add_row(core, b + 1, first, row, fixed.right)
+
+
+@njit(**CORE)
+def _add_row(core: int, b: int, first: int, row, share: float) -> None:
     """Add steps from number `first` of the span on to the line of bus b."""
     state = state_of(core)
     bus = bank_of(core).buses[b]
@@ -90,7 +102,7 @@ def _add_row(core: int, b: int, first: int, row) -> None:
     place = bus.off + bus.n_taps + first
     line = state.lines[place : place + row.size]
     for t in range(row.size):
-        line[t] += row[t]
+        line[t] += share * row[t]
     state.quiet[b] = -1
 
 
@@ -131,10 +143,11 @@ def _add_stereo_part(core: int, p: int, start: int, frames: int, mix) -> None:
     share, pole = settings.smoothing, settings.dc
     pair, mono = shared.pair[:frames], shared.mono[:frames]
     part = bank.parts[p]
-    if part.two_buses:
+    if part.sides == 2:
         for channel in range(2):
             mono[:] = 0.0
-            _add_bus(core, part.first_bus + channel, frames, mono)
+            for b in range(part.first_bus + channel, part.end_bus, 2):
+                _add_bus(core, b, frames, mono)
             for i in range(frames):
                 pair[i, channel] = mono[i]
     else:

@@ -115,6 +115,7 @@ class CompiledString:
     pluck_shift: float = 0.0  # of its pluck from that of the others, parts of its open length
     sympathetic: bool = False  # no key plays it
     elsewhere: bool = False  # the key that plays it is not what it sounds
+    pan: float = 0.0  # from where it is heard
 
 
 @dataclass(frozen=True)
@@ -613,6 +614,7 @@ def compile_string(
         pluck_shift(preset, table, note),
         table.sympathetic,
         table.sounds is not None,
+        at_note(table.pan, note),
     )
 
 

@@ -16,7 +16,7 @@ from synth.instrument.neck import obstacle_under, strung
 from synth.instrument.preset import Preset, StringTable, at_note
 
 #: of a string: what does not move it, and its pitch
-_STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db", "place_mm", "angle_deg"}
+_STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db", "pan", "place_mm", "angle_deg"}
 #: of an articulation: the ways to it, and what chords and legato do
 WAYS = frozenset({"key", "controller", "velocity", "strum_ms", "slide_ms"})
 #: the stroke of a plain pluck, as of an articulation that says nothing else

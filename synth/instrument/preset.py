@@ -146,6 +146,8 @@ class StringTable(Table):
     frets: int | None = Field(None, ge=0, le=36)
     bridge_points: int | None = Field(None, ge=0, le=MOST_BRIDGE_POINTS)
     gain_db: Annotated[Scaled, within(-60.0, 24.0)] = 0.0
+    #: from where it is heard, where strings share no body (−1 left … 1 right)
+    pan: Annotated[Scaled, within(-1.0, 1.0)] = 0.0
     #: where on the bridge it ends, from its middle; which way it moves when it is plucked, from the normal of the body
     place_mm: Annotated[Scaled, within(-500.0, 500.0)] = 0.0
     angle_deg: Annotated[Scaled, within(-90.0, 90.0)] = 0.0
@@ -679,10 +681,12 @@ class Preset(Table):
     @model_validator(mode="after")
     def _a_body_has_one_level(self) -> Preset:
         for number, table in enumerate(self.string):
-            if self.body.mode and table.gain_db != 0.0:
-                raise ValueError(
-                    f"string.{number}.gain_db has no meaning where strings share a body, which alone is heard: leave it out"
-                )
+            for key in ("gain_db", "pan"):
+                if self.body.mode and getattr(table, key) != 0.0:
+                    raise ValueError(
+                        f"string.{number}.{key} has no meaning where strings share a body, which alone is heard: "
+                        "leave it out"
+                    )
         return self
 
     @model_validator(mode="after")
@@ -723,8 +727,13 @@ class Preset(Table):
 
     @property
     def stereo(self) -> bool:
-        """Whether left and right are heard apart: of a body that moves, or that has resonances to the sides."""
-        return self.coupled or self.body.wide
+        """Whether left and right are heard apart: of a body that moves, or strings or resonances to the sides."""
+        return self.coupled or self.body.wide or self.spread
+
+    @property
+    def spread(self) -> bool:
+        """Whether any string is heard from a side."""
+        return any(table.pan != 0.0 for table in self.string)
 
     @property
     def on_rigid_ends(self) -> Preset:

@@ -298,6 +298,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             1.0,
         ),
         "gain_db": Words("Level", "Level of this string in the mix; its motion does not change.", "dB", (-12.0, 12.0), 0.1),
+        "pan": Words("Heard from", "Where this string stands between left (−1) and right (1).", "", (-1.0, 1.0), 0.05),
         "choir": Words(
             "Choir",
             "A key sounds one string of every choir that has its note, like the two or three choirs of a harpsichord.",
