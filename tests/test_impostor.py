@@ -160,7 +160,9 @@ def test_notes_of_file_names() -> None:
 def test_features_are_measured_into_the_file(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(families, "KEPT", tmp_path / "features.csv")
     table = 'title = "T"\nlow = 30\nhigh = 60\nnotes = [45]\npresets = []\n'
-    (tmp_path / "families.toml").write_text(f'[one]\n{table}tuning = ["a"]\njudging = ["b"]\n[two]\n{table}split = "b"\n')
+    (tmp_path / "families.toml").write_text(
+        f'[one]\n{table}tuning = ["a"]\njudging = ["b"]\n[two]\n{table}tuning = ["b (tuning)"]\njudging = ["b (judging)"]\n'
+    )
     every = families.families(tmp_path / "families.toml")
     monkeypatch.setattr(families, "families", lambda: every)
     for name in ("a", "b"):

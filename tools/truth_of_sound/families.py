@@ -57,22 +57,10 @@ def families(path: Path = FAMILIES) -> dict[str, Family]:
     """All of them by name. Raises ValueError, OSError."""
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     data.pop("sources", None)
-    return {name: _family(name, table) for name, table in data.items()}
-
-
-def _family(name: str, table: dict) -> Family:
-    split = table.get("split")
-    tuning, judging = ([split + TUNING], [split + JUDGING]) if split else (table["tuning"], table["judging"])
-    return Family(
-        name,
-        table["title"],
-        table["low"],
-        table["high"],
-        tuple(table["notes"]),
-        tuple(table["presets"]),
-        tuple(tuning),
-        tuple(judging),
-    )
+    return {
+        name: Family(name, **{key: tuple(value) if isinstance(value, list) else value for key, value in table.items()})
+        for name, table in data.items()
+    }
 
 
 def sources(path: Path = FAMILIES) -> dict[str, str]:
