@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from synth.fit.recording import FitRefused
-from synth.instrument.preset import load_preset
+from synth.instrument.preset import list_presets, load_preset
 from synth.units import midi_to_hz
-from truth_of_sound import families, hand, impostor, judge, measure, page, ranges, sources, verdict
+from truth_of_sound import families, hand, impostor, judge, measure, page, playing, ranges, sources, verdict
 from truth_of_sound.ours import Player, judged
 
 RANGES = Path(__file__).resolve().parents[2] / "tests" / "truth" / "ranges.toml"
@@ -92,6 +92,12 @@ def impostors(names: list[str], publish: bool) -> None:
         found = verdict.verdict(family, ours, *families.kept(family))
         parts = (verdict.auc_table(found), verdict.feature_table(found), verdict.distance_table(found))
         _show(f"impostor {family.name}", "\n".join(parts), publish)
+
+
+def playing_tables(names: list[str], publish: bool) -> None:
+    """How presets, by default all, answer the player; onto the page if `publish`. Raises ValueError, OSError."""
+    presets = [load_preset(name) for name in names] or list_presets()
+    _show("playing", playing.table([playing.answer(preset) for preset in presets]), publish)
 
 
 def _show(name: str, text: str, publish: bool) -> None:
