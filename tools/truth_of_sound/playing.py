@@ -35,9 +35,12 @@ _BANDS_HZ, _WEAK_DB = tuple(62.5 * 2.0**k for k in range(8)), 40.0
 class Answer:
     """Of one preset.
 
-    brightness: {note: centroid at `VELOCITIES` [Hz]}; levels_db: {note: level at velocity 80} over the compass; takes_db:
-    how far two equal strokes are apart; end_db: {note: level 100 ms after its end over that before}; sides_db: how far left and
-    right differ; hole_db: what the weakest octave band of their sum loses.
+    brightness: {note: centroid at `VELOCITIES` [Hz]}
+    levels_db: {note: level at velocity 80} over the compass
+    takes_db: how far two equal strokes are apart
+    end_db: {note: level 100 ms after its end over that before}
+    sides_db: how far left and right differ
+    hole_db: what the weakest octave band of their sum loses
     """
 
     preset: Preset
