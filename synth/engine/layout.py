@@ -151,6 +151,7 @@ PART = np.dtype(
         ("first_articulation", "i8"),
         ("end_articulation", "i8"),
         ("others_s", "f8"),  # T60 of other strings on the bridge once no note is held; 0: they ring on
+        ("lifts", "i8"),  # a finger that leaves its fret lets the string rise
         ("release_touch", "i8"),  # what is laid on a string when its note ends; −1: nothing
         # standard deviations from stroke to stroke: of the place [m], and of the logarithms of level, width and times
         ("place_spread", "f8"),

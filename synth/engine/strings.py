@@ -432,9 +432,27 @@ def let_go(core: int, thread: int, s: int) -> None:
         _cover_others(core, s, part.others_s * state.parameters[number, RELEASE])
     if part.knock > 0.0 and part.knock_release > 0.0 and me.awake and not me.idle:
         begin_knock(core, s, part.knock_release * me.knock, 0.0)
-    if part.release_touch >= 0 and me.awake and not me.idle:
-        _land(core, thread, s)
-        lay_on(core, s, part.release_touch, 0.0)
+    if not me.awake or me.idle or (part.release_touch < 0 and not part.lifts):
+        return
+    _land(core, thread, s)
+    stopped_at = _leave_fret(core, thread, s) if part.lifts else 0.0
+    if part.release_touch >= 0:
+        lay_on(core, s, part.release_touch, stopped_at)
+
+
+@njit(**CORE)
+def _leave_fret(core: int, thread: int, s: int) -> float:
+    """The finger that stopped a string at a fret lets it rise, and it is the open one; where the fret is, as a share of its
+    length from the saddle. 0: it was open, or lies over a board."""
+    bank, me, opened = bank_of(core), state_of(core).sounding[s], bank_of(core).strings[s].open_model
+    if me.model == opened or shared_of(core).board_at[me.model] != 0:
+        return 0.0
+    share = bank.models[me.model].length / bank.models[opened].length
+    lies_on = me.phase == TOUCHED
+    change_model(core, thread, s, opened)
+    if lies_on:
+        _touch_again(core, s)
+    return share
 
 
 @njit(**CORE)

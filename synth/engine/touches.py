@@ -14,8 +14,6 @@ from synth.instrument.excitations import MOST_HOLD_S
 
 #: a touch begins with this share of its resistance, which doubles with every quantum: laid on in 4 ms
 FIRST_SHARE = 1.0 / 64.0
-#: time in which a touch with a spring brings the string to its rest line [s]
-LAY_S = 0.008
 #: from where on what it rubs over is numbered among the chances of the last stroke
 _RUBBED = 1 << 23
 
@@ -63,16 +61,15 @@ def press_on(core: int, s: int) -> None:
 @njit(**CORE)
 def lie(core: int, thread: int, s: int, steps: int) -> None:
     """Scratch.path of what lies on a string: from where the string was touched to its rest line, and how it comes there."""
-    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
-    turn = math.pi / (LAY_S * settings_of(core).rate_hz * fixed.factor)
+    scratch, fixed, sounding = scratch_of(thread), bank_of(core).strings[s], state_of(core).sounding
+    me = sounding[s]
+    touch = bank_of(core).touches[sounding[s - 1 if fixed.of_first else s].touch]
+    turn = math.pi / (touch.settle_s * settings_of(core).rate_hz * fixed.factor)
     for t in range(steps + 1):
         share = 0.5 * (1.0 + math.cos(min(math.pi, turn * (me.finger_step + t))))
         scratch.path[t] = share * me.finger_from
-    if not fixed.of_first:
-        touch = bank_of(core).touches[me.touch]
-        if touch.speed > 0.0 or touch.roughness > 0.0:
-            _come_and_go(core, thread, s, steps)
+    if not fixed.of_first and (touch.speed > 0.0 or touch.roughness > 0.0):
+        _come_and_go(core, thread, s, steps)
 
 
 @njit(**CORE)

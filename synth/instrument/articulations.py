@@ -75,6 +75,8 @@ class Hand(Table):
     meend_ms: float = Field(60.0, ge=1.0, le=2000.0)
     #: the finger that is laid on the string when a note ends, beside damping.release_s
     release: Touch | None = None
+    #: the finger that stops a note at a fret leaves it as the note ends, and lets the string rise to the open one
+    fret_release: bool = False
     #: what a stroke does to a body that strings share
     knock: Knock | None = None
 

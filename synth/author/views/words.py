@@ -978,6 +978,12 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "A finger, palm or felt laid on the string when its note ends, in addition to the damping. Add it in "
             "the file, as hand.release.",
         ),
+        "fret_release": Words(
+            "Finger leaves the fret",
+            "When a stopped note ends, its finger lets the string rise from the fret: the open string is heard for as long "
+            "as the damping lets it, a thump that grows with the height of the strings. The finger at the end, if there is "
+            "one, then lies where the fret is.",
+        ),
         "knock": Words(
             "Knock on the body",
             "A push of the hand on the body with every stroke, for strings that share a body with modes. Add it in the "
