@@ -165,6 +165,8 @@ class _Lists:
                 choirs=max((string.choir for string in part.strings), default=1),
                 first_articulation=first_articulation,
                 end_articulation=len(self.articulations),
+                others_s=preset.damping.others_s or 0.0,
+                lifts=int(preset.hand.fret_release),
                 release_touch=release_touch,
                 **hand_fields(preset.hand),
             )
