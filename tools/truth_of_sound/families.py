@@ -79,7 +79,7 @@ def recorded(
     """(file, note, features) of a folder's notes; `change` goes ahead. Tells standard error what it leaves out."""
     for path in sorted(folder.iterdir()):
         note = note_of(path.name)
-        if path.suffix.lower() not in (".flac", ".wav") or note is None or any(word in path.stem for word in _NO_NOTE):
+        if note is None or not rings(path):
             continue
         samples, rate_hz = read_recording(str(path))
         x = samples[: _MOST_S * rate_hz].mean(axis=1)
@@ -87,6 +87,19 @@ def recorded(
             yield path.stem, note, features(x if change is None else change(x, rate_hz), rate_hz, note)
         except ValueError as error:
             print(f"left out: {folder.name}/{path.name}: {error}", file=sys.stderr)
+
+
+def folder_of(name: str, roots: list[Path]) -> Path:
+    """The folder of a set under one of these. Raises ValueError where it is in none."""
+    for root in roots:
+        if (root / name).is_dir():
+            return root / name
+    raise ValueError(f"no folder {name} in {', '.join(map(str, roots))}; give the folder that holds it by --recordings")
+
+
+def rings(path: Path) -> bool:
+    """Whether a file is the recording of a note that begins and rings."""
+    return path.suffix.lower() in (".flac", ".wav") and not any(word in path.stem for word in _NO_NOTE)
 
 
 def note_of(file: str) -> int | None:

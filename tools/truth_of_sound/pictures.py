@@ -102,9 +102,14 @@ def _draw(pair: Pair, player: Player, real: Recorded, layers: list[Recorded]) ->
     path = FOLDER / f"{pair.preset}.png"
     figure.savefig(path, dpi=100)
     plt.close(figure)
+    kept_small(path)
+    print(path)
+
+
+def kept_small(path: Path) -> None:
+    """Reduce a picture to a few colours, in place."""
     with Image.open(path) as image:
         image.convert("RGB").quantize(_COLOURS).save(path, optimize=True)
-    print(path)
 
 
 def _spectrogram(axes: Axes, note: measure.Note, pair: Pair, title: str) -> None:
