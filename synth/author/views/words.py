@@ -1024,6 +1024,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (-0.7, 0.7),
             0.05,
         ),
+        **_FIELD,
     },
     Mapping_: {
         "polyphony": Words(
