@@ -26,11 +26,16 @@ class Peak(NamedTuple):
 
 
 class _Resonance(Protocol):
-    frequency_hz: float
-    q: float
-    gain_db: float
-    pan: float
-    spacing_hz: float | None
+    @property
+    def frequency_hz(self) -> float: ...
+    @property
+    def q(self) -> float: ...
+    @property
+    def gain_db(self) -> float: ...
+    @property
+    def pan(self) -> float: ...
+    @property
+    def spacing_hz(self) -> float | None: ...
 
     def field(self) -> tuple[FieldMode, ...] | None: ...
 
