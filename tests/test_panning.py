@@ -10,6 +10,7 @@ import numpy as np
 from synth import panning
 from synth.dsp.body import body_coefficients
 from synth.dsp.body_effect import BODY
+from synth.instrument.resonances import Peak
 from synth.physics.body_modes import Body, BodyMode
 
 PACKAGE = Path(panning.__file__).parent
@@ -30,8 +31,8 @@ def test_modes_and_resonances_of_bodies_have_these_shares_to_the_bit() -> None:
     body = Body(tuple(BodyMode(100.0 + k, 30.0, 0.1, (1.0,), 0.3 + k, pan) for k, pan in enumerate(PANS)))
     heard = 0.7 * np.array([mode.radiation for mode in body.modes])
     assert np.array_equal(body.left_right(0.7), math.sqrt(2.0) * heard * sides)
-    peaks = [SimpleNamespace(frequency_hz=100.0 + k, q=20.0, gain_db=0.5 * k, pan=pan) for k, pan in enumerate(PANS)]
-    made = BODY.made(SimpleNamespace(resonance=peaks, wide=True, direct_db=0.0), 44100.0)
+    peaks = [Peak(100.0 + k, 20.0, 0.5 * k, 1.0, pan) for k, pan in enumerate(PANS)]
+    made = BODY.made(SimpleNamespace(peaks=peaks, wide=True, direct_db=0.0), 44100.0)
     plain = body_coefficients([peak.frequency_hz for peak in peaks], [20.0] * 17, [peak.gain_db for peak in peaks], 44100.0)
     for side in range(2):
         assert np.array_equal(made.coefficients[side, 0], plain[0] * (np.sqrt(2.0) * sides[side]))

@@ -32,11 +32,12 @@ _made, _state = openers(Made, State)
 
 
 def _make(body: Any, rate_hz: float) -> Made:
-    """body : the preset's table, `direct_db` and at least one `resonance`."""
-    peaks = body.resonance
+    """body : the preset's table, `direct_db` and `peaks`, at least one."""
+    peaks = [peak for peak in body.peaks if not peak.of_field or peak.frequency_hz < 0.45 * rate_hz]
     whole = body_coefficients(
         [peak.frequency_hz for peak in peaks], [peak.q for peak in peaks], [peak.gain_db for peak in peaks], rate_hz
     )
+    whole[0] *= [peak.sign for peak in peaks]
     sides = np.stack([whole] * (2 if body.wide else 1))
     if body.wide:  # of constant power, as channels are panned; the filter is linear in its first row
         sides[:, 0] *= np.sqrt(2.0) * panning.shares([peak.pan for peak in peaks])

@@ -37,6 +37,7 @@ from synth.instrument.faults import value_got, wanted
 from synth.instrument.fields import Note, NoteRange, Scaled, anchors, each_within, within
 from synth.instrument.fields import at_note as at_note
 from synth.instrument.planfile import MeasuredPlan, PlanError, read_beside
+from synth.instrument.resonances import Peak, single_peaks
 from synth.instrument.setup_table import ACTION_FRET, Setup, fault
 from synth.instrument.table import Table, written_value
 from synth.physics.mode_field import FieldMode, field_modes
@@ -85,7 +86,6 @@ class ModeOrField(Table):
 
     frequency_hz: float = Field(gt=0.0, le=20000.0)
     q: float = Field(gt=0.0, le=10000.0)
-    mass_kg: float = Field(gt=0.0, le=1000.0)
     #: a field reaches up to here, its modes this far apart in the mean; which ones, the seed says
     to_hz: float | None = Field(None, gt=0.0, le=20000.0)
     spacing_hz: float | None = Field(None, gt=0.0, le=20000.0)
@@ -111,6 +111,8 @@ class ModeOrField(Table):
 
 class NutMode(ModeOrField):
     """One resonance of the nut end's mobility, or a field of them."""
+
+    mass_kg: float = Field(gt=0.0, le=1000.0)
 
 
 class StringTable(Table):
@@ -456,11 +458,14 @@ class Output(Table):
     gain_db: float = Field(0.0, ge=-200.0, le=200.0)
 
 
-class BodyMode(Table):
+class BodyMode(ModeOrField):
+    """One resonance of the filter behind the strings, or a field of them (`instrument.resonances`)."""
+
     frequency_hz: float = Field(gt=10.0, le=20000.0)
     q: float = Field(ge=1.0, le=1000.0)
+    #: at the peak; of a field the root mean square of its response
     gain_db: float = Field(ge=-120.0, le=60.0)
-    #: from where it is heard (−1 left … 1 right)
+    #: from where it is heard (−1 left … 1 right); of a field the farthest of them
     pan: float = Field(0.0, ge=-1.0, le=1.0)
 
 
@@ -500,6 +505,11 @@ class Body(Table):
     def wide(self) -> bool:
         """Whether any resonance is heard from a side."""
         return any(peak.pan != 0.0 for peak in self.resonance)
+
+    @property
+    def peaks(self) -> tuple[Peak, ...]:
+        """All of its resonances, those of fields one by one."""
+        return tuple(peak for resonance in self.resonance for peak in single_peaks(resonance))
 
 
 class Mapping_(Table):

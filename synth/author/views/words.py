@@ -1128,6 +1128,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (-0.7, 0.7),
             0.05,
         ),
+        **_FIELD,
     },
     Mapping_: {
         "polyphony": Words(
