@@ -137,10 +137,9 @@ def test_recordings_are_kept_and_controls_are_told(family) -> None:
     assert tuple(recordings) == family.sets
     assert set(family.tuning).isdisjoint(family.judging)
     found = verdict.verdict(family, {}, recordings, turned)
-    assert found.sines >= verdict.LEAST_OF_SINES
-    for name, (before, after) in found.moved.items():
-        assert abs(after - before) < verdict.MOST_MOVED, name
-    assert found.moved or len(recordings) < 3
+    controlled = bool(found.moved) and found.sines >= verdict.LEAST_OF_SINES
+    controlled = controlled and all(abs(after - before) < verdict.MOST_MOVED for before, after in found.moved.values())
+    assert controlled == (not family.weak), (found.sines, found.moved)
 
 
 def test_every_set_has_a_source_and_a_licence() -> None:

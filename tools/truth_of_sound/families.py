@@ -7,7 +7,7 @@ import re
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +36,7 @@ Notes = list[dict[str, float]]
 
 @dataclass(frozen=True)
 class Family:
-    """What is compared with what; see families.toml. tuning, judging: names of sets."""
+    """What is compared with what; see families.toml. tuning, judging: names of sets; weak: why its figures say little."""
 
     name: str
     title: str
@@ -46,6 +46,7 @@ class Family:
     presets: tuple[str, ...]
     tuning: tuple[str, ...]
     judging: tuple[str, ...]
+    weak: str = ""
 
     @property
     def sets(self) -> tuple[str, ...]:
@@ -108,28 +109,37 @@ def note_of(file: str) -> int | None:
     return None if found is None else note_to_midi(found[1][0].upper() + found[1][1:])
 
 
-def measure(roots: list[Path], change: Callable[[Samples, int], Samples]) -> None:
-    """Write features.csv anew from folders that hold a folder per set; of the first set of each family also those behind an
-    equaliser. Raises ValueError where a set is missing."""
+def measure(roots: list[Path], change: Callable[[Samples, int], Samples], only: Sequence[str] = ()) -> None:
+    """Write features.csv anew from folders that hold a folder per set, or the sets named in it.
+
+    Of the first set of each family also those behind an equaliser. Raises ValueError where a set is missing.
+    """
     every = families()
-    wanted = dict.fromkeys(_folder(name) for family in every.values() for name in family.sets)
+    wanted = list(dict.fromkeys(_folder(name) for family in every.values() for name in family.sets))
+    if unknown := sorted(set(only) - set(wanted)):
+        raise ValueError(f"no family has a set {', '.join(unknown)}; known: {', '.join(wanted)}")
     first = {_folder(family.sets[0]) for family in every.values()}
-    rows = []
-    for name in wanted:
-        folder = next((root / name for root in roots if (root / name).is_dir()), None)
-        if folder is None:
-            raise ValueError(
-                f"no folder {name} in {', '.join(map(str, roots))}; give the folder that holds it by --recordings"
-            )
-        rows += [(name, *found) for found in recorded(folder)]
+    lines = _lines() if only else {}
+    for name in only or wanted:
+        folder = folder_of(name, roots)
+        lines[name] = [_line(name, *found) for found in recorded(folder)]
         if name in first:
-            rows += [(f"{name} {EQUALISED}", *found) for found in recorded(folder, change)]
-        print(f"{name}: {sum(row[0] == name for row in rows)} notes", flush=True)
-    lines = [",".join(("set", "file", "note", *FEATURES))]
-    lines += [
-        ",".join((name, file, str(note), *(f"{found[key]:.5g}" for key in FEATURES))) for name, file, note, found in rows
-    ]
-    write_text(KEPT, "\n".join(lines) + "\n")
+            lines[name] += [_line(f"{name} {EQUALISED}", *found) for found in recorded(folder, change)]
+        print(f"{name}: {len(lines[name])} notes", flush=True)
+    rows = [line for name in wanted for line in lines.get(name, ())]
+    write_text(KEPT, "\n".join([",".join(("set", "file", "note", *FEATURES)), *rows]) + "\n")
+
+
+def _line(name: str, file: str, note: int, found: dict[str, float]) -> str:
+    return ",".join((name, file, str(note), *(f"{found[key]:.5g}" for key in FEATURES)))
+
+
+def _lines() -> dict[str, list[str]]:
+    """{set: its lines in features.csv}."""
+    out: dict[str, list[str]] = {}
+    for line in KEPT.read_text(encoding="utf-8").splitlines()[1:]:
+        out.setdefault(line.split(",")[0].removesuffix(f" {EQUALISED}"), []).append(line)
+    return out
 
 
 def kept(family: Family, path: Path = KEPT) -> tuple[dict[str, Notes], dict[str, Notes]]:

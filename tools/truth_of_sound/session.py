@@ -65,9 +65,12 @@ def compare(names: list[str], publish: bool) -> None:
         _show(player.preset.name, f"{judge.table(found, of_bass)}\n{of_hands}", publish)
 
 
-def measure_families(roots: list[Path]) -> None:
-    """Features of all recordings of the impostor test, kept as numbers. Raises ValueError, OSError."""
-    families.measure(roots, impostor.equalised)
+def measure_families(roots: list[Path], only: list[str]) -> None:
+    """Keep the features of recordings of the impostor test as numbers, of all sets or those named.
+
+    Raises ValueError, OSError.
+    """
+    families.measure(roots, impostor.equalised, only)
 
 
 def impostors(names: list[str], publish: bool) -> None:
@@ -90,7 +93,8 @@ def impostors(names: list[str], publish: bool) -> None:
             player = Player(load_preset(name))
             ours[player.preset.name] = judged(player, family.notes)
         found = verdict.verdict(family, ours, *families.kept(family))
-        parts = (verdict.auc_table(found), verdict.feature_table(found), verdict.distance_table(found))
+        said = [f"Says little: {family.weak}.\n"] if family.weak else []
+        parts = (*said, verdict.auc_table(found), verdict.feature_table(found), verdict.distance_table(found))
         _show(f"impostor {family.name}", "\n".join(parts), publish)
 
 
