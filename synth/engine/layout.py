@@ -333,7 +333,7 @@ SOUNDING = np.dtype(
         ("slip_s", "f8"),  # of the stroke at hand
         ("roughness", "f8"),
         ("yielding", "f8"),  # stiffness of the string under the finger, in parts of the finger's own
-        ("touch", "i8"),  # number of what lies on it; −1: nothing has
+        ("touch", "i8"),  # number of what lies on it, where that is TOUCHED
         ("knock", "f8"),  # the hand's push on the body that began last, its largest [N], …
         ("knock_step", "i8"),  # … how many frames of it are over …
         ("knock_steps", "i8"),  # … of how many; 0: there is none

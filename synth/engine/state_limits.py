@@ -253,7 +253,7 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         ("slip_s", 0.0, LONGEST_SLIP_S),
         ("roughness", 0.0, MOST),
         ("yielding", 0.0, MOST),
-        ("touch", -1, max(bank.touches.size - 1, -1)),
+        ("touch", 0, max(bank.touches.size - 1, 0)),
         ("knock", 0.0, MOST),
         ("knock_step", -MOST_COUNT, MOST_COUNT),
         ("knock_steps", 0, MOST_COUNT),
@@ -276,6 +276,10 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         yield Limit(here.of("sounding", "pending_model"), first, last, where=pressing, said=OF_ANOTHER_STRING)
     gliding = (awake, Where(here.of("sounding", "glide_to"), 0, models.size))
     yield Limit(here.of("sounding", "glide_to"), first, last, where=gliding, said=OF_ANOTHER_STRING)
+    played = np.flatnonzero(strings["of_first"] == 0)
+    lain_on = (Where(here.of("sounding", "phase", played), layout.TOUCHED, layout.TOUCHED),)
+    said = "{label} is {value}, but there are no more than {high} others that could lie on the string"
+    yield Limit(here.of("sounding", "touch", played), 0, bank.touches.size - 1, where=lain_on, said=said)
     most = (np.maximum(2, np.rint(MOST_HOLD_S * settings.rate_hz)) * strings["factor"]).astype(np.int64)
     yield Limit(here.of("sounding", "finger_steps"), 1, most, where=fingered)
     steps = here.of("sounding", "finger_steps")

@@ -39,6 +39,8 @@ from synth.solver.stepwise import LEAST_STIFFNESS
 MOST_HIT_S = 0.03
 #: a finger that rubs takes another way after so long [s]
 RUB_S = 5e-5
+#: share of the time of drawing over which creeping comes to an end before the string slides
+STANDING = 0.1
 #: what varies, by number
 _PLACE, _LEVEL, _WIDTH, _DRAW_TIME, _SLIP_TIME, _RUB = range(6)
 #: …and from where on what the string passes over as it is drawn, and as it slides off, is numbered
@@ -63,7 +65,7 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     position = pluck_place(place, me.timbre) + strength * way.place_shift
     if part.place_spread > 0.0:
         position += varied * part.place_spread * spread(key, _PLACE) / fixed.open_length
-    level, wider, draw_s = way.amount, 1.0, fixed.draw_s
+    level, knock, wider, draw_s = way.amount, way.knock, 1.0, fixed.draw_s
     slip_s = _between(
         fixed.slip_s if way.slip_s < 0.0 else way.slip_s,
         fixed.hard_slip_s if way.hard_slip_s < 0.0 else way.hard_slip_s,
@@ -72,7 +74,9 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     if way.draw_s > 0.0:
         draw_s = way.draw_s
     if part.level_spread > 0.0:
-        level *= math.exp(varied * part.level_spread * spread(key, _LEVEL))
+        louder = math.exp(varied * part.level_spread * spread(key, _LEVEL))
+        level *= louder
+        knock *= louder
     if part.width_spread > 0.0:
         wider = math.exp(varied * part.width_spread * spread(key, _WIDTH))
     if part.time_spread > 0.0:
@@ -83,7 +87,7 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     width = _finger_width(soft, way.hard_width_ratio, strength, distance, way.by_ratios != 0)
     resistance = part.finger_loss * fixed.impedance
     if part.knock > 0.0:
-        begin_knock(core, s, level * way.knock * part.knock * strength**part.velocity_exponent, part.knock_delay_s)
+        begin_knock(core, s, _pluck_force(part.knock * knock, strength, part.velocity_exponent), part.knock_delay_s)
     if way.stroke == THROWN:
         take_hold(core, s, distance, width, way.stiffness, resistance, MOST_HIT_S)
         me.finger_to = 0.0
@@ -188,29 +192,31 @@ def _meet(core: int, thread: int, s: int, arrival: float, steps: int) -> None:
 
 @njit(**CORE)
 def _slide_over(core: int, thread: int, s: int, first: int, steps: int) -> None:
-    """What is rough about the edge over which it slides: a share of the force, all of it from when the string is let go on.
+    """What is rough about the edge over which it slides: a share of the force, that grows until the string is let go.
 
-    While the string is drawn it creeps over as much of the edge, more slowly. It is the same in both directions.
+    While the string is drawn it creeps over as much of the edge, more slowly, and stands still before it slides: what it
+    stands on is neither high nor low, so that the level of a pluck does not hang on it. It is the same in both directions.
     """
     state, bank, scratch = state_of(core), bank_of(core), scratch_of(thread)
     me, way = state.sounding[s], bank.articulations[state.sounding[first].articulation]
     key = key_of(settings_of(core).seed, bank.strings[first].dice, state.sounding[first].strokes)
     slips_off = me.phase == SLIP
     numbers = _SLID_OVER if slips_off else _DRAWN_OVER
-    per_step = way.grains / me.finger_steps
     share = way.rub * ROUGH
     known, before, after = -1, 0.0, 0.0
     for t in range(steps + 1):
-        at = (me.finger_step + t) * per_step
+        crept = (me.finger_step + t) / me.finger_steps
+        at = way.grains * (crept if slips_off else 1.0 - crept)
         knot = int(at)
         if knot != known:
-            known, before, after = knot, even(key, numbers + knot), even(key, numbers + knot + 1)
+            known, after = knot, even(key, numbers + knot + 1)
+            before = 0.0 if knot == 0 else even(key, numbers + knot)
         rough = share * (before + (at - knot) * (after - before))
         if slips_off:
             scratch.path[t] *= max(0.0, 1.0 + rough)
         else:
-            crept = (me.finger_step + t) / me.finger_steps
-            scratch.path[t] += rough * crept * me.yielding * (scratch.path[t] - me.finger_from)
+            rough *= crept * min(1.0, (1.0 - crept) / STANDING)
+            scratch.path[t] += rough * me.yielding * (scratch.path[t] - me.finger_from)
 
 
 @njit(**CORE)

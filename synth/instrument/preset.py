@@ -652,6 +652,13 @@ class Preset(Table):
         return self
 
     @model_validator(mode="after")
+    def _hands_reach_a_body_that_moves(self) -> Preset:
+        for key, given in (("hand.knock", self.hand.knock), ("damping.others_s", self.damping.others_s)):
+            if given is not None and not self.body.mode:
+                raise ValueError(f"{key} needs a body that strings share; give [[body.mode]], or leave {key} out")
+        return self
+
+    @model_validator(mode="after")
     def _sympathetic_strings_ring_by_a_bridge(self) -> Preset:
         along = [number for number, table in enumerate(self.string) if table.sympathetic]
         if along and not self.body.mode:
