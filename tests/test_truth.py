@@ -12,7 +12,7 @@ import soundfile
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from truth_of_sound import judge, measure, ranges, sources
-from truth_of_sound.impostor import sines
+from truth_of_sound.controls import sines
 from truth_of_sound.ours import BASS_NOTES, VELOCITIES, Player
 from truth_of_sound.session import RANGES
 

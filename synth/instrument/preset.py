@@ -81,6 +81,10 @@ class Tuning(Table):
     sympathetic_cents: Annotated[dict[int, float], BeforeValidator(anchors), within(-1200.0, 1200.0)] | None = None
 
 
+#: most modes of a body, and of a nut
+MOST_MODES = 1000
+
+
 class ModeOrField(Table):
     """A mode, or with `to_hz` and `spacing_hz` a field of modes from its frequency on (`physics.mode_field`)."""
 
@@ -107,6 +111,11 @@ class ModeOrField(Table):
         if self.to_hz is None or self.spacing_hz is None:
             return None
         return field_modes(self.frequency_hz, self.to_hz, self.spacing_hz, self.q, self.seed)
+
+
+def counted(entries: Sequence[ModeOrField]) -> int:
+    """How many modes these are, those of fields one by one."""
+    return sum(1 if (field := each.field()) is None else len(field) for each in entries)
 
 
 class NutMode(ModeOrField):
@@ -501,6 +510,17 @@ class Body(Table):
     #: modes of the body that the strings drive by the bridge, and that drive them
     mode: tuple[MovingMode, ...] = Field((), max_length=256)
 
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Body:
+        for key, entries in (("mode", self.mode), ("resonance", self.resonance)):
+            count = counted(entries)
+            if count > MOST_MODES:
+                raise ValueError(
+                    f"{key}: a body may have {MOST_MODES} of them, those of fields counted one by one, got {count}; "
+                    "take a wider spacing_hz"
+                )
+        return self
+
     @property
     def wide(self) -> bool:
         """Whether any resonance is heard from a side."""
@@ -656,6 +676,14 @@ class Preset(Table):
         for key, given in (("hand.knock", self.hand.knock), ("damping.others_s", self.damping.others_s)):
             if given is not None and not self.body.mode:
                 raise ValueError(f"{key} needs a body that strings share; give [[body.mode]], or leave {key} out")
+        return self
+
+    @model_validator(mode="after")
+    def _a_nut_has_not_too_many_modes(self) -> Preset:
+        if (count := counted(self.nut)) > MOST_MODES:
+            raise ValueError(
+                f"nut: may have {MOST_MODES} modes, those of fields counted one by one, got {count}; take a wider spacing_hz"
+            )
         return self
 
     @model_validator(mode="after")

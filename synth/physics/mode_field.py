@@ -12,14 +12,17 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import dataclass
+from functools import lru_cache
 from statistics import NormalDist
 
 #: standard deviation of ln Q from mode to mode
 Q_SPREAD = 0.25
 #: least |ψ| of a mode: a point close to a nodal line is not on it
 LEAST_SHAPE = 0.1
-#: most modes of one field
-MOST_MODES = 400
+#: fewest modes of one field in the mean, and most of them
+LEAST_MODES, MOST_MODES = 2.0, 400
+#: a mode of less would not oscillate
+LEAST_Q = 0.51
 
 _NORMAL = NormalDist()
 
@@ -39,16 +42,18 @@ class FieldMode:
     pan: float
 
 
+@lru_cache(maxsize=256)
 def field_modes(low_hz: float, high_hz: float, spacing_hz: float, q: float, seed: int) -> tuple[FieldMode, ...]:
-    """Modes from low_hz up to high_hz, spacing_hz apart in the mean, about this Q; the same for the same seed.
+    """Modes up to high_hz, the first of them at low_hz, spacing_hz apart in the mean, about this Q.
 
-    Raises ValueError where there would be more than `MOST_MODES`, or none.
+    The same for the same seed; fields of one seed share shapes and losses. Raises ValueError for fewer than two modes in the
+    mean, or more than 0.8 `MOST_MODES`.
     """
     expected = (high_hz - low_hz) / spacing_hz
-    if not 0.0 < expected <= 0.8 * MOST_MODES:
+    if not LEAST_MODES <= expected <= 0.8 * MOST_MODES:
         raise ValueError(
-            f"a field of modes needs to_hz above frequency_hz and at most {0.8 * MOST_MODES:.0f} modes, got {low_hz:g} to "
-            f"{high_hz:g} Hz every {spacing_hz:g} Hz; take a wider spacing_hz"
+            f"a field of modes must have {LEAST_MODES:g} to {0.8 * MOST_MODES:.0f} modes from frequency_hz to to_hz in the "
+            f"mean, got {expected:.4g} ({low_hz:g} to {high_hz:g} Hz every {spacing_hz:g} Hz); change spacing_hz or to_hz"
         )
     chance = random.Random(seed)
     found: list[FieldMode] = []
@@ -57,7 +62,7 @@ def field_modes(low_hz: float, high_hz: float, spacing_hz: float, q: float, seed
         loss = math.exp(Q_SPREAD * _normal(chance))
         normal, lateral, rocking, radiation = (_not_nodal(_normal(chance)) for _ in range(4))
         pan = 2.0 * chance.random() - 1.0
-        found.append(FieldMode(frequency, q * loss, (normal, lateral, rocking), radiation, pan))
+        found.append(FieldMode(frequency, max(LEAST_Q, q * loss), (normal, lateral, rocking), radiation, pan))
         frequency += spacing_hz * math.sqrt(-4.0 / math.pi * math.log(1.0 - chance.random()))
     return tuple(found)
 

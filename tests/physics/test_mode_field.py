@@ -76,8 +76,12 @@ def test_directions_of_a_nut_are_independent() -> None:
         ({"to_hz": 1000.0}, "to_hz and spacing_hz make a field of modes together"),
         ({"spacing_hz": 10.0}, "to_hz and spacing_hz make a field of modes together"),
         ({"seed": 4}, "seed chooses the modes of a field, got 4"),
-        ({"to_hz": 100.0, "spacing_hz": 10.0}, "to_hz above frequency_hz"),
-        ({"to_hz": 10000.0, "spacing_hz": 1.0}, "at most 320 modes"),
+        (
+            {"to_hz": 100.0, "spacing_hz": 10.0},
+            "must have 2 to 320 modes from frequency_hz to to_hz in the mean, got -10",
+        ),
+        ({"to_hz": 10000.0, "spacing_hz": 1.0}, "must have 2 to 320 modes .* got 9800"),
+        ({"to_hz": 300.0, "spacing_hz": 90.0}, "must have 2 to 320 modes .* got 1.111"),
     ],
 )
 def test_half_a_field_is_refused(change: dict, said: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 import sys
 import tomllib
@@ -16,7 +17,7 @@ import numpy as np
 from synth.files.targets import write_text
 from synth.fit.recording import read_recording
 from synth.units import note_to_midi
-from truth_of_sound.note_features import FEATURES, Samples, features
+from truth_of_sound.note_features import FEATURES, FLOORS, Samples, features
 
 FOLDER = Path(__file__).resolve().parents[2] / "tests" / "truth"
 FAMILIES, KEPT = FOLDER / "families.toml", FOLDER / "features.csv"
@@ -82,11 +83,11 @@ def recorded(
         note = note_of(path.name)
         if note is None or not rings(path):
             continue
-        samples, rate_hz = read_recording(str(path))
-        x = samples[: _MOST_S * rate_hz].mean(axis=1)
         try:
+            samples, rate_hz = read_recording(str(path))
+            x = samples[: _MOST_S * rate_hz].mean(axis=1)
             yield path.stem, note, features(x if change is None else change(x, rate_hz), rate_hz, note)
-        except ValueError as error:
+        except (ValueError, OSError) as error:
             print(f"left out: {folder.name}/{path.name}: {error}", file=sys.stderr)
 
 
@@ -100,7 +101,7 @@ def folder_of(name: str, roots: list[Path]) -> Path:
 
 def rings(path: Path) -> bool:
     """Whether a file is the recording of a note that begins and rings."""
-    return path.suffix.lower() in (".flac", ".wav") and not any(word in path.stem for word in _NO_NOTE)
+    return path.suffix.lower() in (".flac", ".wav") and not any(word in path.stem.lower() for word in _NO_NOTE)
 
 
 def note_of(file: str) -> int | None:
@@ -131,7 +132,9 @@ def measure(roots: list[Path], change: Callable[[Samples, int], Samples], only: 
 
 
 def _line(name: str, file: str, note: int, found: dict[str, float]) -> str:
-    return ",".join((name, file, str(note), *(f"{found[key]:.5g}" for key in FEATURES)))
+    text = io.StringIO()
+    csv.writer(text, lineterminator="").writerow((name, file, note, *(f"{found[key]:.5g}" for key in FEATURES)))
+    return text.getvalue()
 
 
 def _lines() -> dict[str, list[str]]:
@@ -167,5 +170,5 @@ def logged(notes: Notes, names: list[str] | None = None) -> np.ndarray:
     table = np.array([[note[key] for key in keys] for note in notes], float)
     for column, key in enumerate(keys):
         if FEATURES[key][1]:
-            table[:, column] = np.log(np.maximum(table[:, column], 1e-6))
+            table[:, column] = np.log(np.maximum(table[:, column], FLOORS.get(key, 1e-3)))
     return table

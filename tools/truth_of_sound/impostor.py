@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import butter, lfilter, sosfilt
 from sklearn.impute import SimpleImputer
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import roc_auc_score
@@ -19,15 +18,13 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from truth_of_sound.families import Notes, logged
-from truth_of_sound.note_features import FEATURES, RATE_HZ, Samples, features
+from truth_of_sound.note_features import FEATURES
 
 #: inverse strength of the classifier's regularisation
 C = 0.1
 #: features of the distance: all but the wire's own, what the common bandwidth leaves of the highest band, and the lowest
 #: band, which is coarse below E1
 DISTANT = [key for key in FEATURES if key not in ("inharmonicity", "burst_4k_db", "between_low_db")]
-#: bells of the control's equaliser: Hz, dB
-BELLS = ((70, 6), (200, -8), (500, 9), (900, -9), (1600, 10), (3000, 10))
 
 
 def told(notes: Notes, real: Mapping[str, Notes]) -> dict[str, float]:
@@ -94,32 +91,3 @@ def _weighted_median(values: np.ndarray, weight: np.ndarray) -> float:
     order = np.argsort(values)
     reached = np.cumsum(weight[order])
     return float(values[order][np.searchsorted(reached, 0.5 * reached[-1])])
-
-
-def sines(note: float, loud: float, seconds: float = 5.0) -> Samples:
-    """Forty sines as a control: twenty pairs 0.8 Hz apart, T60 from 14 down to 2 s, no string and no pluck; loud 0 … 1."""
-    f0, t = 440.0 * 2.0 ** ((note - 69.0) / 12.0), np.arange(round(seconds * RATE_HZ)) / RATE_HZ
-    tilt = (-15.0, -9.0, -6.0)[min(2, int(3.0 * loud))]
-    x = np.zeros_like(t)
-    for number in range(1, 21):
-        f = number * f0 * np.sqrt(1.0 + 1e-4 * number**2)
-        t60 = 14.0 if number == 1 else 8.0 if number < 6 else 4.0 if number < 13 else 2.0
-        pair = np.sin(2.0 * np.pi * f * t) + 0.15 * np.sin(2.0 * np.pi * (f + 0.8) * t)
-        x += 10.0 ** (tilt * np.log2(number) / 20.0) * np.exp(-np.log(1000.0) * t / t60) * pair
-    return np.concatenate([np.zeros(RATE_HZ // 20), 0.1 * x])
-
-
-def sine_notes(notes: tuple[int, ...]) -> Notes:
-    """Features of the forty sines, soft, medium and loud."""
-    return [features(sines(note, loud), RATE_HZ, note) for note in notes for loud in (0.1, 0.5, 0.9)]
-
-
-def equalised(x: Samples, rate_hz: float) -> Samples:
-    """Behind six bells of 6 to 10 dB: a recording must be told as before."""
-    for hz, gain_db in BELLS:
-        a, w = 10.0 ** (gain_db / 40.0), 2.0 * np.pi * hz / rate_hz
-        slope = np.sin(w) / 2.0
-        x = lfilter(
-            [1.0 + slope * a, -2.0 * np.cos(w), 1.0 - slope * a], [1.0 + slope / a, -2.0 * np.cos(w), 1.0 - slope / a], x
-        )
-    return sosfilt(butter(1, 20.0, "high", fs=rate_hz, output="sos"), x)

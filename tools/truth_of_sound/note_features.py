@@ -42,6 +42,8 @@ FEATURES: dict[str, tuple[str, bool]] = {
     "attack_ms": ("attack, 10 to 90 % [ms]", True),
     "inharmonicity": ("inharmonicity B", True),
 }
+#: what a feature of which the logarithm is compared is at least: what its measure can tell from nothing
+FLOORS = {"attack_ms": 0.25, "off_law_cents": 0.05, "beating_db": 0.05, "inharmonicity": 2e-6}
 #: partials that are looked for, that beat, that follow the law of a stiff string
 _PARTIALS, _BEATING, _LAWFUL = 25, 8, 12
 #: partials above are not looked at [Hz]
@@ -57,7 +59,7 @@ _SLOWEST = 0.3
 def features(samples: Samples, rate_hz: float, note: float, alike: bool = True) -> dict[str, float]:
     """`FEATURES` of a note, samples (frames,); alike: behind the common bandwidth and floor.
 
-    Raises ValueError for a note of less than `LEAST_S`.
+    Raises ValueError for a note of less than `LEAST_S`, or silence.
     """
     x = prepared(samples, rate_hz, alike)
     if x.size < LEAST_S * RATE_HZ:
@@ -89,8 +91,10 @@ def features(samples: Samples, rate_hz: float, note: float, alike: bool = True) 
 
 
 def prepared(samples: Samples, rate_hz: float, alike: bool = True) -> Samples:
-    """At `RATE_HZ`, from the onset on, of peak 1."""
+    """At `RATE_HZ`, from the onset on, of peak 1. Raises ValueError for silence."""
     x = np.asarray(samples, float)
+    if not np.abs(x).max(initial=0.0) > 0.0:
+        raise ValueError("a note that is silent cannot be judged; leave it out")
     if rate_hz != RATE_HZ:
         common = gcd(round(rate_hz), RATE_HZ)
         x = resample_poly(x, RATE_HZ // common, round(rate_hz) // common)

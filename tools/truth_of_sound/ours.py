@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synth.engine.engine import Engine
-from synth.instrument.preset import Preset
+from synth.instrument.preset import Preset, playable_notes
 from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
-from synth.units import midi_to_hz
+from synth.units import midi_to_hz, midi_to_note
 from truth_of_sound import measure
 from truth_of_sound.note_features import features
 
@@ -65,7 +65,13 @@ def measured(player: Player, note: int, velocity: int, **how: int) -> dict[str, 
 
 
 def judged(player: Player, notes: Iterable[int]) -> list[dict[str, float]]:
-    """`note_features.features` of notes at `JUDGED_VELOCITIES`."""
+    """`note_features.features` of notes at `JUDGED_VELOCITIES`.
+
+    Raises ValueError for a note that the preset does not play.
+    """
+    if missing := sorted(set(notes) - set(playable_notes(player.preset))):
+        named = ", ".join(midi_to_note(note) for note in missing)
+        raise ValueError(f"{player.preset.name} does not play {named}, by which its family is judged; leave it out")
     return [
         features(player.note(note, velocity, JUDGED_S), RATE_HZ, note) for note in notes for velocity in JUDGED_VELOCITIES
     ]

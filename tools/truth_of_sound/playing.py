@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 
 from synth.engine.engine import Engine
 from synth.engine.layout import VARIATION
-from synth.instrument.preset import Preset, playable_range
+from synth.instrument.preset import Preset, playable_notes
 from synth.midi.events import NOTE_OFF, NOTE_ON, PARAMETER, make_events
 from synth.units import midi_to_note
 from truth_of_sound.ours import RATE_HZ
+from truth_of_sound.page import marked
 
 #: velocities of the brightness, eight apart
 VELOCITIES = tuple(range(16, 128, 8))
 #: aims: brightness may rise by so much from one to the next, and fall by so much (what rounding of a measure is) …
 MOST_STEP, MOST_FALL = 1.30, 0.02
-#: … low E is at least so bright at velocity 64 [Hz]
-LOW_E, LOW_E_HZ = 28, 100.0
 #: brightness and level are those of the first 0.3 s
 EARLY_S = 0.3
 #: between two strokes that are compared [s]
@@ -70,8 +69,8 @@ class Answer:
 def answer(preset: Preset) -> Answer:
     """Everything about one preset, at standard quality; strokes do not vary but where takes are compared."""
     player = _Player(preset)
-    low, high = playable_range(preset)
-    notes = sorted({round(low + share * (high - low)) for share in (0.0, 0.2, 0.4, 0.6, 0.8)})
+    every = playable_notes(preset)
+    notes = [every[round(share * (len(every) - 1))] for share in (0.0, 0.2, 0.4, 0.6, 0.8)]
     brightness = {
         note: np.array([centroid_hz(player.note(note, velocity, EARLY_S).mean(axis=1)) for velocity in VELOCITIES])
         for note in (notes[0], notes[2])
@@ -85,7 +84,7 @@ def answer(preset: Preset) -> Answer:
         brightness,
         levels,
         takes_apart_db(*player.takes(notes[2], 80)),
-        {note: player.end_db(note) for note in notes[1:4]},
+        {note: player.end_db(note) for note in dict.fromkeys(notes[1:4])},
         apart,
         hole_db(left, right),
     )
@@ -122,6 +121,8 @@ class _Player:
 def from_onset(x: NDArray[np.float64], seconds: float) -> NDArray[np.float64]:
     """From where the level comes within 5 % of the peak."""
     level = np.abs(x).max(axis=1)
+    if not level.max() > 0.0:
+        raise ValueError("a note of it is silent, where one is to be measured; play its notes with synth render")
     begin = int(np.argmax(level > 0.05 * level.max()))
     return x[begin : begin + round(seconds * RATE_HZ)]
 
@@ -172,17 +173,13 @@ def table(answers: list[Answer]) -> str:
         cells = (
             each.preset.name,
             colours,
-            _marked(f"{each.steepest:.2f}", each.steepest > MOST_STEP),
-            _marked(f"{100.0 * each.darkest:.0f} %", each.darkest > MOST_FALL),
+            marked(f"{each.steepest:.2f}", each.steepest > MOST_STEP),
+            marked(f"{100.0 * each.darkest:.0f} %", each.darkest > MOST_FALL),
             f"{each.spread_db:.1f}",
             f"{each.takes_db:.1f}",
             ends,
-            _marked("mono" if np.isinf(each.sides_db) else f"{each.sides_db:.0f}", bool(np.isinf(each.sides_db))),
+            marked("mono" if np.isinf(each.sides_db) else f"{each.sides_db:.0f}", bool(np.isinf(each.sides_db))),
             f"{each.hole_db:.1f}",
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
-
-
-def _marked(text: str, missed: bool) -> str:
-    return f"**{text}**" if missed else text

@@ -11,7 +11,7 @@ from pathlib import Path
 from synth.fit.recording import FitRefused
 from synth.instrument.preset import list_presets, load_preset
 from synth.units import midi_to_hz
-from truth_of_sound import families, hand, impostor, judge, measure, page, playing, ranges, sources, verdict
+from truth_of_sound import controls, families, hand, judge, measure, page, playing, ranges, sources
 from truth_of_sound.ours import Player, judged
 
 RANGES = Path(__file__).resolve().parents[2] / "tests" / "truth" / "ranges.toml"
@@ -70,37 +70,54 @@ def measure_families(roots: list[Path], only: list[str]) -> None:
 
     Raises ValueError, OSError.
     """
-    families.measure(roots, impostor.equalised, only)
+    families.measure(roots, controls.equalised, only)
 
 
-def impostors(names: list[str], publish: bool) -> None:
-    """The impostor test of families, or of presets by name or file; onto the page if `publish`.
+def impostors(names: list[str], family: str | None, publish: bool) -> None:
+    """The impostor test of families, or of presets by name or file as members of `family`; onto the page if `publish`.
 
-    Raises ValueError, OSError.
+    Raises ValueError, OSError, ImportError.
     """
+    try:
+        from truth_of_sound import verdict
+    except ModuleNotFoundError as error:
+        raise ImportError(f"the impostor test needs scikit-learn: pip install '.[truth]' ({error})") from error
+    for chosen in _chosen(names, family):
+        if publish:
+            page.check(f"impostor {chosen.name}")
+        ours = {}
+        for name in chosen.presets:
+            player = Player(load_preset(name))
+            ours[player.preset.name] = judged(player, chosen.notes)
+        found = verdict.verdict(chosen, ours, *families.kept(chosen))
+        said = [f"Says little: {chosen.weak}.\n"] if chosen.weak else []
+        parts = (*said, verdict.auc_table(found), verdict.feature_table(found), verdict.distance_table(found))
+        _show(f"impostor {chosen.name}", "\n".join(parts), publish)
+
+
+def _chosen(names: list[str], family: str | None) -> list[families.Family]:
+    """The families named, or that hold the presets named, with these alone."""
     every = families.families()
-    chosen = {name: family for name, family in every.items() if not names or name in names}
+    if family is not None and family not in every:
+        raise ValueError(f"no family {family!r}; there are {', '.join(every)}")
+    if not names:
+        return list(every.values()) if family is None else [every[family]]
+    chosen = {name: every[name] for name in names if name in every}
     for name in [name for name in names if name not in every]:
         preset = load_preset(name)
-        # a file of one's own is of the family that has its `family`, or one of the same name
-        home = next((f for f in every.values() if preset.name in f.presets), None) or every.get(preset.family)
+        home = family or next((f.name for f in every.values() if preset.name in f.presets), None)
         if home is None:
-            raise ValueError(f"{name}: no recordings of its family; those of {', '.join(every)} are known")
-        chosen[home.name] = replace(home, presets=(*(chosen[home.name].presets if home.name in chosen else ()), name))
-    for family in chosen.values():
-        ours = {}
-        for name in family.presets:
-            player = Player(load_preset(name))
-            ours[player.preset.name] = judged(player, family.notes)
-        found = verdict.verdict(family, ours, *families.kept(family))
-        said = [f"Says little: {family.weak}.\n"] if family.weak else []
-        parts = (*said, verdict.auc_table(found), verdict.feature_table(found), verdict.distance_table(found))
-        _show(f"impostor {family.name}", "\n".join(parts), publish)
+            raise ValueError(f"{name}: no family has it; say by --family what it is compared with: {', '.join(every)}")
+        others = chosen[home].presets if home in chosen else ()
+        chosen[home] = replace(every[home], presets=(*others, name))
+    return list(chosen.values())
 
 
 def playing_tables(names: list[str], publish: bool) -> None:
     """How presets, by default all, answer the player; onto the page if `publish`. Raises ValueError, OSError."""
     presets = [load_preset(name) for name in names] or list_presets()
+    if publish:
+        page.check("playing")
     _show("playing", playing.table([playing.answer(preset) for preset in presets]), publish)
 
 

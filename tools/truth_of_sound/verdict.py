@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truth_of_sound.controls import sine_notes
 from truth_of_sound.families import Family, Notes
-from truth_of_sound.impostor import DISTANT, distances, mean, real_ones, sine_notes, told
+from truth_of_sound.impostor import DISTANT, distances, mean, real_ones, told
 from truth_of_sound.note_features import FEATURES
+from truth_of_sound.page import marked
 
 #: what a preset may have at most, and the presets of a family in the mean
 MOST, MOST_MEAN = 0.90, 0.85
@@ -34,6 +36,11 @@ class Verdict:
     real: Mapping[str, float]
     sines: float
     moved: Mapping[str, tuple[float, float]]
+
+    @property
+    def tuning(self) -> dict[str, Notes]:
+        """The recordings on which presets may be tuned."""
+        return {name: notes for name, notes in self.recordings.items() if name in self.family.tuning}
 
     def auc(self, preset: str) -> float:
         """In the mean over all sets left out."""
@@ -62,16 +69,19 @@ def verdict(
 
 
 def auc_table(found: Verdict) -> str:
-    """Real sets, ours and the controls."""
+    """Real sets, ours and the controls; what misses an aim is bold."""
     family = found.family
     rows: list[tuple[object, ...]] = [(name, len(found.recordings[name]), value) for name, value in found.real.items()]
     if found.real:
         rows.append(("real sets, mean", "", float(np.mean(list(found.real.values())))))
     for preset, against in found.against.items():
         parts = (mean(against), mean(against, family.tuning), mean(against, family.judging))
-        rows.append((f"**{preset}**", len(found.ours[preset]), *parts, f"{found.distance(preset):.1f}"))
+        far = found.distance(preset)
+        cells = (marked(f"{parts[0]:.2f}", parts[0] > MOST), *parts[1:], marked(f"{far:.1f}", far > MOST_DISTANCE))
+        rows.append((f"*{preset}*", len(found.ours[preset]), *cells))
     if len(found.against) > 1:
-        rows.append(("**ours, mean**", "", float(np.mean([mean(each) for each in found.against.values()]))))
+        middle = float(np.mean([mean(each) for each in found.against.values()]))
+        rows.append(("*ours, mean*", "", marked(f"{middle:.2f}", middle > MOST_MEAN)))
     rows.append((f"control: forty sines (at least {LEAST_OF_SINES:g})", "", found.sines))
     for name, (before, after) in found.moved.items():
         said = f"control: {name} behind an equaliser (moves less than {MOST_MOVED:g})"
@@ -85,10 +95,10 @@ def auc_table(found: Verdict) -> str:
 
 
 def feature_table(found: Verdict) -> str:
-    """Medians of every feature: of the real sets from least to most, of ours; those outside are bold."""
-    lines = [f"| feature | real sets | {' | '.join(found.ours)} |", f"| --- | --- |{' --- |' * len(found.ours)}"]
+    """Medians of every feature: of the sets for tuning from least to most, of ours; those outside are bold."""
+    lines = [f"| feature | sets for tuning | {' | '.join(found.ours)} |", f"| --- | --- |{' --- |' * len(found.ours)}"]
     for key, (said, _) in FEATURES.items():
-        medians = [value for notes in found.recordings.values() if np.isfinite(value := _median(notes, key))]
+        medians = [value for notes in found.tuning.values() if np.isfinite(value := _median(notes, key))]
         if not medians:
             continue
         low, high = min(medians), max(medians)
@@ -101,8 +111,8 @@ def feature_table(found: Verdict) -> str:
 
 
 def distance_table(found: Verdict) -> str:
-    """The distance of every preset by feature."""
-    parts = {preset: distances(notes, found.recordings) for preset, notes in found.ours.items()}
+    """The distance of every preset from the sets for tuning, by feature."""
+    parts = {preset: distances(notes, found.tuning) for preset, notes in found.ours.items()}
     lines = [f"| feature | {' | '.join(parts)} |", f"| --- |{' --- |' * len(parts)}"]
     for key in DISTANT:
         cells = [f"{each[key]:.1f}" if key in each else "–" for each in parts.values()]

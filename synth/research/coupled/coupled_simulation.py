@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import synth
+from synth.instrument.preset import counted
 from synth.research.case import CaseError, validated
 from synth.research.coupled.complex_modes import run_complex_modes
 from synth.research.coupled.coupled_case import CoupledCase
@@ -53,7 +54,7 @@ def _result(scene: CoupledScene, outcome: CoupledOutcome) -> CoupledResult:
         "internal_rate_hz": run.internal_rate_hz,
         "strings": len(case.string),
         "lines": len(scene.lines),
-        "body_modes": len(case.body.mode),
+        "body_modes": counted(case.body.mode),
         "contacts": int(outcome.u_contact.shape[1]),
         "steps": int(counts[study.STEPS]),
         "rows": scene.rows,
