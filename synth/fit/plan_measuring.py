@@ -135,7 +135,7 @@ class OneString:
             table = table.model_copy(update={"pluck_position": _nearer(table.pluck_position * stroke.farther)})
             changes["string"] = (table,)
         if way is not None:
-            gone = {key: type(way).model_fields[key].default for key in WAYS}
+            gone = {key: type(way).model_fields[key].default for key in WAYS | UNSTEADY}
             changes["articulations"] = {NORMAL: way.model_copy(update=gone | _shifted(way, stroke.farther))}
         preset = self._preset.model_copy(update=changes)
         found = Measured(float(factor * RATE_HZ), highest_hz, 1, {})

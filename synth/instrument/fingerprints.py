@@ -20,6 +20,8 @@ _STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db"
 #: of a pluck: what it rubs over, and what fingerprints are older than
 _RUBBING = {"rub_percent", "edge_mm", "grain_mm"}
 _LATER = {"arrival", "width_course"}
+#: of an articulation: what it rubs over and knocks at, which plans are measured without
+UNSTEADY = frozenset({"rub_percent", "edge_mm", "grain_mm", "knock_ratio"})
 #: of an articulation: the ways to it, and what chords and legato do
 WAYS = frozenset({"key", "controller", "velocity", "strum_ms", "slide_ms"})
 #: the stroke of a plain pluck, as of an articulation that says nothing else
@@ -63,7 +65,7 @@ def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
 
 def stroke_of(articulation: Articulation) -> str:
     """Of a way to begin a note, whatever chooses it."""
-    said = articulation.model_dump(exclude=set(WAYS), exclude_defaults=True)
+    said = articulation.model_dump(exclude=set(WAYS | UNSTEADY), exclude_defaults=True)
     return _digest(_resolved(said, 0)) if said else PLAIN
 
 

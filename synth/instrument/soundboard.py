@@ -67,10 +67,11 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     mode is given and gives, is made up for in the shapes.
     """
     frame = 1.0 / rate_hz
-    modes = tuple(mode for mode in body_of(preset.body.mode).modes if mode.frequency_hz < 0.45 * rate_hz)
-    if not modes:
+    whole = body_of(preset.body.mode)
+    reached = whole.omega < 0.45 * 2.0 * math.pi * rate_hz
+    if not reached.any():
         raise PresetError(f"{preset.name}: body.mode: no mode lies below {0.45 * rate_hz:g} Hz; give one, or a higher rate")
-    body = Body(modes)
+    body = Body(tuple(mode for mode, kept in zip(whole.modes, reached, strict=True) if kept))
     omega, sigma, mass = body.omega, body.sigma, body.mass
     half = np.minimum(0.5 * omega * frame, _FARTHEST)
     shape = body.shapes / np.sinc(half / math.pi) ** 2
@@ -79,7 +80,7 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     radiation = body.left_right(db_to_gain(preset.output.gain_db))
     direction, basis = spanned(directions_of(preset, ends, body.axes))
     distance = 0.0 if preset.hand.knock is None else 1e-3 * preset.hand.knock.distance_mm
-    hand = shape_at_hand(body.shapes[0], omega, distance)
+    hand = shape_at_hand(whole.shapes[0], whole.omega, distance)[reached].copy()
     return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, shape, direction, hand)
 
 
