@@ -25,7 +25,7 @@ from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
 from synth.fit.tune import single_strings
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
-from synth.instrument.fingerprints import PLAIN, WAYS, fingerprint, stroke_of, strokes
+from synth.instrument.fingerprints import PLAIN, UNSTEADY, WAYS, fingerprint, stroke_of, strokes
 from synth.instrument.plan import FAR, FREE, KEPT, choose_factor
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, PresetError, fret_count
