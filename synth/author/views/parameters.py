@@ -137,6 +137,8 @@ def _of_table(preset: Preset, kind: type[Table], prefix: str, table: Table) -> I
             continue
         if prefix == "obstacle" and name == "friction" and preset.polarisation is None:  # of strings with two directions
             continue
+        if prefix == "damping" and name == "others_s" and not preset.coupled:  # strings that a hand can cover share a bridge
+            continue
         if _is_of_the_other_neck(preset, prefix, name):
             continue
         path = f"{prefix}.{name}" if prefix else name

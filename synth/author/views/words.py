@@ -998,9 +998,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
         ),
         "fret_release": Words(
             "Finger leaves the fret",
-            "When a stopped note ends, its finger lets the string rise from the fret: the open string is heard for as long "
-            "as the damping lets it, a thump that grows with the height of the strings. The finger at the end, if there is "
-            "one, then lies where the fret is.",
+            "When a stopped note ends, its finger lets the string rise from the fret: a thump of the open string, louder "
+            "where strings are higher. The finger at the end, if there is one, lies where the fret is.",
         ),
         "knock": Words(
             "Knock on the body",
