@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import functools
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import welch
+from scipy.signal import butter, sosfiltfilt
 
-from synth.author.views.analysis import analyse
 from synth.author.views.instrument import draw
 from synth.dsp.measures import click_ratios, log_spectral_distance, sounding_fundamental, third_octave_distance
 from synth.engine.engine import Engine
@@ -27,6 +31,11 @@ from synth.instrument.preset import (
 )
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.units import cents, midi_to_hz
+
+TOOLS = Path(__file__).parents[1] / "tools"
+sys.path.insert(0, str(TOOLS))
+
+import indian_strings as indian  # noqa: E402
 
 RATE = 44100
 TANPURAS = ("tanpura", "tanpura-male", "tanpura-female")
@@ -76,37 +85,102 @@ def energies(engine: Engine) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize("name", TANPURAS)
-def test_a_drone_is_carried_by_its_partials(name: str) -> None:
-    """Energy below 180 Hz at most -5 dB of all, the spectrum's middle (in octaves) at 330 to 1700 Hz, as in recordings."""
-    preset = preset_of(name)
-    rows = [(round(0.9 * i * RATE), NOTE_ON, 0, note, 64) for i, note in enumerate(2 * open_notes(preset))]
-    x = play(prepared(preset, *open_notes(preset)), rows, 7.2)
-    hz, power = welch(x[3 * RATE :], RATE, nperseg=8192)
-    heard = (hz > 40.0) & (hz < 10000.0)
-    assert 10.0 * np.log10(power[heard & (hz < 180.0)].sum() / power[heard].sum()) <= -5.0
-    middle = 2.0 ** (np.sum(np.log2(hz[heard]) * power[heard]) / power[heard].sum())
-    assert 330.0 < middle < 1700.0
+@functools.cache
+def cycle_of(name: str) -> np.ndarray:
+    """(frames, 2) one cycle of a tanpura."""
+    return indian.drone(preset_of(name), cycles=1)
+
+
+@functools.cache
+def sa_of(name: str) -> tuple[np.ndarray, float]:
+    """(frames,) of the middle Sa alone, and its frequency."""
+    note = preset_of(name).string[1].notes[0]
+    engine = indian.engine_of(preset_of(name), [note])
+    return indian.play(engine, [(0, NOTE_ON, 0, note, 64)], 3.0).mean(axis=1), float(midi_to_hz(note))
+
+
+def high_passed(x: np.ndarray) -> np.ndarray:
+    """Above 500 Hz: what a filter can do."""
+    return sosfiltfilt(butter(4, 500.0, "highpass", fs=RATE, output="sos"), x)
 
 
 @pytest.mark.parametrize("name", TANPURAS)
-def test_the_fundamental_is_not_the_strongest_partial_of_a_tanpura(name: str) -> None:
+def test_a_drone_lies_on_its_grid(name: str) -> None:
+    """Energy between the multiples of half the kharaj, 0.3 to 1.3 s after each stroke: at most -20 dB."""
     preset = preset_of(name)
-    below = []
-    for note in sorted(set(open_notes(preset))):
-        x = play(prepared(preset, *open_notes(preset)), [(0, NOTE_ON, 0, note, 64)], 2.2)[RATE // 10 :]
-        spectrum, hz = np.abs(np.fft.rfft(x * np.hanning(x.size))), np.fft.rfftfreq(x.size, 1.0 / RATE)
-        f = float(midi_to_hz(note))
-        partials = [spectrum[np.abs(hz - k * f) < 0.3 * f].max() for k in range(1, 25)]
-        below.append(20.0 * np.log10(max(partials) / partials[0]))
-    assert all(10.0 <= each <= 25.0 for each in below), below
+    begins = [1.3 * i for i in range(4)]
+    assert indian.off_grid_db(cycle_of(name).mean(axis=1), indian.common_hz(preset), begins) <= -20.0
 
 
-@pytest.mark.parametrize(("name", "note"), [("tanpura-male", 44), ("tanpura-female", 51)])
-def test_the_formant_falls_through_a_gourd_too(name: str, note: int) -> None:
-    found = analyse(preset_of(name), note, 64, 2.3)["formant"]
-    t, hz = (np.array([point[key] for point in found]) for key in ("t_s", "hz"))
-    assert hz[t < 0.4].mean() > 1.4 * hz[t > 1.8].mean()
+@pytest.mark.parametrize("name", TANPURAS)
+def test_the_formant_of_sa_falls_and_does_not_rise_again(name: str) -> None:
+    """Of partials each measured against its own best, so that no filter makes it so or hides it."""
+    x, f1 = sa_of(name)
+    for sound in (x, high_passed(x)):
+        hz = np.array(indian.Waking(sound, f1).formant_hz((0.1, 0.4, 0.7, 1.0, 1.4, 1.9)))
+        assert hz[0] > 1.8 * hz[-1]
+        assert (hz[1:] < 1.1 * np.minimum.accumulate(hz)[:-1]).all(), hz
+
+
+@pytest.mark.parametrize("name", TANPURAS)
+def test_partials_wake_from_above_and_late(name: str) -> None:
+    """Those from the eighth to the sixteenth are strongest long after the stroke, the higher the sooner; a string that
+    touches nothing has them at once, and a filter of its sound does not change that."""
+    x, f1 = sa_of(name)
+    waking = indian.Waking(x, f1)
+    assert waking.order() < -0.4
+    assert np.median(waking.strongest_s()[5:14]) > 0.3
+    free = preset_of(name).with_setting("obstacle.jiva_um", "500")
+    note = free.string[1].notes[0]
+    control = indian.play(indian.engine_of(free, [note]), [(0, NOTE_ON, 0, note, 64)], 3.0).mean(axis=1)
+    for sound in (control, high_passed(control)):
+        assert np.median(indian.Waking(sound, f1).strongest_s()[5:14]) < 0.15
+
+
+@pytest.mark.parametrize("name", TANPURAS)
+def test_left_is_not_right(name: str) -> None:
+    """…above the first modes of the table, and both together have no hole."""
+    x = cycle_of(name)
+    assert -25.0 < indian.wide_db(x, 500.0, 2000.0) < 0.0
+    assert -25.0 < indian.wide_db(x, 2000.0, 8000.0) < 3.0
+
+
+@pytest.mark.parametrize("name", ["tanpura-male", "sitar"])
+def test_the_modes_below_1600_hz_are_those_of_the_table(name: str) -> None:
+    """`tools/tabli` computes them; the file has them rounded."""
+    done = subprocess.run(
+        [sys.executable, str(TOOLS / "tabli"), name],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    computed = tomllib.loads(done.stdout)["body"]["mode"]
+    written = [mode for mode in preset_of(name).body.mode if mode.to_hz is None]
+    assert len(written) == len(computed) > 15
+    for mine, theirs in zip(written, computed, strict=True):
+        for key in ("frequency_hz", "q", "mass_kg"):
+            assert getattr(mine, key) == pytest.approx(theirs[key], rel=0.02)
+
+
+def test_a_sitar_opens() -> None:
+    """Half a second after the stroke eight of ten notes are brighter than at first, and the stroke is a fast one."""
+    notes = (50, 53, 55, 57, 59, 62, 65, 67, 69, 71)
+    opened, attacks = [], []
+    for _, x in indian.melody(preset_of("sitar"), notes, 1.2):
+        early, late = indian.opens(x)
+        opened.append(late > early)
+        attacks.append(indian.attack_ms(x[max(0, round((indian.onset_s(x) - 0.01) * RATE)) :]))
+    assert sum(opened) >= 8, opened
+    assert np.median(attacks) < 12.0, attacks
+
+
+def test_no_two_strokes_of_a_sitar_are_the_same() -> None:
+    apart = []
+    for note in (50, 57, 62, 67, 71):
+        first, second = indian.strokes(preset_of("sitar"), note)
+        apart.append(indian.apart_db(first, second, float(midi_to_hz(note))))
+    assert 1.5 <= np.median(apart) <= 5.0, apart
 
 
 def test_a_plucked_string_wakes_its_neighbours() -> None:
@@ -168,7 +242,7 @@ def test_meend_of_five_semitones_has_neither_click_nor_jump() -> None:
     assert click_ratios(known, places).max() > 1.5 * click_ratios(steady, places).max()
     assert click_ratios(x, places).max() < 1.2 * click_ratios(steady, places).max()
     levels = np.array([level_db(part) for part in np.array_split(x[round(0.45 * RATE) : RATE], 27)])  # of 20 ms
-    assert np.abs(np.diff(levels)).max() < 3.0
+    assert np.abs(np.diff(levels)).max() < 4.5  # its partials pass modes of the table
     heard = sounding_fundamental(x[round(1.2 * RATE) :], RATE, float(midi_to_hz(70)))
     assert abs(float(cents(heard, float(midi_to_hz(70))))) < 5.0
 
@@ -178,6 +252,8 @@ def test_points_two_millimetres_apart_are_enough(velocity: int) -> None:
     """The baj alone with ends at rest, against twice as many points, and against eight steps a frame instead of two: within
     what `standard` promises of a string that touches several points."""
     baj = WITH.on_rigid_ends.model_copy(update={"string": (WITH.string[0],), "articulations": {}})
+    # not pressed: a string that is ends at the first point, wherever that stands
+    baj = baj.with_setting("obstacle.jiva_um", "0")
     baj = baj.with_setting("output.position", "0.05").with_setting("output.gain_db", "0")
 
     def sound(preset: Preset, rate_hz: float | None = None) -> np.ndarray:
