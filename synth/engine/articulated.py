@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from synth.engine import layout
-from synth.instrument.articulations import NORMAL, Articulation, Hand, Touch, articulation_names
+from synth.instrument.articulations import NORMAL, Articulation, Hand, Knock, Touch, articulation_names
 from synth.instrument.preset import Pluck, Preset
 from synth.native.arrays import record
 
@@ -46,6 +46,20 @@ def hand_fields(hand: Hand) -> dict[str, float]:
         "vibrato_up": int(hand.vibrato == "up"),
         "meend": hand.meend_semitones,
         "meend_s": 1e-3 * hand.meend_ms,
+        **_knock(hand.knock),
+    }
+
+
+def _knock(knock: Knock | None) -> dict[str, float]:
+    """Fields of PART; a push of 0 N is none."""
+    given = Knock(force_n=1.0) if knock is None else knock
+    return {
+        "knock": 0.0 if knock is None else given.force_n,
+        "knock_s": 1e-3 * given.time_ms,
+        "knock_delay_s": 1e-3 * given.delay_ms,
+        "knock_noise": 1e-2 * given.noise_percent,
+        "knock_grain_s": 1e-3 * given.grain_ms,
+        "knock_release": given.release_ratio,
     }
 
 
@@ -57,11 +71,15 @@ def _touch(touch: Touch) -> tuple:
         resistance=touch.resistance,
         stiffness=1e3 * touch.stiffness_n_mm,
         lift_s=0.0 if touch.lift_ms is None else 1e-3 * touch.lift_ms,
+        speed=touch.speed_m_s,
+        roughness=1e-6 * touch.roughness_um,
+        settle_s=1e-3 * touch.settle_ms,
+        grain_s=1e-3 * touch.grain_ms,
     )
 
 
 def pluck_of(pluck: Pluck, table: Articulation) -> Pluck:
-    """The pluck with the place, width and roughness of an articulation."""
+    """The pluck with what an articulation has of a stroke of its own."""
     own = pluck.model_copy(update={name: getattr(table, name) for name in _STROKE if getattr(table, name) is not None})
     if "position" in table.model_fields_set and table.position_hard is None:
         own = own.model_copy(update={"position_hard": None})
@@ -93,6 +111,11 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
         slip_s=_OF_THE_STRING if soft_slip is None else 1e-3 * soft_slip,
         hard_slip_s=_OF_THE_STRING if hard_slip is None else 1e-3 * hard_slip,
         roughness=1e-6 * own.roughness_um,
+        rub=1e-2 * own.rub_percent,
+        grains=own.edge_mm / own.grain_mm,
+        arrival=own.arrival,
+        by_ratios=int(own.width_course == "ratios"),
+        knock=table.knock_ratio,
         mass=1e-3 * table.mass_g,
         speed=table.speed_m_s,
         stiffness=1e3 * stiffness,
@@ -104,4 +127,7 @@ def _articulation(pluck: Pluck, table: Articulation, touch: int, normal: bool) -
 
 
 #: fields of a stroke that an articulation may have of its own
-_STROKE = ("position", "position_hard", "width_mm", "width_hard_mm", "roughness_um")
+_STROKE = (
+    "position", "position_hard", "width_mm", "width_hard_mm", "roughness_um",
+    "rub_percent", "edge_mm", "grain_mm", "arrival",
+)  # fmt: skip

@@ -163,6 +163,7 @@ class _Lists:
                 choirs=max((string.choir for string in part.strings), default=1),
                 first_articulation=first_articulation,
                 end_articulation=len(self.articulations),
+                others_s=preset.damping.others_s or 0.0,
                 release_touch=release_touch,
                 **hand_fields(preset.hand),
             )

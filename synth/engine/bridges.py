@@ -21,13 +21,13 @@ END_ROOM = (
     "single_of", "single_flight", "single_kick", "single_pull", "single_q", "single_v",
 )  # fmt: skip
 COUPLING_ROOM = (
-    "touching", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept",
+    "touching", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept", "knock", "knocked",
     "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
 )  # fmt: skip
 #: …and what is constant, or an address
 COUPLING_FIXED = (
     "steps", "line_model", "line_state", "line_end", "direction", "body", "shape", "gamma", "radiation", "body_mass",
-    "body_omega", "friction",
+    "body_omega", "friction", "hand",
 )  # fmt: skip
 
 
@@ -72,7 +72,7 @@ class Bridges:
             soft = int(bank.models["layered"].any())
             rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
             shape = in_components(body.shape, 0)
-            extents = {"lines": lines, "body": shape.shape[1], "channels": 2, "rows": rows}
+            extents = {"lines": lines, "body": shape.shape[1], "channels": 2, "rows": rows, "knocks": QUANTUM}
             self.couplings.append(
                 allocate(
                     Coupling,
@@ -88,6 +88,7 @@ class Bridges:
                     radiation=np.ascontiguousarray(body.radiation),
                     body_mass=body.mass.copy(),
                     body_omega=body.omega.copy(),
+                    hand=body.hand.copy(),
                     friction=np.ascontiguousarray(bank.strings["friction"][mine.start : mine.stop]),
                 )
             )

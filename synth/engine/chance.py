@@ -12,6 +12,9 @@ from numba import njit
 
 from synth.engine.layout import CORE
 
+#: what brings lines between even chances to a standard deviation of 1
+ROUGH = math.sqrt(4.5)
+
 
 @njit(**CORE)
 def _mixed(value):

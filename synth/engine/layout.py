@@ -150,6 +150,7 @@ PART = np.dtype(
         ("choirs", "i8"),
         ("first_articulation", "i8"),
         ("end_articulation", "i8"),
+        ("others_s", "f8"),  # T60 of other strings on the bridge once no note is held; 0: they ring on
         ("release_touch", "i8"),  # what is laid on a string when its note ends; −1: nothing
         # standard deviations from stroke to stroke: of the place [m], and of the logarithms of level, width and times
         ("place_spread", "f8"),
@@ -161,6 +162,14 @@ PART = np.dtype(
         ("vibrato_up", "i8"),  # it only pulls
         ("meend", "f8"),  # furthest that legato pulls a string aside [semitones]; 0: not at all
         ("meend_s", "f8"),  # …its time constant
+        # the hand's push on the body at velocity 127 [N], 0: there is none; how long it takes, and how long after the stroke
+        # it begins; what is unsteady about it, as a share, and how long that lasts; share of it as a note ends
+        ("knock", "f8"),
+        ("knock_s", "f8"),
+        ("knock_delay_s", "f8"),
+        ("knock_noise", "f8"),
+        ("knock_grain_s", "f8"),
+        ("knock_release", "f8"),
     ],
     align=True,
 )
@@ -187,6 +196,11 @@ ARTICULATION = np.dtype(
         ("slip_s", "f8"),  # below 0: the string's own
         ("hard_slip_s", "f8"),
         ("roughness", "f8"),
+        ("rub", "f8"),  # standard deviation of the force of a finger that slides off, a share of it
+        ("grains", "f8"),  # that it passes over meanwhile
+        ("arrival", "f8"),  # speed with which it meets the string, in parts of the mean one
+        ("by_ratios", "i8"),  # the width goes from soft to hard by equal ratios
+        ("knock", "f8"),  # share of the hand's knock on the body
         ("mass", "f8"),
         ("speed", "f8"),  # at velocity 127
         ("stiffness", "f8"),  # of what is thrown
@@ -206,6 +220,10 @@ TOUCH = np.dtype(
         ("resistance", "f8"),  # in units of the string's impedance
         ("stiffness", "f8"),
         ("lift_s", "f8"),  # after which it is lifted; 0: by the next stroke
+        ("speed", "f8"),  # with which it comes down [m/s]
+        ("roughness", "f8"),  # [m]
+        ("settle_s", "f8"),  # after which both have come to rest
+        ("grain_s", "f8"),
     ],
     align=True,
 )
@@ -311,6 +329,11 @@ SOUNDING = np.dtype(
         ("strokes", "i8"),  # that it has had: what varies from one to the next follows from it
         ("slip_s", "f8"),  # of the stroke at hand
         ("roughness", "f8"),
+        ("yielding", "f8"),  # stiffness of the string under the finger, in parts of the finger's own
+        ("touch", "i8"),  # number of what lies on it; −1: nothing has
+        ("knock", "f8"),  # the hand's push on the body that began last, its largest [N], …
+        ("knock_step", "i8"),  # … how many frames of it are over …
+        ("knock_steps", "i8"),  # … of how many; 0: there is none
         ("thrown", "f8"),  # speed of what flies at it or lies on it [m/s]
         ("target", "f8"),  # resistance of what touches it, which grows to it
         ("node", "f8"),  # where it is touched for a harmonic, from the saddle as a share of its length; 0: for none

@@ -14,6 +14,7 @@ from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.hold import LOUD, begin_phase, last
 from synth.engine.hold import take_hold as take_hold
+from synth.engine.knocks import begin_knock
 from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
@@ -151,6 +152,7 @@ def sleep(core: int, s: int) -> None:
     me.pull = me.pull_to = 0.0
     me.level = 0.0
     me.stolen = 0
+    me.knock_step = me.knock_steps = 0
     me.phase = NO_FINGER
     string.q[:] = 0.0
     string.v[:] = 0.0
@@ -300,6 +302,8 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
         _join(core, thread, s, target)
     else:
         _wake(core, thread, s, target)
+    if bank.parts[bank.strings[s].part].others_s > 0.0 and on_bridge(core, s):
+        _uncover_others(core, s)
     if me.wait > 0:
         _wait(core, s, target, velocity, legato)
         return
@@ -392,6 +396,30 @@ def _lay_hand(core: int, s: int, hand: float) -> None:
 
 
 @njit(**CORE)
+def _cover_others(core: int, s: int, seconds: float) -> None:
+    """A hand lies down on all strings of an instrument that nobody plays, where no key holds another one."""
+    bank, state = bank_of(core), state_of(core)
+    instrument = bank.instruments[bank.strings[s].instrument]
+    for other in range(instrument.first_string, instrument.end_string):
+        me = state.sounding[other]
+        if other != s and (me.held or me.sustained or NO_FINGER < me.phase < TOUCHED):
+            return
+    for other in range(instrument.first_string, instrument.end_string):
+        if state.sounding[other].idle and not bank.strings[other].of_first:
+            damp(core, other, seconds)
+
+
+@njit(**CORE)
+def _uncover_others(core: int, s: int) -> None:
+    """The hand leaves the strings that nobody plays as the next stroke comes."""
+    bank, state = bank_of(core), state_of(core)
+    instrument = bank.instruments[bank.strings[s].instrument]
+    for other in range(instrument.first_string, instrument.end_string):
+        if state.sounding[other].idle and not bank.strings[other].of_first:
+            _lift_hand(core, other)
+
+
+@njit(**CORE)
 def let_go(core: int, thread: int, s: int) -> None:
     """Note-off has reached the string: the hand damps it unless a finger is still at work or the preset rings on."""
     bank, state = bank_of(core), state_of(core)
@@ -400,6 +428,10 @@ def let_go(core: int, thread: int, s: int) -> None:
     if me.held or me.sustained or NO_FINGER < me.phase < TOUCHED or part.ring_on:
         return
     damp(core, s, bank.strings[s].release_s * state.parameters[number, RELEASE])
+    if part.others_s > 0.0 and on_bridge(core, s):
+        _cover_others(core, s, part.others_s * state.parameters[number, RELEASE])
+    if part.knock > 0.0 and part.knock_release > 0.0 and me.awake and not me.idle:
+        begin_knock(core, s, part.knock_release * me.knock, 0.0)
     if part.release_touch >= 0 and me.awake and not me.idle:
         _land(core, thread, s)
         lay_on(core, s, part.release_touch, 0.0)

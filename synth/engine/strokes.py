@@ -13,10 +13,11 @@ import math
 
 from numba import njit
 
-from synth.engine.chance import even, key_of, spread
+from synth.engine.chance import ROUGH, even, key_of, spread
 from synth.engine.core import bank_of, model_of, scratch_of, settings_of, state_of, string_of
 from synth.engine.expression import pluck_place
 from synth.engine.hold import begin_phase, last, take_hold
+from synth.engine.knocks import begin_knock
 from synth.engine.layout import (
     CORE,
     DRAW,
@@ -29,8 +30,8 @@ from synth.engine.layout import (
     TOUCHED,
     VARIATION,
 )
-from synth.engine.stroke import NEAREST, between, drawn_by, finger_distance, finger_width, pluck_force
-from synth.engine.touches import LAY_S
+from synth.engine.stroke import NEAREST, between, drawn_by, draws_at, finger_distance, finger_width, met, pluck_force
+from synth.engine.touches import lie
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.stepwise import LEAST_STIFFNESS
 
@@ -40,10 +41,12 @@ MOST_HIT_S = 0.03
 RUB_S = 5e-5
 #: what varies, by number
 _PLACE, _LEVEL, _WIDTH, _DRAW_TIME, _SLIP_TIME, _RUB = range(6)
+#: …and from where on what the string passes over as it is drawn, and as it slides off, is numbered
+_DRAWN_OVER, _SLID_OVER = 1 << 20, 1 << 21
 
 _finger_distance, _finger_width = njit(**CORE)(finger_distance), njit(**CORE)(finger_width)
 _pluck_force, _drawn_by = njit(**CORE)(pluck_force), njit(**CORE)(drawn_by)
-_between = njit(**CORE)(between)
+_between, _draws_at, _met = njit(**CORE)(between), njit(**CORE)(draws_at), njit(**CORE)(met)
 
 
 @njit(**CORE)
@@ -77,8 +80,10 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
         slip_s *= math.exp(varied * part.time_spread * spread(key, _SLIP_TIME))
     distance = _finger_distance(position, fixed.open_length, model.length)
     soft = 1e-3 * parameters[PLUCK_WIDTH] * way.width_ratio * wider
-    width = _finger_width(soft, way.hard_width_ratio, strength, distance)
+    width = _finger_width(soft, way.hard_width_ratio, strength, distance, way.by_ratios != 0)
     resistance = part.finger_loss * fixed.impedance
+    if part.knock > 0.0:
+        begin_knock(core, s, level * way.knock * part.knock * strength**part.velocity_exponent, part.knock_delay_s)
     if way.stroke == THROWN:
         take_hold(core, s, distance, width, way.stiffness, resistance, MOST_HIT_S)
         me.finger_to = 0.0
@@ -87,6 +92,7 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
         return
     me.slip_s = min(slip_s, LONGEST_SLIP_S)
     me.roughness = way.roughness
+    me.yielding = _draws_at(distance, model.length, model.tension) / part.finger_stiffness
     take_hold(core, s, distance, width, part.finger_stiffness, resistance, min(draw_s, LONGEST_DRAW_S))
     force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT] * level, strength, part.velocity_exponent)
     drawn = _drawn_by(force, distance, model.length, model.tension)
@@ -95,6 +101,7 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
     if fixed.second >= 0:
         me.finger_to = part.pluck_first * drawn
         state.sounding[fixed.second].finger_to = part.pluck_second * drawn
+        state.sounding[fixed.second].yielding = me.yielding
 
 
 #: longest that drawing and letting go take, with what varies [s]
@@ -147,11 +154,63 @@ def follow_stroke(core: int, thread: int, s: int, steps: int) -> None:
     if me.phase == HIT and not bank_of(core).strings[s].of_first:
         _fly(core, thread, s, steps)
     elif me.phase == TOUCHED:
-        _lie(core, thread, s, steps)
+        lie(core, thread, s, steps)
+    elif me.phase == DRAW or me.phase == SLIP:
+        _pluck(core, thread, s, steps)
     else:
         _go_evenly(core, thread, s, steps)
-        if me.phase == DRAW and me.roughness > 0.0:
-            _rub(core, thread, s, steps)
+
+
+@njit(**CORE)
+def _pluck(core: int, thread: int, s: int, steps: int) -> None:
+    """A string in one of its directions is drawn, or slides off."""
+    state = state_of(core)
+    first = s - 1 if bank_of(core).strings[s].of_first else s
+    me, way = state.sounding[s], bank_of(core).articulations[state.sounding[first].articulation]
+    if me.phase == DRAW and way.arrival > 0.0:
+        _meet(core, thread, s, way.arrival, steps)
+    else:
+        _go_evenly(core, thread, s, steps)
+    if me.phase == DRAW and me.roughness > 0.0:
+        _rub(core, thread, s, steps)
+    if way.rub > 0.0:
+        _slide_over(core, thread, s, first, steps)
+
+
+@njit(**CORE)
+def _meet(core: int, thread: int, s: int, arrival: float, steps: int) -> None:
+    """From where to where it goes, as what flew at the string."""
+    scratch, me = scratch_of(thread), state_of(core).sounding[s]
+    far = me.finger_to - me.finger_from
+    for t in range(steps + 1):
+        scratch.path[t] = me.finger_from + far * _met((me.finger_step + t) / me.finger_steps, arrival)
+
+
+@njit(**CORE)
+def _slide_over(core: int, thread: int, s: int, first: int, steps: int) -> None:
+    """What is rough about the edge over which it slides: a share of the force, all of it from when the string is let go on.
+
+    While the string is drawn it creeps over as much of the edge, more slowly. It is the same in both directions.
+    """
+    state, bank, scratch = state_of(core), bank_of(core), scratch_of(thread)
+    me, way = state.sounding[s], bank.articulations[state.sounding[first].articulation]
+    key = key_of(settings_of(core).seed, bank.strings[first].dice, state.sounding[first].strokes)
+    slips_off = me.phase == SLIP
+    numbers = _SLID_OVER if slips_off else _DRAWN_OVER
+    per_step = way.grains / me.finger_steps
+    share = way.rub * ROUGH
+    known, before, after = -1, 0.0, 0.0
+    for t in range(steps + 1):
+        at = (me.finger_step + t) * per_step
+        knot = int(at)
+        if knot != known:
+            known, before, after = knot, even(key, numbers + knot), even(key, numbers + knot + 1)
+        rough = share * (before + (at - knot) * (after - before))
+        if slips_off:
+            scratch.path[t] *= max(0.0, 1.0 + rough)
+        else:
+            crept = (me.finger_step + t) / me.finger_steps
+            scratch.path[t] += rough * crept * me.yielding * (scratch.path[t] - me.finger_from)
 
 
 @njit(**CORE)
@@ -200,14 +259,3 @@ def _fly(core: int, thread: int, s: int, steps: int) -> None:
     for t in range(steps + 1):
         scratch.path[t] = me.finger_from + speed * dt * t
     me.finger_from += speed * dt * steps
-
-
-@njit(**CORE)
-def _lie(core: int, thread: int, s: int, steps: int) -> None:
-    """From where the string was touched to its rest line."""
-    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
-    turn = math.pi / (LAY_S * settings_of(core).rate_hz * fixed.factor)
-    for t in range(steps + 1):
-        share = 0.5 * (1.0 + math.cos(min(math.pi, turn * (me.finger_step + t))))
-        scratch.path[t] = share * me.finger_from

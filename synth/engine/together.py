@@ -21,6 +21,7 @@ from synth.engine.core import (
     string_of,
 )
 from synth.engine.ends import refresh_end
+from synth.engine.knocks import knock_on
 from synth.engine.layout import (
     BEGIN,
     BLOWN_UP,
@@ -214,6 +215,7 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
     done = int(np.int64(0))
     while done < frames:
         count = _refresh_lines(core, thread, i, frames - done)
+        knock_on(core, i, count)
         if advance_frames(address, thread, count, out[:, begin + done :]) != SOLVED:
             state.sounding[instrument.first_string].unsolved += 1
         done += count

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from numba import njit
 
-from synth.engine.core import bank_of, state_of, string_of
+from synth.engine.chance import ROUGH, even, key_of
+from synth.engine.core import bank_of, scratch_of, settings_of, state_of, string_of
 from synth.engine.hold import begin_phase, take_hold
 from synth.engine.layout import CORE, NO_FINGER, TOUCHED
 from synth.instrument.excitations import MOST_HOLD_S
@@ -13,6 +16,8 @@ from synth.instrument.excitations import MOST_HOLD_S
 FIRST_SHARE = 1.0 / 64.0
 #: time in which a touch with a spring brings the string to its rest line [s]
 LAY_S = 0.008
+#: from where on what it rubs over is numbered among the chances of the last stroke
+_RUBBED = 1 << 23
 
 
 @njit(**CORE)
@@ -22,6 +27,7 @@ def lay_on(core: int, s: int, number: int, node: float) -> None:
     touch, me, fixed = bank.touches[number], state_of(core).sounding[s], bank.strings[s]
     length = bank.models[me.model].length
     place = node if node > 0.0 else touch.place
+    me.touch = number
     me.target = touch.resistance * fixed.impedance
     seconds = touch.lift_s if touch.lift_s > 0.0 else MOST_HOLD_S
     take_hold(core, s, place * length, touch.width, touch.stiffness, FIRST_SHARE * me.target, seconds)
@@ -52,3 +58,43 @@ def press_on(core: int, s: int) -> None:
                 finger.resistance = min(2.0 * finger.resistance, me.target)
                 if me.stale == 0:
                     me.stale = 2
+
+
+@njit(**CORE)
+def lie(core: int, thread: int, s: int, steps: int) -> None:
+    """Scratch.path of what lies on a string: from where the string was touched to its rest line, and how it comes there."""
+    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    turn = math.pi / (LAY_S * settings_of(core).rate_hz * fixed.factor)
+    for t in range(steps + 1):
+        share = 0.5 * (1.0 + math.cos(min(math.pi, turn * (me.finger_step + t))))
+        scratch.path[t] = share * me.finger_from
+    if not fixed.of_first:
+        touch = bank_of(core).touches[me.touch]
+        if touch.speed > 0.0 or touch.roughness > 0.0:
+            _come_and_go(core, thread, s, steps)
+
+
+@njit(**CORE)
+def _come_and_go(core: int, thread: int, s: int, steps: int) -> None:
+    """It comes down, and rubs along the string as it settles and before it leaves."""
+    scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
+    me = state_of(core).sounding[s]
+    touch = bank_of(core).touches[me.touch]
+    key = key_of(settings_of(core).seed, fixed.dice, me.strokes)
+    per_second = settings_of(core).rate_hz * fixed.factor
+    settling, per_step = touch.settle_s * per_second, 1.0 / (touch.grain_s * per_second)
+    rough, far = ROUGH * touch.roughness, touch.speed * touch.settle_s
+    known, before, after = -1, 0.0, 0.0
+    for t in range(steps + 1):
+        now = me.finger_step + t
+        left = max(0.0, 1.0 - now / settling)
+        scratch.path[t] -= far * (1.0 - left) * left * left
+        if touch.lift_s > 0.0:
+            left = max(left, 1.0 - (me.finger_steps - now) / settling)
+        if left > 0.0:
+            at = now * per_step
+            knot = int(at)
+            if knot != known:
+                known, before, after = knot, even(key, _RUBBED + knot), even(key, _RUBBED + knot + 1)
+            scratch.path[t] += rough * left * left * (before + (at - knot) * (after - before))

@@ -368,7 +368,7 @@ def _shifted(way: Articulation, farther: float) -> dict[str, float]:
 def _seen(alone: Preset) -> Preset:
     """The preset with its string's displacement in the first direction as its output, and nothing left to chance."""
     changed: dict[str, object] = {"hand": Hand(), "articulations": {}}
-    changed["pluck"] = alone.pluck.model_copy(update={"roughness_um": 0.0})
+    changed["pluck"] = alone.pluck.model_copy(update={"roughness_um": 0.0, "rub_percent": 0.0})
     if alone.polarisation is not None:
         changed["polarisation"] = alone.polarisation.model_copy(update={"heard": 0.0})
     table = alone.string[0].model_copy(update={"gain_db": 0.0})

@@ -33,6 +33,28 @@ class Touch(Table):
     stiffness_n_mm: float = Field(0.0, ge=0.0, le=1000.0)
     #: how long it lies there; until the next stroke where it is not given
     lift_ms: float | None = Field(None, ge=1.0, le=10000.0)
+    #: how fast it comes down on the string, how far it jumps as it rubs along it, how long both take to come to rest, and
+    #: after how long it jumps anew; it rubs as long before it leaves
+    speed_m_s: float = Field(0.0, ge=0.0, le=5.0)
+    roughness_um: float = Field(0.0, ge=0.0, le=1000.0)
+    settle_ms: float = Field(8.0, ge=1.0, le=200.0)
+    grain_ms: float = Field(0.05, ge=0.02, le=5.0)
+
+
+class Knock(Table):
+    """What a stroke does to the body beside the string: a push of the hand on its top, and what is unsteady about that."""
+
+    #: largest force at velocity 127, how long it takes, and how much later than the finger meets the string it begins
+    force_n: float = Field(gt=0.0, le=100.0)
+    time_ms: float = Field(5.0, ge=0.1, le=100.0)
+    delay_ms: float = Field(0.0, ge=0.0, le=200.0)
+    #: standard deviation of what is unsteady about it, in parts of the force, and how long that takes to change
+    noise_percent: float = Field(0.0, ge=0.0, le=200.0)
+    grain_ms: float = Field(0.1, ge=0.02, le=5.0)
+    #: from the bridge to where the hand is
+    distance_mm: float = Field(60.0, ge=0.0, le=1000.0)
+    #: as a note ends, the hand pushes again, with so much of the force of the stroke
+    release_ratio: float = Field(0.0, ge=0.0, le=4.0)
 
 
 class Hand(Table):
@@ -53,6 +75,8 @@ class Hand(Table):
     meend_ms: float = Field(60.0, ge=1.0, le=2000.0)
     #: the finger that is laid on the string when a note ends, beside damping.release_s
     release: Touch | None = None
+    #: what a stroke does to a body that strings share
+    knock: Knock | None = None
 
     def varied(self, share: float) -> Hand:
         """So much of the variation."""
@@ -113,6 +137,12 @@ class Articulation(Table):
     slip_ms: float | None = Field(None, ge=0.0, le=20.0)
     slip_hard_ms: float | None = Field(None, ge=0.0, le=20.0)
     roughness_um: float | None = Field(None, ge=0.0, le=100.0)
+    rub_percent: float | None = Field(None, ge=0.0, le=100.0)
+    edge_mm: float | None = Field(None, ge=0.02, le=20.0)
+    grain_mm: float | None = Field(None, ge=0.005, le=5.0)
+    arrival: float | None = Field(None, ge=0.0, le=3.0)
+    #: how much of the hand's knock on the body it gives
+    knock_ratio: float = Field(1.0, ge=0.0, le=10.0)
     #: of what is thrown, its speed at velocity 127, and whether it comes from the side where frets and bridge are not
     mass_g: float = Field(20.0, gt=0.01, le=1000.0)
     speed_m_s: float = Field(1.0, gt=0.0, le=20.0)

@@ -13,10 +13,13 @@ from typing import Any
 
 from synth.instrument.articulations import Articulation
 from synth.instrument.neck import obstacle_under, strung
-from synth.instrument.preset import Preset, StringTable, at_note
+from synth.instrument.preset import Pluck, Preset, StringTable, at_note
 
 #: of a string: what does not move it, and its pitch
 _STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db", "place_mm", "angle_deg"}
+#: of a pluck: what it rubs over, and what fingerprints are older than
+_RUBBING = {"rub_percent", "edge_mm", "grain_mm"}
+_LATER = {"arrival", "width_course"}
 #: of an articulation: the ways to it, and what chords and legato do
 WAYS = frozenset({"key", "controller", "velocity", "strum_ms", "slide_ms"})
 #: the stroke of a plain pluck, as of an articulation that says nothing else
@@ -34,6 +37,12 @@ def _resolved(data: Any, note: int) -> Any:
     return float(data) if isinstance(data, int) and not isinstance(data, bool) else data
 
 
+def _pluck(pluck: Pluck) -> dict[str, Any]:
+    """A pluck without what it rubs over, which plans are measured without; of later additions what is not their default."""
+    later = {name for name in _LATER if getattr(pluck, name) == type(pluck).model_fields[name].default}
+    return pluck.model_dump(exclude=_RUBBING | later)
+
+
 def _digest(data: Any) -> str:
     return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=8).hexdigest()
 
@@ -44,7 +53,7 @@ def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
         "string": strung(preset, table, note).model_dump(exclude=_STRING),
         "nut": [mode.model_dump(exclude_defaults=True) for mode in preset.nut],
         "obstacle": obstacle_under(preset, table, note).model_dump(),
-        "pluck": preset.pluck.model_dump(),
+        "pluck": _pluck(preset.pluck),
         "polarisation": None if preset.polarisation is None else preset.polarisation.model_dump(exclude={"heard"}),
         "excitation": None if preset.excitation is None else preset.excitation.model_dump(),
         "coupled": preset.coupled,

@@ -386,6 +386,15 @@ class Pluck(Table):
     slip_hard_ms: Annotated[Scaled, within(0.0, 20.0)] | None = None
     #: how far the finger jumps while it rubs along the string that it draws
     roughness_um: float = Field(0.0, ge=0.0, le=100.0)
+    #: rubbing: standard deviation of the finger's force where the string slides off, in parts of that force, for which it
+    #: passes over so much of the finger's edge, and how far apart what is rough about it stands
+    rub_percent: float = Field(0.0, ge=0.0, le=100.0)
+    edge_mm: float = Field(1.0, ge=0.02, le=20.0)
+    grain_mm: float = Field(0.1, ge=0.005, le=5.0)
+    #: how fast the finger meets the string, in parts of the mean speed with which it draws it; 0: it begins at rest
+    arrival: float = Field(0.0, ge=0.0, le=3.0)
+    #: how the width goes from soft to hard with the velocity: by equal steps, or by equal ratios, as the slip does
+    width_course: Literal["steps", "ratios"] = "steps"
 
     @property
     def hardest_slip_ms(self) -> float | dict[int, float]:
@@ -428,6 +437,8 @@ class Damping(Table):
     ring_on: bool = False
     #: time to −60 dB after note-off
     release_s: Annotated[Scaled, within(0.01, 60.0)] = 0.15
+    #: the same of the other strings on a shared bridge, which a hand covers when the last note ends; without it they ring on
+    others_s: float | None = Field(None, ge=0.01, le=60.0)
 
 
 class Output(Table):

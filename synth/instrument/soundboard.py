@@ -36,6 +36,7 @@ class Soundboard:
         np.ndarray
     )  # (axes, M) the same of all that the bridge does, in `body_modes.AXES`, which strings may not tell apart
     direction: np.ndarray  # (lines, D); of strings that move in two directions one after the other
+    hand: np.ndarray  # (M,) how each moves where a hand pushes on the body, `shape_at_hand`
 
     def heard(self, omega: np.ndarray, line: int) -> np.ndarray:
         """(N,) output, on the louder side, of a steady force of 1 N at these angular frequencies at a line's end."""
@@ -77,7 +78,29 @@ def soundboard(preset: Preset, ends: list[tuple[StringTable, int]], rate_hz: flo
     steps[4:] /= mass
     radiation = body.left_right(db_to_gain(preset.output.gain_db))
     direction, basis = spanned(directions_of(preset, ends, body.axes))
-    return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, shape, direction)
+    distance = 0.0 if preset.hand.knock is None else 1e-3 * preset.hand.knock.distance_mm
+    hand = shape_at_hand(body.shapes[0], omega, distance)
+    return Soundboard(frame, omega, sigma, mass, steps, basis.T @ shape, radiation, shape, direction, hand)
+
+
+#: directions of waves that are averaged over
+_DIRECTIONS = 256
+#: of a spruce top 2.8 mm thick: its bending stiffness [N m], the geometric mean of along and across the grain, and its mass
+#: per area [kg/m²]; estimates
+TOP_STIFFNESS_N_M, TOP_DENSITY_KG_M2 = 6.0, 1.2
+
+
+def shape_at_hand(normal: np.ndarray, omega: np.ndarray, distance_m: float) -> np.ndarray:
+    """(M,) how far modes move the top at a distance from the bridge, which they move by `normal` (M,).
+
+    In a plate whose waves run in all directions, two places at distance d go together by J₀(k d), k = √(ω √(μ/D)); what does
+    not is of either sign. Here that goes round by golden angles, a different one for every mode, with the same mean square.
+    """
+    k = np.sqrt(omega) * (TOP_DENSITY_KG_M2 / TOP_STIFFNESS_N_M) ** 0.25
+    around = math.pi / _DIRECTIONS * (np.arange(_DIRECTIONS) + 0.5)
+    together = np.cos(k[:, None] * distance_m * np.sin(around)).mean(axis=1)  # J₀
+    turned = math.sqrt(2.0) * np.sin(math.pi * (3.0 - math.sqrt(5.0)) * np.arange(1, omega.size + 1))
+    return np.ascontiguousarray(normal * (together + np.sqrt(1.0 - together**2) * turned))
 
 
 def directions_of(preset: Preset, ends: list[tuple[StringTable, int]], components: int) -> np.ndarray:

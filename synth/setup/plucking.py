@@ -84,7 +84,13 @@ def stroke_of(
         hard_slip_s = 1e-3 * way.slip_hard_ms
     return Stroke(
         distance,
-        finger_width(1e-3 * pluck.width_mm, pluck.hardest_width_mm / pluck.width_mm, strength, distance),
+        finger_width(
+            1e-3 * pluck.width_mm,
+            pluck.hardest_width_mm / pluck.width_mm,
+            strength,
+            distance,
+            pluck.width_course == "ratios",
+        ),
         min(string.draw_s if way.draw_ms is None else 1e-3 * way.draw_ms, LONGEST_DRAW_S),
         min(between(slip_s, hard_slip_s, strength), LONGEST_SLIP_S),
         1e3 * pluck.finger_stiffness_n_mm,

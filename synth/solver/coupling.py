@@ -182,6 +182,7 @@ class Coupling(NamedTuple):
     body_mass: Annotated[np.ndarray, f8("body")]  # [kg]
     body_omega: Annotated[np.ndarray, f8("body")]
     friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
+    hand: Annotated[np.ndarray, f8("body")]  # what each mode moves where a hand pushes on the body
     # state
     p: Annotated[np.ndarray, f8("body")]  # displacements …
     p_speed: Annotated[np.ndarray, f8("body")]  # … and velocities of the body's modes
@@ -202,6 +203,8 @@ class Coupling(NamedTuple):
     answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
     # room for a block
     touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
+    knocked: Annotated[np.ndarray, i8("1")]  # whether a hand pushes on the body in this call, …
+    knock: Annotated[np.ndarray, f8("knocks")]  # … and how strongly in each of its frames [N]
     pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
     kicks: Annotated[np.ndarray, f8("components, BLOCK")]
     small: Annotated[np.ndarray, f8("6, components")]
@@ -377,6 +380,7 @@ COUPLING_SIZES = {
     "N_KNOWN": N_KNOWN,
     "FEW": FEW,
     "SETS": 1 << FEW,
+    "knocks": 1,
 }
 
 

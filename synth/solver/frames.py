@@ -460,6 +460,22 @@ def _fly_body(c) -> tuple[float, float, float]:
 
 
 @njit(fastmath=FAST, **INNER)
+def _knock_body(c, force: float, gone) -> tuple[float, float, float]:
+    """A push of the hand on the body, held over the frame, in body_free; where all of it moves the bridge to (D,)."""
+    free, body, hand, shape = c.body_free, c.body, c.hand, c.shape
+    x, y, z = gone
+    for j in range(hand.size):
+        push = force * hand[j]
+        there = body[4, j] * push
+        free[0, j] += there
+        free[1, j] += body[5, j] * push
+        x += shape[0, j] * there
+        y += shape[1, j] * there
+        z += shape[2, j] * there
+    return x, y, z
+
+
+@njit(fastmath=FAST, **INNER)
 def _push_body(c, force, per_frame: float) -> None:
     """The body's modes under a force of the bridge (D,) held over the frame; their mean acceleration into body_free[1], what
     each is pushed with into body_free[2]."""
@@ -481,6 +497,8 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
     small, per_frame = c.small, 1.0 / c.frame
     beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held
     gone = _fly_body(c)
+    if c.knocked[0]:
+        gone = _knock_body(c, c.knock[begin + number], gone)
     there = (gone[0] - beta[0], gone[1] - beta[1], gone[2] - beta[2])
     pull, stays, left = _pulls(c, number), _times(c.moving, speed), _times(c.rest_mass, rest)
     stiff, twice = _times(c.tension, beta), 1.0 + KEPT_BY_THE_REST

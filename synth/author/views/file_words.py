@@ -73,6 +73,17 @@ FILE_WORDS: dict[type[Table], dict[str, Words]] = {
             "How far the finger jumps while rubbing along the string; if it is not given, that of the pluck.",
             "µm",
         ),
+        "rub_percent": Words(
+            "Rubbing",
+            "How unsteady the finger's force is as the string slides off; if it is not given, that of the pluck.",
+            "%",
+        ),
+        "edge_mm": Words("Edge", "How far the string slides over it; if it is not given, that of the pluck.", "mm"),
+        "grain_mm": Words("Grain", "Distance between its rough places; if it is not given, that of the pluck.", "mm"),
+        "arrival": Words(
+            "Arrival", "Speed with which the finger meets the string; if it is not given, that of the pluck.", "×"
+        ),
+        "knock_ratio": Words("Knock", "How much of the hand's knock on the body the stroke gives.", "×"),
         "mass_g": Words("Mass", "Mass of the thumb or hammer that hits the string.", "g"),
         "speed_m_s": Words("Speed", "Speed of the thumb or hammer at velocity 127.", "m/s"),
         "stiffness_n_mm": Words(

@@ -327,7 +327,9 @@ def _pluck(place: Place, opened: String, string: String, velocity: int, fret_hei
     shift = pluck_shift(place.preset, place.table, place.opened)
     share = table.position + shift + strength * (hard - table.position)
     distance = finger_distance(share, length, speaking)
-    width = finger_width(1e-3 * table.width_mm, table.hardest_width_mm / table.width_mm, strength, distance)
+    width = finger_width(
+        1e-3 * table.width_mm, table.hardest_width_mm / table.width_mm, strength, distance, table.width_course == "ratios"
+    )
     full = at_note(table.displacement_mm, place.opened)
     full_force = full_pluck_force(place.preset, place.table, opened, place.opened)
     moved = drawn_by(pluck_force(full_force, strength, table.velocity_exponent), distance, speaking, string.tension_n)

@@ -45,7 +45,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from synth.author.views.words import CHOICES, GROUPS, OBSTACLES, SETUP, Words, words_of
-from synth.instrument.articulations import Touch
+from synth.instrument.articulations import Knock, Touch
 from synth.instrument.compile import axial_stiffness, ideal_string, obstacle_of, string_frequency
 from synth.instrument.fields import Between
 from synth.instrument.preset import (
@@ -168,7 +168,7 @@ def _is_of_the_other_kind(preset: Preset, value: Any, inner: Any) -> bool:
     """Whether a table that is not there can only be where strings share a body, or only where they do not, or several of its
     keys need each other: that is begun in the file."""
     absent = value is None or value == ()
-    if absent and inner in (Layer, Setup, Touch):
+    if absent and inner in (Layer, Setup, Touch, Knock):
         return True
     of_bodies = inner is Polarisation or get_args(inner)[:1] == (MovingMode,)
     of_others = get_args(inner)[:1] == (BodyMode,)

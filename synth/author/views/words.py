@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.instrument.articulations import Hand, Touch
+from synth.instrument.articulations import Hand, Knock, Touch
 from synth.instrument.preset import (
     BoardObstacle,
     Body,
@@ -793,6 +793,45 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (0.0, 20.0),
             0.5,
         ),
+        "rub_percent": Words(
+            "Rubbing",
+            "How unsteady the finger's force is as the string slides off over a rough edge, as a share of the force: "
+            "standard deviation. It grows while the string is drawn and goes on until it is free.",
+            "%",
+            (0.0, 50.0),
+            1.0,
+        ),
+        "edge_mm": Words(
+            "Edge",
+            "How far the string slides over the edge of finger, nail or plectrum before it is free; while it is drawn "
+            "it creeps as far.",
+            "mm",
+            (0.2, 5.0),
+            0.1,
+        ),
+        "grain_mm": Words(
+            "Grain",
+            "Distance between the rough places that the string passes: 0.5 for the ridges of a fingertip, the winding's "
+            "pitch for a plectrum on a wound string, 0.05 for a nail. With the edge and the slip time it sets how high "
+            "the noise reaches.",
+            "mm",
+            (0.02, 1.0),
+            0.01,
+        ),
+        "arrival": Words(
+            "Arrival",
+            "Speed with which the finger or plectrum meets the string, relative to the mean speed at which it draws it: "
+            "at 0 it starts from rest, at 1 it is heard to click on the string before the note.",
+            "×",
+            (0.0, 2.0),
+            0.05,
+            travel=(0.0, 3.0),
+        ),
+        "width_course": Words(
+            "Width by velocity",
+            "How the finger's width goes from soft to hard. By ratios, brightness rises evenly; by steps, it rises "
+            "mostly among the loudest notes.",
+        ),
     },
     Damping: {
         "ring_on": Words(
@@ -805,6 +844,14 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             (0.03, 2.0),
             0.01,
             live=True,
+        ),
+        "others_s": Words(
+            "Other strings, damping time",
+            "The same for the other strings on a shared bridge, which the hand covers when the last note ends and leaves "
+            "at the next stroke. If it is not given, they ring on.",
+            "s",
+            (0.05, 2.0),
+            0.01,
         ),
     },
     Output: {
@@ -948,6 +995,11 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "A finger, palm or felt laid on the string when its note ends, in addition to the damping. Add it in "
             "the file, as hand.release.",
         ),
+        "knock": Words(
+            "Knock on the body",
+            "A push of the hand on the body with every stroke, for strings that share a body with modes. Add it in the "
+            "file, as hand.knock.",
+        ),
     },
     Touch: {
         "place": Words(
@@ -975,6 +1027,51 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "ms",
             (10.0, 500.0),
             1.0,
+        ),
+        "speed_m_s": Words(
+            "Speed",
+            "How fast it comes down on the string, on the side away from the frets: its thud.",
+            "m/s",
+            (0.0, 1.0),
+            0.05,
+        ),
+        "roughness_um": Words(
+            "Roughness",
+            "How far it jumps as it rubs along the string, after it has come down and before it leaves.",
+            "µm",
+            (0.0, 200.0),
+            1.0,
+        ),
+        "settle_ms": Words("Settles within", "Time in which it comes to rest on the string.", "ms", (2.0, 50.0), 0.5),
+        "grain_ms": Words(
+            "Grain", "Time after which it jumps anew; the shorter, the higher its noise reaches.", "ms", (0.02, 1.0), 0.01
+        ),
+    },
+    Knock: {
+        "force_n": Words("Force", "Largest force of the hand on the body at velocity 127.", "N", (0.1, 10.0), 0.1),
+        "time_ms": Words(
+            "Duration", "How long the push takes: a short one is a click, a long one a thud.", "ms", (1.0, 20.0), 0.5
+        ),
+        "delay_ms": Words("Delay", "Time from the finger's touch on the string to the push.", "ms", (0.0, 20.0), 0.5),
+        "noise_percent": Words(
+            "Noise", "What is unsteady about the push, as a share of its force: standard deviation.", "%", (0.0, 100.0), 1.0
+        ),
+        "grain_ms": Words(
+            "Grain", "Time in which that changes; the shorter, the higher its noise reaches.", "ms", (0.02, 1.0), 0.01
+        ),
+        "distance_mm": Words(
+            "Distance",
+            "From the bridge to where the hand pushes: near it all modes go with the bridge, far off each in its own sense.",
+            "mm",
+            (0.0, 300.0),
+            5.0,
+        ),
+        "release_ratio": Words(
+            "At the note's end",
+            "Force of another push when the note ends, relative to that of its stroke; 0 is none.",
+            "×",
+            (0.0, 1.0),
+            0.05,
         ),
     },
     Polarisation: {
@@ -1053,6 +1150,7 @@ WORDS: dict[type[Table], dict[str, Words]] = {
 
 #: values of choices and what they say
 CHOICES: dict[tuple[type[Table], str], dict[str, str]] = {
+    (Pluck, "width_course"): {"steps": "by steps", "ratios": "by ratios"},
     (Hand, "vibrato"): {"both": "both ways", "up": "up only"},
     (StringTable, "stiffness_law"): {"sqrt": "pinned stiff string", "linear": "1 + Bj²/2"},
     (Output, "kind"): {
