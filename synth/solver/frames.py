@@ -348,6 +348,23 @@ def _step_apart(coupling: int) -> None:
             fly(e.flight, q, v)
 
 
+@njit(**INNER)
+def _knock_body(coupling: int, at: int) -> None:
+    """A push of the hand on the body, as what it gives the modes over a frame: at its start."""
+    c = coupling_at(coupling)
+    for j in range(c.hand.size):
+        c.p_speed[j] += c.knock[at] * c.frame * c.hand[j] / c.body_mass[j]
+
+
+@njit(**INNER)
+def _hear_knock(coupling: int, at: int, out) -> None:
+    """Add what that push itself accelerates to what is heard in its frame, which counts from behind it."""
+    c = coupling_at(coupling)
+    for channel in range(out.shape[0]):
+        for j in range(c.hand.size):
+            out[channel, at] += c.radiation[channel, j] * c.knock[at] * c.hand[j] / c.body_mass[j]
+
+
 @njit(inline="always")
 def _within(c, e, line: int, number: int) -> tuple[int, int]:
     """(frames that a line goes before it is driven, which of them this frame of the block is)."""
@@ -388,7 +405,11 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                         e.known[LASTS] -= BLOCK if frames > 1 else e.known[LASTS]
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
+        if c.knocked[0]:
+            _knock_body(coupling, at + number)
         status = max(status, _frame(coupling, scratch, number, at, out))
+        if c.knocked[0]:
+            _hear_knock(coupling, at + number, out)
         for place in range(1, touching + 1):
             line = c.touching[place]
             end = c.line_end[line]
@@ -460,22 +481,6 @@ def _fly_body(c) -> tuple[float, float, float]:
 
 
 @njit(fastmath=FAST, **INNER)
-def _knock_body(c, force: float, gone) -> tuple[float, float, float]:
-    """A push of the hand on the body, held over the frame, in body_free; where all of it moves the bridge to (D,)."""
-    free, body, hand, shape = c.body_free, c.body, c.hand, c.shape
-    x, y, z = gone
-    for j in range(hand.size):
-        push = force * hand[j]
-        there = body[4, j] * push
-        free[0, j] += there
-        free[1, j] += body[5, j] * push
-        x += shape[0, j] * there
-        y += shape[1, j] * there
-        z += shape[2, j] * there
-    return x, y, z
-
-
-@njit(fastmath=FAST, **INNER)
 def _push_body(c, force, per_frame: float) -> None:
     """The body's modes under a force of the bridge (D,) held over the frame; their mean acceleration into body_free[1], what
     each is pushed with into body_free[2]."""
@@ -497,8 +502,6 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
     small, per_frame = c.small, 1.0 / c.frame
     beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held
     gone = _fly_body(c)
-    if c.knocked[0]:
-        gone = _knock_body(c, c.knock[begin + number], gone)
     there = (gone[0] - beta[0], gone[1] - beta[1], gone[2] - beta[2])
     pull, stays, left = _pulls(c, number), _times(c.moving, speed), _times(c.rest_mass, rest)
     stiff, twice = _times(c.tension, beta), 1.0 + KEPT_BY_THE_REST

@@ -165,8 +165,8 @@ def test_a_knock_moves_the_body_as_its_modes_say() -> None:
     p, v = np.zeros(c.hand.size), np.zeros(c.hand.size)
     wanted = np.zeros((176, 2))
     for t in range(176):
-        push = force[t] * c.hand
-        p, after = c.body[0] * p + c.body[1] * v + c.body[4] * push, c.body[2] * p + c.body[3] * v + c.body[5] * push
+        kicked = v + force[t] * c.hand / (c.body_mass * RATE_HZ)
+        p, after = c.body[0] * p + c.body[1] * kicked, c.body[2] * p + c.body[3] * kicked
         wanted[t] = c.radiation @ (after - v) * RATE_HZ
         v = after
     assert np.abs(out).max() > 0.0
