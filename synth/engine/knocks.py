@@ -18,11 +18,25 @@ _UNSTEADY = 1 << 22
 @njit(**CORE)
 def begin_knock(core: int, s: int, force: float, delay_s: float) -> None:
     """The hand that plays a string begins to push on the body, if there is one; `force` at most [N]."""
+    state_of(core).sounding[s].knock = force
+    _begin(core, s, force, delay_s)
+
+
+@njit(**CORE)
+def knock_again(core: int, s: int, share: float) -> None:
+    """As a note ends, the hand pushes with a share of the stroke's force, unless that push is not over."""
+    me = state_of(core).sounding[s]
+    if me.knock_steps == 0:
+        _begin(core, s, share * me.knock, 0.0)
+
+
+@njit(**CORE)
+def _begin(core: int, s: int, force: float, delay_s: float) -> None:
     if shared_of(core).end_at[s] == 0:
         return
     rate_hz, part = settings_of(core).rate_hz, bank_of(core).parts[bank_of(core).strings[s].part]
     me = state_of(core).sounding[s]
-    me.knock = force
+    me.push = force
     me.knock_step = -round(delay_s * rate_hz)
     me.knock_steps = max(2, round(part.knock_s * rate_hz))
 
@@ -64,4 +78,4 @@ def _push(core: int, s: int, frames: int, into) -> None:
             knot = int(at)
             before, after = even(key, _UNSTEADY + knot), even(key, _UNSTEADY + knot + 1)
             unsteady = part.knock_noise * ROUGH * (before + (at - knot) * (after - before))
-            into[t] += 0.5 * me.knock * (1.0 - math.cos(turn * now)) * (1.0 + unsteady)
+            into[t] += 0.5 * me.push * (1.0 - math.cos(turn * now)) * (1.0 + unsteady)

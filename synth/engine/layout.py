@@ -334,7 +334,8 @@ SOUNDING = np.dtype(
         ("roughness", "f8"),
         ("yielding", "f8"),  # stiffness of the string under the finger, in parts of the finger's own
         ("touch", "i8"),  # number of what lies on it, where that is TOUCHED
-        ("knock", "f8"),  # the hand's push on the body that began last, its largest [N], …
+        ("knock", "f8"),  # largest force of the last stroke's push on the body [N]
+        ("push", "f8"),  # the same of the push that began last, …
         ("knock_step", "i8"),  # … how many frames of it are over …
         ("knock_steps", "i8"),  # … of how many; 0: there is none
         ("thrown", "f8"),  # speed of what flies at it or lies on it [m/s]

@@ -255,6 +255,7 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
         ("yielding", 0.0, MOST),
         ("touch", 0, max(bank.touches.size - 1, 0)),
         ("knock", 0.0, MOST),
+        ("push", 0.0, MOST),
         ("knock_step", -MOST_COUNT, MOST_COUNT),
         ("knock_steps", 0, MOST_COUNT),
         ("target", 0.0, MOST),

@@ -14,7 +14,7 @@ from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.hold import LOUD, begin_phase, last
 from synth.engine.hold import take_hold as take_hold
-from synth.engine.knocks import begin_knock
+from synth.engine.knocks import begin_knock, knock_again
 from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
@@ -431,7 +431,7 @@ def let_go(core: int, thread: int, s: int) -> None:
     if part.others_s > 0.0 and on_bridge(core, s):
         _cover_others(core, s, part.others_s * state.parameters[number, RELEASE])
     if part.knock > 0.0 and part.knock_release > 0.0 and me.awake and not me.idle:
-        begin_knock(core, s, part.knock_release * me.knock, 0.0)
+        knock_again(core, s, part.knock_release)
     if not me.awake or me.idle or (part.release_touch < 0 and not part.lifts):
         return
     _land(core, thread, s)
