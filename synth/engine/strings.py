@@ -14,7 +14,7 @@ from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.hold import LOUD, begin_phase, last
 from synth.engine.hold import take_hold as take_hold
-from synth.engine.knocks import begin_knock, knock_again
+from synth.engine.knocks import knock_again
 from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
