@@ -27,6 +27,8 @@ VELOCITY = 64
 #: strings that nobody plucks move little
 SYMPATHETIC_VELOCITY = 16
 WINDOW_S = (0.2, 2.0)
+#: a correction moves by at least and at most so much for an error of 1 cent
+_FLATTEST, _STEEPEST = 0.25, 2.5
 #: how far an instrument of few strings is tuned up and down [semitones]
 TUNING_RANGE = 5
 
@@ -170,14 +172,16 @@ def calibrate(
     rate_hz: float = 44100.0,
     quality: str = "standard",
     residual_cents: float = 0.5,
-    rounds: int = 8,
+    rounds: int = 12,
 ) -> tuple[Preset, list[Pitch]]:
     """The preset with the `tuning.contact_cents` that bring every position to its pitch, and what was measured last.
 
     Positions of several strings with one note share an entry: it corrects the middle between the sharpest and the
-    flattest. Stops when no entry would move by more than `residual_cents`. Raises ValueError when that is not reached
-    in `rounds` rounds, or as `measure` does.
+    flattest, by secants, because close to a mode of the body a string's pitch does not follow its tension. Stops when no
+    entry would move by more than `residual_cents`. Raises ValueError when that is not reached in `rounds` rounds, or as
+    `measure` does.
     """
+    before: dict[tuple[bool, int], tuple[float, float]] = {}
     for _ in range(rounds):
         pitches = measure_all(preset, rate_hz=rate_hz, quality=quality)
         errors: dict[tuple[bool, int], list[float]] = {}
@@ -188,7 +192,10 @@ def calibrate(
             return preset, pitches
         tables: dict[bool, dict[int, float]] = {}
         for (along, note), value in sorted(middle.items()):
-            tables.setdefault(along, {})[note] = round(contact_cents(preset, note, sympathetic=along) + value, 2)
+            at = contact_cents(preset, note, sympathetic=along)
+            step = value * _slope(at, value, before.get((along, note)))
+            before[along, note] = (at, value)
+            tables.setdefault(along, {})[note] = round(at + step, 2)
         kept = {("contact_cents", "sympathetic_cents")[along]: table for along, table in tables.items()}
         preset = preset.model_copy(update={"tuning": preset.tuning.model_copy(update=kept)})
     key = max(middle, key=lambda each: abs(middle[each]))
@@ -197,6 +204,13 @@ def calibrate(
         f"{preset.name}: pitch must settle within {residual_cents:g} cents, got {middle[key]:+.2f} cents at "
         f"{midi_to_note(note)} after {rounds} rounds; the pitch is not steady there, lower the pluck or the buzz"
     )
+
+
+def _slope(at: float, error: float, before: tuple[float, float] | None) -> float:
+    """How far a correction must move for an error of 1 cent, by this one and the one before; 1 where they say nothing."""
+    if before is None or abs(before[1] - error) < 0.05:
+        return 1.0
+    return min(max((at - before[0]) / (before[1] - error), _FLATTEST), _STEEPEST)
 
 
 def _label(table: StringTable, opened: int) -> str:
