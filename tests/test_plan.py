@@ -294,12 +294,11 @@ def test_a_promise_says_in_how_many_scenes_it_is_kept():
         for quality in QUALITIES[:-1]:
             assert promise(kind, quality).endswith("in 95 % of random scenes")
     assert promise(FREE, "fine") == "exact"
-    four = load_preset(str(Path(__file__).parent / "four-strings.toml"))
-    by_law = four.with_measured(MeasuredPlan())
+    by_law = load_preset("tanpura").with_measured(MeasuredPlan())
     plan = describe_plan(by_law, 48, quality="fine")
     assert "e < 0.02 over 3 s in 95 % of random scenes" in plan["text"]
     assert all(row["kept_in"] == KEPT == 0.95 for row in plan["strings"])
-    measured = describe_plan(four, 48, quality="fine")
+    measured = describe_plan(load_preset("tanpura"), 48, quality="fine")
     assert "; e < 0.02 over 3 s; measured on this string: e 0.0" in measured["text"]
     assert all(row["kept_in"] == KEPT for row in measured["strings"])
 

@@ -236,7 +236,7 @@ def test_presets_have_plans_of_their_own_strings() -> None:
     """Every plan that comes with the program lies beside a preset, and is of its strings as they are."""
     plans = {path.stem for path in preset_folder().glob("*.plan")}
     presets = {preset.name: preset for preset in list_presets()}
-    assert {"jawari-harp"} <= plans <= presets.keys()
+    assert {"jawari-harp", "tanpura"} <= plans <= presets.keys()
     for name in plans:
         preset = presets[name]
         assert preset.measured.version == VERSION and preset.measured.strokes.issuperset(strokes(preset)), name

@@ -25,15 +25,13 @@ from synth.instrument.planfile import PROMISED
 from synth.instrument.preset import Preset, PresetError, load_preset, parse_preset
 from tests.test_planfile import PRESET
 
-#: a bridge under strings on ends at rest, and its plan
-FOUR_STRINGS = str(Path(__file__).parents[1] / "four-strings.toml")
 #: velocities and places that no plan was made from
 STROKES = [Stroke(30), Stroke(90), Stroke(110, 0.8)]
 
 
 @pytest.mark.parametrize(
     ("name", "notes"),
-    [(FOUR_STRINGS, {36, 48}), ("fretted-bass", {28, 40}), ("fretted-bass", {57})],
+    [("tanpura", {36, 48}), ("fretted-bass", {28, 40}), ("fretted-bass", {57})],
 )
 def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]) -> None:
     preset = load_preset(name)
@@ -46,9 +44,9 @@ def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]
 
 @pytest.mark.parametrize("semitones", [-11, 6])
 def test_plans_hold_for_strings_tuned_lower_and_higher(semitones: int) -> None:
-    four = load_preset(FOUR_STRINGS)
-    retuned = four.string[0].model_copy(update={"cents": 100.0 * semitones})
-    found = list(misses(four.model_copy(update={"string": (retuned,)}), STROKES[1:2]))
+    tanpura = load_preset("tanpura")
+    retuned = tanpura.string[0].model_copy(update={"cents": 100.0 * semitones})
+    found = list(misses(tanpura.model_copy(update={"string": (retuned,)}), STROKES[1:2]))
     assert {each.quality for each in found} == set(PROMISED)
     assert all(each.worst is not None and each.worst < 1.0 for each in found)
 
@@ -57,7 +55,7 @@ def test_a_plan_too_small_is_seen_to_miss() -> None:
     """Half of the modes of a plan miss what it keeps: the check can fail."""
     from dataclasses import replace
 
-    preset = load_preset(FOUR_STRINGS)
+    preset = load_preset("tanpura")
     few = [
         replace(each, qualities={key: replace(q, highest_hz=0.4 * q.highest_hz) for key, q in each.qualities.items()})
         for each in preset.measured.strings
@@ -81,7 +79,7 @@ def test_a_soft_note_does_not_fall_asleep_while_it_is_measured() -> None:
 
 
 def test_plans_cost_less_than_the_law() -> None:
-    for name in (FOUR_STRINGS, "fretted-bass"):
+    for name in ("tanpura", "fretted-bass"):
         preset = load_preset(name)
         for quality in PROMISED:
             for mine, law in zip(

@@ -22,7 +22,7 @@ from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys
 from synth.dsp.measures import band_levels_db, click_ratios, sounding_fundamental
 from synth.engine.engine import Engine
 from synth.engine.layout import GAIN, HEIGHT
-from synth.instrument.preset import load_preset, parse_preset
+from synth.instrument.preset import Body, load_preset, parse_preset
 from synth.instrument.presetfile import preset_text
 from synth.live.deck import Deck
 from synth.live.terminal import Terminal
@@ -341,7 +341,7 @@ def test_the_thread_makes_the_buzz(strings: Strings) -> None:
         low, high = band_levels_db(x, RATE, [50.0, 1000.0, 10000.0])
         return float(high - low)
 
-    alone = replace(strings, preset=strings.preset.on_rigid_ends)
+    alone = replace(strings, preset=strings.preset.model_copy(update={"body": Body()}))
     engine = Engine([alone.preset])
     engine.prepare(RATE, 512)
     drone = Drone(alone, Cycle(), RATE)
@@ -390,7 +390,7 @@ def test_keys_change_what_comes(strings: Strings) -> None:
     for key in ("f", "2", "]", "]", "S", "=", "up", "right", ".", "?", "x", "q"):
         keys.press(key)
     assert drone.pegs.first == pytest.approx(4 / 3) and drone.pegs.cents == (0, 2, 0, 0)
-    assert drone.pegs.sa_hz == pytest.approx(midi_to_hz(49)) and drone.jiva_um == 8.5
+    assert drone.pegs.sa_hz == pytest.approx(midi_to_hz(49)) and drone.jiva_um == 3.5
     assert drone.cycle.cycle_s < 5.5 and drone.cycle.human == 0.45 and drone.volume > 1.0 and ended == [True]
     assert any("[Sa +2 c]" in text for text in said) and any(text.startswith("keys:") for text in said)
     found = drone.events(5 * RATE)
