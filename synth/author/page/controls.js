@@ -295,12 +295,10 @@ export function mount(element, { store }) {
     const cards = rows.map((row, i) => {
       const away = h("button", { type: "button", class: "icon", "data-part": `away ${i}`, "aria-label": `Remove resonance ${i + 1}` }, "×");
       away.addEventListener("click", () => store.edit(`${path}.${i}`, null));
-      return h(
-        "div",
-        { class: "card" },
-        h("div", { class: "card-head", "data-stop": true }, h("span", { class: "muted" }, `Resonance ${i + 1}`), away),
-        ...own(`${path}.${i}`).map((one) => place(one, data)),
-      );
+      const title = h("div", { class: "card-head", "data-stop": true }, h("span", { class: "muted" }, `Resonance ${i + 1}`), away);
+      const card = h("div", { class: "card" }, title);
+      addFolding(card, own(`${path}.${i}`).map((one) => place(one, data)), `${path}.${i}`);
+      return card;
     });
     const name = h("button", { type: "button", class: "control-name", "data-tip": tip, "data-tip-tap": true }, label);
     const head = h("div", { class: "control-head", "data-stop": true }, h("span", { class: "control-mark" }), name, h("span", { class: "control-entry" }, add));
