@@ -73,7 +73,7 @@ def test_views_that_there_are_not(server: Server, view: str, status: int, words:
 def test_the_body_and_one_to_begin_with(server: Server) -> None:
     assert server.get(f"{server.open('tanpura').path}/body") == {"coupled": False}
     guitar = server.open("steel-guitar")
-    assert [mode["index"] for mode in server.get(f"{guitar.path}/body")["modes"]] == list(range(15))
+    assert [mode["index"] for mode in server.get(f"{guitar.path}/body")["modes"]] == list(range(13))
     assert server.get(f"{guitar.path}/begin-body")["edits"] is None
 
 
@@ -154,7 +154,7 @@ def test_a_fit_fills_the_controls(server: Server) -> None:
     job, found = fitted(server, doc, sound, 1)
     assert found["state"] == "done", found
     result = found["result"]
-    assert isinstance(result, dict) and result["f0_hz"] == pytest.approx(55.0, rel=1e-3)
+    assert isinstance(result, dict) and result["f0_hz"] == pytest.approx(55.0, rel=5e-3)  # in tune with its frets
     state = doc.do("apply-fit", job=job)
     assert {row["path"] for row in result["settings"] if row["value"] is not None} <= set(state["set"])
     assert state["text"] != before and state["undo_label"] == "fit"
@@ -180,7 +180,7 @@ def test_a_fit_is_for_the_string_it_was_made_for(server: Server) -> None:
     fit = doc.state["data"]["string"][1]
     assert fit["length_m"] == shorter["length_m"] == 0.7
     shown = {row["path"]: row["value"] for row in found["result"]["settings"]}  # type: ignore[index]
-    assert fit["youngs_modulus_gpa"] != pytest.approx(shown["string.1.youngs_modulus_gpa"], rel=0.05)
+    assert fit["viscoelastic_loss"] != pytest.approx(shown["string.1.viscoelastic_loss"], rel=0.01)
     doc.do("undo")
     doc.do("undo")
 
