@@ -17,7 +17,7 @@ from synth.engine.engine import Engine
 from synth.fit.fret_model import FretModel, action_mm, action_settings, with_action
 from synth.fit.tune import single_strings
 from synth.instrument.check import problems
-from synth.instrument.compile import axial_stiffness, compile_preset, measured_of, note_frequency, obstacle_of, open_string
+from synth.instrument.compile import axial_stiffness, compile_preset, measured_of, obstacle_of, open_string
 from synth.instrument.fingerprints import fingerprint
 from synth.instrument.neck import alone, obstacle_under, strung
 from synth.instrument.preset import (
@@ -280,10 +280,6 @@ def test_without_the_table_all_is_as_it_was() -> None:
     bass = load_preset("fretted-bass")
     for table in bass.string:
         assert obstacle_under(bass, table, table.notes[0]) is bass.obstacle and strung(bass, table, table.notes[0]) is table
-        assert (
-            measured_of(bass, table, table.notes[0], note_frequency(bass, table, table.notes[0], None), "standard")
-            is not None
-        )
 
 
 def test_a_fingerprint_is_that_of_the_neck_and_string_themselves() -> None:
