@@ -83,7 +83,7 @@ def test_a_string_over_nothing_moves_as_far_as_its_stroke_says(bass: Preset) -> 
     found, speaking = under(bass, at)
     still = found.clearance_m(speaking, 0.2, 1e-3) - found.clearance_m(speaking)
     assert string.open_length_m == pytest.approx(0.863)
-    assert np.abs(note.at_release() - still).max() < 1e-5  # of 1 mm; the bending length is 2.7 mm
+    assert np.abs(note.at_release() - still).max() < 1.5e-5  # of 1 mm; the bending length L √B/π is 3.7 mm
 
 
 class _Held(Note):

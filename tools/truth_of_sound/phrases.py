@@ -43,7 +43,7 @@ PHRASES = (
     Phrase("flatwound-bass", "swagbass", 28),
     Phrase("picked-bass", "pastabass-spaghetti", 28),
     Phrase("electric-guitar", "nyanshell-strat", 45),
-    Phrase("jazz-guitar", "shinyguitar-pickup", 40),
+    Phrase("jazz-guitar", "emilyguitar", 40),
     Phrase("steel-guitar", "martin-hd28", 45),
     Phrase("nylon-guitar", "spanishguitar", 45),
     Phrase("double-bass", "meatbass", 28),
