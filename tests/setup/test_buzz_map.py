@@ -74,7 +74,7 @@ def test_a_harder_stroke_draws_further_and_the_velocity_of_the_threshold_draws_t
     law = soft.stroke_m * 3.0**bass.pluck.velocity_exponent
     assert 0.85 * law < hard.stroke_m < law  # the hard stroke is nearer to the bridge, where the same force draws less far
     again = buzz_map(bass, stroke=round(hard.buzz_velocity), strings=["D"], frets=[5]).spots[0]
-    assert again.stroke_m == pytest.approx(hard.buzz_m, rel=0.03)
+    assert again.stroke_m == pytest.approx(hard.buzz_m, rel=0.1)  # a softer stroke is not at the hard one's place
 
 
 def test_the_place_is_that_which_is_asked_for(bass: Preset) -> None:

@@ -46,7 +46,7 @@ def test_touch_and_buzz_are_those_of_whole_runs(truths: list[Truth]) -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda stroke: replace(stroke, width_m=1.5 * stroke.width_m),
+        lambda stroke: replace(stroke, width_m=2.5 * stroke.width_m),
         lambda stroke: replace(stroke, slip_s=1.1 * stroke.slip_s),
         lambda stroke: replace(stroke, slip_s=0.0),
         lambda stroke: replace(stroke, distance_m=stroke.distance_m + 0.005),
