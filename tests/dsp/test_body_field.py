@@ -68,8 +68,8 @@ def with_field(**changed: object) -> Preset:
     [
         ({"spacing_hz": None}, "to_hz and spacing_hz make a field of modes together"),
         ({"to_hz": None, "spacing_hz": None, "seed": 4}, "seed chooses the modes of a field, got 4"),
-        ({"to_hz": 400.0}, "needs to_hz above frequency_hz"),
-        ({"spacing_hz": 1.0}, "take a wider spacing_hz"),
+        ({"to_hz": 400.0}, "must have 2 to 320 modes"),
+        ({"spacing_hz": 1.0}, "must have 2 to 320 modes"),
     ],
 )
 def test_bad_fields_are_refused(changed: dict[str, object], words: str) -> None:

@@ -46,9 +46,14 @@ def test_a_pull_along_the_board_takes_more_of_the_finger_than_of_the_string() ->
 
 
 def test_width_and_slip_follow_the_velocity() -> None:
-    soft, hard = (stroke(load_preset("fretted-bass"), "A", 0, velocity) for velocity in (1, 127))
-    assert soft.width_m == pytest.approx(16e-3, rel=0.02) and hard.width_m == pytest.approx(8e-3)
-    assert soft.slip_s == pytest.approx(4e-3, rel=0.05) and hard.slip_s == pytest.approx(0.6e-3)
+    preset = load_preset("fretted-bass")
+    pluck = preset.pluck
+    soft, hard = (stroke(preset, "A", 0, velocity) for velocity in (1, 127))
+    assert hard.width_m == pytest.approx(1e-3 * pluck.hardest_width_mm) and hard.slip_s == pytest.approx(
+        1e-3 * pluck.hardest_slip_ms
+    )
+    assert soft.width_m == pytest.approx(1e-3 * pluck.width_mm, rel=0.05) and soft.width_m > 1.5 * hard.width_m
+    assert soft.slip_s == pytest.approx(1e-3 * pluck.slip_ms, rel=0.05) and soft.slip_s > 1.5 * hard.slip_s
 
 
 def test_the_normal_articulation_counts() -> None:
@@ -57,10 +62,11 @@ def test_the_normal_articulation_counts() -> None:
         "articulations.normal", '{ key = "C0", position = 0.1, displacement_ratio = 0.5, slip_ms = 1.0 }'
     )
     before, after = stroke(preset, "A", 0, 127), stroke(other, "A", 0, 127)
-    assert after.distance_m == pytest.approx(0.0863) and before.distance_m == pytest.approx(0.2584 * 0.863)
+    place = preset.pluck.hardest_position
+    assert after.distance_m == pytest.approx(0.0863) and before.distance_m == pytest.approx(place * 0.863)
     assert after.slip_s == pytest.approx(1e-3)
     # half the force, nearer to the saddle
-    shares = 0.1 * 0.9 / (0.2584 * (1.0 - 0.2584))
+    shares = 0.1 * 0.9 / (place * (1.0 - place))
     assert after.displacement_m == pytest.approx(0.5 * shares * before.displacement_m)
 
 
