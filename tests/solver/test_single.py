@@ -167,7 +167,7 @@ def test_a_sound_changes_by_a_hundredth_of_what_standard_promises(name, note, se
 
 #: notes that float32 changes most, by docs/quality.md: preset, note, velocity, articulation, whether e over 3 s exceeds 1e-4
 MOST_CHANGED = [
-    ("low-action-bass", 28, 110, "", True),
+    ("low-action-bass", 28, 110, "", False),
     ("slap-bass", 51, 110, "pop", True),
     ("tanpura", 48, 40, "", False),
     ("jawari-harp", 51, 110, "", False),
