@@ -15,6 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.stats import spearmanr
+from truth_of_sound.note_features import attack_ms as attack_ms
+from truth_of_sound.note_features import onset
 
 from synth.dsp.measures import blackman_harris
 from synth.engine.engine import Engine
@@ -53,18 +55,14 @@ def open_notes(preset: Preset) -> list[int]:
     return [table.notes[0] for table in preset.string if not table.sympathetic]
 
 
-def drone(
-    preset: Preset, *, cycles: int = 2, gap_s: float = 1.3, velocity: int = 64, quality: str = "standard"
-) -> np.ndarray:
+def drone(preset: Preset, *, cycles: int = 2, gap_s: float = 1.3, velocity: int = 64) -> np.ndarray:
     """(frames, 2) cycles of a tanpura, strings evenly one after the other."""
     notes = open_notes(preset)
     rows = [(round(i * gap_s * RATE), NOTE_ON, 0, note, velocity) for i, note in enumerate(cycles * notes)]
     return play(engine_of(preset, notes), rows, gap_s * (len(rows) + 0.5))
 
 
-def strokes_of(
-    preset: Preset, seconds: float, velocity: int = 64, quality: str = "standard"
-) -> Iterator[tuple[int, np.ndarray]]:
+def strokes_of(preset: Preset, seconds: float, velocity: int = 64) -> Iterator[tuple[int, np.ndarray]]:
     """(note, (frames, 2)) of every open note alone, from rest."""
     notes = open_notes(preset)
     engine = engine_of(preset, notes)
@@ -209,16 +207,9 @@ def centroid_hz(x: np.ndarray, at_s: float, width_s: float = 0.06, high_hz: floa
     return float((hz[heard] * power[heard]).sum() / power[heard].sum())
 
 
-def onset_s(x: np.ndarray, share: float = 0.05) -> float:
-    """Where a sound first has a share of its peak [s]."""
-    return float(np.argmax(np.abs(x) > share * np.abs(x).max())) / RATE
-
-
-def attack_ms(x: np.ndarray) -> float:
-    """From 10 to 90 % of the greatest of the first 0.3 s [ms]."""
-    piece, step = np.abs(x[: round(0.3 * RATE)]), RATE // 2000
-    e = np.maximum.accumulate([piece[i : i + 2 * step].max() for i in range(0, piece.size - 2 * step, step)])
-    return float((np.argmax(e >= 0.9 * e[-1]) - np.argmax(e >= 0.1 * e[-1])) * step / RATE * 1e3)
+def onset_s(x: np.ndarray) -> float:
+    """Where a sound begins [s]."""
+    return onset(x) / RATE
 
 
 def apart_db(x: np.ndarray, y: np.ndarray, f1_hz: float) -> float:

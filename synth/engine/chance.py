@@ -12,7 +12,7 @@ from numba import njit
 
 from synth.engine.layout import CORE
 
-#: what brings lines between even chances to a standard deviation of 1
+#: what brings lines between even chances (`uneven`) to a standard deviation of 1
 ROUGH = math.sqrt(4.5)
 
 
@@ -51,3 +51,12 @@ def spread(key: int, number: int) -> float:
     for k in range(4):
         total += even(key, 4 * number + k)
     return math.sqrt(0.75) * total
+
+
+@njit(**CORE)
+def uneven(key: int, first: int, at: float, from_rest: bool = False) -> float:
+    """At `at` ≥ 0 of the lines between even chances at whole numbers, the first of them number `first` of a stroke; times
+    `ROUGH` it has a standard deviation of 1. from_rest: it begins at 0."""
+    knot = int(at)
+    before = 0.0 if from_rest and knot == 0 else even(key, first + knot)
+    return before + (at - knot) * (even(key, first + knot + 1) - before)

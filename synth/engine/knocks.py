@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from synth.engine.chance import ROUGH, even, key_of
+from synth.engine.chance import ROUGH, key_of, uneven
 from synth.engine.core import bank_of, settings_of, shared_of, state_of
 from synth.engine.layout import CORE
 from synth.solver.coupling import coupling_at
@@ -74,8 +74,5 @@ def _push(core: int, s: int, frames: int, into) -> None:
     for t in range(frames):
         now = me.knock_step + t
         if 0 <= now < me.knock_steps:
-            at = now * per_frame
-            knot = int(at)
-            before, after = even(key, _UNSTEADY + knot), even(key, _UNSTEADY + knot + 1)
-            unsteady = part.knock_noise * ROUGH * (before + (at - knot) * (after - before))
+            unsteady = part.knock_noise * ROUGH * uneven(key, _UNSTEADY, now * per_frame)
             into[t] += 0.5 * me.push * (1.0 - math.cos(turn * now)) * (1.0 + unsteady)

@@ -13,7 +13,7 @@ import math
 
 from numba import njit
 
-from synth.engine.chance import ROUGH, even, key_of, spread
+from synth.engine.chance import ROUGH, key_of, spread, uneven
 from synth.engine.core import bank_of, model_of, scratch_of, settings_of, state_of, string_of
 from synth.engine.expression import pluck_place
 from synth.engine.hold import begin_phase, last, take_hold
@@ -203,15 +203,9 @@ def _slide_over(core: int, thread: int, s: int, first: int, steps: int) -> None:
     slips_off = me.phase == SLIP
     numbers = _SLID_OVER if slips_off else _DRAWN_OVER
     share = way.rub * ROUGH
-    known, before, after = -1, 0.0, 0.0
     for t in range(steps + 1):
         crept = (me.finger_step + t) / me.finger_steps
-        at = way.grains * (crept if slips_off else 1.0 - crept)
-        knot = int(at)
-        if knot != known:
-            known, after = knot, even(key, numbers + knot + 1)
-            before = 0.0 if knot == 0 else even(key, numbers + knot)
-        rough = share * (before + (at - knot) * (after - before))
+        rough = share * uneven(key, numbers, way.grains * (crept if slips_off else 1.0 - crept), True)
         if slips_off:
             scratch.path[t] *= max(0.0, 1.0 + rough)
         else:
@@ -241,14 +235,9 @@ def _rub(core: int, thread: int, s: int, steps: int) -> None:
     me = state_of(core).sounding[s]
     key = key_of(settings_of(core).seed, fixed.dice, me.strokes)
     per_step = 1.0 / (RUB_S * settings_of(core).rate_hz * fixed.factor)
-    known, before, after = -1, 0.0, 0.0
     for t in range(steps + 1):
-        at = (me.finger_step + t) * per_step
-        knot = int(at)
-        if knot != known:
-            known, before, after = knot, even(key, 64 * _RUB + knot), even(key, 64 * _RUB + knot + 1)
         rises = math.sin(math.pi * (me.finger_step + t) / me.finger_steps)
-        scratch.path[t] += me.roughness * rises * rises * (before + (at - knot) * (after - before))
+        scratch.path[t] += me.roughness * rises * rises * uneven(key, 64 * _RUB, (me.finger_step + t) * per_step)
 
 
 @njit(**CORE)

@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from synth.engine.chance import ROUGH, even, key_of
+from synth.engine.chance import ROUGH, key_of, uneven
 from synth.engine.core import bank_of, scratch_of, settings_of, state_of, string_of
 from synth.engine.hold import begin_phase, take_hold
 from synth.engine.layout import CORE, NO_FINGER, TOUCHED
@@ -82,7 +82,6 @@ def _come_and_go(core: int, thread: int, s: int, steps: int) -> None:
     per_second = settings_of(core).rate_hz * fixed.factor
     settling, per_step = touch.settle_s * per_second, 1.0 / (touch.grain_s * per_second)
     rough, far = ROUGH * touch.roughness, touch.speed * touch.settle_s
-    known, before, after = -1, 0.0, 0.0
     for t in range(steps + 1):
         now = me.finger_step + t
         left = max(0.0, 1.0 - now / settling)
@@ -90,8 +89,4 @@ def _come_and_go(core: int, thread: int, s: int, steps: int) -> None:
         if touch.lift_s > 0.0:
             left = max(left, 1.0 - (me.finger_steps - now) / settling)
         if left > 0.0:
-            at = now * per_step
-            knot = int(at)
-            if knot != known:
-                known, before, after = knot, even(key, _RUBBED + knot), even(key, _RUBBED + knot + 1)
-            scratch.path[t] += rough * left * left * (before + (at - knot) * (after - before))
+            scratch.path[t] += rough * left * left * uneven(key, _RUBBED, now * per_step)

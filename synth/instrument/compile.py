@@ -502,8 +502,6 @@ def compile_position(
 
 def string_across(across: Polarisation, string: String) -> String:
     """The string as its second direction has it: with a share of the nut's mobility there."""
-    if across.nut_share == 1.0 and all(each.across_mass_kg is None for each in string.nut):
-        return string
     nut = [
         NutResonance(each.frequency_hz, each.q, (each.across_mass_kg or each.mass_kg) / across.nut_share)
         for each in string.nut

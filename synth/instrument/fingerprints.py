@@ -21,7 +21,7 @@ _STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db"
 _RUBBING = {"rub_percent", "edge_mm", "grain_mm"}
 _LATER = {"arrival", "width_course"}
 #: of an articulation: what it rubs over and knocks at, which plans are measured without
-UNSTEADY = frozenset({"rub_percent", "edge_mm", "grain_mm", "knock_ratio"})
+UNSTEADY = frozenset({*_RUBBING, "knock_ratio"})
 #: of an articulation: the ways to it, and what chords and legato do
 WAYS = frozenset({"key", "controller", "velocity", "strum_ms", "slide_ms"})
 #: the stroke of a plain pluck, as of an articulation that says nothing else

@@ -118,6 +118,15 @@ def counted(entries: Sequence[ModeOrField]) -> int:
     return sum(1 if (field := each.field()) is None else len(field) for each in entries)
 
 
+def _require_few(key: str, entries: Sequence[ModeOrField]) -> None:
+    """Raises ValueError where these are more than `MOST_MODES`."""
+    if (count := counted(entries)) > MOST_MODES:
+        raise ValueError(
+            f"{key}: there may be {MOST_MODES} modes, those of fields counted one by one, got {count}; "
+            "take a wider spacing_hz"
+        )
+
+
 class NutMode(ModeOrField):
     """One resonance of the nut end's mobility, or a field of them."""
 
@@ -512,13 +521,8 @@ class Body(Table):
 
     @model_validator(mode="after")
     def _not_too_many(self) -> Body:
-        for key, entries in (("mode", self.mode), ("resonance", self.resonance)):
-            count = counted(entries)
-            if count > MOST_MODES:
-                raise ValueError(
-                    f"{key}: a body may have {MOST_MODES} of them, those of fields counted one by one, got {count}; "
-                    "take a wider spacing_hz"
-                )
+        _require_few("mode", self.mode)
+        _require_few("resonance", self.resonance)
         return self
 
     @property
@@ -680,10 +684,7 @@ class Preset(Table):
 
     @model_validator(mode="after")
     def _a_nut_has_not_too_many_modes(self) -> Preset:
-        if (count := counted(self.nut)) > MOST_MODES:
-            raise ValueError(
-                f"nut: may have {MOST_MODES} modes, those of fields counted one by one, got {count}; take a wider spacing_hz"
-            )
+        _require_few("nut", self.nut)
         return self
 
     @model_validator(mode="after")

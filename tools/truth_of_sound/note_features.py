@@ -56,12 +56,12 @@ _BETWEEN = {"between_low_db": (60.0, 500.0), "between_middle_db": (500.0, 2000.0
 _SLOWEST = 0.3
 
 
-def features(samples: Samples, rate_hz: float, note: float, alike: bool = True) -> dict[str, float]:
-    """`FEATURES` of a note, samples (frames,); alike: behind the common bandwidth and floor.
+def features(samples: Samples, rate_hz: float, note: float) -> dict[str, float]:
+    """`FEATURES` of a note, samples (frames,), behind the common bandwidth and floor.
 
     Raises ValueError for a note of less than `LEAST_S`, or silence.
     """
-    x = prepared(samples, rate_hz, alike)
+    x = prepared(samples, rate_hz)
     if x.size < LEAST_S * RATE_HZ:
         raise ValueError(f"a note must last {LEAST_S:g} s to be judged, got {x.size / RATE_HZ:.2f} s; leave it out")
     series = _series(x, 440.0 * 2.0 ** ((note - 69.0) / 12.0))
@@ -78,7 +78,7 @@ def features(samples: Samples, rate_hz: float, note: float, alike: bool = True) 
         "two_stage": _median([decay.late_s / decay.early_s for decay in low if decay.range_db > 12.0]),
         "off_law_cents": float(np.std(off)) if len(off) > 3 else np.nan,
         "inharmonicity": series.stiffness,
-        "attack_ms": _attack_ms(x),
+        "attack_ms": attack_ms(x),
     }
     for name, (lowest, highest) in _T60_BANDS.items():
         out[name] = _median([d.t60_s for number, d in decays.items() if lowest <= series.at(number) < highest])
@@ -90,24 +90,33 @@ def features(samples: Samples, rate_hz: float, note: float, alike: bool = True) 
     return {name: float(out[name]) for name in FEATURES}
 
 
-def prepared(samples: Samples, rate_hz: float, alike: bool = True) -> Samples:
-    """At `RATE_HZ`, from the onset on, of peak 1. Raises ValueError for silence."""
+def prepared(samples: Samples, rate_hz: float) -> Samples:
+    """At `RATE_HZ`, behind the common bandwidth and floor, from the onset on, of peak 1. Raises ValueError for silence."""
     x = np.asarray(samples, float)
     if not np.abs(x).max(initial=0.0) > 0.0:
         raise ValueError("a note that is silent cannot be judged; leave it out")
-    if rate_hz != RATE_HZ:
-        common = gcd(round(rate_hz), RATE_HZ)
-        x = resample_poly(x, RATE_HZ // common, round(rate_hz) // common)
-    x = x[: 5 * RATE_HZ]
-    if alike:
-        x = sosfiltfilt(butter(6, BANDWIDTH_HZ, fs=RATE_HZ, output="sos"), x)
-        x = x / np.abs(x).max()
-        x = x + 10.0 ** (FLOOR_DB / 20.0) * np.random.default_rng(0).standard_normal(x.size)
+    x = at_common_rate(x, rate_hz)[: 5 * RATE_HZ]
+    x = sosfiltfilt(butter(6, BANDWIDTH_HZ, fs=RATE_HZ, output="sos"), x)
+    x = x / np.abs(x).max()
+    x = x + 10.0 ** (FLOOR_DB / 20.0) * np.random.default_rng(0).standard_normal(x.size)
     x = x - np.median(x)
-    level = np.abs(x)
-    begin = max(0, int(np.argmax(level > ONSET * level.max())) - RATE_HZ // 1000)
+    begin = max(0, onset(x) - RATE_HZ // 1000)
     x = x[begin : begin + round(MOST_S * RATE_HZ)]
     return x / np.abs(x).max()
+
+
+def at_common_rate(x: Samples, rate_hz: float) -> Samples:
+    """A sound at `RATE_HZ`."""
+    if rate_hz == RATE_HZ:
+        return x
+    common = gcd(round(rate_hz), RATE_HZ)
+    return resample_poly(x, RATE_HZ // common, round(rate_hz) // common)
+
+
+def onset(x: Samples) -> int:
+    """Frame at which the level of a sound (frames,) first exceeds `ONSET` of its peak."""
+    level = np.abs(x)
+    return int(np.argmax(level > ONSET * level.max()))
 
 
 @dataclass(frozen=True)
@@ -272,7 +281,7 @@ def _between_db(x: Samples, seconds: float, low_hz: float, high_hz: float, serie
     return float(10.0 * np.log10(power[free].sum() / share / power[band].sum() + 1e-12)) if share > 0.05 else np.nan
 
 
-def _attack_ms(x: Samples) -> float:
+def attack_ms(x: Samples) -> float:
     """From 10 to 90 % of the peak within 0.3 s, by peaks of milliseconds half overlapping."""
     level, width = np.abs(x[: round(0.3 * RATE_HZ)]), RATE_HZ // 1000
     peaks = np.maximum.accumulate([level[i : i + width].max() for i in range(0, level.size - width, width // 2)])

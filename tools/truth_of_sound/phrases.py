@@ -9,7 +9,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from scipy.signal import resample_poly
 
 from synth.dsp.measures import stft_power
 from synth.fit.recording import read_recording
@@ -17,7 +16,7 @@ from synth.instrument.preset import load_preset
 from synth.midi.events import NOTE_OFF, NOTE_ON
 from synth.units import midi_to_note
 from truth_of_sound.families import folder_of, note_of, rings
-from truth_of_sound.note_features import RATE_HZ
+from truth_of_sound.note_features import RATE_HZ, at_common_rate, onset
 from truth_of_sound.ours import Player
 from truth_of_sound.pictures import FOLDER, kept_small
 
@@ -102,14 +101,11 @@ def recorded(files: list[Path]) -> NDArray[np.float64]:
     step, parts = round(NOTE_S * RATE_HZ), []
     for path in files:
         samples, rate_hz = read_recording(str(path))
-        x = samples[: 2 * rate_hz].mean(axis=1)
-        if rate_hz != RATE_HZ:
-            x = resample_poly(x, RATE_HZ, rate_hz)
-        level = np.abs(x)
-        begin = max(0, int(np.argmax(level > 0.05 * level.max())) - RATE_HZ // 100)
+        x = at_common_rate(samples[: 2 * rate_hz].mean(axis=1), rate_hz)
+        begin = max(0, onset(x) - RATE_HZ // 100)
         part = np.zeros(step)
         cut = x[begin : begin + step]
-        part[: cut.size] = cut / level.max()
+        part[: cut.size] = cut / np.abs(x).max()
         fade = RATE_HZ // 50
         part[-fade:] *= np.linspace(1.0, 0.0, fade)
         parts.append(part)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.engine.engine import Engine
+from synth.dsp.measures import band_levels_db
 from synth.engine.layout import VARIATION
 from synth.instrument.preset import Preset, playable_notes
-from synth.midi.events import NOTE_OFF, NOTE_ON, PARAMETER, make_events
+from synth.midi.events import NOTE_OFF, NOTE_ON, PARAMETER
 from synth.units import midi_to_note
-from truth_of_sound.ours import RATE_HZ
+from truth_of_sound.note_features import onset
+from truth_of_sound.ours import RATE_HZ, Player
 from truth_of_sound.page import marked
 
 #: velocities of the brightness, eight apart
@@ -72,10 +72,10 @@ def answer(preset: Preset) -> Answer:
     every = playable_notes(preset)
     notes = [every[round(share * (len(every) - 1))] for share in (0.0, 0.2, 0.4, 0.6, 0.8)]
     brightness = {
-        note: np.array([centroid_hz(player.note(note, velocity, EARLY_S).mean(axis=1)) for velocity in VELOCITIES])
+        note: np.array([centroid_hz(player.stroke(note, velocity, EARLY_S).mean(axis=1)) for velocity in VELOCITIES])
         for note in (notes[0], notes[2])
     }
-    middle = {note: player.note(note, 80, 1.0) for note in notes}
+    middle = {note: player.stroke(note, 80, 1.0) for note in notes}
     levels = {note: level_db(x[: round(EARLY_S * RATE_HZ)]) for note, x in middle.items()}
     left, right = np.concatenate(list(middle.values())).T
     apart = level_db(left - right) - level_db(left + right) if np.any(left != right) else -np.inf
@@ -90,40 +90,35 @@ def answer(preset: Preset) -> Answer:
     )
 
 
-class _Player:
-    def __init__(self, preset: Preset) -> None:
-        self.engine = Engine([preset], limiter=False)
-        self.engine.prepare(RATE_HZ)
+class _Player(Player):
+    """Plays strokes that do not vary, but for `takes`."""
 
-    def play(self, events: list[tuple], seconds: float, varied: float = 0.0) -> NDArray[np.float64]:
-        self.engine.reset()
-        out = np.zeros((round(seconds * RATE_HZ), 2))
-        self.engine.process(make_events([(0, PARAMETER, 0, VARIATION, 0, varied), *events]), out)
-        return out
-
-    def note(self, note: int, velocity: int, seconds: float) -> NDArray[np.float64]:
-        return from_onset(self.play([(1, NOTE_ON, 0, note, velocity)], seconds + 0.1), seconds)
+    def stroke(self, note: int, velocity: int, seconds: float) -> NDArray[np.float64]:
+        return from_onset(self._varied([(1, NOTE_ON, 0, note, velocity)], seconds + 0.1), seconds)
 
     def takes(self, note: int, velocity: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         again, width = round(APART_S * RATE_HZ), round(EARLY_S * RATE_HZ)
         off = (again // 4, NOTE_OFF, 0, note, 0)
         strokes = [(1, NOTE_ON, 0, note, velocity), off, (again, NOTE_ON, 0, note, velocity)]
-        out = self.play(strokes, APART_S + EARLY_S + 0.05, 1.0).mean(axis=1)
+        out = self._varied(strokes, APART_S + EARLY_S + 0.05, 1.0).mean(axis=1)
         return out[:width], out[again : again + width]
 
     def end_db(self, note: int) -> float:
         end = round(HELD_S * RATE_HZ)
-        out = self.play([(1, NOTE_ON, 0, note, 100), (end, NOTE_OFF, 0, note, 0)], HELD_S + 0.3)
+        out = self._varied([(1, NOTE_ON, 0, note, 100), (end, NOTE_OFF, 0, note, 0)], HELD_S + 0.3)
         width, after = round(0.03 * RATE_HZ), end + round(AFTER_S * RATE_HZ)
         return level_db(out[after : after + width]) - level_db(out[end - width : end])
 
+    def _varied(self, events: list[tuple[int, ...]], seconds: float, share: float = 0.0) -> NDArray[np.float64]:
+        return self.play([(0, PARAMETER, 0, VARIATION, 0, share), *events], seconds)
+
 
 def from_onset(x: NDArray[np.float64], seconds: float) -> NDArray[np.float64]:
-    """From where the level comes within 5 % of the peak."""
+    """(frames, 2) from the onset of the louder side on. Raises ValueError for silence."""
     level = np.abs(x).max(axis=1)
     if not level.max() > 0.0:
         raise ValueError("a note of it is silent, where one is to be measured; play its notes with synth render")
-    begin = int(np.argmax(level > 0.05 * level.max()))
+    begin = onset(level)
     return x[begin : begin + round(seconds * RATE_HZ)]
 
 
@@ -141,22 +136,19 @@ def level_db(x: NDArray[np.float64]) -> float:
 def takes_apart_db(first: NDArray[np.float64], again: NDArray[np.float64]) -> float:
     """Median over third octaves with sound of how far their levels differ."""
     edges = 50.0 * 2.0 ** (np.arange(25) / 3.0)
-    levels = np.array([_bands_db(x, edges) for x in (first, again)])
+    levels = np.array([band_levels_db(x, RATE_HZ, edges) for x in (first, again)])
     loud = levels.max(axis=0) > levels.max() - _WEAK_DB
-    return float(np.median(np.abs(levels[0] - levels[1])[loud]))
+    return float(np.median(np.abs(levels[0, loud] - levels[1, loud])))
 
 
 def hole_db(left: NDArray[np.float64], right: NDArray[np.float64]) -> float:
     """The weakest octave band of (left + right)/2 beside the mean power of both sides there."""
     edges = np.array([*_BANDS_HZ, 2.0 * _BANDS_HZ[-1]])
-    both = 0.5 * (10.0 ** (_bands_db(left, edges) / 10.0) + 10.0 ** (_bands_db(right, edges) / 10.0))
-    lost = _bands_db(0.5 * (left + right), edges) - 10.0 * np.log10(both)
-    return float(lost[10.0 * np.log10(both) > 10.0 * np.log10(both.max()) - _WEAK_DB].min())
-
-
-def _bands_db(x: NDArray[np.float64], edges_hz: NDArray[np.float64]) -> NDArray[np.float64]:
-    power, hz = np.abs(np.fft.rfft(x)) ** 2, np.fft.rfftfreq(x.size, 1.0 / RATE_HZ)
-    return np.array([10.0 * np.log10(power[(hz >= a) & (hz < b)].sum() + 1e-20) for a, b in pairwise(edges_hz)])
+    both = [band_levels_db(x, RATE_HZ, edges) for x in (left, right)]
+    alone = band_levels_db(0.5 * (left + right), RATE_HZ, edges)
+    power = 0.5 * (10.0 ** (both[0] / 10.0) + 10.0 ** (both[1] / 10.0))
+    loud = power > power.max() * 10.0 ** (-_WEAK_DB / 10.0)
+    return float((alone[loud] - 10.0 * np.log10(power[loud])).min())
 
 
 def table(answers: list[Answer]) -> str:
