@@ -228,7 +228,8 @@ def test_velocity_makes_louder(name: str) -> None:
     note = {"tanpura": 48, "fretted-bass": 40, "fretless-bass": 40, "jawari-harp": 60, "steel-guitar": 45}[name]
     engine = prepared(string_of(name, note))
     levels = [rms_db(play(engine, [(0, NOTE_ON, 0, note, v)], 1.0)) for v in (1, 16, 32, 64, 96, 127)]
-    assert all(b > a + 0.5 for a, b in itertools.pairwise(levels))  # frets choke a bass that is struck hard
+    least = 0.5 if name == "fretted-bass" else 1.0  # frets choke a bass that is struck hard
+    assert all(b > a + least for a, b in itertools.pairwise(levels))
     assert levels[-1] - levels[0] > 30.0
 
 
