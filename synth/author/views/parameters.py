@@ -27,7 +27,7 @@ describe(preset) -> list of dicts, in the order of the file, one for every setti
     optional  may be absent (null): the default is its absence
     suggested  for what is absent: the value that sounds like what stands in its place; None where there is none
     instead_of paths of settings that exclude this one: an edit that sets it sets them to null as well
-    together_with  paths that must be set, or absent, along with this one
+    together_with  paths that must be set, or absent, along with this one, and those that go where it goes
     choices   [{value, label, edits}] of a choice, edits: the changes [{path, value}] that choose it, in one edit; else None
     new       of a list of tables: a valid item, which an edit of `path`.N appends, N how many there are; else None
     live      heard at the next pluck without compiling anything (`engine.parameters`)
@@ -56,6 +56,7 @@ from synth.instrument.preset import (
     BridgeObstacle,
     FretsObstacle,
     Layer,
+    ModeOrField,
     MovingMode,
     NutMode,
     Output,
@@ -98,7 +99,9 @@ INSTEAD = (
     ("distance_mm", "distance_ratio"),
     ("action_12th_mm", "heights_mm"),
 )
-TOGETHER = (("core_diameter_mm", "winding_diameter_mm"), ("sawari_distance_mm", "sawari_um"))
+TOGETHER = (("core_diameter_mm", "winding_diameter_mm"), ("sawari_distance_mm", "sawari_um"), ("to_hz", "spacing_hz"))
+#: pairs of which the second cannot be set without the first
+NEEDED_BY = (("to_hz", "seed"), ("spacing_hz", "seed"))
 
 Numbers = float | dict[int, float]
 
@@ -223,7 +226,11 @@ def _control(
         "optional": not required and default is None,
         "suggested": None,
         "instead_of": [_beside(path, other) for other in _partners(INSTEAD, name) if other in kind.model_fields],
-        "together_with": [_beside(path, other) for other in _partners(TOGETHER, name) if other in kind.model_fields],
+        "together_with": [
+            _beside(path, other)
+            for other in (*_partners(TOGETHER, name), *(b for a, b in NEEDED_BY if a == name))
+            if other in kind.model_fields
+        ],
         "choices": None,
         "new": None,
         "live": words.live,
@@ -380,6 +387,9 @@ def _suggestion(preset: Preset, table: Table, name: str) -> Any:
         except ValueError:
             return None
         return [_rounded(1e3 * height) for height in heights]
+    if isinstance(table, ModeOrField):
+        to_hz = table.to_hz or min(2.0 * table.frequency_hz, 20000.0)  # an octave, with eight modes in it
+        return {"to_hz": to_hz, "spacing_hz": _rounded((to_hz - table.frequency_hz) / 8.0)}.get(name)
     if isinstance(table, Setup):
         beside = {"action_treble_mm": table.action_bass_mm, "nut_treble_mm": table.nut_bass_mm}
         return {**beside, "saddle_radius_mm": table.board_radius_mm}.get(name)

@@ -135,12 +135,12 @@ def test_one_peak_is_a_stop_of_tab_and_the_list_chooses_which(opened):
 def test_a_double_click_puts_a_peak_back(opened):
     page = opened("steel-guitar")
     before = modes(page)
-    drag(page, 14, -15, 0)
+    drag(page, 4, -15, 0)
     page.until(lambda: modes(page) != before)
 
     def put_back():
         """On a busy machine two clicks may lie too far apart to be a double one."""
-        page.hand().double_click(peak(page, 14).find_element("css selector", ".reach")).perform()
+        page.hand().double_click(peak(page, 4).find_element("css selector", ".reach")).perform()
         with suppress(AssertionError):
             return until(lambda: modes(page) == before, quiet_s=5.0)
         return False
@@ -179,7 +179,7 @@ def test_the_film_moves_the_bridge_and_strings_are_seen_to_wake(opened):
     found = page.script(levels)
     played = page.script("return document.querySelector('.stage-bridge .tick.played').textContent")
     assert played == "D3" and max(found) == found[2] >= -3 and -90 < min(found)
-    assert page.script("return document.querySelectorAll('.stage-mobility .reed').length") == 15
+    assert page.script("return document.querySelectorAll('.stage-mobility .reed').length") == len(modes(page))
     assert page.script(
         "return [...document.querySelectorAll('.orbit')].every((e) => e.getAttribute('points').split(' ').length === 300)"
     )

@@ -42,7 +42,7 @@ def put(name: str, entry: dict[str, Any], value: Any) -> Preset:
     migrate(data, name)
     for path, new in [
         *((path, None) for path in entry["instead_of"]),
-        *((path, 0.1) for path in entry["together_with"]),
+        *((path, 1 if path.endswith(".seed") else 0.1) for path in entry["together_with"]),
         (entry["path"], value),
     ]:
         *way, key = path.split(".")
@@ -168,6 +168,18 @@ def test_defaults_are_what_a_file_without_the_key_gets(name: str) -> None:
             continue
         value = value_at(apply(TEXTS[name], [(path, None)], name)[1], path)
         assert (list(value) if isinstance(value, tuple) else value) == entry["default"], path
+
+
+def test_a_mode_becomes_a_field_and_a_field_a_mode_in_one_edit() -> None:
+    found = controls("fretted-bass")
+    suggested = [(f"nut.0.{key}", found[f"nut.0.{key}"]["suggested"]) for key in ("to_hz", "spacing_hz")]
+    one, both = preset("fretted-bass"), apply(TEXTS["fretted-bass"], suggested, "fretted-bass")[1]
+    assert one.nut[0].field() is None and 4 <= len(both.nut[0].field()) <= 16 and both.nut[1:] == one.nut[1:]
+    entry = found["nut.2.to_hz"]
+    gone = [(path, None) for path in (entry["path"], *entry["together_with"])]
+    assert len(gone) == 3 and one.nut[2].field()
+    assert apply(TEXTS["fretted-bass"], gone, "fretted-bass")[1].nut[2].field() is None
+    assert found["nut.2.seed"]["together_with"] == []  # a seed's default keeps the field
 
 
 @pytest.mark.parametrize("name", NAMES)
