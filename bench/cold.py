@@ -17,7 +17,7 @@ from bench import REPOSITORY
 
 #: what is started, without the output's name
 COMMANDS = {
-    "synth render": ("render", "presets/demos/drone.mid", "-p", "tanpura", "--end", "0.1", "--quiet", "-o", "out.wav"),
+    "synth render": ("render", "presets/demos/drone.mid", "-p", "tanpura-light", "--end", "0.1", "--quiet", "-o", "out.wav"),
     "synth simulate": ("simulate", "tanpura", "--duration", "0.001", "--modes", "20", "--quiet", "-o", "out.npz"),
 }
 

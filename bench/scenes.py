@@ -29,7 +29,7 @@ BLOCK = 1024
 #: the scene of many strings: lowest and highest note [MIDI], time between two plucks [s], velocity
 LOWEST, HIGHEST, APART_S, VELOCITY = 36, 48, 0.02, 100
 MANY = 64
-SONGS = {"drone": "tanpura", "bassline": "fretted-bass"}
+SONGS = {"drone": "tanpura-light", "bassline": "fretted-bass"}
 QUALITIES = ("draft", "standard", "fine")
 #: an engine without this argument has one thread
 HAS_THREADS = "threads" in inspect.signature(Engine).parameters
@@ -109,17 +109,17 @@ def song(name: str, quality: str = "standard") -> Player:
 def many_strings(count: int = MANY) -> Preset:
     """The tanpura with `count` strings, each with a pitch of its own between LOWEST and HIGHEST, and the tanpura's plan."""
     preset = parse_preset(many_strings_text(REPOSITORY / "presets", count), f"{count} tanpura strings")
-    return preset.with_measured(load_preset("tanpura").measured)
+    return preset.with_measured(load_preset("tanpura-light").measured)
 
 
 def many_strings_text(presets: Path, count: int = MANY) -> str:
     """The file of `many_strings`, from the tanpura of a folder. Strings of a note are its Sa; those in between are off by
     some cents. Raises ValueError where the tanpura has other strings than the scene is made of."""
-    text = (presets / "tanpura.toml").read_text(encoding="utf-8")
+    text = (presets / "tanpura-light.toml").read_text(encoding="utf-8")
     before, *tables = text.split("[[string]]\n")
     behind = tables[-1].partition("\n\n")[2]
     if len(tables) != 4 or 'name = "Sa 1"' not in tables[1]:
-        raise ValueError("presets/tanpura.toml has other strings than the scene is made of")
+        raise ValueError("presets/tanpura-light.toml has other strings than the scene is made of")
     same = [line for line in tables[1].splitlines() if line and not line.startswith(("name", "notes"))]
     strings = []
     for i in range(count):

@@ -32,7 +32,7 @@ class Music(NamedTuple):
 
 
 MUSIC = {
-    "tanpura": Music("tanpura C3, 3 s", lambda quality: scenes.note("tanpura", 48, 100, quality, 3.0), 104),
+    "tanpura-light": Music("tanpura C3, 3 s", lambda quality: scenes.note("tanpura-light", 48, 100, quality, 3.0), 104),
     "fretted-bass": Music("fretted-bass E1, 3 s", lambda quality: scenes.note("fretted-bass", 28, 100, quality, 3.0), 33),
     "steel-guitar": Music(
         "steel-guitar, strummed chords", lambda quality: coupled_scenes.strummed("steel-guitar", quality=quality), 25

@@ -48,7 +48,7 @@ def test_import(benchmark: Any, what: str, program: str, short: bool) -> None:
 
 def _render(folder: Path, cache: Path) -> float:
     song = str(REPOSITORY / "presets" / "demos" / "drone.mid")
-    arguments = ("-m", "synth", "render", song, "-p", "tanpura", "--end", "0.1", "-o", str(folder / "out.wav"))
+    arguments = ("-m", "synth", "render", song, "-p", "tanpura-light", "--end", "0.1", "-o", str(folder / "out.wav"))
     return _run(*arguments, XDG_CACHE_HOME=str(cache))[0]
 
 

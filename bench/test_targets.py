@@ -160,7 +160,8 @@ def _touched(player: scenes.Player) -> int:
 
 
 @pytest.mark.parametrize(
-    ("preset", "midi", "quality"), [("tanpura", 36, "standard"), ("tanpura", 36, "fine"), ("fretted-bass", 28, "standard")]
+    ("preset", "midi", "quality"),
+    [("tanpura-light", 36, "standard"), ("tanpura-light", 36, "fine"), ("fretted-bass", 28, "standard")],
 )
 def test_decay(race: Race, preset: str, midi: int, quality: str) -> None:
     """A note held for a minute, second by second: mode-steps and CPU time of the last against those of the first."""

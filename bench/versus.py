@@ -34,7 +34,7 @@ def scene(name: str, presets: Path) -> dict[str, Any]:
     if name in MANY:
         text, began = scenes.many_strings_text(presets), scenes.first_full()
         rows = make_events(scenes.plucks(parse_preset(text, name)))
-        return _scene(text, "tanpura", rows, began + _SOUNDING_S, threads=MANY[name]) | {"timed_from": began}
+        return _scene(text, "tanpura-light", rows, began + _SOUNDING_S, threads=MANY[name]) | {"timed_from": began}
     if name in NOTES:
         midi, velocity = NOTES[name]
         rows = make_events([(0, NOTE_ON, 0, midi, velocity)])

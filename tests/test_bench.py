@@ -153,7 +153,7 @@ def test_the_scene_of_many_strings_has_as_many_pitches() -> None:
     pitches = {table.notes[0] + table.cents / 100.0 for table in preset.string}
     assert len(preset.string) == len(pitches) == 64 and preset.mapping.polyphony == 64
     assert min(pitches) == scenes.LOWEST and max(pitches) == scenes.HIGHEST
-    assert preset.obstacle == scenes.load_preset("tanpura").obstacle
+    assert preset.obstacle == scenes.load_preset("tanpura-light").obstacle
 
 
 @pytest.mark.parametrize("scheme", [HOLD, "moreau-jean"])

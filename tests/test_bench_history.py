@@ -198,7 +198,7 @@ FOUND = [
         "worst": 0.2,
     },
     {
-        "section": "notes", "precision": "float32", "lanes": 16, "preset": "tanpura", "note": "C2", "quality": "fine",
+        "section": "notes", "precision": "float32", "lanes": 16, "preset": "tanpura-light", "note": "C2", "quality": "fine",
         "times_real_time": 500.0, "best": 600.0,
     },
     {"section": "peak", "precision": "float64", "lanes": 8, "fma_per_s": 6e10, "best_fma_per_s": 7e10},

@@ -7,7 +7,7 @@ from synth.instrument.preset import Preset, PresetError, load_preset
 
 
 def named(name: str, family: str = "", tags: tuple[str, ...] = ()) -> Preset:
-    return load_preset("tanpura").model_copy(update={"name": name, "family": family, "tags": tags})
+    return load_preset("tanpura-light").model_copy(update={"name": name, "family": family, "tags": tags})
 
 
 THREE = [named("z", "harp", ("buzz", "steel")), named("own", tags=("steel",)), named("a", "harp", ("buzz",))]
@@ -45,5 +45,5 @@ def test_a_row_is_plain_data() -> None:
     assert told["articulations"] == ["normal"]
     assert told["family"] == "harp" and told["tags"] == ["buzz", "steel"] and told["range"] == ["C2", "C3"]
     assert notes_of(THREE[0]) == "C2–C3"
-    one = named("one").model_copy(update={"string": (load_preset("tanpura").string[0],)})
+    one = named("one").model_copy(update={"string": (load_preset("tanpura-light").string[0],)})
     assert notes_of(one) == "G2"

@@ -18,7 +18,7 @@ from synth.instrument.preset import Preset, PresetError, list_presets, load_pres
 from tests.host.midibytes import header, off, on, track
 
 #: few strings each, so that a whole instrument compiles in a blink
-SMALL = {"tanpura": [0, 3], "fretted-bass": [2], "jawari-harp": [0]}
+SMALL = {"tanpura-light": [0, 3], "fretted-bass": [2], "jawari-harp": [0]}
 #: tables whose numbers are spoiled, some more often
 SPOILED = ("string", "obstacle", "nut", "obstacle", "nut")
 
@@ -106,17 +106,17 @@ BAD = {
         r"nut: string E at E1.* raise (the )?mass_kg of the nut resonance",
     ),
     "a core as thick as the string": (
-        "tanpura",
+        "tanpura-light",
         {"string.3.core_diameter_mm": 0.9, "string.3.winding_diameter_mm": 0.1, "string.3.diameter_mm": 0.8},
         r"string\.3\.core_diameter_mm: .* at C2: must be less than diameter_mm, .* 0\.8 mm, got 0\.9 mm",
     ),
     "a string as stiff as a bar": (
-        "tanpura",
+        "tanpura-light",
         {"string.0.length_m": 0.02},
         r"string\.0\.youngs_modulus_gpa: .* its pitch must be above what bending stiffness alone gives.*youngs_modulus_gpa",
     ),
     "a bridge as long as the string": (
-        "tanpura",
+        "tanpura-light",
         {"obstacle.distance_mm": 90.0, "string.1.length_m": 0.08},
         r"obstacle\.distance_mm: string .* at C3: must be less than the string's length of 80 mm, got 90 mm",
     ),
@@ -208,7 +208,7 @@ def test_a_fret_in_the_middle_that_lifts_the_string_is_seen_without_a_look_at_ev
 )
 def test_numbers_that_nothing_could_be_computed_with(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(PresetError, match=message):
-        validate_preset(spoil("tanpura", changes), "mine.toml")
+        validate_preset(spoil("tanpura-light", changes), "mine.toml")
 
 
 @pytest.mark.parametrize(
@@ -228,6 +228,6 @@ def test_numbers_that_nothing_could_be_computed_with(changes: dict[str, Any], me
     ],
 )
 def test_obstacles_that_cannot_be(obstacle: dict[str, Any], message: str) -> None:
-    data = spoil("tanpura", {"obstacle": obstacle, "mapping": {}})
+    data = spoil("tanpura-light", {"obstacle": obstacle, "mapping": {}})
     with pytest.raises(PresetError, match=message):
         check(validate_preset(data, "mine.toml"), "mine.toml")

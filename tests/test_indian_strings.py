@@ -38,7 +38,7 @@ sys.path.insert(0, str(TOOLS))
 import indian_strings as indian  # noqa: E402
 
 RATE = 44100
-TANPURAS = ("tanpura-male", "tanpura-female")
+TANPURAS = ("tanpura", "tanpura-male", "tanpura-female")
 FAMILIES = ("tanpura", "sitar", "veena")
 ALL = tuple(preset.name for preset in list_presets() if preset.family in FAMILIES)
 

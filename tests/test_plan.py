@@ -294,11 +294,11 @@ def test_a_promise_says_in_how_many_scenes_it_is_kept():
         for quality in QUALITIES[:-1]:
             assert promise(kind, quality).endswith("in 95 % of random scenes")
     assert promise(FREE, "fine") == "exact"
-    by_law = load_preset("tanpura").with_measured(MeasuredPlan())
+    by_law = load_preset("tanpura-light").with_measured(MeasuredPlan())
     plan = describe_plan(by_law, 48, quality="fine")
     assert "e < 0.02 over 3 s in 95 % of random scenes" in plan["text"]
     assert all(row["kept_in"] == KEPT == 0.95 for row in plan["strings"])
-    measured = describe_plan(load_preset("tanpura"), 48, quality="fine")
+    measured = describe_plan(load_preset("tanpura-light"), 48, quality="fine")
     assert "; e < 0.02 over 3 s; measured on this string: e 0.0" in measured["text"]
     assert all(row["kept_in"] == KEPT for row in measured["strings"])
 
@@ -310,6 +310,6 @@ def test_no_note_of_the_presets_is_plucked_from_afar():
                 opened, below = open_string(preset, table, note)
                 curved = isinstance(preset.obstacle, BridgeObstacle)
                 assert string_kind(preset, opened, below) == scene_kind(opened, below.positions_m, curved=curved)
-    preset = load_preset("tanpura").with_setting("pluck.position", "0.6")
+    preset = load_preset("tanpura-light").with_setting("pluck.position", "0.6")
     opened, below = open_string(preset, preset.string[0], 43)
     assert string_kind(preset, opened, below) == FAR

@@ -236,7 +236,7 @@ def test_presets_have_plans_of_their_own_strings() -> None:
     """Every plan that comes with the program lies beside a preset, and is of its strings as they are."""
     plans = {path.stem for path in preset_folder().glob("*.plan")}
     presets = {preset.name: preset for preset in list_presets()}
-    assert {"jawari-harp", "tanpura"} <= plans <= presets.keys()
+    assert {"jawari-harp", "tanpura-light"} <= plans <= presets.keys()
     for name in plans:
         preset = presets[name]
         assert preset.measured.version == VERSION and preset.measured.strokes.issuperset(strokes(preset)), name
@@ -252,4 +252,4 @@ def test_plans_are_packaged_with_the_presets() -> None:
     assert built["wheel"]["force-include"] == {"presets": "synth/_presets"} and "/presets" in built["sdist"]["include"]
     ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").split()
     for pattern in [*built["wheel"]["exclude"], *ignored]:
-        assert not fnmatch.fnmatch("tanpura.plan", pattern), pattern
+        assert not fnmatch.fnmatch("tanpura-light.plan", pattern), pattern

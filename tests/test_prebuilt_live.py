@@ -30,7 +30,7 @@ from synth.live.deck import Deck
 from synth.live.jackcallback import callbacks
 from synth.midi.events import NOTE_ON, NOTE_OFF, BEND, make_events
 from tests.live.deckkit import Card
-engine = Engine([load_preset("tanpura")], quality="draft")
+engine = Engine([load_preset("tanpura-light")], quality="draft")
 engine.prepare(44100.0, 512)
 callbacks()
 deck = Deck(engine, record=True, ahead=int(sys.argv[1]), channels=1)
@@ -75,7 +75,7 @@ def test_a_session_compiles_nothing_and_sounds_the_same(library_file: Path, tmp_
 
 
 @pytest.mark.skipif(jackkit.why_not() != "", reason=jackkit.why_not())
-@pytest.mark.parametrize("command", [("drone",), ("play", "-p", "tanpura", "--midi-in", "none")], ids=["drone", "play"])
+@pytest.mark.parametrize("command", [("drone",), ("play", "-p", "tanpura-light", "--midi-in=none")], ids=["drone", "play"])
 def test_a_jack_client_compiles_nothing(library_file: Path, tmp_path: Path, command: tuple[str, ...]) -> None:
     with jackkit.JackServer() as server:
         environment = {**os.environ, **server.env, "JAWARI_NATIVE": str(library_file), "XDG_CACHE_HOME": str(tmp_path)}

@@ -27,7 +27,8 @@ def displacement(preset: Preset, note: int, quality: str, seconds: float) -> np.
 
 
 @pytest.mark.parametrize(
-    ("name", "note"), [("tanpura", 36), ("tanpura", 43), ("tanpura", 48), ("jawari-harp", 40), ("jawari-harp", 60)]
+    ("name", "note"),
+    [("tanpura-light", 36), ("tanpura-light", 43), ("tanpura-light", 48), ("jawari-harp", 40), ("jawari-harp", 60)],
 )
 def test_bridge_notes_keep_the_promise(name: str, note: int) -> None:
     preset = load_preset(name)
@@ -48,7 +49,7 @@ def test_fretted_notes_keep_the_promise(note: int) -> None:
 
 def test_without_contact_the_rate_does_not_matter() -> None:
     """The thread far above the bridge: what is left is the finger, whose draw is all that a rate can change."""
-    preset = as_displacement(load_preset("tanpura").with_setting("obstacle.jiva_um", "900"))
+    preset = as_displacement(load_preset("tanpura-light").with_setting("obstacle.jiva_um", "900"))
     reference = displacement(preset, 48, "reference", 1.0)
     assert relative_error(displacement(preset, 48, "draft", 1.0), reference) < 2e-3
     assert relative_error(displacement(preset, 48, "fine", 1.0), reference) < 1e-4

@@ -15,7 +15,7 @@ from synth.files.sources import read_bytes, read_file
 from synth.instrument.preset import preset_folder
 from tests.patience import compiling_s
 
-TANPURA = preset_folder() / "tanpura.toml"
+TANPURA = preset_folder() / "tanpura-light.toml"
 
 
 def test_a_file(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_presets_come_through_pipes(arguments: list[str]) -> None:
         feeder.wait()
     finally:
         os.close(reading)
-    assert done.returncode == 0 and done.stderr == "" and "tanpura" in done.stdout.lower()
+    assert done.returncode == 0 and done.stderr == "" and "tanpura-light" in done.stdout.lower()
 
 
 @pytest.mark.parametrize(

@@ -24,20 +24,20 @@ def test_every_position_is_in_tune(name: str, positions: int) -> None:
 
 @pytest.mark.parametrize("semitones", range(-TUNING_RANGE, TUNING_RANGE + 1))
 def test_tanpura_strings_are_in_tune_over_their_tuning_range(semitones: int) -> None:
-    pitches = measure(retuned(load_preset("tanpura"), semitones))
+    pitches = measure(retuned(load_preset("tanpura-light"), semitones))
     assert [pitch.note - semitones for pitch in pitches] == [43, 48, 48, 36]
     assert abs(worst(pitches).cents) < LIMIT_CENTS, worst(pitches)
 
 
 def test_strings_tuned_by_setting_are_in_tune() -> None:
-    preset = load_preset("tanpura").with_setting("string.0.notes", "F2").with_setting("string.3.cents", "-14")
+    preset = load_preset("tanpura-light").with_setting("string.0.notes", "F2").with_setting("string.3.cents", "-14")
     pitches = measure(preset, {41, 36})
     assert [pitch.note for pitch in pitches] == [41, 36]
     assert abs(worst(pitches).cents) < LIMIT_CENTS, worst(pitches)
 
 
 def test_contact_does_shift_the_pitch_and_calibration_takes_it_back() -> None:
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     bare = preset.model_copy(update={"tuning": preset.tuning.model_copy(update={"contact_cents": None})})
     raised = measure(bare, {36})
     # a string stopped 6 mm early for the whole period would be 1200 log₂(950/944) = 11 cents sharp
@@ -61,7 +61,7 @@ def test_measure_sees_a_string_that_is_out_of_tune() -> None:
 
 
 def test_retuned_strings_keep_their_make() -> None:
-    preset = load_preset("tanpura").with_setting("string.3.diameter_mm", "{ C2 = 0.6, C3 = 0.3 }")
+    preset = load_preset("tanpura-light").with_setting("string.3.diameter_mm", "{ C2 = 0.6, C3 = 0.3 }")
     moved = retuned(preset, 5)
     assert moved.string[3].notes == (41, 41)
     assert moved.string[3].diameter_mm == pytest.approx(0.6)
@@ -80,7 +80,7 @@ def test_single_strings() -> None:
 
 
 def test_tune_presets_writes_the_table_and_nothing_else(tmp_path: Path) -> None:
-    text = (ROOT / "presets" / "tanpura.toml").read_text(encoding="utf-8")
+    text = (ROOT / "presets" / "tanpura-light.toml").read_text(encoding="utf-8")
     lines = text.splitlines()
     (at,) = [i for i, line in enumerate(lines) if line.startswith("contact_cents")]
     path = tmp_path / "mine.toml"
@@ -98,7 +98,7 @@ def test_tune_presets_writes_the_table_and_nothing_else(tmp_path: Path) -> None:
     assert after[:at] == lines[:at]
     assert after[at + 1 :] == lines[at + 1 :]
     table = load_preset(str(path)).tuning.contact_cents
-    shipped = load_preset("tanpura").tuning.contact_cents
+    shipped = load_preset("tanpura-light").tuning.contact_cents
     assert table is not None and shipped is not None
     assert table.keys() == shipped.keys()
     assert np.allclose(list(table.values()), list(shipped.values()), atol=1.0)
@@ -106,4 +106,4 @@ def test_tune_presets_writes_the_table_and_nothing_else(tmp_path: Path) -> None:
 
 
 def test_the_tanpura_file_was_calibrated_as_it_is() -> None:
-    assert abs(worst(measure_all(load_preset("tanpura"))).cents) < 1.0
+    assert abs(worst(measure_all(load_preset("tanpura-light"))).cents) < 1.0

@@ -110,7 +110,7 @@ def on_aarch64() -> int:
         compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-musl", "-static", "-O2", "-std=gnu11"]
         subprocess.run([*compiler, "-o", str(folder / "play"), *what], check=True)
         other = False
-        for preset in map(load_preset, ("tanpura", "fretted-bass", "jawari-harp")):
+        for preset in map(load_preset, ("tanpura-light", "fretted-bass", "jawari-harp")):
             (folder / "bank").write_bytes(bank([preset], [44100.0]))
             player = ["qemu-aarch64", str(folder / "play"), str(folder / "bank"), str(folder / "sound")]
             subprocess.run(player, check=True)
@@ -136,7 +136,7 @@ def measure() -> None:
         begin = time.monotonic()
         made = build(Path(folder), say=print)
         print(f"built in {time.monotonic() - begin:.1f} s, {made.stat().st_size / 1e3:.0f} kB")
-        for name in ("tanpura", "fretted-bass", "jawari-harp"):
+        for name in ("tanpura-light", "fretted-bass", "jawari-harp"):
             preset = load_preset(name)
             low = playable_range(preset)[0]
             begin = time.monotonic()

@@ -109,7 +109,7 @@ class Checks:
         from tests.plugin.wclaphost import WclapHost
 
         archive = self._folder / "tanpura.wclap.tar.gz"
-        data = bankfile.bank([load_preset("tanpura")], [takes.RATE_HZ], quality="draft")
+        data = bankfile.bank([load_preset("tanpura-light")], [takes.RATE_HZ], quality="draft")
         wclap.write(archive, module.read_bytes(), data)
         playing = WclapHost(archive).instance()
         assert playing.activate(takes.RATE_HZ)

@@ -45,7 +45,7 @@ def phrase_preset(preset: Preset, phrase: Phrase) -> Preset:
 
 def warm_up(rate_hz: float, quality: str) -> None:
     """Let every kernel run once: strings alone, over a bridge and over frets."""
-    for name, note in (("tanpura", 48), ("fretted-bass", 45)):
+    for name, note in (("tanpura-light", 48), ("fretted-bass", 45)):
         preset = load_preset(name)
         voice = Voice(prepared_engine(preset, {note}, rate_hz, quality), phrase("note", preset, note, 100, rate_hz))
         voice.next()

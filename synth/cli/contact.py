@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     if isinstance(preset.obstacle, FretsObstacle):
         if not options.experimental:
             raise ValueError(f"{preset.name} has frets, whose fit is experimental: add --experimental, or name a "
-                             "preset that has a bridge, such as tanpura")  # fmt: skip
+                             "preset that has a bridge, such as tanpura-light")  # fmt: skip
         from synth.cli import frets
 
         return frets.run(options, text, preset)

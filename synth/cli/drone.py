@@ -57,7 +57,10 @@ def add(commands: Any) -> None:
         "--velocity", type=number(float, 1, 127), default=64.0, metavar="N", help="mean velocity (default 64)"
     )
     cycle.add_argument(
-        "--jiva", type=number(float, 0, 50, " µm"), metavar="UM", help="height of the thread (default 3): the buzz"
+        "--jiva",
+        type=number(float, 0, 50, " µm"),
+        metavar="UM",
+        help="height of the thread (default 8): the buzz",
     )
     cycle.add_argument("-p", "--preset", default="tanpura", metavar="PRESET", help="your own tanpura (.toml)")
 

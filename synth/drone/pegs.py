@@ -27,12 +27,12 @@ SA_SEMITONES = 5
 MOST_CENTS = 50.0
 
 #: loudness of the drone of the preset `tanpura` by the first string's ratio, and without a first string: six cycles at Sa C3
-#: without variation; the level makes all as loud as with Pa [LUFS]
+#: without variation (`tools/loudness --drone`); the level makes all as loud as with Pa [LUFS]
 LOUDNESS_LUFS = {
-    1.0: -21.32, 16 / 15: -21.22, 9 / 8: -21.19, 6 / 5: -20.86, 5 / 4: -20.92, 4 / 3: -20.72, 45 / 32: -20.16, 3 / 2: -20.23,
-    8 / 5: -19.55, 5 / 3: -19.18, 9 / 5: -18.62, 15 / 8: -18.22, 2.0: -18.22,
+    1.0: -23.17, 16 / 15: -22.07, 9 / 8: -22.14, 6 / 5: -22.24, 5 / 4: -22.0, 4 / 3: -21.77, 45 / 32: -21.42, 3 / 2: -21.57,
+    8 / 5: -21.42, 5 / 3: -21.64, 9 / 5: -21.18, 15 / 8: -20.86, 2.0: -20.87,
 }  # fmt: skip
-LOUDNESS_WITHOUT_LUFS = -21.48
+LOUDNESS_WITHOUT_LUFS = -22.74
 
 
 @dataclass(frozen=True)

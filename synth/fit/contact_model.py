@@ -135,7 +135,7 @@ class ContactModel:
         else:
             raise ValueError(
                 f"obstacle of {preset.name} must be a bridge without a layer, got {shape.kind}; name a preset "
-                "that has one, such as tanpura"
+                "that has one, such as tanpura-light"
             )
         pluck = preset.pluck
         slip_s = 1e-3 * (at_note(pluck.hardest_slip_ms, note) or at_note(pluck.slip_ms, note))

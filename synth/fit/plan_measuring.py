@@ -1,6 +1,6 @@
 """The least internal rate and fewest modes that keep a quality's promise on a preset's own strings, found by playing them.
 
-    plan = measure_plan(load_preset("tanpura"))      # a MeasuredPlan, as `planfile` keeps it beside the preset
+    plan = measure_plan(load_preset("tanpura-light"))  # a MeasuredPlan, as `planfile` keeps it beside the preset
     list(misses(preset, strokes))                    # how near strokes come to what is promised, of a preset with a plan
 
 Every note of every string is played at the velocities of `VELOCITIES`, at many rates, with modes up to many frequencies, and

@@ -19,8 +19,8 @@ def folder(tmp_path: Path) -> Path:
     """A folder with one preset, mine.toml."""
     place = tmp_path / "presets"
     place.mkdir()
-    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
-    (place / "mine.toml").write_text(text.replace('name = "tanpura"', 'name = "mine"'), encoding="utf-8")
+    text = (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8")
+    (place / "mine.toml").write_text(text.replace('name = "tanpura-light"', 'name = "mine"'), encoding="utf-8")
     return place
 
 

@@ -42,11 +42,11 @@ def test_the_map_is_that_of_synth_setup_with_keys_and_strings() -> None:
 
 
 def test_the_map_of_a_document_is_of_what_is_edited(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     doc.set("obstacle.jiva_um", 9)
     found = finished(server, doc.do("buzz-map", stroke="soft")["job"])
     assert found["state"] == "done" and found["progress"] == 1.0, found
-    edited = load_preset("tanpura").with_setting("obstacle.jiva_um", "9")
+    edited = load_preset("tanpura-light").with_setting("obstacle.jiva_um", "9")
     assert found["result"] == buzz_maps.mapped(edited, "soft")
     doc.do("revert")
 

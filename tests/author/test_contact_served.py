@@ -54,7 +54,7 @@ def ended(doc: Doc, job: str) -> dict[str, Any]:
 
 def test_a_contact_fit_fills_the_controls(server: Server) -> None:
     """The height is for the preset's amplitude, also for the one that it has meanwhile; one step of undo, comments kept."""
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     before = doc.state
     job = begun(doc, note(hz_of(doc, 0)))
     found = ended(doc, job)
@@ -73,7 +73,7 @@ def test_a_contact_fit_fills_the_controls(server: Server) -> None:
 
 
 def test_a_known_amplitude_is_set_as_well(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     doc.do("revert")
     job = begun(doc, note(hz_of(doc, 0)), string=0, amplitude=0.5)
     result = ended(doc, job)["result"]
@@ -86,7 +86,7 @@ def test_a_known_amplitude_is_set_as_well(server: Server) -> None:
 
 
 def test_heights_follow_the_amplitude_that_the_preset_has_now(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     doc.do("revert")
     doc.set("pluck.displacement_mm", 1.0)
     job = begun(doc, note(hz_of(doc, 0)), string=0)
@@ -106,7 +106,7 @@ def test_heights_follow_the_amplitude_that_the_preset_has_now(server: Server) ->
 
 
 def test_a_contact_fit_is_cancelled(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     job = begun(doc, note(hz_of(doc, 0)), string=0, amplitude=9)
     until(lambda: doc.server.get(f"/api/jobs/{job}")["progress"] > 0.0)
     assert server.client.delete(f"/api/jobs/{job}").status_code == 200
@@ -117,15 +117,15 @@ def test_a_contact_fit_is_cancelled(server: Server) -> None:
 @pytest.mark.parametrize(
     ("preset", "ratio", "query", "words"),
     [
-        ("tanpura", 1.0, {"amplitude": 0.1}, "hardly touches the bridge"),
-        ("tanpura", 1.3, {}, "the note must be string 1's"),
+        ("tanpura-light", 1.0, {"amplitude": 0.1}, "hardly touches the bridge"),
+        ("tanpura-light", 1.3, {}, "the note must be string 1's"),
         ("nylon-guitar", 1.0, {}, "must be a bridge without a layer"),
     ],
 )
 def test_refusals_are_one_line_without_options(server: Server, preset: str, ratio: float, query: Any, words: str) -> None:
     doc = server.open(preset)
     doc.do("revert")
-    if preset != "tanpura":
+    if preset != "tanpura-light":
         doc.set("obstacle", {"kind": "none"})
     before = doc.state["text"]
     found = ended(doc, begun(doc, note(ratio * hz_of(doc, 0)), string=0, **query))
@@ -134,7 +134,7 @@ def test_refusals_are_one_line_without_options(server: Server, preset: str, rati
 
 
 def test_questions_that_cannot_be(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     for name, value in (("amplitude", "0"), ("amplitude", "50"), ("amplitude", "x"), ("contact", "2")):
         query = {"doc": doc.key, "contact": "1", name: value}
         answer = server.client.post("/api/fit", params=query, content=b"x")

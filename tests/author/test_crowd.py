@@ -45,8 +45,8 @@ def test_connections_of_others_leave_the_owner_an_answer_and_the_terminal_quiet(
     with half_sent(server, 400, what):
         for _ in range(3):
             assert answer(server) == 200
-        with server.open("tanpura").connect() as page:
-            assert page.until("state")["state"]["name"] == "tanpura"
+        with server.open("tanpura-light").connect() as page:
+            assert page.until("state")["state"]["name"] == "tanpura-light"
     code, said = server.end()
     assert code == 0 and len(said.splitlines()) <= 2, said[-2000:]
 
@@ -67,7 +67,7 @@ def test_half_a_request_is_not_waited_for(serve: Serve) -> None:
 
 def test_a_page_that_is_connected_is_not_waiting(serve: Serve) -> None:
     server = serve()
-    with server.open("tanpura").connect() as page, half_sent(server, 200):
+    with server.open("tanpura-light").connect() as page, half_sent(server, 200):
         assert answer(server) == 200
         page.send("nonsense")
         assert page.until("error")

@@ -18,7 +18,7 @@ from .serverkit import Doc, Server
 @pytest.fixture
 def doc(server: Server) -> Iterator[Doc]:
     """The tanpura as it comes with the program."""
-    opened = server.open("tanpura")
+    opened = server.open("tanpura-light")
     yield opened
     opened.do("revert")
 
@@ -34,7 +34,12 @@ def test_the_session(server: Server) -> None:
 
 def test_what_a_document_says(doc: Doc) -> None:
     state = doc.state
-    assert (state["name"], state["title"], state["file"], state["embedded"]) == ("tanpura", "Tanpura", None, True)
+    assert (state["name"], state["title"], state["file"], state["embedded"]) == (
+        "tanpura-light",
+        "Tanpura, light",
+        None,
+        True,
+    )
     assert state["notes"] == [36, 43, 48] and state["kind"] == "bridge"
     assert not state["dirty"] and state["recovered"] is None and state["disk"] is None
     assert state["data"] == state["saved"] == parse_preset(state["text"], "x").model_dump(mode="json")
@@ -149,7 +154,7 @@ def test_nothing_changed_is_no_step(server: Server) -> None:
 
 def test_the_history_has_an_end(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(document, "STEPS", 20)
-    made = document.Document("x", (preset_folder() / "tanpura.toml").read_text(encoding="utf-8"), tmp_path / "x")
+    made = document.Document("x", (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8"), tmp_path / "x")
     for number in range(30):
         made.edit([("pluck.position", 0.1 + 0.001 * number)])
     steps = 0
@@ -188,7 +193,7 @@ def test_randomise(doc: Doc) -> None:
     assert "'drums'" in doc.do("randomise", 400, groups=["drums"])["error"]
 
 
-@pytest.mark.parametrize("name", ["tanpura", "fretted-bass", "jawari-harp"])
+@pytest.mark.parametrize("name", ["tanpura-light", "fretted-bass", "jawari-harp"])
 def test_what_is_randomised_can_be_played(server: Server, name: str) -> None:
     doc = server.open(name)
     note = doc.state["notes"][0]
@@ -206,7 +211,7 @@ def test_remarks_of_several_lines(doc: Doc) -> None:
 
 
 def test_two_tabs_show_the_same(server: Server, doc: Doc) -> None:
-    assert server.open("tanpura").key == doc.key
+    assert server.open("tanpura-light").key == doc.key
     with doc.connect() as one, doc.connect() as two:
         for page in (one, two):
             assert page.until("state")["state"]["text"] == doc.state["text"]
@@ -270,7 +275,7 @@ def test_more_than_a_preset_has_room_for(doc: Doc, changes: list[object]) -> Non
 def test_a_version_is_of_one_piece(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Whoever reads a document gets a text and its own preset, also where another thread undoes after every single look at
     the history."""
-    made = document.Document("x", (preset_folder() / "tanpura.toml").read_text(encoding="utf-8"), tmp_path / "x")
+    made = document.Document("x", (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8"), tmp_path / "x")
     made.edit([("pluck.position", 0.3)])
     after = made._history
     made.undo()
@@ -284,7 +289,7 @@ def test_a_version_is_of_one_piece(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         next(looks)
 
 
-@pytest.mark.parametrize("name", ["tanpura", "fretted-bass", "jawari-harp"])
+@pytest.mark.parametrize("name", ["tanpura-light", "fretted-bass", "jawari-harp"])
 def test_many_changes_are_those_one_by_one(name: str) -> None:
     text = (preset_folder() / f"{name}.toml").read_text(encoding="utf-8")
     wanted = [
@@ -304,7 +309,7 @@ def test_many_changes_are_those_one_by_one(name: str) -> None:
 
 
 def test_an_autosave_is_whole_or_not_there(tmp_path: Path, monkeypatch) -> None:
-    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    text = (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8")
     made = document.Document("mine", text, tmp_path / ".mine.toml.autosave")
     made.set_text(text.replace("jiva_um = 3.0", "jiva_um = 8.0"), "edit")
 

@@ -26,7 +26,7 @@ import os, signal, sys
 from synth.files.targets import write_whole
 write_whole(sys.argv[1], lambda file: os.kill(os.getpid(), signal.SIGKILL))
 """
-TANPURA = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+TANPURA = (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8")
 
 
 def autosaves(folder: Path) -> list[str]:
@@ -59,7 +59,7 @@ def test_save(serve: Serve, folder: Path) -> None:
 
 def test_a_preset_of_the_program_is_saved_under_a_name(serve: Serve, folder: Path) -> None:
     server = serve()
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     assert doc.do("save", 409)["reason"] == "no-file"
     doc.set("obstacle.jiva_um", 7.5)
     state = doc.do("save-as", name="My tanpura")
@@ -71,15 +71,15 @@ def test_a_preset_of_the_program_is_saved_under_a_name(serve: Serve, folder: Pat
     )
     saved = parse_preset((folder / "My tanpura.toml").read_text(), "x")
     assert saved.name == "my-tanpura"
-    assert (preset_folder() / "tanpura.toml").read_text(encoding="utf-8") == TANPURA
-    assert server.open("tanpura").key != doc.key
+    assert (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8") == TANPURA
+    assert server.open("tanpura-light").key != doc.key
     assert server.open("My tanpura.toml").key == doc.key
     until(lambda: autosaves(folder) == [])
 
 
 def test_nothing_is_overwritten_unasked(serve: Serve, folder: Path) -> None:
     server = serve()
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     before = (folder / "mine.toml").read_text()
     for name in ("mine", "mine.toml"):
         answer = doc.do("save-as", 409, name=name)
@@ -91,7 +91,7 @@ def test_nothing_is_overwritten_unasked(serve: Serve, folder: Path) -> None:
     assert doc.do("save-as", 409, name="mine", overwrite=True)["reason"] == "open"
     other.do("revert")
     assert doc.do("save-as", name="mine", overwrite=True)["file"] == "mine.toml"
-    mine = TANPURA.replace('name = "tanpura"', 'name = "mine"').replace('title = "Tanpura"', 'title = "Mine"')
+    mine = TANPURA.replace('name = "tanpura-light"', 'name = "mine"').replace('title = "Tanpura, light"', 'title = "Mine"')
     assert (folder / "mine.toml").read_text() == mine
 
 
@@ -99,7 +99,7 @@ def test_nothing_is_overwritten_unasked(serve: Serve, folder: Path) -> None:
 def test_another_name_is_another_title(serve: Serve, folder: Path, action: str) -> None:
     """Two presets with one title cannot be told apart in a DAW; a title that was given by hand stays."""
     server = serve()
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     state = doc.do(action, name="my-soft_tanpura")
     assert state["title"] == "My soft tanpura" and not state["dirty"]
     assert parse_preset((folder / "my-soft_tanpura.toml").read_text(), "x").title == "My soft tanpura"
@@ -111,7 +111,7 @@ def test_another_name_is_another_title(serve: Serve, folder: Path, action: str) 
 def test_a_first_name_leaves_the_title(serve: Serve, folder: Path) -> None:
     server = serve()
     brought = Doc(server, server.post("/api/import", filename="a.toml", text=TANPURA)["doc"])
-    assert brought.do("save-as", name="b")["title"] == "Tanpura"
+    assert brought.do("save-as", name="b")["title"] == "Tanpura, light"
 
 
 def test_duplicate(serve: Serve, folder: Path) -> None:
@@ -243,7 +243,7 @@ def edited_and_killed(serve: Serve, preset: str) -> str:
 
 
 @pytest.mark.parametrize("take", [True, False])
-@pytest.mark.parametrize("preset", ["mine.toml", "tanpura"])
+@pytest.mark.parametrize("preset", ["mine.toml", "tanpura-light"])
 def test_after_a_crash(serve: Serve, folder: Path, preset: str, take: bool) -> None:
     original = (folder / "mine.toml").read_text()
     text = edited_and_killed(serve, preset)
@@ -359,18 +359,18 @@ def test_two_on_one_folder(serve: Serve, folder: Path) -> None:
 
 def test_an_imported_preset_of_a_name_that_the_program_has(serve: Serve, folder: Path) -> None:
     server = serve()
-    text = server.post("/api/import", filename="tanpura.toml", text=TANPURA.replace("jiva_um = 3.0", "jiva_um = 8.0"))[
+    text = server.post("/api/import", filename="tanpura-light.toml", text=TANPURA.replace("jiva_um = 3.0", "jiva_um = 8.0"))[
         "text"
     ]
     until(lambda: list(folder.glob(".*.toml.autosave")))
     server.end(signal.SIGKILL)
     server = serve()
     row = server.get("/api/session")["presets"][0]
-    assert row["unsaved"] and row["name"] == "tanpura" and row["when"]
-    state = server.post("/api/open", unsaved="tanpura")
+    assert row["unsaved"] and row["name"] == "tanpura-light" and row["when"]
+    state = server.post("/api/open", unsaved="tanpura-light")
     assert state["text"] == text and state["dirty"] and not state["embedded"]
-    assert server.post("/api/open", unsaved="tanpura")["doc"] == state["doc"]
-    assert server.open("tanpura").state["data"]["obstacle"]["jiva_um"] == 3.0
+    assert server.post("/api/open", unsaved="tanpura-light")["doc"] == state["doc"]
+    assert server.open("tanpura-light").state["data"]["obstacle"]["jiva_um"] == 3.0
     assert "left unsaved" in server.post("/api/open", 404, unsaved="sitar")["error"]
 
 
@@ -384,13 +384,13 @@ def test_what_was_imported_can_be_thrown_away(serve: Serve, folder: Path) -> Non
     assert autosaves(folder) == []
     server.get(doc.path, 404)
     assert not any(row["unsaved"] for row in server.get("/api/session")["presets"])
-    for name in ("mine.toml", "tanpura"):
+    for name in ("mine.toml", "tanpura-light"):
         assert server.open(name).do("discard", 409)["reason"] == "has-file"
 
 
 def test_saving_over_a_preset_keeps_what_a_crash_left_of_it(serve: Serve, folder: Path) -> None:
     lost = edited_and_killed(serve, "mine.toml")
-    doc = serve().open("tanpura")
+    doc = serve().open("tanpura-light")
     state = doc.do("save-as", name="mine", overwrite=True)
     assert state["recovered"]["text"] == lost and not state["dirty"]
     assert doc.do("recover", take=True)["text"] == lost
@@ -398,7 +398,7 @@ def test_saving_over_a_preset_keeps_what_a_crash_left_of_it(serve: Serve, folder
 
 def test_tabs_of_a_preset_that_is_written_over_are_led_on(serve: Serve, folder: Path) -> None:
     server = serve()
-    other, doc = server.open("mine.toml"), server.open("tanpura")
+    other, doc = server.open("mine.toml"), server.open("tanpura-light")
     with other.connect() as page:
         doc.do("save-as", name="mine", overwrite=True)
         assert page.until("moved")["doc"] == doc.key
@@ -409,7 +409,7 @@ def test_tabs_of_a_preset_that_is_written_over_are_led_on(serve: Serve, folder: 
 
 def test_one_autosave_that_cannot_be_written(serve: Serve, folder: Path) -> None:
     server = serve()
-    stuck, doc = server.open("mine.toml"), server.open("tanpura")
+    stuck, doc = server.open("mine.toml"), server.open("tanpura-light")
     (folder / ".mine.toml.autosave").mkdir()
     with stuck.connect() as page:
         stuck.set("title", "Lost?")
@@ -424,9 +424,9 @@ def test_one_autosave_that_cannot_be_written(serve: Serve, folder: Path) -> None
 
 def test_names_in_any_script(serve: Serve, folder: Path) -> None:
     server = serve()
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     state = doc.do("save-as", name=unicodedata.normalize("NFD", "Tānpūrā"))
-    assert state["file"] == "Tānpūrā.toml" and state["data"]["name"] == "tanpura"
+    assert state["file"] == "Tānpūrā.toml" and state["data"]["name"] == "tanpura-light"
     assert server.open("Tānpūrā.toml").key == doc.key
     name = quote("Tānpūrā.toml")
     assert name in server.client.get(f"{doc.path}/export").headers["content-disposition"]

@@ -105,7 +105,7 @@ def test_two_names_at_once(server: Server) -> None:
 def test_requests_of_other_pages(server: Server, origin: str, path: str) -> None:
     headers = {"Origin": origin.format(server.port)}
     assert refused(server.client.get(path, headers=headers), "other pages")
-    assert refused(server.client.post("/api/open", headers=headers, json={"preset": "tanpura"}), "other pages")
+    assert refused(server.client.post("/api/open", headers=headers, json={"preset": "tanpura-light"}), "other pages")
 
 
 def test_what_a_browser_says_of_another_site(server: Server) -> None:
@@ -123,7 +123,7 @@ def test_requests_of_the_page_itself(server: Server) -> None:
 
 
 def test_a_websocket_needs_them_too(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     url = f"ws://127.0.0.1:{server.port}/ws/{doc.key}"
     for headers in ({}, {"Authorization": "Bearer x"}, {**server.headers, "Origin": "http://example.org"}):
         with pytest.raises(InvalidStatus) as refusal, connect(url, additional_headers=headers, proxy=None):
@@ -173,7 +173,7 @@ def test_no_file_beside_the_page(server: Server, name: str) -> None:
 
 
 def test_bodies_that_are_too_large(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     assert server.client.post("/api/open", content=b" " * (3 << 20)).status_code == 413
     answer = server.client.post("/api/import", json={"filename": "x.toml", "text": "#" * ((1 << 20) + 1)})
     assert answer.status_code == 413 and "1 MB" in answer.json()["error"]

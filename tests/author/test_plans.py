@@ -60,21 +60,21 @@ def test_what_was_measured_is_gone_by(tmp_path: Path) -> None:
 
 
 def test_a_preset_of_the_program_has_its_plan_and_keeps_it(tmp_path: Path) -> None:
-    tanpura = load_preset("tanpura")
-    text = (Path(__file__).parents[2] / "presets" / "tanpura.toml").read_text(encoding="utf-8")
-    document = Document("tanpura", text, tmp_path / ".autosave", embedded=True)
+    tanpura = load_preset("tanpura-light")
+    text = (Path(__file__).parents[2] / "presets" / "tanpura-light.toml").read_text(encoding="utf-8")
+    document = Document("tanpura-light", text, tmp_path / ".autosave", embedded=True)
     assert document.preset.measured.strings == tanpura.measured.strings != ()
-    with pytest.raises(Conflict, match="tanpura has no file yet to keep a plan beside"):
+    with pytest.raises(Conflict, match="tanpura-light has no file yet to keep a plan beside"):
         document.keep_plan(parse(text_of(tanpura.measured), "x"))
 
 
 def test_a_plan_goes_along_only_where_it_was_asked_for(serve: Serve, folder: Path) -> None:
     """The program's own stays with its preset; one beside the user's file goes where the file goes."""
     server = serve()
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     doc.do("save-as", name="first")
     assert not (folder / "first.plan").exists()
-    asked = (preset_folder() / "tanpura.plan").read_text(encoding="utf-8")
+    asked = (preset_folder() / "tanpura-light.plan").read_text(encoding="utf-8")
     (folder / "first.plan").write_text(asked, encoding="utf-8")
     doc.do("reload")
     doc.do("save-as", name="second")
@@ -82,14 +82,14 @@ def test_a_plan_goes_along_only_where_it_was_asked_for(serve: Serve, folder: Pat
 
 
 def test_what_is_saved_without_its_plan_is_shown_without(tmp_path: Path) -> None:
-    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
-    document = Document("tanpura", text, tmp_path / ".autosave", embedded=True)
+    text = (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8")
+    document = Document("tanpura-light", text, tmp_path / ".autosave", embedded=True)
     document.save_as(tmp_path / "mine.toml", tmp_path / ".mine")
     assert document.preset.measured.strings == load_preset(str(tmp_path / "mine.toml")).measured.strings == ()
 
 
 def test_plans_that_there_are_not(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     assert "has no file yet" in doc.do("plan", 409)["error"]
     assert "no such job" in doc.do("keep-plan", 404, job="none")["error"]
     job = doc.do("reference", note=48, velocity=100, seconds=0.1)["job"]

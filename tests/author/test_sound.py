@@ -75,8 +75,8 @@ def wav(doc: Doc, **query: object) -> np.ndarray:
 @pytest.mark.parametrize(
     ("name", "kind", "note"),
     [
-        ("tanpura", "note", 48),
-        ("tanpura", "drone", 36),
+        ("tanpura-light", "note", 48),
+        ("tanpura-light", "drone", 36),
         ("fretted-bass", "note", 45),
         ("fretted-bass", "riff", 33),
         ("jawari-harp", "note", 96),
@@ -107,17 +107,31 @@ def test_the_file_is_what_synth_render_writes(server: Server, tmp_path: Path) ->
     track.append(mido.Message("note_on", note=48, velocity=90, time=0))
     track.append(mido.Message("note_off", note=48, velocity=64, time=2 * RATE_HZ))
     midi.save(tmp_path / "note.mid")
-    command = ["render", "note.mid", "-p", "tanpura", "-o", "note.wav", "--bit-depth", "float", "--tail", "1", "--quiet"]
+    command = [
+        "render",
+        "note.mid",
+        "-p",
+        "tanpura-light",
+        "-o",
+        "note.wav",
+        "--bit-depth",
+        "float",
+        "--tail",
+        "1",
+        "--quiet",
+    ]
     subprocess.run(
         [sys.executable, "-m", "synth", *command], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True
     )
     rendered, _ = soundfile.read(tmp_path / "note.wav", dtype="float32")
     frames = round(2.9 * RATE_HZ)
-    assert np.array_equal(wav(server.open("tanpura"), phrase="note", note=48, velocity=90, seconds=2.9), rendered[:frames])
+    assert np.array_equal(
+        wav(server.open("tanpura-light"), phrase="note", note=48, velocity=90, seconds=2.9), rendered[:frames]
+    )
 
 
 def test_saved_and_current(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     before = wav(doc, phrase="note", note=48, velocity=90, seconds=0.2)
     doc.set("obstacle.jiva_um", 40)
     assert np.array_equal(wav(doc, phrase="note", note=48, velocity=90, which="saved", seconds=0.2), before)
@@ -131,10 +145,10 @@ def test_saved_and_current(server: Server) -> None:
 
 
 def test_keys_of_the_saved_version(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     doc.set("pluck.position", 0.31)
     note = make_events([(0, NOTE_ON, 0, 48, 100)])
-    saved = load_preset("tanpura")
+    saved = load_preset("tanpura-light")
     versions = {
         which: offline(preset, note, 2048)
         for which, preset in (("saved", saved), ("current", saved.with_setting("pluck.position", "0.31")))
@@ -170,7 +184,7 @@ touch = { place = 0.05, resistance = 2.0 }
 
 
 def test_keys_that_switch_articulations(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     doc.do("text", text=SWITCHED)
     assert doc.state["switches"] == [{"key": 12, "name": "normal"}, {"key": 14, "name": "mute"}]
     preset, note = parse_preset(SWITCHED, "switched"), (0, NOTE_ON, 0, 48, 100)
@@ -188,7 +202,7 @@ def test_keys_that_switch_articulations(server: Server) -> None:
 
 def test_streams_have_numbers_of_their_own(server: Server) -> None:
     """Whatever connection they come by: what a page knows of one says nothing of another."""
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     numbers = []
     for _ in range(2):
         with doc.connect() as page:
@@ -266,7 +280,7 @@ def test_what_sounds_too_long_fades(listener: Listener, monkeypatch: pytest.Monk
 
 
 def test_a_phrase_again_begins_from_silence(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     expected = wav(doc, phrase="note", note=48, velocity=100, seconds=0.3)
     with doc.connect() as page:
         for _ in range(3):
@@ -314,7 +328,7 @@ def test_a_new_string_while_the_old_one_rings(server: Server) -> None:
 
 
 def test_only_the_last_that_played_sounds(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     with doc.connect() as one, doc.connect() as two:
         one.send("audition", phrase="note", note=48, velocity=100)
         listen(one, 4096)
@@ -327,7 +341,7 @@ def test_only_the_last_that_played_sounds(server: Server) -> None:
     ("fields", "words"),
     [
         ({"type": "audition", "phrase": "song", "note": 48, "velocity": 90}, "phrase: must be one of"),
-        ({"type": "audition", "phrase": "note", "note": 49, "velocity": 90}, "no string of tanpura plays C#3"),
+        ({"type": "audition", "phrase": "note", "note": 49, "velocity": 90}, "no string of tanpura-light plays C#3"),
         ({"type": "audition", "phrase": "note", "note": 200, "velocity": 90}, "note: must be a whole number from 0 to 127"),
         ({"type": "audition", "phrase": "note", "note": 48, "velocity": 0}, "velocity: must be a whole number from 1"),
         ({"type": "audition", "phrase": "note", "note": 48, "velocity": 9, "which": "other"}, "current or saved"),
@@ -345,7 +359,7 @@ def test_only_the_last_that_played_sounds(server: Server) -> None:
     ],
 )
 def test_messages_that_make_no_sense(server: Server, fields: object, words: str) -> None:
-    with server.open("tanpura").connect() as page:
+    with server.open("tanpura-light").connect() as page:
         page.socket.send(json.dumps(fields))
         assert words in page.until("error")["message"]
         page.socket.send("{")
@@ -365,11 +379,11 @@ def test_messages_that_make_no_sense(server: Server, fields: object, words: str)
     ],
 )
 def test_files_that_cannot_be_made(server: Server, query: str, words: str) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     assert words in server.get(f"{doc.path}/sound.wav?{query}", 400)["error"]
 
 
-@pytest.mark.parametrize("name", ["tanpura", "fretted-bass", "jawari-harp"])
+@pytest.mark.parametrize("name", ["tanpura-light", "fretted-bass", "jawari-harp"])
 @pytest.mark.parametrize("kind", NAMES)
 def test_phrases_can_be_played_everywhere(name: str, kind: str) -> None:
     preset = load_preset(name)
@@ -395,7 +409,7 @@ def test_a_voice_ends_when_it_is_silent() -> None:
     assert np.abs(heard[-BLOCK:]).max() < 1e-5
 
 
-@pytest.mark.parametrize("name", ["tanpura", "fretted-bass", "jawari-harp"])
+@pytest.mark.parametrize("name", ["tanpura-light", "fretted-bass", "jawari-harp"])
 def test_a_single_note_needs_one_string(name: str) -> None:
     """Wherever a preset plays a note, one string alone sounds as it does among all of them."""
     preset = load_preset(name)

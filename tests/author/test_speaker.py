@@ -34,12 +34,12 @@ def test_a_phrase_through_the_servers_output(jack_server: StartServer, serve: Se
     server = serve(env=jack.env)
     output = server.get("/api/session")["outputs"][1]
     assert output["available"] and output["reason"] is None and "JACK" in output["label"]
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     events = phrase("drone", preset, 36, 100, RATE_HZ).events
     # as late in a stream as here: a body's filter rounds by where in a block of the engine a note begins
     events["frame"] += round(LEAD_S * RATE_HZ)
     expected = offline(preset, events, 4 * RATE_HZ)
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     with doc.connect() as page:
         page.send("output", id="server")
         capture = Capture(jack, PORTS, tmp_path)
@@ -77,7 +77,7 @@ def test_without_an_output_the_reason_is_said(serve: Serve) -> None:
     output = server.get("/api/session")["outputs"][1]
     if output["available"]:
         pytest.skip("this machine has an audio output")
-    with server.open("tanpura").connect() as page:
+    with server.open("tanpura-light").connect() as page:
         page.send("output", id="server")
         page.send("audition", phrase="note", note=48, velocity=100)
         assert page.until("error")["message"] == output["reason"]

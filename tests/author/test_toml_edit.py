@@ -14,9 +14,9 @@ from synth.author.toml_edit import change_in
 from synth.instrument.preset import preset_folder
 
 #: the tanpura without its gourd, which stands at the end
-TEXT = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8").split("\n[body]")[0] + "\n"
+TEXT = (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8").split("\n[body]")[0] + "\n"
 CLEARS = "# pressing a key lowers the bridge until the string hardly touches it: the buzz clears"
-NAMES = ("tanpura", "fretted-bass", "jawari-harp")
+NAMES = ("tanpura-light", "fretted-bass", "jawari-harp")
 
 
 def change(text: str, path: str, value: object) -> str:
@@ -37,7 +37,7 @@ def changed_lines(before: str, after: str) -> list[str]:
         ("string.1.gain_db", None, ["-gain_db = 5.0"]),
         ("tuning.offset_cents", -3.5, ["+offset_cents = -3.5"]),
         ("tuning.a4_hz", None, []),
-        ("title", 'Tan"pura', ['-title = "Tanpura"', '+title = "Tan\\"pura"']),
+        ("title", 'Tan"pura', ['-title = "Tanpura, light"', '+title = "Tan\\"pura"']),
         ("remarks", "one line", ['+remarks = "one line"']),
         ("remarks", 'two\n"""lines', ['+remarks = """', "+two", '+""\\"lines"""']),
         ("damping.ring_on", False, ["-ring_on = true", "+ring_on = false"]),

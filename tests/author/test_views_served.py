@@ -29,13 +29,13 @@ def finished(server: Server, job: str) -> dict[str, object]:
 
 
 def test_controls_and_drawing(server: Server) -> None:
-    doc = server.open("tanpura")
-    assert server.get(f"{doc.path}/parameters") == parameters.describe(load_preset("tanpura"))
-    assert server.get(f"{doc.path}/instrument?note=48") == instrument.draw(load_preset("tanpura"), 48)
+    doc = server.open("tanpura-light")
+    assert server.get(f"{doc.path}/parameters") == parameters.describe(load_preset("tanpura-light"))
+    assert server.get(f"{doc.path}/instrument?note=48") == instrument.draw(load_preset("tanpura-light"), 48)
     doc.set("pluck.position", 0.2)
-    changed = load_preset("tanpura").with_setting("pluck.position", "0.2")
+    changed = load_preset("tanpura-light").with_setting("pluck.position", "0.2")
     assert server.get(f"{doc.path}/instrument?note=48") == instrument.draw(changed, 48)
-    assert server.get(f"{doc.path}/instrument?note=48&which=saved") == instrument.draw(load_preset("tanpura"), 48)
+    assert server.get(f"{doc.path}/instrument?note=48&which=saved") == instrument.draw(load_preset("tanpura-light"), 48)
     doc.do("revert")
 
 
@@ -48,7 +48,7 @@ def test_controls_and_drawing(server: Server) -> None:
     ],
 )
 def test_what_is_asked_for_again_is_kept(server: Server, view: str, some: str) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     first = server.get(f"{doc.path}/{view}")
     assert some in first
     assert server.get(f"{doc.path}/{view}") == first  # a cost measured anew would differ
@@ -67,11 +67,11 @@ def test_what_is_asked_for_again_is_kept(server: Server, view: str, some: str) -
     ],
 )
 def test_views_that_there_are_not(server: Server, view: str, status: int, words: str) -> None:
-    assert words in server.get(f"{server.open('tanpura').path}/{view}", status)["error"]
+    assert words in server.get(f"{server.open('tanpura-light').path}/{view}", status)["error"]
 
 
 def test_the_body_and_one_to_begin_with(server: Server) -> None:
-    assert server.get(f"{server.open('tanpura').path}/body") == {"coupled": False}
+    assert server.get(f"{server.open('tanpura-light').path}/body") == {"coupled": False}
     guitar = server.open("steel-guitar")
     assert [mode["index"] for mode in server.get(f"{guitar.path}/body")["modes"]] == list(range(13))
     assert server.get(f"{guitar.path}/begin-body")["edits"] is None
@@ -96,7 +96,7 @@ def test_a_measured_mobility(server: Server) -> None:
 
 
 def test_the_reference(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     job = doc.do("reference", note=48, velocity=100, seconds=0.3)["job"]
     found = finished(server, job)
     assert found["state"] == "done" and found["progress"] == 1.0, found
@@ -121,7 +121,7 @@ def test_a_second_reference_ends_the_first(server: Server) -> None:
 
 
 def test_jobs_that_there_are_not(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     assert "no such job" in server.get("/api/jobs/none", 404)["error"]
     assert "no such job" in doc.do("apply-fit", 404, job="none")["error"]
     job = doc.do("reference", note=49, velocity=100, seconds=1)["job"]
@@ -164,7 +164,7 @@ def test_a_fit_fills_the_controls(server: Server) -> None:
 def test_a_fit_is_for_the_string_it_was_made_for(server: Server) -> None:
     """Not for another preset, nor for a string that has taken its place; where others of its values have been edited since,
     the settings are those of the string as it is now."""
-    doc, other = server.open("fretted-bass"), server.open("tanpura")
+    doc, other = server.open("fretted-bass"), server.open("tanpura-light")
     doc.do("revert")
     before = doc.state["text"]
     sound = recording(server, doc, phrase="note", note=33, velocity=60, seconds=3)
@@ -199,13 +199,13 @@ def test_recordings_that_cannot_be_fitted(server: Server, kind: str) -> None:
     buffer = io.BytesIO()
     soundfile.write(buffer, samples, 44100, format="WAV")
     data = b"not a recording" if kind == "text" else buffer.getvalue()
-    _, found = fitted(server, server.open("tanpura"), data, 0)
+    _, found = fitted(server, server.open("tanpura-light"), data, 0)
     assert found["state"] == "failed"
     assert "\n" not in str(found["error"]) and len(str(found["error"])) > 10
 
 
 def test_a_fit_for_a_string_that_is_not_there(server: Server) -> None:
-    doc = server.open("tanpura")
+    doc = server.open("tanpura-light")
     for query, status in ((f"doc={doc.key}&string=4", 400), (f"doc={doc.key}&string=-1", 400), ("doc=none&string=0", 404)):
         assert server.client.post(f"/api/fit?{query}", content=b"x").status_code == status
 
@@ -242,11 +242,11 @@ def test_jobs_are_forgotten_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_process_of_the_views_is_started_again() -> None:
     worker = Worker()
     try:
-        asked = ("instrument", "draw", load_preset("tanpura"), {"note": 48})
+        asked = ("instrument", "draw", load_preset("tanpura-light"), {"note": 48})
         expected = compute(*asked)
         assert worker.compute(*asked) == expected
         with pytest.raises(PresetError, match="no string plays") as error:
-            worker.compute("instrument", "draw", load_preset("tanpura"), {"note": 49})
+            worker.compute("instrument", "draw", load_preset("tanpura-light"), {"note": 49})
         assert "\n" not in str(error.value)
         worker._process.kill()
         with pytest.raises(OSError, match="has ended; try again"):
@@ -271,9 +271,9 @@ def children(pid: int) -> list[int]:
 
 def test_what_is_shown_is_what_the_session_plays(serve: Callable[..., Server]) -> None:
     fine = serve("--quality", "fine", "--rate", "48000")
-    doc = fine.open("tanpura")
+    doc = fine.open("tanpura-light")
     shown = fine.get(f"{doc.path}/motion?note=48&velocity=100&seconds=0.02&frames=20")
-    assert shown == motion.film(load_preset("tanpura"), 48, 100, 0.02, 20, quality="fine", rate_hz=48000)
+    assert shown == motion.film(load_preset("tanpura-light"), 48, 100, 0.02, 20, quality="fine", rate_hz=48000)
     assert fine.get(f"{doc.path}/analysis?note=48&seconds=0.5")["rate_hz"] == 48000
     assert fine.get(f"{doc.path}/cost?note=48")["rate_hz"] == shown["rate_hz"]
     job = finished(fine, fine.post(f"{doc.path}/reference", note=48, velocity=100, seconds=0.3)["job"])

@@ -17,7 +17,7 @@ from tests.dataset.kit import HEAD, NOTES, written
 PHRASE = """\
 [[phrases]]
 name = "two"
-preset = ["jawari-harp", "tanpura"]
+preset = ["jawari-harp", "tanpura-light"]
 transpose = [0, -2]
 stretch = { from = 0.5, to = 2.0 }
 stroke = [{ at_s = 0.0, note = "D2" }, { at_s = 0.5, note = "A2", velocity = 40, hold_s = 0.3 }]
@@ -43,10 +43,10 @@ def test_repeats_differ_in_what_is_drawn_alone(tmp_path: Path) -> None:
 
 
 def test_a_count_draws_everything(tmp_path: Path) -> None:
-    items = list(Items(written(tmp_path, NOTES.replace('"jawari-harp"', '["jawari-harp", "tanpura"]').replace(
+    items = list(Items(written(tmp_path, NOTES.replace('"jawari-harp"', '["jawari-harp", "tanpura-light"]').replace(
         'note = ["C3", "E3", "G3", "C4"]', 'note = "C2-C4"') + "count = 400\n")))  # fmt: skip
     assert len(items) == 400
-    tanpura = [item for item in items if item.preset == "tanpura"]
+    tanpura = [item for item in items if item.preset == "tanpura-light"]
     assert 150 < len(tanpura) < 250 and {item.note for item in tanpura} == {36, 43, 48}
     assert max(item.note for item in items) == 60
 
@@ -55,8 +55,8 @@ def test_an_item_depends_on_its_table_and_number_alone(tmp_path: Path) -> None:
     """Not on tables behind, on the kinds beside, on who asks, nor on other keys of its table."""
     before = Items(written(tmp_path))
     (tmp_path / "more").mkdir()
-    more = Items(written(tmp_path / "more", NOTES + 'controllers.1 = { from = 0, to = 127 }\n[[notes]]\npreset = "tanpura"\n'
-                 'note = "C3"\n' + PHRASE))  # fmt: skip
+    more = Items(written(tmp_path / "more", NOTES + 'controllers.1 = { from = 0, to = 127 }\n[[notes]]\n'
+                 'preset = "tanpura-light"\nnote = "C3"\n' + PHRASE))  # fmt: skip
     assert more.size == before.size + 1 + 4
     for item in reversed(list(before)):
         other = more.by_key(item.key)
@@ -74,7 +74,7 @@ def test_draws_are_what_they_have_always_been() -> None:
 def test_phrases_are_transposed_and_stretched(tmp_path: Path) -> None:
     items = list(Items(written(tmp_path, PHRASE)))
     assert [(item.preset, item.transpose) for item in items] == [
-        ("jawari-harp", 0), ("jawari-harp", -2), ("tanpura", 0), ("tanpura", -2)]  # fmt: skip
+        ("jawari-harp", 0), ("jawari-harp", -2), ("tanpura-light", 0), ("tanpura-light", -2)]  # fmt: skip
     item = items[1]
     assert [beat.note for beat in item.beats] == [36, 43] and item.kind == "phrase" and item.note is None
     assert item.beats[1].at_s == pytest.approx(0.5 * item.stretch) and item.beats[1].off_s == pytest.approx(

@@ -117,7 +117,7 @@ def test_arrays_of_several_items_lie_behind_each_other(tmp_path: Path) -> None:
 contacts = true
 state_hz = 500.0
 [[notes]]
-preset = ["jawari-harp", "tanpura"]
+preset = ["jawari-harp", "tanpura-light"]
 note = ["C3"]
 velocity = [60, 110]
 hold_s = 0.1

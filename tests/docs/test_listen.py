@@ -51,7 +51,7 @@ def test_every_tune_is_played_by_its_instrument() -> None:
 
 def test_an_unknown_phrase_is_refused() -> None:
     with pytest.raises(ValueError, match="phrase: must be tune, note"):
-        tunes.events(load_preset("tanpura"), "song", 80, 1000)
+        tunes.events(load_preset("tanpura-light"), "song", 80, 1000)
 
 
 def test_files_are_rendered_once_and_again_when_something_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +63,7 @@ def test_files_are_rendered_once_and_again_when_something_changed(tmp_path: Path
         return np.stack([wave, wave * (0.1 if piece.velocity == 40 else 1.0)], axis=1) / piece.velocity * 40
 
     monkeypatch.setattr(rendering, "sound", sound)
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     loud, soft = Piece("one", "Loud", "", "loud", preset, velocity=80), Piece("one", "Soft", "", "soft", preset, velocity=40)
 
     def listed(*chosen: Piece, silent: bool = False) -> list[dict[str, str | None]]:

@@ -37,7 +37,7 @@ _NASTY_NUMBERS = (
 def band(scheme: str, first: Preset | None = None, program_map: Any = None) -> Engine:
     """A tanpura string or two, or another preset, and a bass, prepared."""
     made = Engine(
-        [first or load_preset("tanpura"), load_preset("fretted-bass")],
+        [first or load_preset("tanpura-light"), load_preset("fretted-bass")],
         quality="draft",
         scheme=scheme,
         only_notes=[{43, 48}, {28, 33, 35, 40}],

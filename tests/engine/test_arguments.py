@@ -165,7 +165,7 @@ def test_an_engine_prepared_in_vain_sounds_as_before(made):
     [
         ([], {}, ValueError, "at least one preset"),
         (FREE, {}, TypeError, "parts must be a list of presets"),
-        ("tanpura", {}, TypeError, "parts must be a list of presets, got 'tanpura'"),
+        ("tanpura-light", {}, TypeError, "parts must be a list of presets, got 'tanpura-light'"),
         (["tanpurra"], {}, ValueError, r"preset 'tanpurra' is not one of .*perhaps tanpura"),
         ([FREE, None], {}, TypeError, r"parts\[1\] must be a preset, its name or its file, got None"),
         ([FREE], {"quality": "x"}, ValueError, "quality must be one of draft, standard, fine, reference, got 'x'"),

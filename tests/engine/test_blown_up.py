@@ -25,7 +25,7 @@ def wild_bends(frames: int) -> list[tuple]:
 
 @pytest.fixture(scope="module")
 def tanpura() -> Engine:
-    whole = load_preset("tanpura")
+    whole = load_preset("tanpura-light")
     made = Engine(
         [whole], quality="draft", scheme="moreau-jean", only_notes=[{48}], every_fret=False, warn=lambda text: None
     )

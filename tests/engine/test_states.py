@@ -226,7 +226,7 @@ def test_a_forked_child_goes_on_alone():
         from synth.midi.events import make_events
         from synth.instrument.preset import load_preset
         warnings.simplefilter("ignore")  # that threads and fork do not go together
-        made = Engine([load_preset("tanpura")], threads=3, quality="draft", only_notes=[{43, 48}])
+        made = Engine([load_preset("tanpura-light")], threads=3, quality="draft", only_notes=[{43, 48}])
         made.prepare(44100.0)
         notes = make_events([(0, 1, 0, 43, 100), (9, 1, 0, 48, 100)])
         made.process(notes, np.zeros((2000, 2)))

@@ -202,7 +202,7 @@ import numpy as np
 from synth.engine.engine import Engine
 from synth.midi.events import make_events
 from synth.instrument.preset import load_preset
-made = Engine([load_preset("tanpura")], threads=3, quality="draft", only_notes=[{{43, 48}}])
+made = Engine([load_preset("tanpura-light")], threads=3, quality="draft", only_notes=[{{43, 48}}])
 made.prepare(44100.0)
 def work():
     made.process(make_events([(0, 1, 0, 43, 100), (9, 1, 0, 48, 100)]), np.zeros((4096, 2)))

@@ -42,7 +42,7 @@ from synth.midi.events import BEND, NOTE_ON, make_events
 rows = [(0, NOTE_ON, 0, 43, 100), (1500, BEND, 0, 3000), (2100, NOTE_ON, 0, 48, 60), (3900, NOTE_ON, 0, 43, 127)]
 runs = []
 for block, threads in ((4096, 1), (333, 2), (64, 1)):
-    engine = Engine([load_preset("tanpura")], scheme="felt", quality="draft", limiter=False, threads=threads)
+    engine = Engine([load_preset("tanpura-light")], scheme="felt", quality="draft", limiter=False, threads=threads)
     engine.prepare(44100.0, 4096)
     out = np.zeros((9000, 2))
     for at in range(0, 9000, block):

@@ -46,7 +46,7 @@ def test_the_command_as_json_and_without_a_preset(capsys, recording: str) -> Non
     assert cli.main(["fit", recording, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["settings"] == [] and told["inharmonicity"] == pytest.approx(2e-4, rel=0.05)
-    assert cli.main(["fit", recording, "--json", "-p", "tanpura", "--string", "3"]) == 0
+    assert cli.main(["fit", recording, "--json", "-p", "tanpura-light", "--string", "3"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert {"path": "string.3.notes", "value": "G2"} in told["settings"]
 
@@ -63,11 +63,11 @@ def test_wrong_input_is_one_line(capsys, tmp_path, recording: str) -> None:
         (["/dev/zero"], "/dev/zero: is a device or a pipe"),
         ([recording, "-o", target], "name it with -p"),
         ([recording, "--string", "1"], "--string 1 selects a string of a preset: name it with -p"),
-        ([recording, "-p", "tanpura", "-o", str(tmp_path / "new.wav")], "-o must be a preset's file, ending in .toml"),
-        ([recording, "-p", "tanpura", "--string", "9"], "--string must be one of 0 (Pa), 1 (Sa 1)"),
+        ([recording, "-p", "tanpura-light", "-o", str(tmp_path / "new.wav")], "-o must be a preset's file, ending in .toml"),
+        ([recording, "-p", "tanpura-light", "--string", "9"], "--string must be one of 0 (Pa), 1 (Sa 1)"),
         ([recording, "-p", "nothing"], "preset 'nothing' is not one of"),
-        ([str(tmp_path / "silent.wav"), "-p", "tanpura", "-o", target], "is silent"),
-        ([recording, "-p", "tanpura", "-o", str(tmp_path / "no" / "new.toml")], "there is no directory"),
+        ([str(tmp_path / "silent.wav"), "-p", "tanpura-light", "-o", target], "is silent"),
+        ([recording, "-p", "tanpura-light", "-o", str(tmp_path / "no" / "new.toml")], "there is no directory"),
     ):
         assert cli.main(["fit", *arguments]) == 2
         lines = capsys.readouterr().err.splitlines()
@@ -82,7 +82,7 @@ def test_neither_the_recording_nor_a_device_is_replaced(capsys, tmp_path, record
     named.write_bytes(Path(recording).read_bytes())
     before = Path(recording).read_bytes()
     for source, target in ((recording, recording), (recording, str(linked)), (str(named), str(named))):
-        assert cli.main(["fit", source, "-p", "tanpura", "-o", target]) == 2
+        assert cli.main(["fit", source, "-p", "tanpura-light", "-o", target]) == 2
         assert capsys.readouterr().err.strip().endswith("which is an input: give the output another name")
     assert Path(recording).read_bytes() == named.read_bytes() == before and linked.is_symlink()
 

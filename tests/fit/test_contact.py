@@ -31,14 +31,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from contact_truths.notes import Truth, length_m, sound
 
 RATE_HZ = 44100
-TRUTH = Truth("tanpura", 0, 8e-6, 7e-3, 0.33, 3e-3, 0.011, seed=5, quality="standard")
+TRUTH = Truth("tanpura-light", 0, 8e-6, 7e-3, 0.33, 3e-3, 0.011, seed=5, quality="standard")
 #: its values as the fit's unknowns
 _VALUES = {"height": 0.237, "distance": 7e-3 / 0.95, "position": 0.33, "draw": 0.011}
 
 
 @pytest.fixture(scope="module")
 def model() -> ContactModel:
-    return ContactModel.of_preset(load_preset("tanpura"), 0)
+    return ContactModel.of_preset(load_preset("tanpura-light"), 0)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_a_note_gives_its_bridge(model: ContactModel, recording: np.ndarray, mon
     # no note of the neighbourhood is out of reach: what touches nothing is not asked for
     monkeypatch.setattr(contact_fit._Fitting, "_free", lambda self, points, losses: 1.0)
     found = fit_note(search, recording, RATE_HZ, progress=lambda share: told.append(share) or True)
-    length = length_m("tanpura", 0)
+    length = length_m("tanpura-light", 0)
     assert found.values["height"].value == pytest.approx(8e-6 / 3e-3, abs=3e-4)
     assert found.values["distance"].value * length == pytest.approx(7e-3, abs=3e-4)
     assert found.values["position"].value == pytest.approx(0.33, abs=0.01)
@@ -329,7 +329,7 @@ def test_notes_that_are_none_are_refused(model: ContactModel, recording: np.ndar
 
 
 def test_the_pitch_is_the_strings(recording: np.ndarray) -> None:
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     tuned, warnings = contact_group.tuned_model(preset, 0, [(recording, RATE_HZ)])
     assert tuned.string.fundamental_hz == pytest.approx(97.9, rel=2e-3) and len(warnings) <= 1
     flat, warnings = contact_group.tuned_model(preset, 0, [(recording, RATE_HZ * 0.98)])
@@ -342,7 +342,7 @@ def test_the_pitch_is_the_strings(recording: np.ndarray) -> None:
 def test_the_string_is_the_nearest_to_the_note(note: str, string: int) -> None:
     t, hz = np.arange(2 * RATE_HZ) / RATE_HZ, 1.01 * midi_to_hz(note_to_midi(note))
     sound = sum(np.exp(-(1 + 0.2 * k) * t) * np.sin(2 * np.pi * k * hz * t) / k for k in range(1, 20))
-    assert contact_group.string_of(load_preset("tanpura"), sound, RATE_HZ) == string
+    assert contact_group.string_of(load_preset("tanpura-light"), sound, RATE_HZ) == string
 
 
 def test_the_command_says_what_does_not_go(capsys, tmp_path, recording: np.ndarray) -> None:
@@ -352,11 +352,14 @@ def test_the_command_says_what_does_not_go(capsys, tmp_path, recording: np.ndarr
         ([str(path), "--amplitude", "3"], "--amplitude goes with --contact"),
         ([str(path), str(path)], "one recording at a time, got 2"),
         ([str(path), "--contact"], "name it with -p"),
-        ([str(path), "--contact", "-p", "tanpura", "--pitch", "98"], "--pitch cannot be combined with --contact"),
+        ([str(path), "--contact", "-p", "tanpura-light", "--pitch", "98"], "--pitch cannot be combined with --contact"),
         ([str(path), "--contact", "-p", "fretted-bass"], "has frets, whose fit is experimental: add --experimental"),
-        ([str(path), "--contact", "-p", "tanpura", "--string", "Sa 1"], "must be string 1's"),
-        ([str(path), "--contact", "-p", "tanpura", "--picture", str(path)], "which is an input: give the output another"),
-        ([str(path), "--contact", "-p", "tanpura", "--pluck-at", "0.9"], "must be a number from 0.02 to 0.5"),
+        ([str(path), "--contact", "-p", "tanpura-light", "--string", "Sa 1"], "must be string 1's"),
+        (
+            [str(path), "--contact", "-p", "tanpura-light", "--picture", str(path)],
+            "which is an input: give the output another",
+        ),
+        ([str(path), "--contact", "-p", "tanpura-light", "--pluck-at", "0.9"], "must be a number from 0.02 to 0.5"),
     ):
         try:
             code = cli.main(["fit", *arguments])
@@ -378,7 +381,7 @@ def test_what_is_found_is_told_and_written(capsys, tmp_path, recording: np.ndarr
 
     monkeypatch.setattr(contact_fit._Fitting, "result", near)
     pytest.importorskip("matplotlib")
-    arguments = ["fit", "--contact", str(path), "-p", "tanpura", "--amplitude", "6", "--picture", str(picture)]
+    arguments = ["fit", "--contact", str(path), "-p", "tanpura-light", "--amplitude", "6", "--picture", str(picture)]
     assert cli.main([*arguments, "-o", str(target)]) == 0
     told = capsys.readouterr().out
     assert told.startswith(f"{path}: string Pa over a bridge")

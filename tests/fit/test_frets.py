@@ -72,7 +72,7 @@ def test_an_action_of_its_own_is_set() -> None:
     assert action_mm(preset) == 1.7
     assert action_settings(preset, 1.5) == [("obstacle.action_12th_mm", 1.5)]
     with pytest.raises(ValueError, match="must be frets, got bridge"):
-        action_mm(load_preset("tanpura"))
+        action_mm(load_preset("tanpura-light"))
 
 
 def test_what_is_reached_grows_with_the_amplitude(model: FretModel) -> None:
@@ -148,11 +148,14 @@ def test_the_command_says_what_does_not_go(capsys, tmp_path: Path, recordings) -
     for arguments, reason in (
         ([path, "--experimental"], "--experimental goes with --contact"),
         ([path, "--contact", "-p", "fretted-bass"], "add --experimental"),
-        ([path, "--contact", "--experimental", "-p", "tanpura"], "tanpura has none: leave it out"),
+        ([path, "--contact", "--experimental", "-p", "tanpura-light"], "tanpura-light has none: leave it out"),
         ([path, *frets], "give --amplitude once for each recording"),
         ([path, path, *frets, "--amplitude", "2"], "for each of the 2 recordings, got 1"),
         ([path, *frets, "--amplitude", "2", "--open", path], "--open is for bridges"),
-        ([path, "--contact", "-p", "tanpura", "--amplitude", "2", "--amplitude", "3"], "(of the first recording), got 2"),
+        (
+            [path, "--contact", "-p", "tanpura-light", "--amplitude", "2", "--amplitude", "3"],
+            "(of the first recording), got 2",
+        ),
     ):
         assert cli.main(["fit", *arguments]) == 2
         lines = capsys.readouterr().err.splitlines()

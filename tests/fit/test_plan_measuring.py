@@ -31,7 +31,7 @@ STROKES = [Stroke(30), Stroke(90), Stroke(110, 0.8)]
 
 @pytest.mark.parametrize(
     ("name", "notes"),
-    [("tanpura", {36, 48}), ("fretted-bass", {28, 40}), ("fretted-bass", {57})],
+    [("tanpura-light", {36, 48}), ("fretted-bass", {28, 40}), ("fretted-bass", {57})],
 )
 def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]) -> None:
     preset = load_preset(name)
@@ -44,7 +44,7 @@ def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]
 
 @pytest.mark.parametrize("semitones", [-11, 6])
 def test_plans_hold_for_strings_tuned_lower_and_higher(semitones: int) -> None:
-    tanpura = load_preset("tanpura")
+    tanpura = load_preset("tanpura-light")
     retuned = tanpura.string[0].model_copy(update={"cents": 100.0 * semitones})
     found = list(misses(tanpura.model_copy(update={"string": (retuned,)}), STROKES[1:2]))
     assert {each.quality for each in found} == set(PROMISED)
@@ -55,7 +55,7 @@ def test_a_plan_too_small_is_seen_to_miss() -> None:
     """Half of the modes of a plan miss what it keeps: the check can fail."""
     from dataclasses import replace
 
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     few = [
         replace(each, qualities={key: replace(q, highest_hz=0.4 * q.highest_hz) for key, q in each.qualities.items()})
         for each in preset.measured.strings
@@ -79,7 +79,7 @@ def test_a_soft_note_does_not_fall_asleep_while_it_is_measured() -> None:
 
 
 def test_plans_cost_less_than_the_law() -> None:
-    for name in ("tanpura", "fretted-bass"):
+    for name in ("tanpura-light", "fretted-bass"):
         preset = load_preset(name)
         for quality in PROMISED:
             for mine, law in zip(
@@ -150,7 +150,7 @@ def test_measuring_that_is_interrupted_leaves_nothing(monkeypatch: pytest.Monkey
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (None, "--measure-plan tanpura: is built in and already measured"),
+        (None, "--measure-plan tanpura-light: is built in and already measured"),
         (
             PRESET.replace('kind = "bridge"', 'kind = "none" #').replace("distance_mm", "#").replace("jiva_um", "#"),
             "with rigid ends",
@@ -160,7 +160,7 @@ def test_measuring_that_is_interrupted_leaves_nothing(monkeypatch: pytest.Monkey
 def test_the_command_says_what_has_no_plan(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, words: str
 ) -> None:
-    name = "tanpura"
+    name = "tanpura-light"
     if text is not None:
         name = str(tmp_path / "mine.toml")
         Path(name).write_text(text.format(string="", displacement="3.0", rest=""))

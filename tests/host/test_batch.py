@@ -38,7 +38,7 @@ def alone(preset: str | synth.Preset, note: Note, **settings: object) -> np.ndar
 
 alone_once = cache(alone)
 #: uncoupled, with a hand and frets, with strings that share a bridge, over a board, with sympathetic strings
-PRESETS = {"tanpura": (36, 48), "electric-guitar": (40, 64), "steel-guitar": (40, 57), "fretless-bass": (28, 41),
+PRESETS = {"tanpura-light": (36, 48), "electric-guitar": (40, 64), "steel-guitar": (40, 57), "fretless-bass": (28, 41),
            "sitar": (48, 55)}  # fmt: skip
 
 
@@ -59,10 +59,10 @@ def test_a_note_is_what_it_is_alone(preset: str, threads: int) -> None:
 
 def test_float32_is_the_same_rounded_and_settings_count() -> None:
     note = Note(48, 90, 0.1)
-    (single,) = render_notes("tanpura", [note], quality="draft", seed=5, limiter=True)
-    double = alone("tanpura", note, quality="draft", seed=5, limiter=True)
+    (single,) = render_notes("tanpura-light", [note], quality="draft", seed=5, limiter=True)
+    double = alone("tanpura-light", note, quality="draft", seed=5, limiter=True)
     assert single.samples.dtype == np.float32 and np.array_equal(single.samples, double.astype(np.float32))
-    (other,) = render_notes("tanpura", [note])
+    (other,) = render_notes("tanpura-light", [note])
     assert not np.array_equal(other.samples, single.samples)
 
 
@@ -77,7 +77,7 @@ def test_what_varies_is_as_large_and_as_seeded_as_in_a_song() -> None:
 
 def test_presets_of_notes_articulations_and_controllers() -> None:
     palm, bass = "palm-mute", "fretted-bass"
-    loaded = synth.load_preset("tanpura")
+    loaded = synth.load_preset("tanpura-light")
     notes = [
         Note(33, 90, SECONDS, preset=bass, articulation=palm),
         Note(33, 90, SECONDS, preset=bass),
@@ -85,10 +85,10 @@ def test_presets_of_notes_articulations_and_controllers() -> None:
         Note(36, 90, SECONDS, controllers=((7, 40),)),
         Note(36, 90, SECONDS),
     ]
-    found = list(render_notes("tanpura", notes, threads=2, dtype="float64"))
+    found = list(render_notes("tanpura-light", notes, threads=2, dtype="float64"))
     assert [each.error for each in found] == [""] * 5
     muted = Part(0, bass, 0, articulations=(palm,)).played(synth.load_preset(bass))
-    for each, preset in zip(found, (muted, bass, loaded, "tanpura", "tanpura"), strict=True):
+    for each, preset in zip(found, (muted, bass, loaded, "tanpura-light", "tanpura-light"), strict=True):
         assert np.array_equal(each.samples, alone(preset, each.note))
     assert not np.array_equal(found[0].samples, found[1].samples)
     assert not np.array_equal(found[3].samples, found[4].samples)
@@ -103,7 +103,7 @@ BAD = {
     "controller 7 must be at most 127, got 200": Note(48, controllers=((7, 200),)),
     "C-1 is not played: outside C2-C3": Note(0, 80, 0.1),
     "preset 'no-such-preset' is not one of": Note(48, preset="no-such-preset"),
-    "tanpura has no articulation 'pizzicato'; its articulations: none": Note(48, articulation="pizzicato"),
+    "tanpura-light has no articulation 'pizzicato'; its articulations: none": Note(48, articulation="pizzicato"),
 }
 
 
@@ -113,7 +113,7 @@ def test_a_note_that_cannot_be_rendered_says_why_and_the_others_sound(threads: i
     notes = [good]
     for bad in BAD.values():
         notes += [bad, good]
-    found = list(render_notes("tanpura", notes, threads=threads))
+    found = list(render_notes("tanpura-light", notes, threads=threads))
     assert [each.number for each in found] == list(range(len(notes)))
     for each in found[::2]:
         assert not each.error and np.array_equal(each.samples, found[0].samples)
@@ -130,9 +130,9 @@ def test_notes_that_cannot_be_prepared_together_are_prepared_one_by_one(monkeypa
         return real(self, preset, keys, going)
 
     monkeypatch.setattr(batch._Making, "engine", engine)
-    found = list(render_notes("tanpura", [(36, 80, 0.1), (43, 80, 0.1), (48, 80, 0.1)], threads=1, dtype="float64"))
+    found = list(render_notes("tanpura-light", [(36, 80, 0.1), (43, 80, 0.1), (48, 80, 0.1)], threads=1, dtype="float64"))
     assert [each.error for each in found] == ["", "G2 cannot be compiled", ""]
-    assert np.array_equal(found[2].samples, alone("tanpura", found[2].note))
+    assert np.array_equal(found[2].samples, alone("tanpura-light", found[2].note))
 
 
 def test_what_is_no_fault_of_a_note_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +141,7 @@ def test_what_is_no_fault_of_a_note_is_raised(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(batch._Making, "engine", engine)
     with pytest.raises(SystemError, match="broken"):
-        list(render_notes("tanpura", [(48, 80, 0.1)]))
+        list(render_notes("tanpura-light", [(48, 80, 0.1)]))
     assert not own_threads()
 
 
@@ -160,13 +160,13 @@ def test_what_is_no_fault_of_a_note_is_raised(monkeypatch: pytest.MonkeyPatch) -
 )
 def test_arguments_that_cannot_be_are_refused_at_once(named: dict, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        render_notes("tanpura", [(48, 80)], **named)
+        render_notes("tanpura-light", [(48, 80)], **named)
     with pytest.raises(TypeError, match=r"notes\[1\] must be a Note, \(note, velocity\)"):
-        render_notes("tanpura", [(48, 80), 48])
+        render_notes("tanpura-light", [(48, 80), 48])
 
 
 def test_nothing_asked_for_is_nothing() -> None:
-    assert list(render_notes("tanpura", [])) == []
+    assert list(render_notes("tanpura-light", [])) == []
     (found,) = render_notes(None, [(48, 80)])
     assert found.error == "preset is missing: give one for the note, or one for all notes"
 
@@ -176,7 +176,7 @@ def own_threads() -> list[threading.Thread]:
 
 
 def test_left_early_it_ends_its_threads() -> None:
-    sounds = render_notes("tanpura", [(48, 80, 0.5)] * 50, threads=2)
+    sounds = render_notes("tanpura-light", [(48, 80, 0.5)] * 50, threads=2)
     next(sounds)
     assert own_threads()
     sounds.close()
@@ -193,7 +193,9 @@ def test_what_waits_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         lambda self, engine, job, going: (begun.append(job.number), real(self, engine, job, going))[1],
     )
     one_mib = 4 * 2 * 0.1 * RATE_HZ / 2**20
-    sounds = render_notes("tanpura", [(36 if n % 2 else 48, 80, 0.1) for n in range(40)], threads=2, ahead_mib=4.5 * one_mib)
+    sounds = render_notes(
+        "tanpura-light", [(36 if n % 2 else 48, 80, 0.1) for n in range(40)], threads=2, ahead_mib=4.5 * one_mib
+    )
     taken = 0
     for each in sounds:
         assert each.number == taken and not each.error
@@ -214,7 +216,7 @@ def test_a_key_stays_with_its_worker_unless_that_has_much_more_to_do() -> None:
 INTERRUPTED = """
 import sys
 import synth
-for each in synth.render_notes("tanpura", [(48, 80, 1.0)] * 100000, threads=2):
+for each in synth.render_notes("tanpura-light", [(48, 80, 1.0)] * 100000, threads=2):
     print("sounds", flush=True)
 """
 

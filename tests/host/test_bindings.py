@@ -46,7 +46,7 @@ def test_what_is_refused_and_why(text, problem):
 
 def test_a_parameter_that_no_part_has():
     bindings = parse_bindings(["1=obstacle.height"])
-    check_parts(bindings, [load_preset("fretted-bass"), load_preset("tanpura")])
+    check_parts(bindings, [load_preset("fretted-bass"), load_preset("tanpura-light")])
     with pytest.raises(
         ValueError, match=r"--cc: controller 1 is bound to obstacle.height, which no part has \(fretted-bass\)"
     ):

@@ -24,11 +24,11 @@ from synth.instrument.ways import switch_keys
 from synth.midi.events import CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PROGRAM, make_events
 from synth.midi.song import song_of
 
-PRESETS = {name: load_preset(name) for name in ("tanpura", "jawari-harp", "fretted-bass")}
+PRESETS = {name: load_preset(name) for name in ("tanpura-light", "jawari-harp", "fretted-bass")}
 ALL = slice(0, 1 << 60)
 
 
-def arranged(rows: list[tuple], wishes: Wishes, preset: str = "tanpura") -> Arrangement:
+def arranged(rows: list[tuple], wishes: Wishes, preset: str = "tanpura-light") -> Arrangement:
     song = song_of(make_events(rows), 44100, 10.0)
     return arrange(song, song.events, cast(song.channels, Choice(preset)), PRESETS, wishes)
 
@@ -39,7 +39,7 @@ def plain(arrangement: Arrangement) -> list[tuple[int, int, int, int]]:
 
 def test_without_wishes_the_events_are_the_songs_own() -> None:
     song = song_of(make_events([(0, NOTE_ON, 0, 48, 90), (9, NOTE_OFF, 0, 48, 64)]), 44100, 1.0)
-    assert arrange(song, song.events, cast(song.channels, Choice("tanpura")), PRESETS, Wishes()).events is song.events
+    assert arrange(song, song.events, cast(song.channels, Choice("tanpura-light")), PRESETS, Wishes()).events is song.events
 
 
 def test_transposing_takes_ends_and_pressure_along_and_nothing_else() -> None:
@@ -69,7 +69,7 @@ def test_the_fallback_plays_what_is_left_on_a_program_of_its_own() -> None:
     rows = [(0, PROGRAM, 2, 104, 0), (0, NOTE_ON, 2, 48, 90), (1, NOTE_ON, 2, 50, 90), (2, NOTE_OFF, 2, 50, 64)]
     found = arranged(rows, Wishes(fallback="jawari-harp"))
     assert [(part.channel, part.preset, part.notes) for part in found.casting.parts] == [
-        (2, "tanpura", 1), (2, "jawari-harp", 1),
+        (2, "tanpura-light", 1), (2, "jawari-harp", 1),
     ]  # fmt: skip
     assert not found.events["value"].any()
     spare = int(found.events["a"][found.events["kind"] == PROGRAM][1])
@@ -92,9 +92,9 @@ def test_one_line_a_channel_says_who_plays_and_what_helps() -> None:
     rows = [(n, NOTE_ON, 0, 60 + n % 3, 90) for n in range(30)] + [(40, NOTE_ON, 1, 48, 90)]
     told = [channel_line(row) for row in channel_rows(arranged(rows, Wishes()), PRESETS, ALL, "jawari-harp")]
     assert told == [
-        "channel 1 (Acoustic Grand Piano) → tanpura: 30 of 30 notes not played, C4 to D4: "
+        "channel 1 (Acoustic Grand Piano) → tanpura-light: 30 of 30 notes not played, C4 to D4: "
         "--transpose 1=-12 plays 10; --fold plays 10; --fallback jawari-harp plays them all",
-        "channel 2 (Acoustic Grand Piano) → tanpura: 1 note, C3",
+        "channel 2 (Acoustic Grand Piano) → tanpura-light: 1 note, C3",
     ]
     remedied = arranged(rows, Wishes({0: -12}, fallback="jawari-harp"))
     assert not any(row["unplayed"] for row in channel_rows(remedied, PRESETS, ALL))
@@ -110,7 +110,7 @@ def test_what_no_string_plays_by_part_and_note() -> None:
     found = arranged([*rows, (9, NOTE_ON, 3, 51, 90)], Wishes())
     told = unplayed_notes(found, PRESETS, ALL)
     assert [(row["part"], row["note"], row["count"]) for row in told] == [
-        ("ch01-tanpura", "C#3", 1), ("ch01-tanpura", "D3", 2), ("ch04-tanpura", "D#3", 1),
+        ("ch01-tanpura-light", "C#3", 1), ("ch01-tanpura-light", "D3", 2), ("ch04-tanpura-light", "D#3", 1),
     ]  # fmt: skip
     assert all(row["reason"] for row in told)
     # from the first frame on, and before the last
@@ -154,7 +154,7 @@ def test_of_transpositions_that_help_alike_the_nearest_is_offered() -> None:
     # an octave down all three are strings
     assert row["remedies"] == {"--transpose 1=-12": 2, "--fold": 2, "--fallback fretted-bass": 2}
     assert arranged(rows, Wishes()).casting.parts[0].notes == 3
-    (still,) = channel_rows(arranged(rows[:2], Wishes({None: -24})), PRESETS, ALL, "tanpura")
+    (still,) = channel_rows(arranged(rows[:2], Wishes({None: -24})), PRESETS, ALL, "tanpura-light")
     assert still["remedies"] == {} and still["unplayed"] == 0
 
 

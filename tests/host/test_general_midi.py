@@ -84,8 +84,8 @@ def test_a_song_is_cast_by_the_table_and_live_by_two() -> None:
         (2, answer(25).preset, True),
     ]
     assert casting.left_out == {9: 7} and not casting.skipped
-    mapped = cast(channels, Choice(by_channel={1: "tanpura"}, only_strings=True))
-    assert [(part.preset, part.by_program) for part in mapped.parts][1] == ("tanpura", False)
+    mapped = cast(channels, Choice(by_channel={1: "tanpura-light"}, only_strings=True))
+    assert [(part.preset, part.by_program) for part in mapped.parts][1] == ("tanpura-light", False)
     whole = cast_live(Choice())
     assert {part.preset for part in whole.parts} == {each.preset for each in ANSWERS}
     assert (np.delete(whole.program_map, 9, axis=0) >= 0).all()
@@ -95,10 +95,10 @@ def test_a_song_is_cast_by_the_table_and_live_by_two() -> None:
 
 def test_only_strings_skips_what_programs_chose_and_not_what_the_user_did() -> None:
     channels = {(0, 73): 5, (0, 46): 1, (1, 73): 2, (2, 48): 3}
-    casting = cast(channels, Choice(by_channel={1: "tanpura"}, only_strings=True))
+    casting = cast(channels, Choice(by_channel={1: "tanpura-light"}, only_strings=True))
     assert casting.skipped == {(0, 73): 5, (2, 48): 3} and casting.left_out == {}
     assert [(part.channel, part.notes) for part in casting.parts] == [(0, 1), (1, 2)]
-    assert not cast(channels, Choice("tanpura", only_strings=True)).skipped
+    assert not cast(channels, Choice("tanpura-light", only_strings=True)).skipped
     live = cast_live(Choice(gm=False, only_strings=True))
     assert live.program_map[0, [46, 73, 38]].tolist() == [0, -1, -1] and live.program_map[0, 33] >= 0
 
@@ -109,7 +109,7 @@ def test_programs_of_one_preset_that_are_played_otherwise_are_parts_of_their_own
     assert len({part.label for part in casting.parts}) == 3
     assert casting.parts[-2].label.endswith("-palm-mute")
     assert casting.program_map[0, [28, 31]].tolist() == [len(casting.parts) - 2, len(casting.parts) - 1]
-    assert all(not part.articulations for part in cast({(0, 28): 1}, Choice("tanpura")).parts)
+    assert all(not part.articulations for part in cast({(0, 28): 1}, Choice("tanpura-light")).parts)
 
 
 def test_a_part_plays_the_first_of_its_articulations_that_the_preset_has() -> None:
@@ -137,7 +137,7 @@ def test_velocities_still_choose_where_keys_do_not() -> None:
 def test_a_song_is_lowered_by_what_its_channels_are_louder_together() -> None:
     song = song_of(make_events([]), 44100, 1.0)
     for channels, expected in ((1, 0.0), (2, 3.0), (8, 9.0), (16, 12.0)):
-        casting = cast({(channel, 0): 1 for channel in range(channels)}, Choice("tanpura", {9: "tanpura"}))
+        casting = cast({(channel, 0): 1 for channel in range(channels)}, Choice("tanpura-light", {9: "tanpura-light"}))
         assert headroom_db(song, casting) == expected
         assert headroom_db(replace(song, take=True, headroom_db=4.5), casting) == 4.5
     assert headroom_db(song, cast({(9, 0): 3}, Choice())) == 0.0
@@ -182,7 +182,7 @@ def test_live_a_part_that_keys_do_not_switch_is_not_shared_with_one_that_they_do
 
 
 def test_in_a_song_low_notes_switch_nothing_of_what_a_program_chose() -> None:
-    casting = cast({(0, 0): 1, (1, 0): 1}, Choice(by_channel={1: "tanpura"}))
+    casting = cast({(0, 0): 1, (1, 0): 1}, Choice(by_channel={1: "tanpura-light"}))
     assert [part.switching for part in casting.parts] == [False, True]
     assert all(part.switching for part in cast({(0, 0): 1}, Choice(switching=True)).parts)
     song = song_of(make_events([]), 44100, 1.0)

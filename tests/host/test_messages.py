@@ -146,26 +146,26 @@ def test_rendering_to_an_array_is_what_the_command_writes(tmp_path) -> None:
     file.save(tmp_path / "song.mid")
     more = {"quality": "draft", "tail": 0.1}
     out = str(tmp_path / "out.wav")
-    render_file(RenderSettings(str(tmp_path / "song.mid"), out, "tanpura", bit_depth="float", **more))
+    render_file(RenderSettings(str(tmp_path / "song.mid"), out, "tanpura-light", bit_depth="float", **more))
     written = soundfile.read(out, dtype="float32")[0]
     assert written.any()
-    done = synth.render(file, "tanpura", stems=True, **more)
+    done = synth.render(file, "tanpura-light", stems=True, **more)
     assert np.array_equal(done.samples.astype(np.float32), written)
-    assert list(done.stems) == ["ch01-tanpura", "ch02-tanpura"] and done.report.notes == 2
+    assert list(done.stems) == ["ch01-tanpura-light", "ch02-tanpura-light"] and done.report.notes == 2
     assert repr(done).startswith(f"<Sound: {len(written) / 44100:.2f} s at 44100 Hz, peak ")
     assert (done.report.clipped_samples, done.report.stems_lowered_db, done.report.output) == (0, 0.0, None)
-    by_object = synth.render(str(tmp_path / "song.mid"), channels={1: synth.load_preset("tanpura"), 2: "none"}, **more)
+    by_object = synth.render(str(tmp_path / "song.mid"), channels={1: synth.load_preset("tanpura-light"), 2: "none"}, **more)
     assert by_object.report.left_out == {2: 1} and by_object.report.notes == 1
-    louder = synth.render(file, "tanpura", normalize_dbfs=-1.0, stems=True, **more)
+    louder = synth.render(file, "tanpura-light", normalize_dbfs=-1.0, stems=True, **more)
     assert np.abs(louder.samples).max() == pytest.approx(10 ** (-1 / 20), rel=1e-12)
     with pytest.raises(TypeError, match="no setting 'qualty'"):
         synth.render(file, qualty="draft")
     for channel in (0, 17):
         with pytest.raises(ValueError, match=f"channels must be 1 to 16, got {channel}"):
-            synth.render(file, channels={channel: "tanpura"})
+            synth.render(file, channels={channel: "tanpura-light"})
     with pytest.raises(TypeError, match="no setting 'output'"):
         synth.render(file, output="x.wav")
-    assert synth.render(file, channels={16: "tanpura"}, preset="none", end_s=0.01, **more).samples.any() is np.False_
+    assert synth.render(file, channels={16: "tanpura-light"}, preset="none", end_s=0.01, **more).samples.any() is np.False_
 
 
 #: what mido 1.3 makes of files that our own reader reads, or refuses with the place: an error, or what is wrong

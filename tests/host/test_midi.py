@@ -286,7 +286,7 @@ def test_zones_are_the_engines() -> None:
     from synth.instrument.preset import load_preset
     from synth.midi.events import make_events
 
-    engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{43}])
+    engine = Engine([load_preset("tanpura-light")], quality="draft", only_notes=[{43}])
     engine.prepare(44100.0, 64)
     zones = Zones(False)
     rng = np.random.default_rng(4)

@@ -35,21 +35,21 @@ def test_by_default_basses_are_basses_and_percussion_is_left_out() -> None:
 
 
 def test_a_preset_for_all_leaves_percussion_out_still() -> None:
-    casting = cast({(0, 0): 1, (0, 33): 1, (9, 0): 1}, Choice("tanpura"))
-    assert [part.label for part in casting.parts] == ["ch01-tanpura"]
+    casting = cast({(0, 0): 1, (0, 33): 1, (9, 0): 1}, Choice("tanpura-light"))
+    assert [part.label for part in casting.parts] == ["ch01-tanpura-light"]
     assert casting.parts[0].notes == 2
     assert casting.left_out == {9: 1}
 
 
 def test_the_map_goes_before_all_else() -> None:
-    by_channel = parse_channel_map(["1=none, 10=my/own.toml", "3=tanpura"])
-    assert by_channel == {0: "none", 9: "my/own.toml", 2: "tanpura"}
+    by_channel = parse_channel_map(["1=none, 10=my/own.toml", "3=tanpura-light"])
+    assert by_channel == {0: "none", 9: "my/own.toml", 2: "tanpura-light"}
     casting = cast({(0, 0): 1, (2, 33): 1, (9, 0): 2, (4, 0): 1}, Choice("fretted-bass", by_channel))
-    assert [part.label for part in casting.parts] == ["ch03-tanpura", "ch05-fretted-bass", "ch10-own"]
+    assert [part.label for part in casting.parts] == ["ch03-tanpura-light", "ch05-fretted-bass", "ch10-own"]
     assert casting.left_out == {0: 1}
 
 
-@pytest.mark.parametrize("text", ["tanpura", "1=", "=tanpura", "one=tanpura", "0=tanpura", "17=x", "1=a,,2=b", "-1=a"])
+@pytest.mark.parametrize("text", ["tanpura-light", "1=", "=tanpura", "one=tanpura", "0=tanpura", "17=x", "1=a,,2=b", "-1=a"])
 def test_maps_that_are_none(text: str) -> None:
     with pytest.raises(ValueError, match="--map"):
         parse_channel_map([text])
@@ -80,21 +80,21 @@ def test_live_every_channel_has_a_part_and_shares_it() -> None:
     expected[:, 32:40] = 1
     expected[9] = -1
     assert np.array_equal(casting.program_map, expected) and casting.left_out == {}
-    one = cast_live(Choice("tanpura"), only_channel=3)
-    assert [(part.channel, part.preset) for part in one.parts] == [(3, "tanpura")]
+    one = cast_live(Choice("tanpura-light"), only_channel=3)
+    assert [(part.channel, part.preset) for part in one.parts] == [(3, "tanpura-light")]
     assert (one.program_map[3] == 0).all() and (np.delete(one.program_map, 3, axis=0) == -1).all()
     with pytest.raises(ValueError, match="no channel has a preset"):
         cast_live(Choice(by_channel={channel: "none" for channel in range(16)}))
 
 
 def test_live_beside_a_song_its_parts_come_first() -> None:
-    song = cast({(1, 0): 5, (2, 0): 4, (9, 0): 3}, Choice("tanpura", {2: "jawari-harp"}))
-    casting = cast_live(Choice("jawari-harp", {1: "tanpura", 3: "tanpura"}), song=song)
+    song = cast({(1, 0): 5, (2, 0): 4, (9, 0): 3}, Choice("tanpura-light", {2: "jawari-harp"}))
+    casting = cast_live(Choice("jawari-harp", {1: "tanpura-light", 3: "tanpura-light"}), song=song)
     assert casting.parts == song.parts and casting.left_out == {9: 3}
     # of a song's channel the other programs go to a part of its own channel, of others to the first that fits
     assert [casting.program_map[channel, 7] for channel in (1, 2, 3, 4, 9)] == [0, 1, 0, 1, -1]
-    both = cast({(1, 0): 5, (2, 0): 4}, Choice("tanpura"))
-    assert cast_live(Choice("tanpura"), song=both).program_map[[0, 1, 2], 7].tolist() == [0, 0, 1]
+    both = cast({(1, 0): 5, (2, 0): 4}, Choice("tanpura-light"))
+    assert cast_live(Choice("tanpura-light"), song=both).program_map[[0, 1, 2], 7].tolist() == [0, 0, 1]
     assert (song.program_map >= 0).sum() == 2  # the song's own is as it was
 
 
@@ -112,36 +112,36 @@ def test_rows_of_notes_that_found_no_string() -> None:
 
 
 def test_presets_are_set_by_name_or_all_together() -> None:
-    names = ["tanpura", "jawari-harp", "tanpura"]
-    loaded = load_presets(names, [(None, "pluck.position", "0.2"), ("tanpura", "pluck.position", "0.3")])
-    assert list(loaded) == ["tanpura", "jawari-harp"]
+    names = ["tanpura-light", "jawari-harp", "tanpura-light"]
+    loaded = load_presets(names, [(None, "pluck.position", "0.2"), ("tanpura-light", "pluck.position", "0.3")])
+    assert list(loaded) == ["tanpura-light", "jawari-harp"]
     assert [preset.pluck.position for preset in loaded.values()] == [0.3, 0.2]
     with pytest.raises(
-        ValueError, match=r"--set tampura:x: no part plays 'tampura'.*tanpura.*the parts play tanpura, jawari"
+        ValueError, match=r"--set tampura:x: no part plays 'tampura'.*tanpura.*the parts play tanpura-light, jawari"
     ):
         load_presets(names, [("tampura", "x", "1")])
     with pytest.raises(ValueError, match="the parts play nothing"):
-        load_presets([], [("tanpura", "x", "1")])
-    own = load_preset("tanpura").with_setting("pluck.position", "0.4")
+        load_presets([], [("tanpura-light", "x", "1")])
+    own = load_preset("tanpura-light").with_setting("pluck.position", "0.4")
     assert load_presets(["mine"], [], {"mine": own}) == {"mine": own}
 
 
 def test_what_was_changed_is_named_where_it_does_not_fit() -> None:
-    settings = [("tanpura", "string.0.length_m", "0.02"), ("jawari-harp", "pluck.position", "0.2")]
-    with pytest.raises(ValueError, match=r"^tanpura with string\.0\.length_m=0\.02: string\.0\.youngs_modulus_gpa: "):
-        load_presets(["tanpura", "jawari-harp"], settings)
+    settings = [("tanpura-light", "string.0.length_m", "0.02"), ("jawari-harp", "pluck.position", "0.2")]
+    with pytest.raises(ValueError, match=r"^tanpura-light with string\.0\.length_m=0\.02: string\.0\.youngs_modulus_gpa: "):
+        load_presets(["tanpura-light", "jawari-harp"], settings)
 
 
 def test_files_that_are_read() -> None:
-    read = files_read(["tanpura", None, "none", "nowhere.toml"], midi="a.mid", tuning=None)
+    read = files_read(["tanpura-light", None, "none", "nowhere.toml"], midi="a.mid", tuning=None)
     assert [(each.what, str(each.path)) for each in read] == [
         ("midi", "a.mid"),
-        ("preset", str(preset_folder() / "tanpura.toml")),
+        ("preset", str(preset_folder() / "tanpura-light.toml")),
     ]
 
 
 def test_parameters_of_a_file_that_are_not_there_are_not_played() -> None:
-    casting = cast({(0, 0): 1, (2, 33): 1}, Choice("tanpura", {2: "none"}))
+    casting = cast({(0, 0): 1, (2, 33): 1}, Choice("tanpura-light", {2: "none"}))
     rows = [
         (0, NOTE_ON, 0, 60, 100, 0.0),
         (0, PARAMETER, 0, N_PARAMETERS - 1, 0, 1.0),

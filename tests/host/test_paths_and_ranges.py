@@ -37,7 +37,7 @@ def test_a_path_is_taken_wherever_a_preset_is(path: Path) -> None:
     assert by_name.samples is not None and not by_name.error and by_path == by_name
     assert np.array_equal(by_note.samples, by_name.samples)
     assert synth.load_preset(path) == synth.load_preset(str(path))
-    assert Engine([path, "tanpura"]).parts == (synth.load_preset(path), synth.load_preset("tanpura"))
+    assert Engine([path, "tanpura-light"]).parts == (synth.load_preset(path), synth.load_preset("tanpura-light"))
 
 
 def test_a_path_that_is_none_is_said() -> None:

@@ -253,7 +253,9 @@ def test_controllers_zones_and_exclusive_messages_reach_the_engine(tmp_path) -> 
         notes = [(96, on(43, 100, channel=3)), (480, off(43, channel=3))]
         path.write_bytes(header() + track(*events, *notes))
         out = str(tmp_path / f"{name}.wav")
-        settings = RenderSettings(str(path), out, preset="tanpura", quality="draft", tail=0.0, bit_depth="float", **more)
+        settings = RenderSettings(
+            str(path), out, preset="tanpura-light", quality="draft", tail=0.0, bit_depth="float", **more
+        )
         report = render_file(settings)
         assert report.notes == 1 and not report.unplayed
         return soundfile.read(out)[0]
@@ -361,7 +363,7 @@ def test_stems_of_one_name_are_numbered(tmp_path, engine) -> None:
     """Two preset files of one name on one channel, in different folders."""
     for folder in "ab":
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "own.toml").write_bytes((preset_folder() / "tanpura.toml").read_bytes())
+        (tmp_path / folder / "own.toml").write_bytes((preset_folder() / "tanpura-light.toml").read_bytes())
     own = [str(tmp_path / folder / "own.toml") for folder in "ab"]
     casting = Casting((Part(0, own[0], 1), Part(0, own[1], 1)), np.full((16, 128), -1), {})
     settings = RenderSettings("song.mid", None, stems=str(tmp_path / "s"))
@@ -488,7 +490,7 @@ def test_only_what_is_rendered_is_reported(tmp_path, engine) -> None:
 def test_preparing_is_told(tmp_path, song) -> None:
     told: list[tuple[int, int]] = []
     settings = RenderSettings(
-        song, str(tmp_path / "x.wav"), preset="tanpura", quality="draft", tail=0.0, transpose={None: -12}
+        song, str(tmp_path / "x.wav"), preset="tanpura-light", quality="draft", tail=0.0, transpose={None: -12}
     )
     report = render_file(settings, preparing=lambda done, total: told.append((done, total)))
     assert report.notes == 2 and [row["unplayed"] for row in report.channels] == [0, 1]

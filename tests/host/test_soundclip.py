@@ -112,9 +112,11 @@ def test_the_file_is_the_commands(tmp_path: Path, name: str, bits: str) -> None:
     file.save(tmp_path / "song.mid")
     settings: dict = {"quality": "draft", "tail": 0.05, "seed": 7}
     render_file(
-        RenderSettings(str(tmp_path / "song.mid"), str(tmp_path / f"command-{name}"), "tanpura", bit_depth=bits, **settings)
+        RenderSettings(
+            str(tmp_path / "song.mid"), str(tmp_path / f"command-{name}"), "tanpura-light", bit_depth=bits, **settings
+        )
     )
-    synth.render(file, "tanpura", **settings).save(tmp_path / name, bit_depth=bits)
+    synth.render(file, "tanpura-light", **settings).save(tmp_path / name, bit_depth=bits)
     assert (tmp_path / name).read_bytes() == (tmp_path / f"command-{name}").read_bytes()
 
 
@@ -343,7 +345,7 @@ def test_what_is_no_phrase(notes: object, error: type, words: str) -> None:
     with pytest.raises(error, match=words):
         phrase_of(notes, 44100)
     with pytest.raises(error, match=words):
-        synth.render(notes, "tanpura")
+        synth.render(notes, "tanpura-light")
 
 
 def test_a_phrase_sounds_as_its_song() -> None:
@@ -352,16 +354,16 @@ def test_a_phrase_sounds_as_its_song() -> None:
         mido.Message("note_on", note=48, velocity=90), mido.Message("note_off", note=48, time=0.2),
         mido.Message("note_on", note=43, velocity=70), mido.Message("note_off", note=43, time=0.1),
     ]  # fmt: skip
-    phrase = synth.render((each for each in [Note(48, 90, 0.2), Note(43, 70, 0.1)]), "tanpura", **settings)
-    assert np.array_equal(phrase, synth.render(iter(song), "tanpura", **settings)) and np.abs(phrase).max() > 1e-3
-    assert synth.render([], "tanpura", **settings).report.notes == 0
+    phrase = synth.render((each for each in [Note(48, 90, 0.2), Note(43, 70, 0.1)]), "tanpura-light", **settings)
+    assert np.array_equal(phrase, synth.render(iter(song), "tanpura-light", **settings)) and np.abs(phrase).max() > 1e-3
+    assert synth.render([], "tanpura-light", **settings).report.notes == 0
 
 
 def test_a_note_alone_is_the_one_of_render_notes() -> None:
     note = Note(48, 90, 0.25)
-    alone = next(iter(synth.render_notes("tanpura", [note], quality="draft", dtype="float64"))).samples
+    alone = next(iter(synth.render_notes("tanpura-light", [note], quality="draft", dtype="float64"))).samples
     settings: dict = {"quality": "draft", "limiter": False}
-    assert np.array_equal(synth.render(note, "tanpura", end_s=0.25, **settings), alone)
+    assert np.array_equal(synth.render(note, "tanpura-light", end_s=0.25, **settings), alone)
 
 
 def test_articulations_are_heard_and_named() -> None:
@@ -375,7 +377,7 @@ def test_articulations_are_heard_and_named() -> None:
     with pytest.raises(ValueError, match="articulation 'ghost' needs a preset: give one"):
         synth.render([Note(28, articulation="ghost")])
     with pytest.raises(ValueError, match="channels apply to a song only"):
-        synth.render([Note(28)], channels={1: "tanpura"})
+        synth.render([Note(28)], channels={1: "tanpura-light"})
 
 
 def test_settings_are_those_of_the_command() -> None:

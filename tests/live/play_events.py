@@ -30,7 +30,7 @@ def _keep_busy(stop: threading.Event) -> None:
 
 def main() -> None:
     job = json.loads(sys.argv[1])
-    engine = Engine([load_preset("tanpura")], quality="draft")
+    engine = Engine([load_preset("tanpura-light")], quality="draft")
     engine.prepare(job["rate"], job["block"])
     deck = Deck(engine, record=True, ahead=job["ahead"], ahead_block=job["block"])
     output = open_output(deck, None, job["rate"], job["block"])

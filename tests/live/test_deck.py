@@ -46,19 +46,19 @@ def _engine(*names: str, **settings) -> Engine:
 
 @pytest.fixture(scope="module")
 def tanpura() -> Engine:
-    return _engine("tanpura", quality="draft")
+    return _engine("tanpura-light", quality="draft")
 
 
 @pytest.fixture(scope="module")
 def twin() -> Engine:
     """The same once more, to be played offline."""
-    return _engine("tanpura", quality="draft")
+    return _engine("tanpura-light", quality="draft")
 
 
 @pytest.fixture(scope="module")
 def mixed() -> Engine:
     program_map = np.tile(np.arange(128) % 2, (16, 1))
-    return _engine("tanpura", "fretted-bass", program_map=program_map, quality="draft")
+    return _engine("tanpura-light", "fretted-bass", program_map=program_map, quality="draft")
 
 
 def _random_events(rng: np.random.Generator, count: int, frames: int) -> np.ndarray:

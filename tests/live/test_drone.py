@@ -40,7 +40,7 @@ C3 = midi_to_hz(48)
 
 @pytest.fixture(scope="module")
 def strings() -> Strings:
-    return tuned(Pegs(load_preset("tanpura"), C3))
+    return tuned(Pegs(load_preset("tanpura-light"), C3))
 
 
 def in_pieces(drone: Drone, ends: np.ndarray) -> np.ndarray:
@@ -223,14 +223,14 @@ def test_sa_without_an_octave_is_the_nearest() -> None:
 
 def test_a_sa_that_another_tanpura_reaches_names_it() -> None:
     with pytest.raises(ValueError, match="try -p tanpura-female"):
-        Pegs(load_preset("tanpura"), midi_to_hz(56))
+        Pegs(load_preset("tanpura-light"), midi_to_hz(56))
 
 
 def test_sa_follows_a4(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """…of the preset's file, of --a4 and of --set alike."""
     options = ["drone", "--sa", "C3", "-o", "x.wav"]
     mine = tmp_path / "mine.toml"
-    mine.write_text(preset_text(load_preset("tanpura").with_setting("tuning.a4_hz", "432")))
+    mine.write_text(preset_text(load_preset("tanpura-light").with_setting("tuning.a4_hz", "432")))
     for words in (["-p", str(mine)], ["--a4", "432"], ["--set", "tuning.a4_hz=432"]):
         parsed = cli._parser().parse_args([*options, *words])
         strings = drone._strings(parsed)
@@ -246,20 +246,20 @@ def test_loudness_does_not_depend_on_the_first_string(tmp_path: Path) -> None:
     meter = pyloudnorm.Meter(RATE)
     levels = {}
     for first in (None, "Pa", "Ma", "Ni", "komal Ni", "Re"):
-        strings = tuned(Pegs(load_preset("tanpura"), C3, None if first is None else ratio_of(first)))
+        strings = tuned(Pegs(load_preset("tanpura-light"), C3, None if first is None else ratio_of(first)))
         write(strings, Cycle(human=0.0), FileSettings(str(tmp_path / "drone.wav"), 33.0, 0.0))
         levels[first] = meter.integrated_loudness(soundfile.read(tmp_path / "drone.wav")[0])
     assert max(levels.values()) - min(levels.values()) < 0.5, levels
 
 
-@pytest.mark.parametrize("command", [["render", "a.mid"], ["play"], ["drone"], ["export", "tanpura"]])
+@pytest.mark.parametrize("command", [["render", "a.mid"], ["play"], ["drone"], ["export", "tanpura-light"]])
 def test_commands_share_the_options_of_tuning(command: list[str]) -> None:
     parsed = cli._parser().parse_args([*command, "--a4", "442", "--set", "pluck.position=0.2"])
     assert parsed.settings == [(None, "tuning.a4_hz", "442.0"), (None, "pluck.position", "0.2")]
 
 
 def test_every_string_has_a_key_of_its_own_and_its_pitch() -> None:
-    pegs = Pegs(load_preset("tanpura"), 140.0, 4 / 3, 15 / 8, cents=(0, 1, 2, -3, 4))
+    pegs = Pegs(load_preset("tanpura-light"), 140.0, 4 / 3, 15 / 8, cents=(0, 1, 2, -3, 4))
     strings = tuned(pegs, 7.0)
     assert len(set(strings.keys)) == 5 and pegs.names == ("Ma", "Ni", "Sa", "Sa", "kharaj")
     wanted = np.array([70 * 4 / 3, 70 * 15 / 8, 140, 140, 70]) * 2.0 ** (np.array([0, 1, 2, -3, 4]) / 1200)
@@ -271,7 +271,7 @@ def test_every_string_has_a_key_of_its_own_and_its_pitch() -> None:
 
 
 def test_equal_temperament() -> None:
-    pegs = Pegs(load_preset("tanpura"), C3, 15 / 8, equal=True)
+    pegs = Pegs(load_preset("tanpura-light"), C3, 15 / 8, equal=True)
     assert pegs.pitches_hz[0] == pytest.approx(midi_to_hz(47), rel=1e-12)
 
 
@@ -426,7 +426,7 @@ def test_keys_change_what_comes(strings: Strings) -> None:
         (["--second", "Ni"], ("--second", "--strings 5")),
         (["--duration", "3", "--fade", "4"], ("--fade", "--duration", "got 4")),
         (["--record", "x.wav"], ("--record", "live")),
-        (["-p", "jawari-harp"], ("--preset", "tanpura")),
+        (["-p", "jawari-harp"], ("--preset", "tanpura-light")),
     ],
 )
 def test_wrong_options(options: list[str], names: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

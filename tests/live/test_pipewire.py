@@ -74,7 +74,7 @@ def playing(
     server: PipeWire, folder: Path, *arguments: str, jack: bool
 ) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
     """`synth play` with a tanpura that plays by now, and the lines that it has said; it is killed at the end."""
-    wanted = command("play", "-p", "tanpura", "--midi-in", "none", *(["--jack"] if jack else []), *arguments)
+    wanted = command("play", "-p", "tanpura-light", "--midi-in", "none", *(["--jack"] if jack else []), *arguments)
     with subprocess.Popen(
         server.jack(*wanted) if jack else wanted,
         cwd=folder,
@@ -178,7 +178,7 @@ def test_pieces_are_found_and_what_is_none_is_seen() -> None:
 def test_the_report_has_the_frames_that_the_server_asks_for(pipewire: START, tmp_path: Path, jack: bool) -> None:
     server = pipewire(quantum=1024)
     how = ["--jack"] if jack else ["--block", "512"]
-    arguments = ["play", "-p", "tanpura", "--midi-in", "none", "--no-virtual-port", "--duration", "1"]
+    arguments = ["play", "-p", "tanpura-light", "--midi-in", "none", "--no-virtual-port", "--duration", "1"]
     done = synth(server, tmp_path, *arguments, *how, "--json", jack=jack)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
@@ -231,7 +231,7 @@ def test_periods_that_pipewire_goes_without_are_counted(pipewire: START, tmp_pat
 def test_latency_is_recorded_at_the_sink(pipewire: START, tmp_path: Path, jack: bool) -> None:
     server = pipewire(quantum=1024, rate_hz=48000)
     how = ["--jack"] if jack else ["-r", "48000"]
-    done = synth(server, tmp_path, "play", "-p", "tanpura", "--measure-latency", "--json", *how, jack=True)
+    done = synth(server, tmp_path, "play", "-p", "tanpura-light", "--measure-latency", "--json", *how, jack=True)
     assert done.returncode == 0, done.stderr
     assert all(line.startswith("synth: ") for line in done.stderr.splitlines())
     told = json.loads(done.stdout)

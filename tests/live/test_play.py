@@ -277,7 +277,7 @@ def test_jack_itself_as_output(jack_server, tmp_path) -> None:
 
 @pytest.mark.parametrize("how", [[], ["--jack"]], ids=["portaudio", "jack"])
 def test_latency_is_measured_through_a_midi_port(jack_server, tmp_path, how: list[str]) -> None:
-    done = synth(jack_server(), tmp_path, "play", "-p", "tanpura", "--measure-latency", "--json", *how)
+    done = synth(jack_server(), tmp_path, "play", "-p", "tanpura-light", "--measure-latency", "--json", *how)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["path"] == "JACK MIDI port" and told["note"] == "C3" and told["plucks"] == 20
@@ -294,7 +294,7 @@ def test_latency_is_measured_through_a_midi_port(jack_server, tmp_path, how: lis
 @pytest.mark.parametrize("how", [[], ["--jack"]], ids=["portaudio", "jack"])
 def test_a_measurement_can_be_broken_off(jack_server, tmp_path, how: list[str]) -> None:
     server = jack_server()
-    running = start(server, tmp_path, "play", "-p", "tanpura", "--measure-latency", *how)
+    running = start(server, tmp_path, "play", "-p", "tanpura-light", "--measure-latency", *how)
     try:
         assert running.stderr is not None
         assert any(line.startswith("synth: measuring") for line in running.stderr)

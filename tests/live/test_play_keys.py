@@ -83,7 +83,7 @@ def test_every_key_of_play_is_listed_and_acted_upon(instrument: bool, song: bool
 
 @pytest.mark.parametrize("strings", [4, 5])
 def test_every_key_of_a_drone_is_listed_and_acted_upon(strings: int) -> None:
-    pegs = Pegs(load_preset("tanpura"), 130.8, 1.5, 1.875 if strings == 5 else None, False, ())
+    pegs = Pegs(load_preset("tanpura-light"), 130.8, 1.5, 1.875 if strings == 5 else None, False, ())
     drone = Drone(tuned(pegs, None), Cycle(), 44100.0)
     said: list[str] = []
     ended: list[bool] = []
@@ -133,7 +133,7 @@ def test_the_width_is_that_of_the_terminal_written_to(monkeypatch) -> None:
 
 
 def test_a_note_without_a_string_says_why_until_another_is_played() -> None:
-    harp, tanpura = load_preset("jawari-harp"), load_preset("tanpura")
+    harp, tanpura = load_preset("jawari-harp"), load_preset("tanpura-light")
     seen = Unplayable([harp, tanpura], frozenset({60}))
     assert seen.look(None, 40, 0.0) == ""
     counts = [Unplayed(0, 20, 1, "")]
@@ -288,7 +288,7 @@ def test_the_computer_keyboard_plays_along_and_has_its_help(at_terminal: Begin, 
 
 @pytest.mark.parametrize("wide", [40, 61])
 def test_nothing_is_wider_than_the_terminal(at_terminal: Begin, wide: int) -> None:
-    at = at_terminal("play", "-p", "tanpura", *QUIET, wide=wide)
+    at = at_terminal("play", "-p", "tanpura-light", *QUIET, wide=wide)
     at.wait_for("synth: keys:", "load")
     at.press(b"?")
     at.wait_for("c v velocity")

@@ -26,7 +26,7 @@ LEAD = 22050
 
 @pytest.fixture(scope="module")
 def engine() -> Engine:
-    made = Engine([load_preset("tanpura")], quality="draft")
+    made = Engine([load_preset("tanpura-light")], quality="draft")
     made.prepare(44100, 512)
     return made
 
@@ -99,7 +99,7 @@ def test_a_rate_that_the_server_does_not_run_at(jack_server: StartServer) -> Non
         "from synth.live.deck import Deck\n"
         "from synth.live.portaudio import devices, open_output\n"
         "print([d['host_api'] for d in devices()])\n"
-        "engine = Engine([load_preset('tanpura')], quality='draft', only_notes=[{48}])\n"
+        "engine = Engine([load_preset('tanpura-light')], quality='draft', only_notes=[{48}])\n"
         "engine.prepare(48000, 256)\n"
         "for device in (None, 'nowhere', 99):\n"
         "    try:\n"

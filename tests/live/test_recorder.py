@@ -65,7 +65,7 @@ PLAYED = [
 
 
 def test_a_take_renders_to_the_samples_that_were_recorded(tmp_path: Path) -> None:
-    engine = Engine([load_preset("tanpura")])
+    engine = Engine([load_preset("tanpura-light")])
     engine.prepare(RATE_HZ, 4096)
     deck = Deck(engine, record=True)
     card = Card(deck)
@@ -85,7 +85,7 @@ def test_a_take_renders_to_the_samples_that_were_recorded(tmp_path: Path) -> Non
     assert set(song.events["frame"][len(events) :]) == {total}
 
     again = tmp_path / "again.wav"
-    render_file(RenderSettings(str(mid), str(again), preset="tanpura", tail=0.0, bit_depth="16"))
+    render_file(RenderSettings(str(mid), str(again), preset="tanpura-light", tail=0.0, bit_depth="16"))
     recorded, _ = soundfile.read(wav, dtype="int16")
     rendered, _ = soundfile.read(again, dtype="int16")
     assert len(rendered) == total
@@ -255,7 +255,7 @@ def test_sound_that_is_lost_is_silence_and_what_follows_stands_in_its_place(tmp_
 
 def test_a_deck_whose_sound_is_not_taken_in_time(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("synth.live.recorder.DRAIN_EVERY_S", 1e6)
-    engine = Engine([load_preset("tanpura")], quality="draft", only_notes=[{48}])
+    engine = Engine([load_preset("tanpura-light")], quality="draft", only_notes=[{48}])
     engine.prepare(RATE_HZ, 4096)
     deck = Deck(engine, record=True)
     card = Card(deck)

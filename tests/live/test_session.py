@@ -41,15 +41,15 @@ def test_by_default_programs_choose_one_of_two_parts_on_every_channel_but_ten() 
 
 
 def test_one_part_per_preset_shared_by_its_channels() -> None:
-    made = parts.cast_live(parts.Choice("tanpura", {2: "mine.toml", 4: "tanpura", 5: "none", 9: "mine.toml"}))
-    assert [part.preset for part in made.parts] == ["tanpura", "mine.toml"]
+    made = parts.cast_live(parts.Choice("tanpura-light", {2: "mine.toml", 4: "tanpura-light", 5: "none", 9: "mine.toml"}))
+    assert [part.preset for part in made.parts] == ["tanpura-light", "mine.toml"]
     expected = [0, 0, 1, 0, 0, -1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0]
     assert made.program_map[:, 0].tolist() == expected
     assert (made.program_map == made.program_map[:, :1]).all()
 
 
 def test_one_channel_alone_and_none_at_all() -> None:
-    made = parts.cast_live(parts.Choice("tanpura"), only_channel=4)
+    made = parts.cast_live(parts.Choice("tanpura-light"), only_channel=4)
     assert np.flatnonzero((made.program_map >= 0).any(axis=1)).tolist() == [4]
     with pytest.raises(ValueError, match="no channel has a preset"):
         parts.cast_live(parts.Choice(None, {3: "none"}), only_channel=3)
@@ -400,7 +400,7 @@ def test_the_quickest_note_draws_shortest() -> None:
     from synth.engine.engine import Engine
     from synth.instrument.preset import load_preset
 
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     engine = Engine([preset, preset.with_setting("pluck.draw_ms", "3.0")], quality="draft")
     engine.prepare(RATE_HZ, 256)
     channel, program, note, draw_s = quickest_note(engine)

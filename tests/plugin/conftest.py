@@ -22,7 +22,7 @@ from synth.plugin.platforms import PORTABLE, TARGETS, WEB, WEB_RELAXED, Target, 
 from . import songs, vst3host
 from .native import Library
 
-PRESETS = ("tanpura", "fretted-bass", "jawari-harp")
+PRESETS = ("tanpura-light", "fretted-bass", "jawari-harp")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -175,11 +175,11 @@ def web_folders(web_library: Path, relaxed_library: Path, tmp_path_factory) -> d
     """Instruments for web pages: a tanpura, one with a drone, a tanpura with a bass as two programs, and "relaxed": one with
     both engines."""
     folder = tmp_path_factory.mktemp("web")
-    tanpura, bass = load_preset("tanpura"), load_preset("fretted-bass")
+    tanpura, bass = load_preset("tanpura-light"), load_preset("fretted-bass")
     drone = DroneSettings(sa_hz=130.8).on(tanpura)
     banks = {
-        "tanpura": ([tanpura], None),
-        "tanpura-drone": ([drone.strings.preset], drone),
+        "tanpura-light": ([tanpura], None),
+        "tanpura-light-drone": ([drone.strings.preset], drone),
         "two": ([tanpura, bass], None),
         "relaxed": ([tanpura], None),
     }

@@ -19,7 +19,7 @@ from tests.engine.kit import play
 
 RATE = 44100.0
 SETTINGS = DroneSettings(130.8, cents=(1.0, -2.0, 0.0, 0.5), cycle=Cycle(1.3, human=1.0, seed=7), beats=4)
-DRONE = SETTINGS.on(load_preset("tanpura"))
+DRONE = SETTINGS.on(load_preset("tanpura-light"))
 KEYS = DRONE.strings.keys
 OFF, ON, WITH_HOST = range(3)
 MODE, PACE, SECONDS, BEATS, VELOCITY, TONIC = range(6)
@@ -27,8 +27,8 @@ MODE, PACE, SECONDS, BEATS, VELOCITY, TONIC = range(6)
 
 def plugin_file(native: Path, folder: Path, rates: Sequence[float]) -> Path:
     """A plugin with the drone, which all formats share."""
-    path = folder / "tanpura-drone.clap"
-    data = bankfile.bank([DRONE.strings.preset], rates, name="tanpura-drone", drone=DRONE)
+    path = folder / "tanpura-light-drone.clap"
+    data = bankfile.bank([DRONE.strings.preset], rates, name="tanpura-light-drone", drone=DRONE)
     path.write_bytes(library.with_bank(native, data))
     return path
 

@@ -24,10 +24,10 @@ from synth.plugin.platforms import Target
 from .emulated import HERE, compiled, run, started
 
 RATE_HZ, FRAMES, BLOCK = 48000.0, 48000, 480
-PRESETS = ("tanpura", "fretted-bass", "sitar", "nylon-guitar")
+PRESETS = ("tanpura-light", "fretted-bass", "sitar", "nylon-guitar")
 #: keys that each of them has
 _KEYS: Mapping[str, Sequence[int]] = {
-    "tanpura": (48, 43, 55, 36),
+    "tanpura-light": (48, 43, 55, 36),
     "fretted-bass": (28, 33, 40, 45),
     "sitar": (48, 50, 55, 60),
     "nylon-guitar": (40, 52, 59, 64),

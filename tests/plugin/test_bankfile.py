@@ -32,12 +32,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def small() -> bytes:
-    return bank([load_preset("tanpura")], [44100.0])
+    return bank([load_preset("tanpura-light")], [44100.0])
 
 
 def test_tables_say_what_the_presets_say(library, bank_files):
     opened = library.open_bank(bank_files["all"])
-    names = ("tanpura", "fretted-bass", "jawari-harp")
+    names = ("tanpura-light", "fretted-bass", "jawari-harp")
     presets = [load_preset(name) for name in names]
     engine = Engine(presets)
     assert library.bank_id(opened.address) == b"collection"
@@ -68,18 +68,18 @@ def test_tables_say_what_the_presets_say(library, bank_files):
 
 
 def test_the_same_presets_give_the_same_bytes(small):
-    assert bank([load_preset("tanpura")], [44100.0]) == small
+    assert bank([load_preset("tanpura-light")], [44100.0]) == small
 
 
 def test_a_rate_that_is_not_there_is_refused_with_those_that_are(library, bank_files):
-    opened = library.open_bank(bank_files["tanpura"])
+    opened = library.open_bank(bank_files["tanpura-light"])
     for rate in (48000.0, 0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(Refused, match="44100 Hz, not for"):
             opened.engine(rate)
 
 
 def test_a_bank_stays_until_its_last_engine_has_gone(library, bank_files):
-    opened = library.open_bank(bank_files["tanpura"])
+    opened = library.open_bank(bank_files["tanpura-light"])
     engine = opened.engine()
     opened.close()
     assert np.abs(engine.play([(0, 1, 0, 48, 100)], 4000)).max() > 0.0
@@ -122,12 +122,12 @@ def test_a_library_that_was_named_from_a_folder_finds_its_bank_from_another(libr
 
 
 def test_what_a_bank_is_not_made_of_is_refused():
-    tanpura = load_preset("tanpura")
+    tanpura = load_preset("tanpura-light")
     with pytest.raises(ValueError, match="1 to 32 sample rates"):
         bank([tanpura], [])
     with pytest.raises(ValueError, match="no threads"):
         bank([tanpura], [44100.0], threads=2)
-    with pytest.raises(ValueError, match="called 'tanpura'"):
+    with pytest.raises(ValueError, match="called 'tanpura-light'"):
         bank([tanpura, tanpura], [44100.0], name="two")
     with pytest.raises(ValueError, match="in Python only"):
         bank([tanpura], [44100.0], mix_effects=[Tremor(kind="tremor", period_ms=100.0)])

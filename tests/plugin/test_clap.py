@@ -633,11 +633,11 @@ def test_latency_that_changes_with_the_rate_is_told(host: Host) -> None:
 def test_hosts_keep_automation_by_the_same_numbers_for_ever(
     library_file: Path, bank_files: dict[str, Path], tmp_path: Path
 ) -> None:
-    path = tmp_path / "tanpura.clap"
-    path.write_bytes(with_bank(library_file, bank_files["tanpura"].read_bytes()))
+    path = tmp_path / "tanpura-light.clap"
+    path.write_bytes(with_bank(library_file, bank_files["tanpura-light"].read_bytes()))
     with Host(path) as host:
         ids = {bytes(info.name).decode(): info.id for info in host.instance().params}
-    rows = {row.id: ids[row.name] for row in describe([load_preset("tanpura")]).parameters}
+    rows = {row.id: ids[row.name] for row in describe([load_preset("tanpura-light")]).parameters}
     assert (rows["output.gain"], ids["Bypass"]) == (660747175, 1573592237)
 
 

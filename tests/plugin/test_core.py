@@ -233,7 +233,7 @@ def test_blocks_change_no_sample(library, bank_files):
 
 
 def test_float_is_the_same_rounded(library, bank_files):
-    opened = library.open_bank(bank_files["tanpura"])
+    opened = library.open_bank(bank_files["tanpura-light"])
     events = make_events([(0, NOTE_ON, 0, 48, 100), (50, NOTE_ON, 0, 43, 90)])
     wide = opened.engine().play(events, 8000, 333)
     narrow = opened.engine().play(events, 8000, 512, dtype=np.float32)
@@ -307,7 +307,7 @@ def test_forged_states_are_refused_or_no_harm(library_file):
 
 
 def test_a_state_that_was_changed_is_refused_and_changes_nothing(library, bank_files):
-    opened = library.open_bank(bank_files["tanpura"])
+    opened = library.open_bank(bank_files["tanpura-light"])
     engine, twin = opened.engine(), opened.engine()
     events = make_events([(0, NOTE_ON, 0, 48, 100), (10, NOTE_ON, 0, 43, 90)])
     engine.play(events, 3000), twin.play(events, 3000)
@@ -500,7 +500,7 @@ def test_any_event_is_survived(library, bank_files):
 
 
 def test_a_flood_is_counted_and_survived(library, bank_files):
-    engine = library.open_bank(bank_files["tanpura"]).engine()
+    engine = library.open_bank(bank_files["tanpura-light"]).engine()
     flood = np.zeros(50_000, EVENT)
     flood["kind"], flood["a"], flood["b"] = NOTE_ON, 48, 100
     flood["frame"] = 255
@@ -511,7 +511,7 @@ def test_a_flood_is_counted_and_survived(library, bank_files):
 
 
 def test_frames_outside_of_the_block_are_moved_to_its_ends(library, bank_files):
-    opened = library.open_bank(bank_files["tanpura"])
+    opened = library.open_bank(bank_files["tanpura-light"])
     outside = make_events([(-500, NOTE_ON, 0, 48, 100), (9000, NOTE_ON, 0, 43, 100)])
     inside = make_events([(0, NOTE_ON, 0, 48, 100), (999, NOTE_ON, 0, 43, 100)])
     first, second = opened.engine(), opened.engine()

@@ -28,11 +28,13 @@ def test_equal_titles_are_told_apart() -> None:
 
 
 def test_hosts_know_a_plugin_by_the_same_number_for_ever() -> None:
-    assert describe([load_preset("tanpura")]).id == "tanpura"
-    assert uid_of("tanpura").hex() == "79921430b3b4ad308830d47f6e21e97a"
+    assert describe([load_preset("tanpura-light")]).id == "tanpura-light"
+    assert uid_of("tanpura-light").hex() == "79921430b3b4ad308830d47f6e21e97a"
 
 
-@pytest.mark.parametrize(("name", "thread"), [("sitar", False), ("veena", False), ("tanpura", True), ("jawari-harp", True)])
+@pytest.mark.parametrize(
+    ("name", "thread"), [("sitar", False), ("veena", False), ("tanpura-light", True), ("jawari-harp", True)]
+)
 def test_a_thread_is_offered_where_there_is_one(name: str, thread: bool) -> None:
     """Every bridge can be raised while it sounds. A sitar's gap keeps the id that its thread went by."""
     told = describe([load_preset(name)])

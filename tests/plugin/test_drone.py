@@ -355,7 +355,7 @@ def test_bypassed_it_is_silent_and_goes_on_where_it_would_be(plugin):
 
 def defaults() -> list[float]:
     """What LV2's control ports hold at first."""
-    about = describe([DRONE.strings.preset], "tanpura-drone", DRONE.parameters())
+    about = describe([DRONE.strings.preset], "tanpura-light-drone", DRONE.parameters())
     return [each.default for each in (*about.parameters, *about.setup, *about.own)]
 
 
@@ -532,22 +532,22 @@ def test_the_command_makes_one(library_file, tmp_path):
         return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
 
     strings = ("--equal", "--sa", "D3", "--first", "Ma")
-    made = export("--drone", "tanpura", *strings, "--beats", "16", "--rates", "44100", "-f", "all")
+    made = export("--drone", "tanpura-light", *strings, "--beats", "16", "--rates", "44100", "-f", "all")
     assert made.returncode == 0, made.stderr
-    there = sorted(path.name for path in tmp_path.iterdir() if path.name.startswith("tanpura"))
-    assert there == ["tanpura-drone.clap", "tanpura-drone.lv2", "tanpura-drone.vst3"]
-    with Host(tmp_path / "tanpura-drone.clap") as host, host.instance() as instance:
+    there = sorted(path.name for path in tmp_path.iterdir() if path.name.startswith("tanpura-light"))
+    assert there == ["tanpura-light-drone.clap", "tanpura-light-drone.lv2", "tanpura-light-drone.vst3"]
+    with Host(tmp_path / "tanpura-light-drone.clap") as host, host.instance() as instance:
         assert instance.value(ids(instance)[BEATS]) == 16.0
         assert instance.text(ids(instance)[MODE], 2.0) == "while the host plays"
-    assert shutil.which("lv2_validate") is None or "Found 0 errors" in validated(tmp_path / "tanpura-drone.lv2")
+    assert shutil.which("lv2_validate") is None or "Found 0 errors" in validated(tmp_path / "tanpura-light-drone.lv2")
     for wrong, told in (
         (["fretted-bass", "--drone"], "a drone needs a bridge and four strings"),
-        (["tanpura", "fretted-bass", "--drone"], "makes a plugin of one preset, got 2"),
-        (["tanpura", "--equal"], "--equal belongs to a drone"),
-        (["tanpura", "--sa", "D3"], "--sa belongs to a drone; add --drone"),
-        (["tanpura", "--drone", "--sa", "C7"], "--sa must lie between G2"),
-        (["tanpura", "--drone", "--spacing", "1,2"], "--spacing needs one number for each of the 4 strings"),
-        (["tanpura", "--drone", "--tuning", "x.scl"], "leave --tuning and --kbm out"),
+        (["tanpura-light", "fretted-bass", "--drone"], "makes a plugin of one preset, got 2"),
+        (["tanpura-light", "--equal"], "--equal belongs to a drone"),
+        (["tanpura-light", "--sa", "D3"], "--sa belongs to a drone; add --drone"),
+        (["tanpura-light", "--drone", "--sa", "C7"], "--sa must lie between G2"),
+        (["tanpura-light", "--drone", "--spacing", "1,2"], "--spacing needs one number for each of the 4 strings"),
+        (["tanpura-light", "--drone", "--tuning", "x.scl"], "leave --tuning and --kbm out"),
     ):
         said = export(*wrong, "-f", "clap", "-o", str(tmp_path / "wrong.clap"))
         assert said.returncode == 2 and told in said.stderr and "Traceback" not in said.stderr

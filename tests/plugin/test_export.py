@@ -78,27 +78,27 @@ def presets_in(plugin: Path) -> list[str]:
 
 
 def test_all_formats_are_one_library_and_what_each_wants_beside_it(export: Export) -> None:
-    told = json.loads(export("tanpura", "-f", "all", "--json", *CHEAP))
+    told = json.loads(export("tanpura-light", "-f", "all", "--json", *CHEAP))
     files = export.files()
     assert set(files) == {
-        "tanpura.clap",
-        "tanpura.vst3/Contents/x86_64-linux/tanpura.so",
-        "tanpura.lv2/tanpura.so",
-        "tanpura.lv2/manifest.ttl",
-        "tanpura.lv2/tanpura.ttl",
+        "tanpura-light.clap",
+        "tanpura-light.vst3/Contents/x86_64-linux/tanpura-light.so",
+        "tanpura-light.lv2/tanpura-light.so",
+        "tanpura-light.lv2/manifest.ttl",
+        "tanpura-light.lv2/tanpura-light.ttl",
     }
-    whole = files["tanpura.clap"]
-    assert whole.endswith(FOOT) and whole == files["tanpura.lv2/tanpura.so"]
-    assert whole == files["tanpura.vst3/Contents/x86_64-linux/tanpura.so"]
+    whole = files["tanpura-light.clap"]
+    assert whole.endswith(FOOT) and whole == files["tanpura-light.lv2/tanpura-light.so"]
+    assert whole == files["tanpura-light.vst3/Contents/x86_64-linux/tanpura-light.so"]
     assert len(whole) == told["library_bytes"]["linux-x86-64"] + told["bank_bytes"]
-    assert told["presets"] == ["tanpura"] and told["rates_hz"] == [44100] and told["bits"] == "fast"
-    assert told["paths"] == {"linux-x86-64": {kind: f"tanpura.{kind}" for kind in ("clap", "vst3", "lv2")}}
-    assert os.access(export.folder / "tanpura.clap", os.X_OK)
+    assert told["presets"] == ["tanpura-light"] and told["rates_hz"] == [44100] and told["bits"] == "fast"
+    assert told["paths"] == {"linux-x86-64": {kind: f"tanpura-light.{kind}" for kind in ("clap", "vst3", "lv2")}}
+    assert os.access(export.folder / "tanpura-light.clap", os.X_OK)
 
 
 @pytest.mark.parametrize("arguments", [["--install"], ["-f", "all"]])
 def test_all_formats_of_an_export_take_the_room_of_one(arguments: list[str], export: Export) -> None:
-    told = json.loads(export("tanpura", *arguments, "--json", *CHEAP))
+    told = json.loads(export("tanpura-light", *arguments, "--json", *CHEAP))
     files = [path for path in export.folder.rglob("*") if path.is_file()]
     held = {(about.st_dev, about.st_ino): about.st_size for about in (path.stat() for path in files)}
     one = told["library_bytes"]["linux-x86-64"] + told["bank_bytes"]
@@ -106,15 +106,18 @@ def test_all_formats_of_an_export_take_the_room_of_one(arguments: list[str], exp
 
 
 def test_another_export_of_one_format_leaves_the_others(export: Export) -> None:
-    export("tanpura", "-f", "all", *CHEAP)
+    export("tanpura-light", "-f", "all", *CHEAP)
     before = export.files()
-    for kind, name in [("clap", "tanpura.clap"), ("vst3", "tanpura.vst3/Contents/x86_64-linux/tanpura.so")]:
-        export("tanpura", "-f", kind, "--set", "pluck.position=0.31", *CHEAP)
+    for kind, name in [
+        ("clap", "tanpura-light.clap"),
+        ("vst3", "tanpura-light.vst3/Contents/x86_64-linux/tanpura-light.so"),
+    ]:
+        export("tanpura-light", "-f", kind, "--set", "pluck.position=0.31", *CHEAP)
         after = export.files()
         assert {each for each in before if after[each] != before[each]} == {name}
         before = after
-    (export.folder / "tanpura.clap").unlink()
-    assert presets_in(export.folder / "tanpura.lv2" / "tanpura.so") == ["tanpura"]
+    (export.folder / "tanpura-light.clap").unlink()
+    assert presets_in(export.folder / "tanpura-light.lv2" / "tanpura-light.so") == ["tanpura-light"]
 
 
 def test_several_presets_are_programs_of_one_plugin(export: Export, tmp_path: Path) -> None:
@@ -130,7 +133,11 @@ def test_several_presets_are_programs_of_one_plugin(export: Export, tmp_path: Pa
 
 
 def test_a_preset_of_ones_own_with_settings_replaces_what_was_there(export: Export) -> None:
-    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8").replace('name = "tanpura"', 'name = "mine"')
+    text = (
+        (preset_folder() / "tanpura-light.toml")
+        .read_text(encoding="utf-8")
+        .replace('name = "tanpura-light"', 'name = "mine"')
+    )
     (export.folder / "mine.toml").write_text(text, encoding="utf-8")
     export("mine.toml", "-o", "mine.lv2", *CHEAP)
     first = export.files()
@@ -140,7 +147,7 @@ def test_a_preset_of_ones_own_with_settings_replaces_what_was_there(export: Expo
 
 
 def test_installed_it_lies_where_hosts_look(export: Export) -> None:
-    export("tanpura", "--install", *CHEAP)
+    export("tanpura-light", "--install", *CHEAP)
     assert {name.split("/")[1] for name in export.files()} == {".clap", ".vst3", ".lv2"}
 
 
@@ -148,30 +155,30 @@ def test_installed_it_lies_where_hosts_look(export: Export) -> None:
     ("arguments", "says"),
     [
         ([], "give a preset to export, or --all"),
-        (["tanpura"], "the format of the plugin is missing: give --format"),
-        (["tanpura", "-o", "tanpura.wav"], "the format of -o is missing: give --format"),
-        (["tanpura", "--all", "-f", "clap"], "--all exports all built-in presets"),
-        (["tanpura", "--install", "-o", "x.clap"], "--install chooses the folder itself"),
-        (["tanpura", "-f", "vst3", "-o", "x.clap"], "is named as clap, but --format is vst3"),
-        (["tanpura", "-f", "all", "-o", "x.clap"], "a name without extension"),
-        (["tanpura", "-f", "clap", "--rates", "44100,many"], "--rates: must be sample rates from 8000 to 384000 Hz"),
-        (["tanpura", "-f", "clap", "--name", "My Tanpura"], "lower-case letters, digits and hyphens"),
-        (["tanpura", "-f", "clap", "-o", "nowhere/x.clap"], "there is no directory nowhere"),
+        (["tanpura-light"], "the format of the plugin is missing: give --format"),
+        (["tanpura-light", "-o", "tanpura.wav"], "the format of -o is missing: give --format"),
+        (["tanpura-light", "--all", "-f", "clap"], "--all exports all built-in presets"),
+        (["tanpura-light", "--install", "-o", "x.clap"], "--install chooses the folder itself"),
+        (["tanpura-light", "-f", "vst3", "-o", "x.clap"], "is named as clap, but --format is vst3"),
+        (["tanpura-light", "-f", "all", "-o", "x.clap"], "a name without extension"),
+        (["tanpura-light", "-f", "clap", "--rates", "44100,many"], "--rates: must be sample rates from 8000 to 384000 Hz"),
+        (["tanpura-light", "-f", "clap", "--name", "My Tanpura"], "lower-case letters, digits and hyphens"),
+        (["tanpura-light", "-f", "clap", "-o", "nowhere/x.clap"], "there is no directory nowhere"),
         (["sitarr", "-f", "clap"], "preset 'sitarr' is not one of"),
         (["broken.toml", "-f", "clap"], "broken.toml"),
         (["mine.toml", "-f", "clap", "-o", "mine.toml"], "would overwrite preset mine.toml"),
         (
-            ["tanpura", "-f", "lv2", "-o", "others"],
+            ["tanpura-light", "-f", "lv2", "-o", "others"],
             "others: holds song.mid, which does not belong to a plugin of this program",
         ),
-        (["tanpura", "-f", "vst3", "-o", "mine.toml"], "is a file, and a plugin of the format vst3 is a folder"),
-        (["tanpura", "-f", "clap", "-o", "others"], "others: is a directory"),
-        (["tanpura", "-f", "clap", "--tuning", "none.scl"], "none.scl"),
-        (["tanpura", "tanpura", "mine.toml", "-f", "clap"], "two of the presets are called 'tanpura'"),
+        (["tanpura-light", "-f", "vst3", "-o", "mine.toml"], "is a file, and a plugin of the format vst3 is a folder"),
+        (["tanpura-light", "-f", "clap", "-o", "others"], "others: is a directory"),
+        (["tanpura-light", "-f", "clap", "--tuning", "none.scl"], "none.scl"),
+        (["tanpura-light", "tanpura-light", "mine.toml", "-f", "clap"], "two of the presets are called 'tanpura-light'"),
     ],
 )
 def test_what_cannot_be_is_refused_and_nothing_is_written(export: Export, arguments: list[str], says: str) -> None:
-    text = (preset_folder() / "tanpura.toml").read_text(encoding="utf-8")
+    text = (preset_folder() / "tanpura-light.toml").read_text(encoding="utf-8")
     (export.folder / "mine.toml").write_text(text, encoding="utf-8")
     (export.folder / "broken.toml").write_text("format = 2\nname = ", encoding="utf-8")
     (export.folder / "others").mkdir()
@@ -183,7 +190,7 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(export: Export, argume
 
 @pytest.mark.parametrize("kind", ["clap", "lv2"])
 def test_a_disk_that_is_full_leaves_what_was_there(export: Export, kind: str) -> None:
-    export("tanpura", "-o", f"t.{kind}", *CHEAP)
+    export("tanpura-light", "-o", f"t.{kind}", *CHEAP)
     before = export.files()
     said = export(
         "fretted-bass",
@@ -211,10 +218,10 @@ def test_interrupted_it_leaves_what_was_there(export: Export) -> None:
 
 def test_names_of_any_letters(export: Export) -> None:
     odd = "ṭāṇpūrā 弦"
-    export("tanpura", "-o", f"{odd}.vst3", *CHEAP)
+    export("tanpura-light", "-o", f"{odd}.vst3", *CHEAP)
     assert set(export.files()) == {f"{odd}.vst3/Contents/x86_64-linux/{odd}.so"}
-    export("tanpura", "-o", f"{odd}.lv2", *CHEAP)
-    assert {f"{odd}.lv2/{name}" for name in ("manifest.ttl", "tanpura.ttl", "tanpura.so")} < set(export.files())
+    export("tanpura-light", "-o", f"{odd}.lv2", *CHEAP)
+    assert {f"{odd}.lv2/{name}" for name in ("manifest.ttl", "tanpura-light.ttl", "tanpura-light.so")} < set(export.files())
 
 
 def test_where_plugins_are_not_made_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -110,7 +110,7 @@ for path in sys.argv[1:]:
     plugin.lv2_descriptor.restype = ctypes.c_void_p
     print(ctypes.c_char_p.from_address(plugin.lv2_descriptor(0)).value.decode())
 """
-    names = ("tanpura", "jawari-harp")
+    names = ("tanpura-light", "jawari-harp")
     for name in names:
         whole = native_library.with_bank(library_file, bank_files[name].read_bytes())
         (tmp_path / name).write_bytes(whole)
@@ -165,7 +165,7 @@ def test_both_levels_sound_the_same_but_for_rounding(library, library_file, bank
         "-c",
         textwrap.dedent(_PLAY),
         str(library_file),
-        str(bank_files["tanpura"]),
+        str(bank_files["tanpura-light"]),
         str(tmp_path / "x.npy"),
     ]
     done = subprocess.run(
@@ -173,7 +173,7 @@ def test_both_levels_sound_the_same_but_for_rounding(library, library_file, bank
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == min(level, library.processor(None).decode())
-    here = library.open_bank(bank_files["tanpura"]).engine().play([(0, 1, 0, 48, 100), (99, 1, 0, 43, 100)], 20000)
+    here = library.open_bank(bank_files["tanpura-light"]).engine().play([(0, 1, 0, 48, 100), (99, 1, 0, 43, 100)], 20000)
     assert np.linalg.norm(np.load(tmp_path / "x.npy") - here) < 1e-3 * np.linalg.norm(here)
     assert np.abs(here).max() > 0.01
 
@@ -183,7 +183,7 @@ def test_an_older_processor_is_refused_in_a_sentence(library_file, bank_files, t
         sys.executable,
         "-c",
         textwrap.dedent(_PLAY),
-        *map(str, (library_file, bank_files["tanpura"], tmp_path / "x.npy")),
+        *map(str, (library_file, bank_files["tanpura-light"], tmp_path / "x.npy")),
     ]
     done = subprocess.run(script, cwd=ROOT, env=os.environ | {"JAWARI_LEVEL": "x86-64-v2"}, capture_output=True, text=True)
     assert done.returncode == 1

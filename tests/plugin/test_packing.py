@@ -22,7 +22,7 @@ from synth.plugin.library import SOURCES, compiler
 from synth.plugin.packed_models import MODEL, NUMBERS, STRING, STRING_INTEGERS, TABLES, Models, models_of
 
 #: a bridge, frets with modes in float32, a body that strings share, a board, no contact at all
-PRESETS = ("tanpura", "fretted-bass", "steel-guitar", "flatwound-fretless", "harpsichord")
+PRESETS = ("tanpura-light", "fretted-bass", "steel-guitar", "flatwound-fretless", "harpsichord")
 UNPACKING = ("bank_predict.c", "bank_unpack.c", "checksum.c", "system_linux.c")
 
 
@@ -64,7 +64,7 @@ def test_a_packed_bank_is_the_bank_again_in_c_and_in_python(native, name):
 
 
 def test_a_bank_of_several_presets_and_rates(native):
-    presets = [load_preset("tanpura"), load_preset("fretted-bass")]
+    presets = [load_preset("tanpura-light"), load_preset("fretted-bass")]
     data, laid = laid_out(presets, [48000.0, 96000.0], quality="draft")
     assert data == bank(presets, [48000.0, 96000.0], quality="draft")
     assert [each.engine.rate_hz for each in laid] == [48000.0, 96000.0]
@@ -73,7 +73,7 @@ def test_a_bank_of_several_presets_and_rates(native):
 
 
 def test_models_that_say_nothing_true_cost_room_and_nothing_else(native):
-    data, _, models = made("tanpura")
+    data, _, models = made("tanpura-light")
     wrong = models._replace(strings=models.strings * 1.1, places=models.places[::-1] * 0.5)
     packed = packed_bank.pack(data, wrong)
     assert c_unpacked(native, packed) == packed_bank.unpack(packed) == data
@@ -89,7 +89,7 @@ def test_a_packed_bank_is_small(name):
 
 
 def test_a_drone_of_a_bank_for_pages_strays_as_in_the_bank_to_a_part_in_thousands():
-    drone = DroneSettings(sa_hz=130.8).on(load_preset("tanpura"))
+    drone = DroneSettings(sa_hz=130.8).on(load_preset("tanpura-light"))
     data, laid = laid_out([drone.strings.preset], [48000.0], name="drone", drone=drone, quality="draft")
     whole = packed_bank.unpack(packed_bank.for_pages(data, laid))
     header = np.frombuffer(data, HEADER, 1)[0]
@@ -159,7 +159,7 @@ def test_a_levelled_bank_plays(library, tmp_path):
     ],
 )
 def test_a_changed_one_is_refused(native, change, why):
-    data, _, models = made("tanpura")
+    data, _, models = made("tanpura-light")
     assert why in c_unpacked(native, change(packed_bank.pack(data, models)))
 
 
@@ -186,7 +186,7 @@ def test_what_would_take_long_for_its_few_bytes_is_refused(native, monkeypatch, 
 
 
 def test_python_refuses_a_changed_one():
-    data, _, models = made("tanpura")
+    data, _, models = made("tanpura-light")
     packed = packed_bank.pack(data, models)
     with pytest.raises(ValueError, match="no packed bank"):
         packed_bank.unpack(b"JAWARIBK" + packed[8:])
@@ -196,7 +196,7 @@ def test_python_refuses_a_changed_one():
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is needed, for its sanitizers")
 def test_no_bytes_make_it_read_or_write_elsewhere(tmp_path):
-    data, _, models = made("tanpura")
+    data, _, models = made("tanpura-light")
     (tmp_path / "packed").write_bytes(packed_bank.pack(data, models))
     program = tmp_path / "fuzz"
     sources = [str(Path(__file__).with_name("unpackfuzz.c")), *(str(SOURCES / name) for name in UNPACKING)]

@@ -451,7 +451,7 @@ def test_where_the_export_says_python_is(clap: Path, cache: Path, monkeypatch: p
 
 
 def test_presets_of_the_program(library_file: Path, tmp_path: Path, with_python: Path) -> None:
-    tanpura = load_preset("tanpura")
+    tanpura = load_preset("tanpura-light")
     clap = plugin_file(library_file, tmp_path, [tanpura], (RATE,))
     with Host(clap) as host:
         made = playing(host)

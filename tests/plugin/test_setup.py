@@ -14,7 +14,7 @@ from synth.plugin.setup import set_up, setup_of
 from tests.engine.kit import BRIDGE, FREE, NECK
 
 IDS = {
-    "tanpura": "tuning.a4 string.length string.gauge string.losses obstacle.jiva obstacle.distance",
+    "tanpura-light": "tuning.a4 string.length string.gauge string.losses obstacle.jiva obstacle.distance",
     "jawari-harp": "tuning.a4 string.lengths string.gauge string.losses obstacle.jivas obstacle.ratio",
     "fretted-bass": "tuning.a4 string.length string.gauge string.losses obstacle.raised output.position output.distance",
 }
@@ -51,7 +51,7 @@ def test_a_number_changes_what_it_is_called_by(name: str) -> None:
 
 def test_a_thicker_wire_is_tighter_by_the_square() -> None:
     """T = µ (2 L f)²: µ goes with the area, at the same pitch and length."""
-    for name in ("tanpura", "fretted-bass", "jawari-harp"):
+    for name in ("tanpura-light", "fretted-bass", "jawari-harp"):
         plain, thick = (load_preset(name), set_up(load_preset(name), {"string.gauge": 1.5}))
         for a, b in zip(plain.string, thick.string, strict=True):
             note = a.notes[0]
@@ -76,7 +76,7 @@ def test_fret_heights_are_raised_together() -> None:
 )
 def test_what_cannot_be_is_refused(values: dict[str, float], told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        set_up(load_preset("tanpura"), values)
+        set_up(load_preset("tanpura-light"), values)
 
 
 def test_what_the_preset_refuses_is_told_with_the_number() -> None:

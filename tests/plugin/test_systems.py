@@ -327,11 +327,11 @@ def test_a_bank_of_bytes_plays_as_one_of_a_file(library, bank_files):
 )
 def test_damaged_bytes_are_refused_with_a_reason(library, bank_files, damage, why):
     with pytest.raises(Refused, match=f"memory holds no bank that can be played: .*{why}"):
-        Bytes(damage(bank_files["tanpura"].read_bytes())).open(library)
+        Bytes(damage(bank_files["tanpura-light"].read_bytes())).open(library)
 
 
 def test_damaged_sound_in_bytes_is_refused_where_it_is_to_be_played(library, bank_files):
-    data = bytearray(bank_files["tanpura"].read_bytes())
+    data = bytearray(bank_files["tanpura-light"].read_bytes())
     data[-1] ^= 1
     kept = Bytes(bytes(data))
     bank = kept.open(library)
@@ -342,6 +342,6 @@ def test_damaged_sound_in_bytes_is_refused_where_it_is_to_be_played(library, ban
 
 def test_bytes_beside_a_border_are_refused(library, bank_files):
     with pytest.raises(Refused, match="no bytes on a border of 64 were given"):
-        Bytes(bank_files["tanpura"].read_bytes(), beside=8).open(library)
+        Bytes(bank_files["tanpura-light"].read_bytes(), beside=8).open(library)
     with pytest.raises(Refused, match="no bytes on a border of 64 were given"):
         library.told(library.open_bytes, None, 0)

@@ -88,7 +88,7 @@ class Here:
     def __call__(self, *arguments: str, code: int = 0) -> str:
         """Standard output; with another exit code than 0 the one line on standard error."""
         try:
-            ended = main(["export", "tanpura", *arguments])
+            ended = main(["export", "tanpura-light", *arguments])
         except SystemExit as end:
             ended = int(end.code or 0)
         said = self._capsys.readouterr()
@@ -128,15 +128,23 @@ def linked(here, natives, monkeypatch) -> Here:
 
 def holds(target: str) -> set[str]:
     """The files of a tanpura in all formats."""
-    texts = {"tanpura.lv2/manifest.ttl", "tanpura.lv2/tanpura.ttl"}
+    texts = {"tanpura-light.lv2/manifest.ttl", "tanpura-light.lv2/tanpura-light.ttl"}
     if target in MACS:
-        bundled = ("Info.plist", "PkgInfo", "MacOS/tanpura", "Resources/bank.jawari", "_CodeSignature/CodeResources")
-        beside = {"tanpura.lv2/tanpura.dylib", "tanpura.lv2/bank.jawari"}
-        return texts | beside | {f"tanpura.{kind}/Contents/{each}" for kind in ("clap", "vst3") for each in bundled}
+        bundled = ("Info.plist", "PkgInfo", "MacOS/tanpura-light", "Resources/bank.jawari", "_CodeSignature/CodeResources")
+        beside = {"tanpura-light.lv2/tanpura-light.dylib", "tanpura-light.lv2/bank.jawari"}
+        return texts | beside | {f"tanpura-light.{kind}/Contents/{each}" for kind in ("clap", "vst3") for each in bundled}
     if target == "windows-x86-64":
-        return texts | {"tanpura.clap", "tanpura.vst3/Contents/x86_64-win/tanpura.vst3", "tanpura.lv2/tanpura.dll"}
+        return texts | {
+            "tanpura-light.clap",
+            "tanpura-light.vst3/Contents/x86_64-win/tanpura-light.vst3",
+            "tanpura-light.lv2/tanpura-light.dll",
+        }
     folder = {"linux-x86-64": "x86_64-linux", "linux-arm64": "aarch64-linux"}[target]
-    return texts | {"tanpura.clap", f"tanpura.vst3/Contents/{folder}/tanpura.so", "tanpura.lv2/tanpura.so"}
+    return texts | {
+        "tanpura-light.clap",
+        f"tanpura-light.vst3/Contents/{folder}/tanpura-light.so",
+        "tanpura-light.lv2/tanpura-light.so",
+    }
 
 
 # --- what lies where ------------------------------------------------------------------------------------------------------
@@ -148,10 +156,10 @@ def test_each_system_finds_its_files(linked: Here, target: str) -> None:
     told = json.loads(linked("-f", "all", "--target", target, "--json"))
     files = linked.files()
     assert set(files) == holds(target)
-    assert told["paths"] == {target: {kind: f"tanpura.{kind}" for kind in bundle.FORMATS}}
+    assert told["paths"] == {target: {kind: f"tanpura-light.{kind}" for kind in bundle.FORMATS}}
     assert told["bank_bytes"] == len(BANK) and told["library_bytes"].keys() == {target}
-    (named,) = re.findall(r"lv2:binary <([^>]+)>", files["tanpura.lv2/manifest.ttl"].decode())
-    assert f"tanpura.lv2/{named}" in files
+    (named,) = re.findall(r"lv2:binary <([^>]+)>", files["tanpura-light.lv2/manifest.ttl"].decode())
+    assert f"tanpura-light.lv2/{named}" in files
     for path in linked.folder.rglob("*"):
         code = path.suffix in (".so", ".dll", ".dylib", ".clap") or path.parent.name in ("MacOS", "x86_64-win")
         if path.is_file():
@@ -208,20 +216,20 @@ def test_names_of_any_letters_on_macos(linked: Here) -> None:
 @pytest.mark.parametrize("kind", ["clap", "vst3"])
 def test_a_bundle_says_what_it_is(linked: Here, kind: str) -> None:
     linked("-f", kind, "--target", "macos-arm64")
-    contents = linked.folder / f"tanpura.{kind}" / "Contents"
+    contents = linked.folder / f"tanpura-light.{kind}" / "Contents"
     about = plistlib.loads((contents / "Info.plist").read_bytes())
     wanted = {
         "CFBundlePackageType": "BNDL",
         "CFBundleSignature": "????",
-        "CFBundleExecutable": "tanpura",
-        "CFBundleIdentifier": "org.jawari.tanpura",
+        "CFBundleExecutable": "tanpura-light",
+        "CFBundleIdentifier": "org.jawari.tanpura-light",
         "CFBundleShortVersionString": synth.__version__,
         "CFBundleVersion": synth.__version__,
         "LSMinimumSystemVersion": "11.0",
         "NSHighResolutionCapable": True,
     }
     assert wanted.items() <= about.items()
-    assert about["CFBundleName"] == load_preset("tanpura").title
+    assert about["CFBundleName"] == load_preset("tanpura-light").title
     assert (contents / "PkgInfo").read_bytes() == b"BNDL????"
     assert (contents / "MacOS" / about["CFBundleExecutable"]).is_file()
 
@@ -274,7 +282,7 @@ def check_signature(data: bytes, binary: Any, special: dict[int, bytes]) -> None
     assert of["codeLimit"] == begin and of["nCodeSlots"] == -(-begin // 4096)
     assert (of["execSegBase"], of["execSegLimit"]) == (text.file_offset, text.file_size)
     ident = blob[of["identOffset"] :].split(b"\0")[0]
-    assert ident == b"org.jawari.tanpura" and of["identOffset"] == 88
+    assert ident == b"org.jawari.tanpura-light" and of["identOffset"] == 88
     assert of["hashOffset"] == 88 + len(ident) + 1 + 32 * of["nSpecialSlots"]
     assert of["hashOffset"] + 32 * of["nCodeSlots"] == len(blob)
     sealed = special | {2: blobs[2]}
@@ -302,7 +310,11 @@ def test_signatures_hold(linked: Here, natives: dict[str, Path], target: str) ->
     linked("-f", "all", "--target", target)
     before = lief.MachO.parse(list(natives[target].read_bytes())).at(0)
     for kind in bundle.FORMATS:
-        path = linked.folder / f"tanpura.{kind}" / ("tanpura.dylib" if kind == "lv2" else "Contents/MacOS/tanpura")
+        path = (
+            linked.folder
+            / f"tanpura-light.{kind}"
+            / ("tanpura-light.dylib" if kind == "lv2" else "Contents/MacOS/tanpura-light")
+        )
         data = path.read_bytes()
         binary = lief.MachO.parse(list(data)).at(0)
         assert lief.MachO.check_layout(binary) == (True, "")
@@ -349,7 +361,7 @@ def check_seal(contents: Path, seal: dict[str, Any]) -> None:
         if path.is_dir() or name == "_CodeSignature/CodeResources":
             continue
         rule = rule_of(name, seal["rules2"])
-        if rule.get("omit") or name == "MacOS/tanpura":  # which bears the signature
+        if rule.get("omit") or name == "MacOS/tanpura-light":  # which bears the signature
             assert name not in seal["files2"]
             continue
         assert not rule.get("nested") and seal["files2"][name] == {"hash2": hashlib.sha256(path.read_bytes()).digest()}
@@ -367,12 +379,12 @@ def test_others_sign_the_same(linked: Here, natives: dict[str, Path], target: st
 
     linked("-f", "clap", "--target", target)
     bare, theirs = linked.folder / "bare.clap", linked.folder / "theirs.clap"
-    shutil.copytree(linked.folder / "tanpura.clap", bare)
+    shutil.copytree(linked.folder / "tanpura-light.clap", bare)
     shutil.rmtree(bare / "Contents" / "_CodeSignature")
-    shutil.copy(natives[target], bare / "Contents" / "MacOS" / "tanpura")
+    shutil.copy(natives[target], bare / "Contents" / "MacOS" / "tanpura-light")
     signing.sign(bare, theirs)
     read, seals = [], []
-    for path in (linked.folder / "tanpura.clap", theirs):
+    for path in (linked.folder / "tanpura-light.clap", theirs):
         (found,) = reading.find_entities(reading.read_signature(path), "mach_o")
         about = found["signature"]["code_directory"]
         sealed = [each for each in about.pop("slot_digests") if not each.startswith("Resources")]  # of another layout
@@ -459,10 +471,10 @@ def check_library(native: Path, target: Target, folder: Path) -> None:
         assert asked == {"/usr/lib/libSystem.B.dylib"}
     else:
         assert target == host() or platform(native.read_bytes()) == "manylinux_2_17_aarch64"
-    description = describe([load_preset("tanpura")])
+    description = describe([load_preset("tanpura-light")])
     plugins = bundle.Plugins(native, BANK, description, target)
     for kind in bundle.FORMATS:
-        path = plugins.write(kind, folder / f"tanpura.{kind}")
+        path = plugins.write(kind, folder / f"tanpura-light.{kind}")
         assert read_back(path, target.name) == (entries, asked)
         if system == "macos":
             contents = path.parents[1]

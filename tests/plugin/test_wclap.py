@@ -32,7 +32,7 @@ BLOCKS = (256, 1, 33, 512, 1000, 64)
 @pytest.fixture(scope="module")
 def bank() -> bytes:
     """As the command makes it."""
-    return bankfile.bank([load_preset("tanpura")], [RATE_HZ], quality="draft", note_hz=None)
+    return bankfile.bank([load_preset("tanpura-light")], [RATE_HZ], quality="draft", note_hz=None)
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +42,9 @@ def archive(wclap_library: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(shelf, "web_library", lambda kind, say: wclap_library)
         patch.chdir(folder)
-        assert main(["export", "tanpura", "-f", "wclap", "--rates", "48000", "--quality", "draft"]) == 0
+        assert main(["export", "tanpura-light", "-f", "wclap", "--rates", "48000", "--quality", "draft"]) == 0
     (path,) = folder.iterdir()
-    assert path.name == "tanpura.wclap.tar.gz"
+    assert path.name == "tanpura-light.wclap.tar.gz"
     return path
 
 
@@ -56,7 +56,7 @@ def host(archive: Path) -> WclapHost:
 @pytest.fixture(scope="module")
 def native(portable_library: Path, bank: bytes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same plugin for this machine."""
-    path = tmp_path_factory.mktemp("clap") / "tanpura.clap"
+    path = tmp_path_factory.mktemp("clap") / "tanpura-light.clap"
     path.write_bytes(library.with_bank(portable_library, bank))
     return path
 

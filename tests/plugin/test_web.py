@@ -40,18 +40,18 @@ class Addresses(HTMLParser):
 
 
 def test_the_folder_holds_a_page_its_parts_and_the_page_in_one_file(tmp_path: Path) -> None:
-    folder = written(tmp_path, "tanpura")
+    folder = written(tmp_path, "tanpura-light")
     names = {path.name for path in folder.iterdir()}
-    assert names == {"index.html", "tanpura.html", "jawari.css", "jawari.wasm", "tanpura.jawari", *PROGRAMS}
+    assert names == {"index.html", "tanpura-light.html", "jawari.css", "jawari.wasm", "tanpura-light.jawari", *PROGRAMS}
     assert (folder / "jawari.wasm").read_bytes() == WASM
-    assert (folder / "tanpura.jawari").read_bytes() == BANK
+    assert (folder / "tanpura-light.jawari").read_bytes() == BANK
     page = (folder / "index.html").read_text()
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     assert f"<title>{preset.title}</title>" in page and preset.description.split(",")[0] in page
 
 
 def test_nothing_is_asked_of_another_host(tmp_path: Path) -> None:
-    folder = written(tmp_path, "tanpura")
+    folder = written(tmp_path, "tanpura-light")
     asked = Addresses((folder / "index.html").read_text()).found
     assert {each for each in asked if not each.startswith("data:")} <= {path.name for path in folder.iterdir()}
     texts = {path.name: path.read_text() for path in folder.iterdir() if path.suffix in (".html", ".js", ".css")}
@@ -60,7 +60,7 @@ def test_nothing_is_asked_of_another_host(tmp_path: Path) -> None:
 
 
 def test_one_file_holds_engine_and_bank(tmp_path: Path) -> None:
-    text = (written(tmp_path, "tanpura") / "tanpura.html").read_text()
+    text = (written(tmp_path, "tanpura-light") / "tanpura-light.html").read_text()
     for name, whole in (("wasm", WASM), ("bank", BANK)):
         found = re.search(rf'id="{name}">([\w+/=]+)</script>', text)
         assert found and gzip.decompress(base64.b64decode(found[1])) == whole
@@ -69,14 +69,14 @@ def test_one_file_holds_engine_and_bank(tmp_path: Path) -> None:
 
 def test_what_is_large_is_not_written_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(webfolder, "SINGLE_BYTES", len(WASM))
-    folder = written(tmp_path, "tanpura")
-    assert not (folder / "tanpura.html").exists()
+    folder = written(tmp_path, "tanpura-light")
+    assert not (folder / "tanpura-light.html").exists()
     page = (folder / "index.html").read_text()
-    assert "tanpura.html" not in page and "python3 -m http.server" in page
+    assert "tanpura-light.html" not in page and "python3 -m http.server" in page
 
 
 def test_titles_are_texts_of_the_page(tmp_path: Path) -> None:
-    preset = load_preset("tanpura")
+    preset = load_preset("tanpura-light")
     odd: Preset = preset.model_copy(update={"title": "<b>Four & a half</b> $head", "description": 'a "line" </p>'})
     webfolder.write(tmp_path / "it", WASM, BANK, describe([odd]))
     page = (tmp_path / "it" / "index.html").read_text()
@@ -85,27 +85,27 @@ def test_titles_are_texts_of_the_page(tmp_path: Path) -> None:
 
 
 def test_several_presets_have_a_name_together(tmp_path: Path) -> None:
-    folder = written(tmp_path, "tanpura", "sitar", name="indian")
+    folder = written(tmp_path, "tanpura-light", "sitar", name="indian")
     page = (folder / "index.html").read_text()
-    assert "<title>indian</title>" in page and "Tanpura, Sitar" in page and (folder / "indian.jawari").exists()
+    assert "<title>indian</title>" in page and "Tanpura, light, Sitar" in page and (folder / "indian.jawari").exists()
 
 
 def test_a_preset_that_is_called_index_keeps_its_page(tmp_path: Path) -> None:
-    folder = written(tmp_path, "tanpura", name="index")
+    folder = written(tmp_path, "tanpura-light", name="index")
     assert "module" in (folder / "index.html").read_text() and (folder / "index-alone.html").exists()
 
 
 def test_it_is_written_over_its_like(tmp_path: Path) -> None:
     written(tmp_path, "sitar")
-    folder = written(tmp_path, "tanpura")
-    assert not (folder / "sitar.jawari").exists() and (folder / "tanpura.jawari").exists()
+    folder = written(tmp_path, "tanpura-light")
+    assert not (folder / "sitar.jawari").exists() and (folder / "tanpura-light.jawari").exists()
 
 
 def test_a_page_of_ones_own_beside_it_is_not_written_over(tmp_path: Path) -> None:
-    folder = written(tmp_path, "tanpura")
+    folder = written(tmp_path, "tanpura-light")
     (folder / "about.html").write_text("mine")
     with pytest.raises(FileExistsError, match=r"holds about\.html, which does not belong"):
-        written(tmp_path, "tanpura")
+        written(tmp_path, "tanpura-light")
     assert (folder / "about.html").read_text() == "mine"
 
 
@@ -115,23 +115,23 @@ def test_a_folder_that_holds_something_else_is_refused_and_stays(name: str, tmp_
     other.parent.mkdir(parents=True)
     other.write_text("mine")
     with pytest.raises(FileExistsError, match="does not belong to an instrument for web pages"):
-        written(tmp_path, "tanpura")
+        written(tmp_path, "tanpura-light")
     assert other.read_text() == "mine" and len(list((tmp_path / "it").rglob("*.jawari"))) == 0
 
 
 def test_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
     (tmp_path / "it").write_text("mine")
     with pytest.raises(FileExistsError, match="is a folder"):
-        written(tmp_path, "tanpura")
+        written(tmp_path, "tanpura-light")
     with pytest.raises(OSError, match="no"):
-        written(tmp_path / "nowhere", "tanpura")
+        written(tmp_path / "nowhere", "tanpura-light")
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_programs_are_javascript(name: str, tmp_path: Path) -> None:
     if shutil.which("node") is None:
         pytest.skip("node is not installed")
-    program = (written(tmp_path, "tanpura") / name).read_text()
+    program = (written(tmp_path, "tanpura-light") / name).read_text()
     assert not re.search(r"^import ", program, re.MULTILINE)
     module = tmp_path / "program.mjs"
     module.write_text(program)
@@ -173,10 +173,10 @@ def test_the_programs_read_a_bank_as_it_is_laid_out() -> None:
 def test_the_command_writes_it_and_says_how_to_see_it(web_library, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(shelf, "web_library", lambda *_: web_library)
     monkeypatch.chdir(tmp_path)
-    assert main(["export", "tanpura", "-f", "web", "--quality", "draft"]) == 0
+    assert main(["export", "tanpura-light", "-f", "web", "--quality", "draft"]) == 0
     out = capsys.readouterr().out
-    assert "48 kHz" in out and "python3 -m http.server --directory tanpura-web" in out
-    bank = packed_bank.unpack((tmp_path / "tanpura-web" / "tanpura.jawari").read_bytes())
+    assert "48 kHz" in out and "python3 -m http.server --directory tanpura-light-web" in out
+    bank = packed_bank.unpack((tmp_path / "tanpura-web" / "tanpura-light.jawari").read_bytes())
     assert bank.startswith(b"JAWARIBK")
 
 
@@ -192,7 +192,7 @@ def test_the_command_writes_it_and_says_how_to_see_it(web_library, tmp_path, mon
     ],
 )
 def test_what_the_web_cannot_have_is_refused(arguments: list[str], why: str, capsys) -> None:
-    assert main(["export", "tanpura", "-f", *arguments]) == 2
+    assert main(["export", "tanpura-light", "-f", *arguments]) == 2
     assert why in capsys.readouterr().err
 
 
@@ -200,5 +200,5 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_made(tmp_p
     monkeypatch.delattr(shelf, "web_library")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("mine")
-    assert main(["export", "tanpura", "-f", "web", "-o", str(tmp_path / "mine")]) == 2
+    assert main(["export", "tanpura-light", "-f", "web", "-o", str(tmp_path / "mine")]) == 2
     assert "notes.txt" in capsys.readouterr().err

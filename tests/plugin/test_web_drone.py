@@ -46,7 +46,7 @@ console.log(JSON.stringify(events));
 
 @pytest.fixture(scope="module")
 def drone():
-    return DroneSettings(sa_hz=130.8).on(load_preset("tanpura"))
+    return DroneSettings(sa_hz=130.8).on(load_preset("tanpura-light"))
 
 
 @pytest.fixture(scope="module")

@@ -56,7 +56,7 @@ def test_it_sounds_under_the_mouse(firefox: Firefox, web_folders: dict[str, Path
 
 @pytest.mark.slow
 def test_the_one_file_plays_from_a_disk(firefox: Firefox, web_folders: dict[str, Path]) -> None:
-    address = (web_folders["tanpura"] / "tanpura.html").as_uri()
+    address = (web_folders["tanpura-light"] / "tanpura-light.html").as_uri()
     assert come(firefox, f"{address}?measure") == "ready", firefox.script(SAID)
     press(firefox, 48)
     sounds(firefox)
@@ -65,9 +65,9 @@ def test_the_one_file_plays_from_a_disk(firefox: Firefox, web_folders: dict[str,
 
 @pytest.mark.slow
 def test_a_damaged_bank_is_refused_with_a_reason(firefox: Firefox, web_folders: dict[str, Path], tmp_path: Path) -> None:
-    for path in web_folders["tanpura"].iterdir():
+    for path in web_folders["tanpura-light"].iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    bank = tmp_path / "tanpura.jawari"
+    bank = tmp_path / "tanpura-light.jawari"
     bank.write_bytes(bank.read_bytes()[:5000])
     with served(tmp_path) as address:
         assert come(firefox, address) == "failed"

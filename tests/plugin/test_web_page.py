@@ -44,7 +44,7 @@ def driver() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def address(web_folders: dict[str, Path]) -> Iterator[str]:
-    with served(web_folders["tanpura"].parent) as address:
+    with served(web_folders["tanpura-light"].parent) as address:
         yield address
 
 
@@ -89,7 +89,18 @@ def test_the_page_that_the_command_writes_opens_its_bank(
     page: InstrumentPage, web_library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(shelf, "web_library", lambda *_: web_library)
-    command = ["export", "tanpura", "--drone", "--quality", "draft", "-f", "web", "-o", str(tmp_path / "it"), "--quiet"]
+    command = [
+        "export",
+        "tanpura-light",
+        "--drone",
+        "--quality",
+        "draft",
+        "-f",
+        "web",
+        "-o",
+        str(tmp_path / "it"),
+        "--quiet",
+    ]
     assert main(command) == 0
     with served(tmp_path) as address:
         page.play_on(f"{address}it/")
@@ -194,7 +205,7 @@ def test_a_program_is_chosen(page: InstrumentPage, address: str) -> None:
     page.play_on(f"{address}two/")
     choice = page.inside(".program")
     names = [each.text for each in choice.find_elements("tag name", "option")]
-    assert names[0] == "Tanpura" and len(names) == 2
+    assert names[0] == "Tanpura, light" and len(names) == 2
     choice.find_elements("tag name", "option")[1].click()
     page.until(lambda: [each["a"] for each in page.sent(PROGRAM)] == [1])
     page.hand().move_to_element(page.key(41)).click().perform()  # which the tanpura does not have
@@ -230,7 +241,7 @@ def test_volume_is_how_loud_it_is_heard(tanpura: InstrumentPage) -> None:
 
 
 def test_a_drone_plays_by_itself_until_it_is_stopped(page: InstrumentPage, address: str) -> None:
-    page.play_on(f"{address}tanpura-drone/")
+    page.play_on(f"{address}tanpura-light-drone/")
     page.set_slider("drone/seconds", 0)
     button = page.inside(".drone-play")
     button.click()
@@ -261,8 +272,8 @@ def test_blocks_are_measured_where_that_is_asked_for(tanpura: InstrumentPage) ->
 
 
 def test_engine_and_bank_may_be_compressed(page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path) -> None:
-    shutil.copytree(web_folders["tanpura"], tmp_path / "it")
-    for name in ("jawari.wasm", "tanpura.jawari"):
+    shutil.copytree(web_folders["tanpura-light"], tmp_path / "it")
+    for name in ("jawari.wasm", "tanpura-light.jawari"):
         path = tmp_path / "it" / name
         path.write_bytes(gzip.compress(path.read_bytes()))
     with served(tmp_path) as address:
@@ -284,7 +295,7 @@ def heavy_above(folder: Path, load: float) -> None:
 def test_what_needs_much_of_the_processor_is_computed_farther_ahead_and_says_so(
     page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path
 ) -> None:
-    shutil.copytree(web_folders["tanpura-drone"], tmp_path / "it")
+    shutil.copytree(web_folders["tanpura-light-drone"], tmp_path / "it")
     heavy_above(tmp_path / "it", -1)
     with served(tmp_path) as address:
         page.play_on(f"{address}it/")
@@ -297,7 +308,7 @@ def test_what_needs_much_of_the_processor_is_computed_farther_ahead_and_says_so(
 
 
 def test_others_have_the_browser_s_least_latency(page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path) -> None:
-    shutil.copytree(web_folders["tanpura"], tmp_path / "it")
+    shutil.copytree(web_folders["tanpura-light"], tmp_path / "it")
     heavy_above(tmp_path / "it", 1e9)
     with served(tmp_path) as address:
         page.play_on(f"{address}it/")
@@ -341,7 +352,7 @@ const place = document.createElement("div");
 document.body.append(place);
 const here = (name) => new URL(name, document.baseURI).href;
 const [wasm, worklet, style] = ["jawari.wasm", "jawari-worklet.js", "jawari.css"].map(here);
-const other = mountInstrument(place, { wasm, worklet, style, bank: here("tanpura.jawari") });
+const other = mountInstrument(place, { wasm, worklet, style, bank: here("tanpura-light.jawari") });
 const told = other.ready.then(() => "ready", (error) => error.message);
 """
 
@@ -392,9 +403,9 @@ def damaged(folder: Path, copy: Path, name: str, at: float | None) -> None:
 @pytest.mark.parametrize(
     ("name", "at", "why"),
     [
-        ("tanpura.jawari", 0.0, "it does not begin like one"),
-        ("tanpura.jawari", 0.9, "was changed|damaged|checksum"),
-        ("tanpura.jawari", None, "the instrument's bank does not come.*404"),
+        ("tanpura-light.jawari", 0.0, "it does not begin like one"),
+        ("tanpura-light.jawari", 0.9, "was changed|damaged|checksum"),
+        ("tanpura-light.jawari", None, "the instrument's bank does not come.*404"),
         ("jawari.wasm", 0.0, "the engine \\(WebAssembly\\) cannot be loaded"),
         ("jawari.wasm", None, "the engine does not come.*404"),
         ("jawari-worklet.js", None, "the program of the audio thread does not come"),
@@ -403,7 +414,7 @@ def damaged(folder: Path, copy: Path, name: str, at: float | None) -> None:
 def test_what_is_damaged_or_missing_is_named(
     name: str, at: float | None, why: str, page: InstrumentPage, web_folders: dict[str, Path], tmp_path: Path
 ) -> None:
-    damaged(web_folders["tanpura"], tmp_path / "it", name, at)
+    damaged(web_folders["tanpura-light"], tmp_path / "it", name, at)
     with served(tmp_path) as address:
         page.open(f"{address}it/")
         assert page.state() == "failed"
@@ -413,7 +424,7 @@ def test_what_is_damaged_or_missing_is_named(
 
 
 def test_the_one_file_plays_from_a_disk(page: InstrumentPage, web_folders: dict[str, Path]) -> None:
-    page.play_on((web_folders["tanpura"] / "tanpura.html").as_uri())
+    page.play_on((web_folders["tanpura-light"] / "tanpura-light.html").as_uri())
     page.until(lambda: page.script("return instrument.root.adoptedStyleSheets[0].cssRules.length > 10"))
     page.hand().move_to_element(page.key(SA)).click().perform()
     sounds(page)
@@ -421,9 +432,9 @@ def test_the_one_file_plays_from_a_disk(page: InstrumentPage, web_folders: dict[
 
 
 def test_the_page_from_a_disk_says_what_to_do(page: InstrumentPage, web_folders: dict[str, Path]) -> None:
-    page.driver.get((web_folders["tanpura"] / "index.html").as_uri())
+    page.driver.get((web_folders["tanpura-light"] / "index.html").as_uri())
     said = page.text(".first-aid")
-    assert "python3 -m http.server" in said and "tanpura.html" in said
+    assert "python3 -m http.server" in said and "tanpura-light.html" in said
     page.driver.get_log("browser")
 
 
@@ -433,7 +444,7 @@ def test_an_engine_that_ends_is_named(tanpura: InstrumentPage) -> None:
 
 
 @pytest.mark.parametrize("width", [390, 820, 1440])
-@pytest.mark.parametrize("name", ["tanpura-drone", "two"])
+@pytest.mark.parametrize("name", ["tanpura-light-drone", "two"])
 def test_it_fits_a_telephone_a_tablet_and_a_screen(name: str, width: int, page: InstrumentPage, address: str) -> None:
     touch = width < 1000
     command = page.driver.execute_cdp_cmd
@@ -455,7 +466,7 @@ def test_it_fits_a_telephone_a_tablet_and_a_screen(name: str, width: int, page: 
 
 
 def test_every_control_has_a_name(page: InstrumentPage, address: str) -> None:
-    page.play_on(f"{address}tanpura-drone/")
+    page.play_on(f"{address}tanpura-light-drone/")
     for each in page.script("return [...instrument.root.querySelectorAll('button, input, select')]"):
         if each.is_displayed():
             assert each.accessible_name, each.get_attribute("outerHTML")

@@ -1,7 +1,7 @@
 """A host for CLAPs as WebAssembly, in wasmtime: what it gives a plugin lies in the module's memory, and its functions in the
 module's table.
 
-    host = WclapHost(Path("tanpura.wclap.tar.gz"))
+    host = WclapHost(Path("tanpura-light.wclap.tar.gz"))
     plugin = host.instance()
     plugin.activate(48000.0)
     out = plugin.process([abi.note_on(0, 60, 0.8)], 256)

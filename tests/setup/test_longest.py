@@ -16,7 +16,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def tanpura() -> Preset:
-    return load_preset("tanpura")
+    return load_preset("tanpura-light")
 
 
 def test_a_thread_that_lifts_the_string_off_does_not_buzz(tanpura: Preset) -> None:

@@ -123,7 +123,7 @@ def test_a_setup_table_has_an_action_for_each_side() -> None:
 
 def test_an_instrument_without_a_neck_is_refused() -> None:
     with pytest.raises(PresetError, match='ask for "longest buzz"'):
-        adjustments(load_preset("tanpura"))
+        adjustments(load_preset("tanpura-light"))
 
 
 def test_bounds_hold_what_is_there_now() -> None:

@@ -141,7 +141,7 @@ def test_the_longest_buzz_of_a_bridge(
     monkeypatch.setattr(longest, "SECONDS", 1.0)
     monkeypatch.setattr(longest, "PARTS", (1.0,))
     monkeypatch.setattr(longest, "JIVA_UM", (3.0, 20.0, 60.0))
-    words = ["setup", "tanpura", "--want", "longest buzz at soft", "--string", "Sa 1", "-o", "mine.toml"]
+    words = ["setup", "tanpura-light", "--want", "longest buzz at soft", "--string", "Sa 1", "-o", "mine.toml"]
     assert main(words) == 0
     out = capsys.readouterr().out
     assert "Sa 1: thread 3 → " in out or ("Sa 1, Sa 2: thread 3 → " in out and "--set obstacle.jiva_um=" in out)
@@ -165,7 +165,10 @@ def test_the_longest_buzz_of_a_bridge(
         (["fretted-bass", "--want", "no buzz at medium", "-o", "map.csv"], "a set-up (--want) is written as .toml"),
         (["fretted-bass", "--want", "quiet please"], "must begin with a wish"),
         (["fretted-bass", "--want", "longest buzz at medium"], "obstacle.kind must be bridge for a long buzz, got frets"),
-        (["tanpura", "--want", "no buzz at medium"], "obstacle.kind must be frets or board to set an action, got bridge"),
+        (
+            ["tanpura-light", "--want", "no buzz at medium"],
+            "must be frets or board to set an action, got bridge",
+        ),
         (["fretted-bass", "--want", "no buzz at medium", "--frets", "0-5"], "--frets is for a map"),
         (["fretted-bass", "--want", "no buzz at medium", "--stroke", "hard"], "--stroke is for a map"),
         (["fretted-bass", "--want", "no buzz at medium, except frets 0-30 may buzz"], "lets every note buzz"),

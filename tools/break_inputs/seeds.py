@@ -105,7 +105,7 @@ def recordings() -> tuple[bytes, ...]:
 @cache
 def engine() -> Engine:
     """A tanpura that can be asked for two notes."""
-    made = Engine([load_preset("tanpura")], quality="draft", only_notes=[{43, 48}])
+    made = Engine([load_preset("tanpura-light")], quality="draft", only_notes=[{43, 48}])
     made.prepare(44100.0, 256)
     return made
 

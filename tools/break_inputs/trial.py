@@ -69,16 +69,16 @@ def _asked(kind: str, folder: Path, data: bytes) -> list[list[str]]:
     brief = ["--quality", "draft", "--end", "0.3", "--tail", "0", "-o", str(folder / "out.wav")]
     match kind:
         case "midi":
-            return [["render", str(folder / "in.mid"), "-p", "tanpura", *brief]]
+            return [["render", str(folder / "in.mid"), "-p", "tanpura-light", *brief]]
         case "preset":
             mine = str(folder / "in.toml")
             return [["presets", "check", mine], ["plan", mine, "48"], ["render", str(song), "-p", mine, *brief]]
         case "scale":
-            return [["render", str(song), "-p", "tanpura", "--tuning", str(folder / "in.scl"), *brief]]
+            return [["render", str(song), "-p", "tanpura-light", "--tuning", str(folder / "in.scl"), *brief]]
         case "keyboard":
             scale = folder / "whole.scl"
             tunings = ["--tuning", str(scale), "--kbm", str(folder / "in.kbm")]
-            return [["render", str(song), "-p", "tanpura", *tunings, *brief]]
+            return [["render", str(song), "-p", "tanpura-light", *tunings, *brief]]
         case "case":
             return [["simulate", str(folder / "in.toml"), "-o", str(folder / "out.npz"), *_short(data)]]
         case "audio":
@@ -88,7 +88,7 @@ def _asked(kind: str, folder: Path, data: bytes) -> list[list[str]]:
             return [
                 [
                     "simulate",
-                    "tanpura",
+                    "tanpura-light",
                     "--from",
                     str(folder / "in.npz"),
                     "-o",

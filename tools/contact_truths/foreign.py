@@ -21,9 +21,9 @@ def two_points(seed: int) -> Misleading:
     the end, and what is known of its edge. The forward model makes it, on a finer grid than the fit's: presets space points
     evenly."""
     rng = np.random.default_rng(seed)
-    model = ContactModel.of_preset(load_preset("tanpura"), 0)
+    model = ContactModel.of_preset(load_preset("tanpura-light"), 0)
     grid, length = model.grid(_STEPS, RATE_HZ), model.string.length_m
-    truth = drawn(seed, "tanpura", string=0)
+    truth = drawn(seed, "tanpura-light", string=0)
     distance = rng.uniform(5e-3, 14e-3)
     height = rng.uniform(0.05, 0.4) * distance * truth.amplitude_m / ((1.0 - truth.position) * length)
     place = rng.uniform(0.3, 0.8)
@@ -32,4 +32,4 @@ def two_points(seed: int) -> Misleading:
     stroke = Stroke(height, distance, truth.position, truth.amplitude_m, truth.draw_s, inner=inner)
     x = soxr.resample(model.sound(stroke, grid, _SECONDS).frames, grid.rate_hz, RATE_HZ)
     recording = noisy(np.concatenate([np.zeros(round(_SILENCE_S * RATE_HZ)), x - x.mean()]), truth.snr_db, seed)
-    return recording, "tanpura", 0, truth
+    return recording, "tanpura-light", 0, truth

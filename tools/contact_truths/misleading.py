@@ -23,7 +23,7 @@ Misleading = tuple[np.ndarray, str, int, Truth | None]
 
 
 def _plain(seed: int, **fixed: object) -> Truth:
-    return drawn(seed, "tanpura", string=0, **fixed)
+    return drawn(seed, "tanpura-light", string=0, **fixed)
 
 
 def _of(preset: Preset, truth: Truth, velocity: int = 127) -> np.ndarray:
@@ -34,15 +34,15 @@ def _of(preset: Preset, truth: Truth, velocity: int = 127) -> np.ndarray:
 
 def _two_notes(seed: int) -> Misleading:
     one, other = sound(_plain(seed)), sound(replace(_plain(seed + 1), string=1))
-    return one + other, "tanpura", 0, None
+    return one + other, "tanpura-light", 0, None
 
 
 def _octave(seed: int) -> Misleading:
-    return sound(replace(_plain(seed), string=3)), "tanpura", 1, None
+    return sound(replace(_plain(seed), string=3)), "tanpura-light", 1, None
 
 
 def _other_string(seed: int) -> Misleading:
-    return sound(replace(_plain(seed), string=1)), "tanpura", 0, None
+    return sound(replace(_plain(seed), string=1)), "tanpura-light", 0, None
 
 
 def _other_length(seed: int) -> Misleading:
@@ -50,13 +50,13 @@ def _other_length(seed: int) -> Misleading:
     truth = _plain(seed)
     preset = preset_of(truth)
     table = preset.string[0].model_copy(update={"length_m": 0.5, "diameter_mm": 0.5})
-    return _of(preset.model_copy(update={"string": (table,)}), truth), "tanpura", 0, None
+    return _of(preset.model_copy(update={"string": (table,)}), truth), "tanpura-light", 0, None
 
 
 def _kind(kind: str) -> Callable[[int], Misleading]:
     def made(seed: int) -> Misleading:
         truth = _plain(seed, kind=kind, heard=0.009)
-        return sound(truth), "tanpura", 0, truth
+        return sound(truth), "tanpura-light", 0, truth
 
     return made
 
@@ -69,7 +69,7 @@ def _room(seconds: float) -> Callable[[int], Misleading]:
         answer = rng.standard_normal(t.size) * 10.0 ** (-3.0 * t / seconds)
         answer[0] = 3.0 * np.sqrt(float(np.sum(answer**2))) * 0.2
         wet = fftconvolve(sound(truth), answer)[: round((3.0 + LEAD_S) * RATE_HZ)]
-        return wet / np.abs(wet).max() * 0.5, "tanpura", 0, truth
+        return wet / np.abs(wet).max() * 0.5, "tanpura-light", 0, truth
 
     return made
 
@@ -77,20 +77,20 @@ def _room(seconds: float) -> Callable[[int], Misleading]:
 def _soft(seed: int) -> Misleading:
     truth = _plain(seed)
     layer = Layer(stiffness_n_mm=5.0, thickness_um=300.0, resistance_n_s_m=2.0)
-    return _of(preset_of(truth, {"layer": layer}), truth), "tanpura", 0, None
+    return _of(preset_of(truth, {"layer": layer}), truth), "tanpura-light", 0, None
 
 
 def _curved(seed: int) -> Misleading:
     """The string rests on its edge alone, which has fallen by d²/2R: that is the point which is heard."""
     truth, radius_m = _plain(seed), 3.0
     edge = replace(truth, height_m=truth.height_m + 0.5 * truth.distance_m**2 / radius_m)
-    return _of(preset_of(truth, {"points": 5, "radius_mm": 1e3 * radius_m}), truth), "tanpura", 0, edge
+    return _of(preset_of(truth, {"points": 5, "radius_mm": 1e3 * radius_m}), truth), "tanpura-light", 0, edge
 
 
 def _frets(seed: int) -> Misleading:
     truth = _plain(seed)
     low = FretsObstacle(kind="frets", count=20, action_12th_mm=0.6, relief_mm=0.1, nut_height_mm=0.2)
-    return _of(preset_of(truth).model_copy(update={"obstacle": low}), truth), "tanpura", 0, None
+    return _of(preset_of(truth).model_copy(update={"obstacle": low}), truth), "tanpura-light", 0, None
 
 
 def _single(seed: int) -> Misleading:
@@ -100,7 +100,7 @@ def _single(seed: int) -> Misleading:
 
 def _free(height: float) -> Callable[[int], Misleading]:
     def made(seed: int) -> Misleading:
-        return sound(_plain(seed, height_m=height)), "tanpura", 0, None
+        return sound(_plain(seed, height_m=height)), "tanpura-light", 0, None
 
     return made
 
@@ -108,12 +108,12 @@ def _free(height: float) -> Callable[[int], Misleading]:
 def _far(seed: int) -> Misleading:
     """Plucked beyond the middle, by a preset on which the nut is the bridge's end: a longer way round."""
     truth = _plain(seed, position=0.02)
-    return sound(truth), "tanpura", 0, truth
+    return sound(truth), "tanpura-light", 0, truth
 
 
 def _noise(seed: int) -> Misleading:
     truth = _plain(seed, snr_db=3.0)
-    return sound(truth), "tanpura", 0, truth
+    return sound(truth), "tanpura-light", 0, truth
 
 
 def _slid(seed: int) -> Misleading:
@@ -121,7 +121,7 @@ def _slid(seed: int) -> Misleading:
     preset = preset_of(truth)
     return (
         _of(preset.model_copy(update={"pluck": preset.pluck.model_copy(update={"slip_ms": 3.0})}), truth),
-        "tanpura",
+        "tanpura-light",
         0,
         truth,
     )
@@ -132,7 +132,7 @@ def _wide(seed: int) -> Misleading:
     preset = preset_of(truth)
     return (
         _of(preset.model_copy(update={"pluck": preset.pluck.model_copy(update={"width_mm": 45.0})}), truth),
-        "tanpura",
+        "tanpura-light",
         0,
         truth,
     )
@@ -144,19 +144,19 @@ def _compressed(seed: int) -> Misleading:
     x = sound(truth)
     level = np.sqrt(fftconvolve(x**2, np.ones(2205) / 2205.0)[: x.size]) + 1e-3
     y = x * level**-0.7
-    return y / np.abs(y).max() * 0.5, "tanpura", 0, truth
+    return y / np.abs(y).max() * 0.5, "tanpura-light", 0, truth
 
 
 def _clipped(seed: int) -> Misleading:
     x = sound(_plain(seed))
-    return np.clip(x, -0.15, 0.15), "tanpura", 0, None
+    return np.clip(x, -0.15, 0.15), "tanpura-light", 0, None
 
 
 def _overdriven(drive: float) -> Callable[[int], Misleading]:
     def made(seed: int) -> Misleading:
         truth = _plain(seed)
         x = sound(truth)
-        return 0.6 * np.tanh(drive * x / np.abs(x).max()), "tanpura", 0, truth
+        return 0.6 * np.tanh(drive * x / np.abs(x).max()), "tanpura-light", 0, truth
 
     return made
 
@@ -171,7 +171,7 @@ def _coded(kbits: float) -> Callable[[int], Misleading]:
         file = io.BytesIO()
         soundfile.write(file, sound(truth), RATE_HZ, **kind)
         file.seek(0)
-        return soundfile.read(file)[0], "tanpura", 0, truth
+        return soundfile.read(file)[0], "tanpura-light", 0, truth
 
     return made
 
@@ -179,14 +179,14 @@ def _coded(kbits: float) -> Callable[[int], Misleading]:
 def _two_points(seed: int) -> Misleading:
     """A second point, as high, half as far as the edge."""
     truth = _plain(seed, height_m=6e-6, amplitude_m=3e-3, distance_m=14e-3)
-    return _of(preset_of(truth, {"points": 2, "radius_mm": 1e5}), truth), "tanpura", 0, truth
+    return _of(preset_of(truth, {"points": 2, "radius_mm": 1e5}), truth), "tanpura-light", 0, truth
 
 
 def _bass(seed: int) -> Misleading:
     preset = load_preset("fretted-bass")
     (made,) = render_notes(preset, [Note(43, 100, 3.0)], quality="standard", dtype="float64")
     assert made.samples is not None
-    return noisy(made.samples[:, 0], 40.0, seed), "tanpura", 0, None
+    return noisy(made.samples[:, 0], 40.0, seed), "tanpura-light", 0, None
 
 
 #: by name

@@ -62,7 +62,7 @@ def length_m(preset: str, string: int) -> float:
 def drawn(seed: int, family: str, **fixed: Any) -> Truth:
     """A tanpura's or a sitar's note at random."""
     rng = np.random.default_rng(seed)
-    tanpura = family == "tanpura"
+    tanpura = family == "tanpura-light"
     string = int(rng.choice([0, 1, 3] if tanpura else [0, 1, 2]))
     position = rng.uniform(0.1, 0.5) if tanpura else rng.uniform(0.06, 0.3)
     distance = rng.uniform(3e-3, 12e-3) if tanpura else rng.uniform(5e-3, 14e-3)

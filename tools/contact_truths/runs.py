@@ -45,13 +45,13 @@ class Job(NamedTuple):
 def _main() -> list[Job]:
     return [
         Job(f"main {family} {seed}", "main", drawn(seed, family))
-        for family, first in (("tanpura", 8000), ("sitar", 8100))
+        for family, first in (("tanpura-light", 8000), ("sitar", 8100))
         for seed in range(first, first + 20)
     ]
 
 
 def _calibration() -> list[Job]:
-    return [Job(f"calibration {seed}", "calibration", drawn(seed, "tanpura")) for seed in range(3100, 3112)] + [
+    return [Job(f"calibration {seed}", "calibration", drawn(seed, "tanpura-light")) for seed in range(3100, 3112)] + [
         Job(f"calibration sitar {seed}", "calibration", drawn(seed, "sitar")) for seed in range(3100, 3104)
     ]
 
@@ -64,7 +64,7 @@ def _nuisance() -> list[Job]:
         ("losses × 0.7", {"losses": 0.7}),
     ]
     return [
-        Job(f"nuisance {name} {seed}", "nuisance", drawn(seed, "tanpura", **fixed), name)
+        Job(f"nuisance {name} {seed}", "nuisance", drawn(seed, "tanpura-light", **fixed), name)
         for name, fixed in kinds
         for seed in range(6000, 6002)
     ]
@@ -158,7 +158,7 @@ def show(rows: list[dict[str, Any]]) -> None:
         if name == "frets":
             fretted.show(mine)
         elif name in ("main", "calibration"):
-            for family in ("tanpura", "sitar"):
+            for family in ("tanpura-light", "sitar"):
                 some = [row for row in mine if (family == "sitar") == ("sitar" in row["key"])]
                 if some:
                     _summary(family, some, AIM)

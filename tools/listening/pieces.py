@@ -46,7 +46,7 @@ JIVA = (
 
 
 def _jiva() -> Iterator[Piece]:
-    tanpura = load_preset("tanpura")
+    tanpura = load_preset("tanpura-light")
     for height, about in JIVA:
         changed = tanpura.with_setting("obstacle.jiva_um", str(height))
         yield Piece("jiva", f"{height} µm", about, f"jiva-{height}", changed, "drone")

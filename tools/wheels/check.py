@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 #: rendered twice with the library, then by Numba
-SONG = ("drone.mid", "-p", "tanpura", "--end", "0.05")
+SONG = ("drone.mid", "-p", "tanpura-light", "--end", "0.05")
 #: a live session as far as it goes without a device: what PortAudio and JACK would call, and events in and out
 LIVE = """
 from synth import Engine, load_preset
@@ -18,7 +18,7 @@ from synth.live.callback import portaudio_callback
 from synth.live.deck import Deck
 from synth.live.jackcallback import callbacks
 from synth.midi.events import NOTE_ON, make_events
-engine = Engine([load_preset("tanpura")])
+engine = Engine([load_preset("tanpura-light")])
 engine.prepare(44100.0, 512)
 deck = Deck(engine, record=True, ahead=2)
 assert portaudio_callback().address and all(each.address for each in callbacks())
@@ -106,7 +106,7 @@ def check(wheel: Path, songs: Path, folder: Path) -> list[str]:
     told.append(f"a live session is ready after {taken:.2f} s; nothing compiled")
     plugins = folder / "plugins"
     plugins.mkdir()
-    installed.synth("export", "tanpura", "-f", "all", "-o", str(plugins / "tanpura"))
+    installed.synth("export", "tanpura-light", "-f", "all", "-o", str(plugins / "tanpura-light"))
     formats = sorted(path.suffix for path in plugins.iterdir())
     if formats != [".clap", ".lv2", ".vst3"]:
         raise Broken(f"`synth export tanpura -f all` made {', '.join(formats) or 'nothing'}")

@@ -11,7 +11,7 @@ def compiled(tmp_path_factory):
     """Kernels that need not be compiled while a page waits for them."""
     with Author(tmp_path_factory.mktemp("presets")) as author:
         until(lambda: author.get("/api/session")["kernels"] == "ready", quiet_s=COMPILING_QUIET_S)
-        for preset, note in (("tanpura", 48), ("fretted-bass", 43)):
+        for preset, note in (("tanpura-light", 48), ("fretted-bass", 43)):
             doc = author.open(preset)
             for view in ("motion", "analysis"):
                 author.get(f"{doc.path}/{view}?note={note}")
@@ -37,7 +37,7 @@ def author(tmp_path_factory):
 @pytest.fixture
 def folder(tmp_path):
     """A folder with one preset, mine.toml, a tanpura."""
-    copy_preset("tanpura", tmp_path / "mine.toml")
+    copy_preset("tanpura-light", tmp_path / "mine.toml")
     return tmp_path
 
 

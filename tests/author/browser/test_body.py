@@ -13,7 +13,7 @@ from tests.patience import until
 @pytest.fixture(scope="module")
 def author(tmp_path_factory):
     folder = tmp_path_factory.mktemp("presets")
-    for name in ("steel-guitar", "tanpura"):
+    for name in ("steel-guitar", "tanpura-light"):
         text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
         (folder / f"my-{name}.toml").write_text(text.replace(f'name = "{name}"', f'name = "my-{name}"'), encoding="utf-8")
     with Author(folder) as author:
@@ -187,7 +187,7 @@ def test_the_film_moves_the_bridge_and_strings_are_seen_to_wake(opened):
 
 
 def test_a_body_is_begun_and_undone_as_one_step(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     before = state(page)["text"]
     assert not page.all(".stage-mobility")[0].is_displayed()
     page.find("#body-begin").click()

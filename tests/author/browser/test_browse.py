@@ -74,9 +74,9 @@ def test_a_few_seconds_are_heard_and_stopped(page):
     listen = page.find('dialog [data-listen="jawari-harp"]')
     listen.click()
     page.until(lambda: listen.get_attribute("data-state") == "playing")
-    page.find('dialog [data-listen="tanpura"]').click()  # one at a time
+    page.find('dialog [data-listen="tanpura-light"]').click()  # one at a time
     page.until(lambda: listen.get_attribute("data-state") == "idle")
-    tanpura = page.find('dialog [data-listen="tanpura"]')
+    tanpura = page.find('dialog [data-listen="tanpura-light"]')
     page.until(lambda: tanpura.get_attribute("data-state") == "playing")
     tanpura.click()
     page.until(lambda: tanpura.get_attribute("data-state") == "idle")

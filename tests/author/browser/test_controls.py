@@ -11,7 +11,7 @@ from tests.author.browser.running import Page, copy_preset, set_value, state
 def shared(driver, author):
     """One page with a tanpura for all tests that leave nothing behind."""
     driver.set_window_size(1280, 900)
-    copy_preset("tanpura", author.folder / "shared.toml")
+    copy_preset("tanpura-light", author.folder / "shared.toml")
     page = Page(driver)
     page.open(author.address)
     page.choose("shared")
@@ -94,11 +94,11 @@ def rest(page):
 @pytest.mark.parametrize(
     ("preset", "turned", "wanted"),
     [
-        ("tanpura", ["pluck.position", "obstacle.jiva_um"], ["obstacle.kind", "obstacle.distance_mm", "output.kind"]),
+        ("tanpura-light", ["pluck.position", "obstacle.jiva_um"], ["obstacle.kind", "obstacle.distance_mm", "output.kind"]),
         ("fretted-bass", ["pluck.position", "pluck.displacement_mm"],
          ["obstacle.kind", "obstacle.count", "obstacle.heights_mm", "output.kind"]),
             ],
-    ids=["tanpura", "bass"],
+    ids=["tanpura-light", "bass"],
 )  # fmt: skip
 def test_what_is_turned_first_and_what_shapes_the_instrument_stand_first(opened, preset, turned, wanted):
     page = opened(preset)

@@ -20,7 +20,15 @@ note.value = arguments[0];
 note.dispatchEvent(new Event('change', {bubbles: true}));
 """
 #: a note that says much of the rule: (preset, first note)
-FIRST = {"veena": 52, "sitar": 54, "koto-hirajoshi": 67, "tanpura": 43, "fretted-bass": 33, "nylon-guitar": 50, "harp": 63}
+FIRST = {
+    "veena": 52,
+    "sitar": 54,
+    "koto-hirajoshi": 67,
+    "tanpura-light": 43,
+    "fretted-bass": 33,
+    "nylon-guitar": 50,
+    "harp": 63,
+}
 
 
 @pytest.fixture

@@ -211,8 +211,8 @@ def test_a_fit_proposes_the_nearest_string_and_goes_with_its_document(page, tmp_
     page.until(lambda: page.text(".fit-found .fit-proposal").startswith("Nearest to A1 is string 2: A"))
     page.script("document.getElementById('fit-dialog').close()")
     page.find("#open").click()
-    page.find('dialog [data-preset="tanpura"]').click()
-    page.until(lambda: page.text("#title") == "Tanpura")
+    page.find('dialog [data-preset="tanpura-light"]').click()
+    page.until(lambda: page.text("#title") == "Tanpura, light")
     page.find("#open-fit").click()
     assert page.script(STAGE) == WAITING
     assert page.script("return document.getElementById('fit-string').value") == ""
@@ -248,7 +248,7 @@ def test_a_fit_says_which_t60_is_which_and_shows_the_next_step_at_once(page, tmp
 
 
 def test_bridge_and_hand_are_proposed_cancelled_and_refused(driver, tmp_path):
-    copy_preset("tanpura", tmp_path / "mine.toml")
+    copy_preset("tanpura-light", tmp_path / "mine.toml")
     with Author(tmp_path, "mine.toml", program=("-m", "tests.author.quick_contact")) as author:
         page = Page(driver)
         page.open(author.address)

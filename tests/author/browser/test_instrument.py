@@ -12,7 +12,7 @@ from tests.patience import until
 @pytest.fixture(scope="module")
 def author(tmp_path_factory):
     folder = tmp_path_factory.mktemp("presets")
-    for name in ("tanpura", "fretted-bass", "jawari-harp"):
+    for name in ("tanpura-light", "fretted-bass", "jawari-harp"):
         text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
         (folder / f"my-{name}.toml").write_text(text.replace(f'name = "{name}"', f'name = "my-{name}"'), encoding="utf-8")
     with Author(folder) as author:
@@ -60,7 +60,7 @@ def place(page, name):
 
 
 def test_drag_of_the_pluck_moves_its_place_only_and_is_one_step(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     before = state(page)["data"]["pluck"]
     x0, _ = place(page, "pluck")
     drag(page, "pluck", 120, 6, steps=12)
@@ -78,7 +78,7 @@ def test_drag_of_the_pluck_moves_its_place_only_and_is_one_step(opened):
 
 
 def test_the_value_is_said_while_it_is_dragged(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     grip = handle(page, "pluck").find_element("css selector", ".reach")
     page.hand().move_to_element(grip).click_and_hold().move_by_offset(-15, 0).move_by_offset(-10, 0).perform()
     text = page.script("return document.querySelector('.stage-whole .readout text').textContent")
@@ -94,7 +94,7 @@ def test_the_value_is_said_while_it_is_dragged(opened):
 
 
 def test_drag_of_the_thread_in_the_close_up_raises_it_and_leaves_the_bridge(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     edge, thread = place(page, "point-0"), place(page, "thread")
     drag(page, "thread", 0, -20)
     page.until(lambda: state(page)["data"]["obstacle"]["jiva_um"] > 3.0)
@@ -125,7 +125,7 @@ return {edge: of("point-0"), thread: of("thread")};
 
 
 def test_a_double_click_puts_a_handle_back(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     drag(page, "pluck", 100, 0)
     page.until(lambda: state(page)["data"]["pluck"]["position"] < 0.4)
     page.until(lambda: page.script("return document.querySelector('.handle.held')") is None)
@@ -144,7 +144,7 @@ def test_a_double_click_puts_a_handle_back(opened):
 
 
 def test_shift_is_finer_on_handles(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.script("arguments[0].focus()", handle(page, "pluck"))
     moved = {}
     for name, keys in (("plain", (Keys.ARROW_LEFT,)), ("fine", (Keys.SHIFT, Keys.ARROW_LEFT))):
@@ -204,7 +204,7 @@ def test_drag_of_a_value_by_note_sets_that_note(opened):
 
 
 def test_arrow_keys_move_handles(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     grip = handle(page, "pluck")
     assert grip.get_attribute("role") == "slider"
     page.script("arguments[0].focus()", grip)
@@ -231,7 +231,7 @@ def test_frets_are_one_stop_of_tab_and_a_row_for_arrows(opened):
 
 
 def test_a_drag_ends_at_the_limit_of_its_value(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     drag(page, "pluck", 600, 0, steps=10)
     page.until(lambda: state(page)["data"]["pluck"]["position"] == pytest.approx(0.001))
     assert page.errors() == []
@@ -268,7 +268,7 @@ def test_scale_is_what_it_says(opened):
 
 
 def test_film_shows_the_contact_with_its_force(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     keys = page.find(".keys")
     page.script("arguments[0].focus()", keys)
     keys.send_keys(Keys.HOME)
@@ -297,7 +297,7 @@ def test_film_shows_the_contact_with_its_force(opened):
 
 
 def test_film_follows_an_edit(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.find("#film-play").click()
     page.until(lambda: page.all(".film-force.lit"))
     page.find("#film-play").click()
@@ -310,7 +310,7 @@ def test_film_follows_an_edit(opened):
 
 
 def test_what_a_drag_cannot_reach_is_told_and_falls_back(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.result(
         "await fetch('/api/docs/' + location.hash.slice(1) + '/edit', {method: 'POST', body: JSON.stringify({merge: null,"
         " changes: [{path: 'obstacle', value: {kind: 'points', positions_mm: [400, 460], heights_mm: [-1, -1]}},"
@@ -336,7 +336,7 @@ def test_a_fret_that_stops_the_open_string_is_refused(opened):
 
 
 def test_the_saved_version_stays_behind_the_edited_one(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     assert not page.all(".ghost")
     drag(page, "pluck", 60, 0)
     page.until(lambda: page.all("polyline.ghost"))

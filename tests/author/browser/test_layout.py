@@ -10,7 +10,7 @@ DOCK = {1280: 155, 1024: 155, 820: 195, 400: 170}
 SWITCHES = 32
 
 
-@pytest.fixture(scope="module", params=["tanpura", "fretted-bass", "jawari-harp", "steel-guitar"])
+@pytest.fixture(scope="module", params=["tanpura-light", "fretted-bass", "jawari-harp", "steel-guitar"])
 def opened(driver, author, request):
     page = Page(driver)
     driver.set_window_size(1280, 900)

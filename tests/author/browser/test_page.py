@@ -11,7 +11,7 @@ from tests.author.browser.running import Page, copy_preset, name_of, set_value, 
 def page(driver, author, request):
     """A page with a tanpura of the test's own."""
     name = name_of(request)
-    copy_preset("tanpura", author.folder / f"{name}.toml")
+    copy_preset("tanpura-light", author.folder / f"{name}.toml")
     page = Page(driver)
     driver.set_window_size(1280, 900)
     page.open(author.address)
@@ -56,7 +56,7 @@ def test_start_offers_the_presets_and_opens_one(driver, author):
     page = Page(driver)
     page.open(author.address)
     page.find("[data-preset]")
-    assert {"tanpura", "fretted-bass", "jawari-harp"} <= {
+    assert {"tanpura-light", "fretted-bass", "jawari-harp"} <= {
         each.get_attribute("data-preset") for each in page.all("[data-preset]")
     }
     page.choose("fretted-bass")
@@ -396,7 +396,7 @@ def test_colours_follow_the_system_and_the_button(page, scheme):
 
 def test_start_with_many_presets_scrolls(driver, author):
     for number in range(40):
-        copy_preset("tanpura", author.folder / f"zz-{number:02}.toml")
+        copy_preset("tanpura-light", author.folder / f"zz-{number:02}.toml")
     page = Page(driver)
     page.open(author.address)
     page.choose("zz-39")
@@ -404,5 +404,5 @@ def test_start_with_many_presets_scrolls(driver, author):
 
 
 def test_embedded_presets_are_what_they_were(author):
-    assert load_preset("tanpura").pluck.position == 0.42
-    assert sorted(path.name for path in author.folder.glob("tanpura.toml")) == []
+    assert load_preset("tanpura-light").pluck.position == 0.42
+    assert sorted(path.name for path in author.folder.glob("tanpura-light.toml")) == []

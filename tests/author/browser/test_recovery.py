@@ -91,10 +91,10 @@ def test_a_tab_of_an_earlier_run_says_so_and_rests(driver, folder):
 
 
 def test_imported_preset_with_the_name_of_a_built_in_one_is_recovered(driver, tmp_path):
-    text = (PRESETS / "tanpura.toml").read_text(encoding="utf-8").replace("jiva_um = 3.0", "jiva_um = 8.0")
+    text = (PRESETS / "tanpura-light.toml").read_text(encoding="utf-8").replace("jiva_um = 3.0", "jiva_um = 8.0")
     with Author(tmp_path) as author:
-        author.post("/api/import", filename="tanpura.toml", text=text)
-        left = tmp_path / ".unsaved~tanpura.toml.autosave"
+        author.post("/api/import", filename="tanpura-light.toml", text=text)
+        left = tmp_path / ".unsaved~tanpura-light.toml.autosave"
         Page(driver).until(left.exists)
         author.end(signal.SIGKILL)
     page = Page(driver)
@@ -102,7 +102,7 @@ def test_imported_preset_with_the_name_of_a_built_in_one_is_recovered(driver, tm
     with Author(tmp_path) as author:
         page.open(author.address)
         cards = page.all("#start .cards button")
-        assert "tanpura: not saved, recovered from" in cards[0].text  # first
+        assert "tanpura-light: not saved, recovered from" in cards[0].text  # first
         odd = next(card for card in cards if "odd.toml" in card.text)
         assert "leads out" in odd.text and not odd.is_enabled()
         cards[0].click()

@@ -121,7 +121,7 @@ def test_dropped_preset_is_imported_unsaved(page, folder):
 def test_dropped_nonsense_is_refused_and_said(page):
     page.script(DROP, "broken.toml", "format = ")
     page.find(".notice.error")
-    assert page.text("#title") == "Tanpura"
+    assert page.text("#title") == "Tanpura, light"
 
 
 def test_export_is_the_text(page, folder):
@@ -133,7 +133,7 @@ def test_dropped_preset_in_another_encoding_is_refused_and_said(page):
     text = (PRESETS / "fretted-bass.toml").read_text(encoding="utf-8") + "# Bünde\n"
     page.script(DROP.replace("[text]", "[Uint8Array.from(text, (letter) => letter.charCodeAt(0))]"), "bass.toml", text)
     page.until(lambda: "UTF-8" in page.text(".notice.error"))
-    assert page.text("#title") == "Tanpura"
+    assert page.text("#title") == "Tanpura, light"
 
 
 def test_imported_preset_is_thrown_away(page, folder):
@@ -144,7 +144,7 @@ def test_imported_preset_is_thrown_away(page, folder):
     menu(page, "Discard")
     page.button("Discard it", "dialog").click()
     page.until(lambda: not left.exists())
-    page.until(lambda: page.text("#title") == "Tanpura")  # as the command line named it
+    page.until(lambda: page.text("#title") == "Tanpura, light")  # as the command line named it
 
 
 def test_tab_of_a_preset_that_is_written_over_shows_what_took_its_place(page, folder):

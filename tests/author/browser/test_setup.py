@@ -265,7 +265,7 @@ def test_the_map_on_a_phone_scrolls_within_the_page(page):
 @pytest.fixture
 def tanpura(driver, tmp_path):
     """A tanpura in a tab of its own: the bass stays in the other."""
-    copy_preset("tanpura", tmp_path / "mine.toml")
+    copy_preset("tanpura-light", tmp_path / "mine.toml")
     first = driver.current_window_handle
     driver.switch_to.new_window("tab")
     with Author(tmp_path, "mine.toml", "--quality", "draft") as author:

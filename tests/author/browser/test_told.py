@@ -11,7 +11,7 @@ from tests.author.browser.running import Author, Page, copy_preset, name_of, set
 
 @pytest.fixture
 def opened(driver, author, request):
-    """opened("tanpura"): a page with a file of the test's own."""
+    """opened("tanpura-light"): a page with a file of the test's own."""
     page = Page(driver)
 
     def open_(preset):
@@ -48,7 +48,7 @@ def refusals(page):
 
 @pytest.mark.parametrize("by", ["undo", "randomise", "elsewhere"])
 def test_a_refusal_ends_with_its_cause(opened, by):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     set_value(page, "pluck.width_mm", 9)
     page.until(lambda: state(page)["dirty"])
     refuse(page)
@@ -62,7 +62,7 @@ def test_a_refusal_ends_with_its_cause(opened, by):
 
 
 def test_another_edit_leaves_a_refusal_and_the_saved_version_has_none(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     refuse(page)
     set_value(page, "pluck.width_mm", 9)
     page.until(lambda: state(page)["data"]["pluck"]["width_mm"] == 9)
@@ -74,7 +74,7 @@ def test_another_edit_leaves_a_refusal_and_the_saved_version_has_none(opened):
 
 
 def test_undo_is_seen_from_the_saved_version(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     set_value(page, "pluck.width_mm", 9)
     page.until(lambda: state(page)["dirty"])
     page.find('#ab [data-which="saved"]').click()
@@ -91,7 +91,7 @@ def test_reasons_and_steps_are_in_words(opened):
 
 
 def test_notices_cover_neither_search_nor_dock(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.script(
         "const picker = document.querySelector('input[type=file]'); const data = new DataTransfer();"
         "data.items.add(new File(['x = ['], 'bad.toml')); picker.files = data.files;"
@@ -108,7 +108,7 @@ def test_notices_cover_neither_search_nor_dock(opened):
 
 
 def test_the_tab_of_a_string_leads_picture_and_note(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.tab(0)
     page.until(lambda: page.text(".stage.whole figcaption").startswith("Pa string"))
     assert page.find("#note").get_property("value") == "43"
@@ -122,7 +122,7 @@ def test_the_tab_of_a_string_leads_picture_and_note(opened):
 
 
 def test_a_note_that_goes_elsewhere_is_announced(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.tab(0)
     page.until(lambda: page.text(".stage.whole figcaption").startswith("Pa string"))
     edit(page, ("string.0.notes", "F2"))
@@ -131,7 +131,7 @@ def test_a_note_that_goes_elsewhere_is_announced(opened):
 
 
 def test_what_cannot_be_compared_is_said(opened):
-    page = opened("tanpura")
+    page = opened("tanpura-light")
     page.tab(0)
     edit(page, ("string.0.notes", "F2"))
     page.until(lambda: page.find("#note").get_property("value") == "41")
@@ -148,7 +148,7 @@ def test_an_address_that_is_no_name_still_opens_the_page(driver, author):
 def test_a_first_start_shows_what_it_compiles(driver, tmp_path):
     """…as a bar that moves, at once; the page can be used meanwhile, and its address holds no secret."""
     (tmp_path / "presets").mkdir()
-    copy_preset("tanpura", tmp_path / "presets" / "mine.toml")
+    copy_preset("tanpura-light", tmp_path / "presets" / "mine.toml")
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment["XDG_CACHE_HOME"] = str(tmp_path / "cache")
     with Author(tmp_path / "presets", env=environment) as author:

@@ -123,7 +123,7 @@ displacement_mm = 2.0
 
 TEXTS = {"points": POINTS, "action": ACTION, "measured-neck": MEASURED_NECK, "free": FREE} | {
     name: (preset_folder() / f"{name}.toml").read_text(encoding="utf-8")
-    for name in ("fretless-bass", "fretted-bass", "jawari-harp", "shamisen", "steel-guitar", "tanpura")
+    for name in ("fretless-bass", "fretted-bass", "jawari-harp", "shamisen", "steel-guitar", "tanpura-light")
 }
 
 
@@ -133,7 +133,7 @@ def preset(name: str) -> Preset:
 
 
 def tanpura(jiva_um: float = 3.0) -> Preset:
-    return load_preset("tanpura").with_setting("obstacle.jiva_um", str(jiva_um))
+    return load_preset("tanpura-light").with_setting("obstacle.jiva_um", str(jiva_um))
 
 
 #: for strings that share a bridge

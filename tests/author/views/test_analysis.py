@@ -21,7 +21,7 @@ from .kit import TEXTS, preset, tanpura
 
 
 @pytest.mark.parametrize(
-    ("name", "note"), [("tanpura", 48), ("fretted-bass", 40), ("jawari-harp", 96), ("points", 55), ("free", 48)]
+    ("name", "note"), [("tanpura-light", 48), ("fretted-bass", 40), ("jawari-harp", 96), ("points", 55), ("free", 48)]
 )
 def test_an_analysis_is_whole_and_small(name: str, note: int) -> None:
     shown = analyse(preset(name), note, 110, 1.0)

@@ -17,8 +17,8 @@ from .kit import TEXTS, preset
 
 #: preset, note, velocity
 NOTES = [
-    ("tanpura", 43, 100),
-    ("tanpura", 36, 40),
+    ("tanpura-light", 43, 100),
+    ("tanpura-light", 36, 40),
     ("fretted-bass", 28, 127),
     ("fretted-bass", 31, 90),
     ("fretted-bass", 63, 90),
@@ -88,7 +88,7 @@ def test_drags_put_things_where_they_are_dragged(name: str, note: int, velocity:
             aim = (
                 where * (1.02 if abs(where - middle) < 1e-5 else 0.98)
                 if axis == "x"
-                else where + (0.1 if crest else -0.0005 if name == "tanpura" else -0.01)
+                else where + (0.1 if crest else -0.0005 if name == "tanpura-light" else -0.01)
             )
             moved = draw(dragged(name, drag, aim), note, velocity)
             new = moved[kind] if index is None else moved["points"][index]
@@ -102,14 +102,14 @@ def test_drags_put_things_where_they_are_dragged(name: str, note: int, velocity:
 
 
 def test_a_string_that_is_pressed_lies_on_the_bridge() -> None:
-    drawing = draw(load_preset("tanpura").with_setting("obstacle.jiva_um", "-50"), 43)
+    drawing = draw(load_preset("tanpura-light").with_setting("obstacle.jiva_um", "-50"), 43)
     assert drawing["rest"] == [[0.0, 0.0], [0.944, 0.0], [0.95, pytest.approx(-0.05 * 950 / 944, abs=1e-5)]]
     assert drawing["points"][0]["gap_mm"] == pytest.approx(-0.05)
 
 
 @pytest.mark.parametrize("jiva_um", ["0", "3", "30", "1000", "-50"])
 def test_the_thread_is_raised_and_the_bridge_stays(jiva_um: str) -> None:
-    drawing = draw(load_preset("tanpura").with_setting("obstacle.jiva_um", jiva_um), 43)
+    drawing = draw(load_preset("tanpura-light").with_setting("obstacle.jiva_um", jiva_um), 43)
     (edge,) = drawing["points"]
     thread = drawing["thread"]
     assert edge["height"] == 0.0 and drawing["nut"]["height"] == 0.0
@@ -151,15 +151,15 @@ def test_the_place_of_a_note_is_the_engines() -> None:
 
 def test_notes_that_no_string_plays_are_refused() -> None:
     with pytest.raises(PresetError, match="no string plays C7; its notes lie in C2-C3"):
-        draw(load_preset("tanpura"), 96)
+        draw(load_preset("tanpura-light"), 96)
     for name in TEXTS:
         notes = playable_notes(preset(name))
         assert (notes[0], notes[-1]) == playable_range(preset(name))
-    assert playable_notes(load_preset("tanpura")) == [36, 43, 48]
+    assert playable_notes(load_preset("tanpura-light")) == [36, 43, 48]
 
 
 def test_a_pluck_is_dragged_no_further_than_the_middle() -> None:
-    drag = draw(load_preset("tanpura"), 48)["pluck"]["drag"]["x"]
+    drag = draw(load_preset("tanpura-light"), 48)["pluck"]["drag"]["x"]
     assert drag["path"] == "pluck.position"
     assert drag["maximum"] == 0.5
 
@@ -173,7 +173,9 @@ def test_frets_before_a_bridge_are_drawn_where_they_stop_the_string(name: str, c
     assert drawing["frets"][drawing["fret"] - 1] == drawing["finger"]["x"]
 
 
-@pytest.mark.parametrize(("name", "thread"), [("sitar", False), ("veena", False), ("tanpura", True), ("jawari-harp", True)])
+@pytest.mark.parametrize(
+    ("name", "thread"), [("sitar", False), ("veena", False), ("tanpura-light", True), ("jawari-harp", True)]
+)
 def test_a_thread_is_drawn_and_named_where_the_preset_has_one(name: str, thread: bool) -> None:
     """Also once its height, or the gap over a bridge that has none, has been set."""
     for of in (load_preset(name), load_preset(name).with_setting("obstacle.jiva_um", "5.0")):

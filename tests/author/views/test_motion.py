@@ -21,8 +21,8 @@ from .kit import preset, tanpura
 
 #: preset, note, velocity; touching from seldom to all the time, one point and many, under the finger and not
 NOTES = [
-    ("tanpura", 36, 100),
-    ("tanpura", 48, 64),
+    ("tanpura-light", 36, 100),
+    ("tanpura-light", 48, 64),
     ("fretted-bass", 28, 120),
     ("fretted-bass", 40, 127),
     ("jawari-harp", 60, 90),
@@ -88,7 +88,7 @@ def test_the_forces_on_the_tape_move_the_modes_on_the_tape(name: str, note: int,
     assert tested >= 1
 
 
-@pytest.mark.parametrize(("name", "note", "velocity"), [("fretted-bass", 40, 127), ("tanpura", 48, 90)])
+@pytest.mark.parametrize(("name", "note", "velocity"), [("fretted-bass", 40, 127), ("tanpura-light", 48, 90)])
 def test_a_frame_has_the_forces_and_the_sound_of_its_time(name: str, note: int, velocity: int) -> None:
     shown = film(preset(name), note, velocity, 0.02, 80, start_s=0.01)
     taped = Taped(find(preset(name), note))
@@ -102,7 +102,7 @@ def test_a_frame_has_the_forces_and_the_sound_of_its_time(name: str, note: int, 
         assert shown["output"][k] == pytest.approx(out[round(until * taped.step_s * RATE_HZ)], abs=1e-6)
 
 
-@pytest.mark.parametrize(("name", "note"), [("fretted-bass", 40), ("tanpura", 36), ("jawari-harp", 96)])
+@pytest.mark.parametrize(("name", "note"), [("fretted-bass", 40), ("tanpura-light", 36), ("jawari-harp", 96)])
 def test_the_film_shows_all_modes_the_lumped_ones_too(name: str, note: int) -> None:
     place = find(preset(name), note)
     position, scene = Taped(place).position, speaking(place)
@@ -125,7 +125,7 @@ def test_the_string_stays_above_what_it_touches(name: str, note: int, velocity: 
 
 
 @pytest.mark.parametrize(
-    ("name", "note", "velocity", "start_s"), [("fretted-bass", 40, 127, 0.01), ("tanpura", 36, 90, 0.1)]
+    ("name", "note", "velocity", "start_s"), [("fretted-bass", 40, 127, 0.01), ("tanpura-light", 36, 90, 0.1)]
 )
 def test_points_light_up_when_the_string_is_on_them(name: str, note: int, velocity: int, start_s: float) -> None:
     shown = film(preset(name), note, velocity, 0.009, 300, start_s=start_s)
@@ -142,7 +142,7 @@ def test_points_light_up_when_the_string_is_on_them(name: str, note: int, veloci
 
 
 def test_the_finger_draws_the_string_as_far_as_it_is_drawn() -> None:
-    shown = film(load_preset("tanpura"), 48, 127, 0.02, 100)
+    shown = film(load_preset("tanpura-light"), 48, 127, 0.02, 100)
     drawn = [k for k, height in enumerate(shown["finger"]) if height is not None]
     assert drawn == list(range(drawn[-1] + 1))
     last = drawn[-1]
@@ -151,7 +151,7 @@ def test_the_finger_draws_the_string_as_far_as_it_is_drawn() -> None:
     at = int(np.argmin(np.abs(np.array(shown["x"]) - shown["finger_x"])))
     assert shown["frames"][last][at] == pytest.approx(3.0, rel=0.05)  # its tip is flat over the finger's width
     assert np.abs(np.subtract(shown["frames"][0], shown["rest"])).max() < 1e-3
-    assert shown["rest"][-1] == draw(load_preset("tanpura"), 48)["thread"]["height"] > 0.0
+    assert shown["rest"][-1] == draw(load_preset("tanpura-light"), 48)["thread"]["height"] > 0.0
 
 
 def test_a_film_from_later_on_is_a_part_of_the_longer_one() -> None:
@@ -171,7 +171,7 @@ def test_a_film_is_of_the_quality_and_rate_asked_for(quality: str, rate_hz: floa
     assert 0.045 < shown["dt_s"] * 99 < 0.055
 
 
-@pytest.mark.parametrize(("name", "note", "velocity"), [("fretted-bass", 40, 127), ("tanpura", 48, 90)])
+@pytest.mark.parametrize(("name", "note", "velocity"), [("fretted-bass", 40, 127), ("tanpura-light", 48, 90)])
 def test_film_and_analysis_have_the_same_contacts(name: str, note: int, velocity: int) -> None:
     shown = film(preset(name), note, velocity, 0.3, 300)
     until = shown["dt_s"] * (len(shown["frames"]) - 1)
@@ -213,6 +213,6 @@ def test_a_string_that_meets_nothing_has_no_forces() -> None:
 )
 def test_impossible_films_are_refused(options: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        film(load_preset("tanpura"), 48, **options)  # type: ignore[arg-type]
+        film(load_preset("tanpura-light"), 48, **options)  # type: ignore[arg-type]
     with pytest.raises(PresetError, match="no string plays"):
-        film(load_preset("tanpura"), 60)
+        film(load_preset("tanpura-light"), 60)

@@ -239,13 +239,13 @@ def test_what_stands_in_for_another_value_is_the_same_string(name: str) -> None:
 
 
 def test_a_moved_bridge_has_no_pressure_left_to_move_it_when_it_goes() -> None:
-    kind = controls("tanpura")["obstacle.kind"]
+    kind = controls("tanpura-light")["obstacle.kind"]
     edits = next(choice["edits"] for choice in kind["choices"] if choice["value"] == "frets")
     assert [edit["path"] for edit in edits] == ["obstacle", "mapping.pressure_um"]
 
 
 def test_live_controls_are_the_engines_live_parameters() -> None:
-    live = {path for path, entry in controls("tanpura").items() if entry["live"]}
+    live = {path for path, entry in controls("tanpura-light").items() if entry["live"]}
     assert live == {
         "pluck.position",
         "pluck.displacement_mm",
@@ -258,7 +258,7 @@ def test_live_controls_are_the_engines_live_parameters() -> None:
 
 def test_setup_is_what_the_string_touches_where_it_is_plucked_and_heard() -> None:
     setup = {name: {path for path, entry in controls(name).items() if entry["group"] == "setup"} for name in NAMES}
-    assert setup["tanpura"] == {
+    assert setup["tanpura-light"] == {
         "obstacle.kind",
         "obstacle.distance_mm",
         "obstacle.distance_ratio",
