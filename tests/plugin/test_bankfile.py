@@ -305,10 +305,10 @@ def test_constant_arrays_of_the_same_bytes_lie_at_one_place():
     assert memory.place(changing[0]) != memory.place(changing[1])
 
 
-def test_a_fretted_string_keeps_what_its_frets_share_once(library, bank_files):
-    """Rows of step coefficients, the largest tables, are the same for a model and for its flight between contacts."""
-    data = bank_files["fretted-bass"].read_bytes()
-    engine = Engine([load_preset("fretted-bass")])
+def test_a_string_keeps_what_its_models_share_once(library, bank_files):
+    """Rows of step coefficients, the largest tables, are the same for a model of a step a frame and for its free flight."""
+    data = bank_files["jawari-harp"].read_bytes()
+    engine = Engine([load_preset("jawari-harp")])
     engine.prepare(44100.0)
     models = [*engine._strings.models, *engine._strings._kept.flights]
     rows = {model.rows.tobytes() for model in models}
