@@ -426,7 +426,7 @@ def test_names_in_any_script(serve: Serve, folder: Path) -> None:
     server = serve()
     doc = server.open("tanpura-light")
     state = doc.do("save-as", name=unicodedata.normalize("NFD", "Tānpūrā"))
-    assert state["file"] == "Tānpūrā.toml" and state["data"]["name"] == "tanpura-light"
+    assert state["file"] == "Tānpūrā.toml" and state["data"]["name"] == "tanpura"
     assert server.open("Tānpūrā.toml").key == doc.key
     name = quote("Tānpūrā.toml")
     assert name in server.client.get(f"{doc.path}/export").headers["content-disposition"]

@@ -246,7 +246,7 @@ def test_loudness_does_not_depend_on_the_first_string(tmp_path: Path) -> None:
     meter = pyloudnorm.Meter(RATE)
     levels = {}
     for first in (None, "Pa", "Ma", "Ni", "komal Ni", "Re"):
-        strings = tuned(Pegs(load_preset("tanpura-light"), C3, None if first is None else ratio_of(first)))
+        strings = tuned(Pegs(load_preset("tanpura"), C3, None if first is None else ratio_of(first)))
         write(strings, Cycle(human=0.0), FileSettings(str(tmp_path / "drone.wav"), 33.0, 0.0))
         levels[first] = meter.integrated_loudness(soundfile.read(tmp_path / "drone.wav")[0])
     assert max(levels.values()) - min(levels.values()) < 0.5, levels
@@ -426,7 +426,7 @@ def test_keys_change_what_comes(strings: Strings) -> None:
         (["--second", "Ni"], ("--second", "--strings 5")),
         (["--duration", "3", "--fade", "4"], ("--fade", "--duration", "got 4")),
         (["--record", "x.wav"], ("--record", "live")),
-        (["-p", "jawari-harp"], ("--preset", "tanpura-light")),
+        (["-p", "jawari-harp"], ("--preset", "tanpura")),
     ],
 )
 def test_wrong_options(options: list[str], names: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
