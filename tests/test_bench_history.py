@@ -213,7 +213,7 @@ def test_figures_are_kept_by_precision_and_width() -> None:
             "block/64-strings/64": {"median": 0.1, "worst": 0.2},
             "peak": {"median": 6e10, "best": 7e10},
         },
-        ("float32", 16): {"note/tanpura/C2/fine": {"median": 500.0, "best": 600.0}},
+        ("float32", 16): {"note/tanpura-light/C2/fine": {"median": 500.0, "best": 600.0}},
     }
     wide, narrow = history.runs_of(pages.figures_of(FOUND), EPYC)
     assert (wide.precision, wide.lanes, narrow.precision, narrow.lanes) == ("float64", 8, "float32", 16)

@@ -35,7 +35,7 @@ def test_the_numbers_of_a_scene_are_those_of_its_terms(name):
 #: what a quick run of another method than the reference's must reach over the first window, from a rate where it does
 QUICK = {
     "no-contact": (Kicks(1, 1001), 1e-6),
-    "tanpura-light": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.1), 0.01),
+    "tanpura": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.1), 0.01),
     "two-close": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.1), 0.01),
     "moving": (way("moreau-jean-filtered", 48, 1001, restitution=0.0, duration_s=0.05), 0.05),
     "pressed": (way("moreau-jean-filtered", 48, 863, restitution=0.0, duration_s=0.05), 0.05),
@@ -82,7 +82,7 @@ def test_references_are_confirmed(name):
 
 def test_the_scene_without_collision_is_the_tanpura_without_its_point():
     """The same string and pluck, so that its errors can be taken off those of `tanpura`; the loss law is in its terms."""
-    alone, over = ways.tables_of("no-contact"), ways.tables_of("tanpura-light")
+    alone, over = ways.tables_of("no-contact"), ways.tables_of("tanpura")
     for key in ("string", "initial", "run"):
         assert alone[key] == over[key], key
     assert alone["obstacle"]["positions_m"] == []
