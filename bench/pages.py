@@ -21,7 +21,7 @@ QUALITIES = ("draft", "standard", "fine")
 FRAMES = (64, 128, 256)
 #: scenes of blocks, by what the page calls them
 SCENES = {
-    "drone": "`presets/demos/drone.mid`, tanpura, 64, 128 and 256 frames, share of its time",
+    "drone": "`presets/demos/drone.mid`, tanpura-light, 64, 128 and 256 frames, share of its time",
     "bassline": "`presets/demos/bassline.mid`, fretted-bass, likewise",
 }
 
@@ -130,7 +130,7 @@ TARGETS = (
         "many notes at once, share of cores × the bare engine, jawari-harp on 1 core, 2 cores; fretted-bass likewise",
         tuple(f"batch/{preset}/{threads}" for preset in ("jawari-harp", "fretted-bass") for threads in (1, 2)),
     ),
-    Line("last second of a 60 s decay, mode-steps, share of the first second's", ("decay/tanpura/C2/standard/mode-steps",)),
+    Line("last second of a 60 s decay, mode-steps, share of the first second's", ("decay/tanpura-light/C2/standard/mode-steps",)),
 )  # fmt: skip
 _NAIVE = Line("the same model in a plain Numba loop, mode after mode", ("tanpura-kernel/by the naive loop",), "×")
 SHORT = (
