@@ -130,7 +130,10 @@ TARGETS = (
         "many notes at once, share of cores × the bare engine, jawari-harp on 1 core, 2 cores; fretted-bass likewise",
         tuple(f"batch/{preset}/{threads}" for preset in ("jawari-harp", "fretted-bass") for threads in (1, 2)),
     ),
-    Line("last second of a 60 s decay, mode-steps, share of the first second's", ("decay/tanpura-light/C2/standard/mode-steps",)),
+    Line(
+        "last second of a 60 s decay, mode-steps, share of the first second's",
+        ("decay/tanpura-light/C2/standard/mode-steps",),
+    ),
 )  # fmt: skip
 _NAIVE = Line("the same model in a plain Numba loop, mode after mode", ("tanpura-kernel/by the naive loop",), "×")
 SHORT = (
