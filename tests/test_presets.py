@@ -200,7 +200,7 @@ def loudest_notes(name: str) -> list[tuple[int, int, float]]:
 
 @pytest.mark.parametrize(
     ("name", "evenness_db"),
-    [("tanpura-light", 1.0), ("jawari-harp", 2.0), ("fretted-bass", 8.0), ("fretless-bass", 8.0), ("steel-guitar", 12.0)],
+    [("tanpura-light", 5.0), ("jawari-harp", 2.0), ("fretted-bass", 8.0), ("fretless-bass", 8.0), ("steel-guitar", 12.0)],
 )
 def test_velocity_127_is_even_and_leaves_the_limiter_little(name: str, evenness_db: float) -> None:
     """A struck bass is choked by its frets the more, the thicker the string: it may be less even; so may a body be."""

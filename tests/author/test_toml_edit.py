@@ -34,7 +34,7 @@ def changed_lines(before: str, after: str) -> list[str]:
         ("pluck.position", 0.3, ["-position = 0.42", "+position = 0.3"]),
         ("pluck.position", 0.1 + 0.2, ["-position = 0.42", "+position = 0.3"]),
         ("string.3.cents", 1, ["+cents = 1"]),
-        ("string.1.gain_db", None, ["-gain_db = 5.0"]),
+        ("string.1.gain_db", None, ["-gain_db = 1.1"]),
         ("tuning.offset_cents", -3.5, ["+offset_cents = -3.5"]),
         ("tuning.a4_hz", None, []),
         ("title", 'Tan"pura', ['-title = "Tanpura, light"', '+title = "Tan\\"pura"']),
