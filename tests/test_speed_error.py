@@ -50,7 +50,7 @@ def test_a_session_is_kept_and_gone_on_with(tmp_path: Path, monkeypatch: pytest.
 
 
 def row(scheme: str, factor: int, modes: int, e: float, cpu: float, **table: object) -> dict:
-    run = grid.Run("tanpura-light", scheme, factor, modes, tuple(sorted(table.items())))
+    run = grid.Run("tanpura", scheme, factor, modes, tuple(sorted(table.items())))
     return {"run": run, "e_3s": e, "cpu_per_s": cpu, "cpu_per_s_median": cpu, "mode_steps_per_s": run.rate_hz * modes}
 
 
@@ -87,9 +87,9 @@ def test_every_run_of_the_short_form_is_a_scene() -> None:
 @pytest.mark.parametrize(
     ("case", "scheme", "factor", "table", "nodes"),
     [
-        ("tanpura-light", "exact-hold", 1, {}, 0),
-        ("tanpura-light", "exact-hold", 1, {"substeps": 3}, 0),
-        ("tanpura-light", "moreau-jean-filtered", 2, {"restitution": 0.0}, 0),
+        ("tanpura", "exact-hold", 1, {}, 0),
+        ("tanpura", "exact-hold", 1, {"substeps": 3}, 0),
+        ("tanpura", "moreau-jean-filtered", 2, {"restitution": 0.0}, 0),
         ("bass", "exact-hold", 2, {}, 0),
         ("bass", "exact-hold", 1, {"substeps": 8}, 0),
         ("bass", "moreau-jean", 2, {"restitution": 0.0}, 0),
@@ -113,7 +113,7 @@ def test_what_is_timed_is_the_run(case: str, scheme: str, factor: int, table: di
 def test_a_page_takes_what_a_run_says(tmp_path: Path) -> None:
     """Every part has its place on the page of the documentation; what stands around it stays."""
     rows = []
-    for case, more in (("tanpura-light", {"e_3s": 0.05}), ("bass", {"e_0.4s": 0.02}), ("fretless", {})):
+    for case, more in (("tanpura", {"e_3s": 0.05}), ("bass", {"e_0.4s": 0.02}), ("fretless", {})):
         run = grid.Run(case, "exact-hold", 1, 100, ())
         rows.append({"run": run, "e_0.1s": 0.0123, "spectral_distance_db": 1.26, "times_real_time": 1147.0, **more})
         rows[-1] |= {"cpu_per_s": 0.1, "cpu_per_s_median": 0.1, "mode_steps_per_s": 1.0}
