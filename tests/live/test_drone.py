@@ -22,7 +22,7 @@ from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys
 from synth.dsp.measures import band_levels_db, click_ratios, sounding_fundamental
 from synth.engine.engine import Engine
 from synth.engine.layout import GAIN, HEIGHT
-from synth.instrument.preset import Body, load_preset, parse_preset
+from synth.instrument.preset import load_preset, parse_preset
 from synth.instrument.presetfile import preset_text
 from synth.live.deck import Deck
 from synth.live.terminal import Terminal
@@ -334,19 +334,18 @@ def test_a_minute_is_steady_and_clean(minute: tuple[np.ndarray, np.ndarray]) -> 
     assert click_ratios(x, places).max() < 10.0
 
 
-def test_the_thread_makes_the_buzz(strings: Strings) -> None:
-    """Of the strings alone: a gourd takes their fundamentals, against which the buzz is measured."""
+def test_the_thread_makes_the_buzz() -> None:
 
     def above_1_khz(x: np.ndarray) -> float:
         low, high = band_levels_db(x, RATE, [50.0, 1000.0, 10000.0])
         return float(high - low)
 
-    alone = replace(strings, preset=strings.preset.model_copy(update={"body": Body()}))
-    engine = Engine([alone.preset])
+    coupled = tuned(Pegs(load_preset("tanpura"), C3))
+    engine = Engine([coupled.preset])
     engine.prepare(RATE, 512)
-    drone = Drone(alone, Cycle(), RATE)
+    drone = Drone(coupled, Cycle(), RATE)
     buzzing = heard(engine, drone.events(20 * RATE), 20.0)
-    drone = Drone(alone, Cycle(), RATE)
+    drone = Drone(coupled, Cycle(), RATE)
     drone.set_jiva(40.0)
     events = drone.events(20 * RATE)
     assert events["a"][events["kind"] == PARAMETER][0] == HEIGHT
