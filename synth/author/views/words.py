@@ -858,8 +858,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Output: {
         "kind": Words(
             "What is heard",
-            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, the voltage of a "
-            "magnetic pickup over it or the flux through that, of which a resonance of the body makes the voltage behind coil "
+            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, the voltage of "
+            "a magnetic pickup over it, the flux through one, of which a resonance of the body makes the voltage behind coil "
             "and cable, or the body that all strings share.",
             setup=True,
         ),
