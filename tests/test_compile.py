@@ -157,7 +157,7 @@ def test_force_on_the_bridge_of_a_drawn_string():
 
 
 def test_gain_is_applied_once_to_each_kind():
-    for kind in ("force", "displacement", "velocity", "pickup"):
+    for kind in ("force", "displacement", "velocity", "pickup", "flux"):
         plain, loud = (
             compile_preset(make(f'[output]\nkind = "{kind}"\nposition = 0.1\ngain_db = {g}\n')).strings[0].positions[0]
             for g in (0.0, 20.0)

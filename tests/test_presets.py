@@ -482,7 +482,7 @@ def test_the_shortest_preset() -> None:
         ("displacement_mm = 2", "", r"pluck\.displacement_mm: missing"),
         ("displacement_mm = 2", "displacement_mm = 2\nwidth_mm = 0", r"pluck\.width_mm: .*greater than 0, got 0"),
         ("[pluck]", "[damping]\nrelease_s = -1\n[pluck]", r"damping\.release_s: must lie between 0\.01 and 60, got -1"),
-        ("[pluck]", '[output]\nkind = "smell"\n[pluck]', r"output\.kind: .*'pickup' or 'body', got 'smell'"),
+        ("[pluck]", '[output]\nkind = "smell"\n[pluck]', r"output\.kind: .*'pickup', 'flux' or 'body', got 'smell'"),
         ("[pluck]", "[mapping]\npolyphony = 0\n[pluck]", r"mapping\.polyphony: .*got 0"),
         ("[pluck]", "[[nut]]\nfrequency_hz = 100\nq = 0\nmass_kg = 1\n[pluck]", r"nut\.0\.q: .*greater than 0, got 0"),
         ("[pluck]", "[tuning]\na4_hz = 40\n[pluck]", r"tuning\.a4_hz: .*got 40"),

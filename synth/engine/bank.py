@@ -229,6 +229,7 @@ class _Lists:
                 choir=string.choir,
                 pluck_shift=string.pluck_shift,
                 friction=string.friction if is_second else 0.0,
+                flux_bend=0.0 if is_second else string.flux_bend,
             )
         )
         self._row += whole_lines(self.span * QUANTUM * factor)

@@ -92,6 +92,7 @@ STRING = np.dtype(
         ("axial_stiffness", "f8"),  # EA [N], where its motion raises its tension; else 0
         ("choir", "i8"),  # a key sounds one string of every choir of its part, 1 …
         ("pluck_shift", "f8"),  # of its pluck from the part's position, parts of the open length
+        ("flux_bend", "f8"),  # how its displacement bends into a flux: 1/(gain · distance), 0 where it does not
     ],
     align=True,
 )

@@ -129,6 +129,7 @@ def string_board(preset: Preset, shape: BoardObstacle, opened: String, gain: flo
         "displacement": (gain, 0.0),
         "velocity": (0.0, gain),
         "pickup": (1.0, gain),
+        "flux": (gain, 0.0),
     }
     return StringBoard(
         fingerboard_of(shape, opened.length_m),
@@ -138,7 +139,7 @@ def string_board(preset: Preset, shape: BoardObstacle, opened: String, gain: flo
         opened.stiffness_law == "linear",
         BY_FORCE if output.kind == "force" else BY_POINT,
         output.position * opened.length_m,
-        1e-3 * output.aperture_mm if output.kind == "pickup" else 0.0,
+        1e-3 * output.aperture_mm if output.magnetic else 0.0,
         gains[output.kind],
         1e-3 * shape.slide_ms,
     )

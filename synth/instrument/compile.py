@@ -116,6 +116,7 @@ class CompiledString:
     sympathetic: bool = False  # no key plays it
     elsewhere: bool = False  # the key that plays it is not what it sounds
     pan: float = 0.0  # from where it is heard
+    flux_bend: float = 0.0  # how much of its output as a flux goes as its square: 1/(gain · distance); else 0
 
 
 @dataclass(frozen=True)
@@ -249,7 +250,7 @@ def layers_of(preset: Preset, note: int, contacts: int) -> np.ndarray:
 def _refuse_wider_than_string(preset: Preset, length_m: float) -> None:
     """A finger or a pickup as wide as the string averages all of it away; near an end the engine takes less of a finger."""
     widths = {"pluck.width_mm": preset.pluck.width_mm, "pluck.width_hard_mm": preset.pluck.width_hard_mm}
-    if preset.output.kind == "pickup":
+    if preset.output.magnetic:
         widths["output.aperture_mm"] = preset.output.aperture_mm
     for field, width_mm in widths.items():
         if width_mm is not None and width_mm > 1e3 * length_m:
@@ -380,7 +381,7 @@ def output_weights(preset: Preset, string: String, open_length_m: float, n: int)
         return zero, shape
     k = np.arange(1, n + 1) / string.length_m  # k_j/π
     seen = shape * np.sinc(k * 0.5e-3 * output.aperture_mm)
-    return seen, seen
+    return seen, zero if output.kind == "flux" else seen
 
 
 def _output_of_rest_line(preset: Preset, string: String, open_length_m: float, height_m: float) -> float:
@@ -613,6 +614,7 @@ def compile_string(
         table.sympathetic,
         table.sounds is not None,
         at_note(table.pan, note),
+        1e3 / (gain * preset.output.distance_mm) if preset.output.kind == "flux" else 0.0,
     )
 
 

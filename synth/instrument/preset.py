@@ -466,14 +466,19 @@ class Damping(Table):
 class Output(Table):
     """What is heard."""
 
-    kind: Literal["force", "displacement", "velocity", "pickup", "body"] = "force"
+    kind: Literal["force", "displacement", "velocity", "pickup", "flux", "body"] = "force"
     #: from the saddle, as a share of the open length; 0 is the saddle itself
     position: float = Field(0.0, ge=0.0, lt=1.0)
-    #: pickup: distance of the magnet from the string at rest, and length of string it sees
+    #: pickup and flux: distance of the magnet from the string at rest, and length of string it sees
     distance_mm: float = Field(3.0, gt=0.1, le=50.0)
     aperture_mm: float = Field(10.0, gt=0.0, le=100.0)
     #: level; presets are set so that all are equally loud (`tools/loudness`)
     gain_db: float = Field(0.0, ge=-200.0, le=200.0)
+
+    @property
+    def magnetic(self) -> bool:
+        """Whether it is a magnet that hears: the voltage of its coil, or the flux through it."""
+        return self.kind in ("pickup", "flux")
 
 
 class BodyMode(ModeOrField):

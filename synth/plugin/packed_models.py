@@ -185,7 +185,7 @@ class _Lists:
             numbers["rate"] = where.string.factor * engine.rate_hz
         elif where.body:
             row["weighing"] = SMOOTH
-        elif where.preset.output.kind in ("displacement", "velocity", "pickup"):
+        elif where.preset.output.kind in ("displacement", "velocity", "pickup", "flux"):
             row["weighing"] = HEARD
             numbers |= _hearing(where, model)
         self._models.append(row)
@@ -229,7 +229,7 @@ def _hearing(where: _Place, model: StringModel) -> dict[str, float]:
     """Where the output of a model is taken, how wide, and how strong: the gains that meet most weights to the bit."""
     string, output = where.position.string, where.preset.output
     open_length = where.string.open_length_m
-    half = 0.5e-3 * output.aperture_mm if output.kind == "pickup" else 0.0
+    half = 0.5e-3 * output.aperture_mm if output.magnetic else 0.0
     place = string.length_m - output_distance(where.preset, string, open_length)
     own = min(where.position.own, model.modes)
     plain = np.zeros(own)

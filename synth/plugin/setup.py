@@ -122,12 +122,12 @@ def _scale(*keys: str, powers: Mapping[str, int] | None = None) -> Callable[[Dat
     return change
 
 
-def _of(table: str, key: str, kind: str | None = None) -> Callable[[Preset], float | None]:
-    """A plain number of a table, which is of a kind."""
+def _of(table: str, key: str, *kinds: str) -> Callable[[Preset], float | None]:
+    """A plain number of a table, which is of one of these kinds, if any are given."""
 
     def value(preset: Preset) -> float | None:
         found = getattr(preset, table)
-        return _plain(getattr(found, key, None)) if kind in (None, getattr(found, "kind", None)) else None
+        return _plain(getattr(found, key, None)) if not kinds or getattr(found, "kind", None) in kinds else None
 
     return value
 
@@ -274,7 +274,7 @@ _NUMBERS = (
         0.02,
         0.5,
         LINEAR,
-        _of("output", "position", "pickup"),
+        _of("output", "position", "pickup", "flux"),
         _put("output", "position"),
     ),
     _Number(
@@ -284,7 +284,7 @@ _NUMBERS = (
         1.0,
         20.0,
         RATIO,
-        _of("output", "distance_mm", "pickup"),
+        _of("output", "distance_mm", "pickup", "flux"),
         _put("output", "distance_mm"),
     ),
 )

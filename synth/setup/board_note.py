@@ -69,7 +69,7 @@ class BoardNote(Note):
             "width_mm": 1e3 * stroke.width_m, "width_hard_mm": None, "draw_ms": 1e3 * stroke.draw_s,
             "slip_ms": 1e3 * stroke.slip_s, "slip_hard_ms": None, "roughness_um": 0.0,
         })  # fmt: skip
-        kind = "velocity" if preset.output.kind == "pickup" else preset.output.kind
+        kind = {"pickup": "velocity", "flux": "displacement"}.get(preset.output.kind, preset.output.kind)
         changed: dict[str, Any] = {
             "string": (table.model_copy(update={"notes": (place.opened, place.opened), "pluck_position": None}),),
             "pluck": pluck, "obstacle": board, "articulations": {}, "effect": (), "body": type(preset.body)(),

@@ -465,7 +465,7 @@ def test_moreau_jean_takes_no_certificate():
 
 
 def test_output_kinds_sound():
-    for kind in ("force", "displacement", "velocity", "pickup"):
+    for kind in ("force", "displacement", "velocity", "pickup", "flux"):
         made = engine(
             preset(
                 "kind",

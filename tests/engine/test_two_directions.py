@@ -95,8 +95,9 @@ def test_a_share_of_the_nut_gives_way():
         'kind = "displacement"\nposition = 0.1\ngain_db = 50',
         'kind = "velocity"\nposition = 0.1\ngain_db = 10',
         'kind = "pickup"\nposition = 0.165\ndistance_mm = 5\naperture_mm = 12\ngain_db = -18',
+        'kind = "flux"\nposition = 0.165\ndistance_mm = 5\naperture_mm = 12\ngain_db = 50',
     ],
-    ids=["force", "displacement", "velocity", "pickup"],
+    ids=["force", "displacement", "velocity", "pickup", "flux"],
 )
 @pytest.mark.parametrize("economy", [True, False])
 def test_the_output_hears_as_much_of_it_as_asked(output, economy):

@@ -62,7 +62,7 @@ export function drawScene(panel, drawing, { close, ghost }) {
       if (panel.shows(x)) back.push(s("path", { class: "wood", d: `M${X(x)} ${Y(height)}l5 9V${bottom}h-10V${Y(height) + 9}z` }));
     }
   }
-  if (drawing.output.kind === "pickup" && !close) back.push(...magnet(panel, drawing.output));
+  if (drawing.output.height !== null && !close) back.push(...magnet(panel, drawing.output));
 
   if (ghost !== null) front.push(...ghostOf(panel, drawing, ghost, close));
   front.push(s("polyline", { class: "string-rest", points: panel.line(drawing.rest) }));
@@ -214,7 +214,7 @@ export function handlesOf(panel, drawing, { close, hasClose }) {
     });
   }
   if (!close && output.drag.x) {
-    const pickup = output.kind === "pickup";
+    const pickup = output.height !== null;
     out.push({
       id: "output",
       x: output.x,

@@ -362,7 +362,7 @@ def _pluck(place: Place, opened: String, string: String, velocity: int, fret_hei
 def _output(place: Place, string: String, length: float, drags: _Drags) -> dict[str, Any]:
     output = place.preset.output
     distance = output_distance(place.preset, string, length)
-    pickup = output.kind == "pickup"
+    pickup = output.magnetic
     return {
         "kind": output.kind,
         "x": _m(length - distance),

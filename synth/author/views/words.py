@@ -858,8 +858,9 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Output: {
         "kind": Words(
             "What is heard",
-            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, a magnetic "
-            "pickup over it, or the body that all strings share.",
+            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, the voltage of "
+            "a magnetic pickup over it, the flux through one (a resonance of the body makes it the voltage behind coil and "
+            "cable), or the body that all strings share.",
             setup=True,
         ),
         "position": Words(
@@ -1165,6 +1166,7 @@ CHOICES: dict[tuple[type[Table], str], dict[str, str]] = {
         "displacement": "displacement",
         "velocity": "velocity",
         "pickup": "magnetic pickup",
+        "flux": "flux through a pickup",
         "body": "body",
     },
 }
