@@ -264,6 +264,14 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "How partials stretch: sqrt is the exact law of a pinned stiff string; linear (1 + Bj²/2) is that of "
             "some published data. They differ in the high partials only.",
         ),
+        "unevenness_cents": Words(
+            "Unevenness",
+            "How far partials lie off the law of the stiff string, as mass is uneven along it: plain steel 0.5, wound or "
+            "gut 1 to 2, a false string 4. The first partial stays in tune.",
+            "cents",
+            (0.0, 5.0),
+            0.1,
+        ),
         "tension_modulation": Words(
             "Tension follows the motion",
             "Plucked hard, the string begins sharp and glides down to its pitch, as real strings do by a few cents.",
