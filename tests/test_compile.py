@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from synth.instrument.compile import compile_preset, compile_string, describe_plan, make_string, note_frequency, static_state
+from synth.instrument.fingerprints import fingerprint
 from synth.instrument.preset import Preset, PresetError, parse_preset
 from synth.physics.modes import static_compliance
 from synth.units import cents, midi_to_hz
@@ -174,6 +175,33 @@ def test_measured_modes_move_with_the_tuning():
     assert p.omega[0] == pytest.approx(2 * math.pi * midi_to_hz(43))
     assert p.omega[1] / p.omega[0] == pytest.approx(2.02)
     assert p.sigma[:2] == pytest.approx([1.5, 2.5])
+
+
+def test_unevenness_belongs_to_a_string_and_both_of_its_directions():
+    two = NECK + "[polarisation]\ndetuning_cents = 0.7\nloss_ratio = 1.2\n"
+    even, uneven = (
+        compile_preset(make(two, notes="G2-A2", more=f"unevenness_cents = {c}"), quality="draft").strings for c in (0, 2)
+    )
+    off = []
+    for before, after in zip(even, uneven, strict=True):
+        for fret in (0, 12):
+            a, b = before.positions[fret], after.positions[fret]
+            first, across = (1200.0 * np.log2(y[:20] / x[:20]) for x, y in ((a.omega, b.omega), (a.across[0], b.across[0])))
+            assert first[0] == 0.0 and first == pytest.approx(across, abs=1e-6)
+            off.append(np.sqrt((first[1:] ** 2).mean()))
+    assert off == pytest.approx([2.0, 2.0 * math.sqrt(2.0)] * (len(off) // 2), rel=0.5)
+    one, other = (string.positions[0].omega[:20] / string.positions[0].omega[0] for string in uneven[:2])
+    assert not np.allclose(one, other, rtol=1e-4)
+    again = compile_preset(make(two, notes="G2-A2", more="unevenness_cents = 2"), quality="draft").strings
+    assert np.array_equal(again[1].positions[5].omega, uneven[1].positions[5].omega)
+    with pytest.raises(PresetError, match="unevenness_cents: must lie between 0 and 10, got 11"):
+        make(more="unevenness_cents = 11")
+
+
+def test_a_fingerprint_is_older_than_unevenness():
+    plain, even, uneven = (make(more=more) for more in ("", "unevenness_cents = 0", "unevenness_cents = 1"))
+    prints = [fingerprint(each, each.string[0], 43) for each in (plain, even, uneven)]
+    assert prints[0] == prints[1] == "17b4af1a9cad4eec" and prints[2] != prints[0]
 
 
 def test_errors_name_preset_string_and_cause():

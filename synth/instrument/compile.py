@@ -50,6 +50,7 @@ from synth.physics.obstacle import Obstacle, fret_positions, frets, fretted, par
 from synth.physics.string import NutResonance, String
 from synth.physics.tail import lumped_tail
 from synth.physics.tuning import tuned
+from synth.physics.uneven_mass import scatter_of
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix, law_of
 from synth.solver.layers import static_forces
 from synth.solver.lcp import SOLVED
@@ -151,12 +152,21 @@ def string_frequency(preset: Preset, table: StringTable, note: int, note_hz: np.
     )
 
 
+def string_seed(preset: Preset, table: StringTable, note: int) -> int:
+    """What the chances of one string follow from: where its table stands among the preset's, and its open note."""
+    places = [k for k, each in enumerate(preset.string) if each is table] or [
+        k for k, each in enumerate(preset.string) if each == table
+    ]
+    return 128 * (places[0] if places else 0) + note
+
+
 def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: float) -> String:
     """The open string of a table at one of its notes, at the tension that a string without stiffness has at `frequency_hz`.
 
     Its `inharmonicity` is what the table calls so.
     """
 
+    seed = string_seed(preset, table, note)
     table = strung(preset, table, note)
 
     def mm(value):
@@ -172,6 +182,7 @@ def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: fl
     else:
         assert table.inharmonicity is not None
         stiffness = at_note(table.inharmonicity, note) * ideal_tension * length**2 / math.pi**2
+    uneven = at_note(table.unevenness_cents, note)
     return String(
         length_m=length,
         tension_n=ideal_tension,
@@ -183,6 +194,8 @@ def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: fl
         viscoelastic_loss=at_note(table.viscoelastic_loss, note),
         thermoelastic_q_inverse=at_note(table.thermoelastic_q_inverse, note),
         stiffness_law=table.stiffness_law,
+        mass_scatter=scatter_of(uneven, length),
+        seed=seed if uneven else 0,
         nut=nut_resonances(preset.nut),
     )
 

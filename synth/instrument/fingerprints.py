@@ -20,6 +20,8 @@ _STRING = {"name", "notes", "cents", "choir", "sounds", "sympathetic", "gain_db"
 #: of a pluck: what it rubs over, and what fingerprints are older than
 _RUBBING = {"rub_percent", "edge_mm", "grain_mm"}
 _LATER = {"arrival", "width_course"}
+#: of a string: what fingerprints are older than
+_LATER_STRING = {"unevenness_cents"}
 #: of an articulation: what it rubs over and knocks at, which plans are measured without
 UNSTEADY = frozenset({*_RUBBING, "knock_ratio"})
 #: of an articulation: the ways to it, and what chords and legato do
@@ -39,6 +41,12 @@ def _resolved(data: Any, note: int) -> Any:
     return float(data) if isinstance(data, int) and not isinstance(data, bool) else data
 
 
+def _string(table: StringTable) -> dict[str, Any]:
+    """What moves a string; of later additions what is not their default."""
+    later = {name for name in _LATER_STRING if getattr(table, name) == type(table).model_fields[name].default}
+    return table.model_dump(exclude=_STRING | later)
+
+
 def _pluck(pluck: Pluck) -> dict[str, Any]:
     """A pluck without what it rubs over, which plans are measured without; of later additions what is not their default."""
     later = {name for name in _LATER if getattr(pluck, name) == type(pluck).model_fields[name].default}
@@ -52,7 +60,7 @@ def _digest(data: Any) -> str:
 def fingerprint(preset: Preset, table: StringTable, note: int) -> str:
     """Of one open string of a preset: 16 hexadecimal digits."""
     parts: dict[str, Any] = {
-        "string": strung(preset, table, note).model_dump(exclude=_STRING),
+        "string": _string(strung(preset, table, note)),
         "nut": [mode.model_dump(exclude_defaults=True) for mode in preset.nut],
         "obstacle": obstacle_under(preset, table, note).model_dump(),
         "pluck": _pluck(preset.pluck),

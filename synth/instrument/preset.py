@@ -149,6 +149,8 @@ class StringTable(Table):
     viscoelastic_loss: Annotated[Scaled, within(0.0, 0.5)] = 0.0
     thermoelastic_q_inverse: Annotated[Scaled, within(0.0, 0.1)] = 0.0
     stiffness_law: Literal["sqrt", "linear"] = "sqrt"
+    #: how far partials above the first lie off that law, as its mass is uneven: root mean square, open
+    unevenness_cents: Annotated[Scaled, within(0.0, 10.0)] = 0.0
     #: whether its own motion raises its tension, and by how many newtons doubling its length would (EA), where that is not
     #: its modulus times its (core's) section: less where it stretches behind nut and saddle, too
     tension_modulation: bool = False

@@ -59,15 +59,15 @@ def field_modes(low_hz: float, high_hz: float, spacing_hz: float, q: float, seed
     found: list[FieldMode] = []
     frequency = low_hz
     while frequency <= high_hz and len(found) < MOST_MODES:
-        loss = math.exp(Q_SPREAD * _normal(chance))
-        normal, lateral, rocking, radiation = (_not_nodal(_normal(chance)) for _ in range(4))
+        loss = math.exp(Q_SPREAD * normal(chance))
+        upright, lateral, rocking, radiation = (_not_nodal(normal(chance)) for _ in range(4))
         pan = 2.0 * chance.random() - 1.0
-        found.append(FieldMode(frequency, max(LEAST_Q, q * loss), (normal, lateral, rocking), radiation, pan))
+        found.append(FieldMode(frequency, max(LEAST_Q, q * loss), (upright, lateral, rocking), radiation, pan))
         frequency += spacing_hz * math.sqrt(-4.0 / math.pi * math.log(1.0 - chance.random()))
     return tuple(found)
 
 
-def _normal(chance: random.Random) -> float:
+def normal(chance: random.Random) -> float:
     """Normally distributed; by `random()` alone, which Python keeps the same from version to version."""
     return _NORMAL.inv_cdf(min(max(chance.random(), 1e-9), 1.0 - 1e-9))
 

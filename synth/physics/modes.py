@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synth.physics.string import String
+from synth.physics.uneven_mass import frequency_factors
 
 #: N·(distance to an end)·π/L from which on a difference of two cosine sums gives R without loss
 _DIFFERENCE_FROM = 1.0
@@ -38,10 +39,10 @@ def nut_mobility(string: String, omega: np.ndarray | float) -> np.ndarray:
 
 
 def model_frequencies(string: String, n: int) -> np.ndarray:
-    """ω_j (n,) [rad/s] of the model, stiffness and nut mobility [IA2018 A1]; never measured values.
+    """ω_j (n,) [rad/s] of the model, stiffness, nut mobility and uneven mass [IA2018 A1]; never measured values.
 
-    ν_j = ν_0j (s_j − (μc/(jπ)) Im Y_nut(jπc/L)) with s_j = √(1 + Bj²) or 1 + Bj²/2. The sign is that of
-    e^(+iωt): below a nut resonance the string sounds lower (the end gives way like a spring), above it
+    ν_j = ν_0j (s_j − (μc/(jπ)) Im Y_nut(jπc/L)) with s_j = √(1 + Bj²) or 1 + Bj²/2, times `frequency_factors`. The sign
+    is that of e^(+iωt): below a nut resonance the string sounds lower (the end gives way like a spring), above it
     higher. Raises ValueError where the mobility is so great that a frequency would not be positive.
     """
     j = _mode_numbers(n)
@@ -49,6 +50,8 @@ def model_frequencies(string: String, n: int) -> np.ndarray:
     mobility = nut_mobility(string, omega_0)
     end_correction = -string.impedance_kg_s / (math.pi * j) * mobility.imag  # μc = √(Tμ)
     bracket = _stiffness_factor(string, n) + end_correction
+    if string.mass_scatter > 0.0 and n > 1:
+        bracket = bracket * frequency_factors(string.length_m, string.mass_scatter, string.seed, int(n))
     if not np.all(bracket > 0.0):
         mode = int(np.argmin(bracket)) + 1
         raise ValueError(

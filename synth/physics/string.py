@@ -32,6 +32,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "thermoelastic_q_inverse": (0.0, 1e6, ""),
     "air_viscosity": (0.0, 1e6, " kg/(m s)"),
     "air_density": (0.0, 1e6, " kg/m³"),
+    "mass_scatter": (0.0, 1.0, ""),
     "frequency_hz": (1e-6, 1e9, " Hz"),
     "q": (1e-6, 1e12, ""),
     "mass_kg": (1e-9, 1e9, " kg"),
@@ -78,6 +79,8 @@ class String:
     air_viscosity, air_density   η_air [kg/(m s)], ρ_air [kg/m³]
     stiffness_law            "sqrt": ν_j ∝ j√(1 + Bj²), the exact law of a pinned stiff string; "linear": the
                              paper's j(1 + Bj²/2) (A1), which agrees with it only while Bj² ≪ 1
+    mass_scatter, seed       standard deviation of the relative mass of pieces of the string, and which string of those it
+                             is (`uneven_mass`); 0 for an even one
     nut                      resonances whose mobilities add up to Y_nut; empty: a rigid end
     measured_frequencies_hz  frequencies of modes 1 … m [Hz]; the model goes on behind them
     measured_decay_rates     σ of modes 1 … m [1/s], amplitude e^(−σt); m need not be the same
@@ -97,6 +100,8 @@ class String:
     air_viscosity: float = 1.8e-5
     air_density: float = 1.2
     stiffness_law: StiffnessLaw = "sqrt"
+    mass_scatter: float = 0.0
+    seed: int = 0
     nut: tuple[NutResonance, ...] = ()
     measured_frequencies_hz: tuple[float, ...] = ()
     measured_decay_rates: tuple[float, ...] = ()
@@ -109,7 +114,7 @@ class String:
 
         for name in ("length_m", "tension_n", "linear_density_kg_m", "diameter_m", "bending_stiffness_n_m2"):
             require_within(name, getattr(self, name))
-        for name in ("viscoelastic_loss", "thermoelastic_q_inverse", "air_viscosity", "air_density"):
+        for name in ("viscoelastic_loss", "thermoelastic_q_inverse", "air_viscosity", "air_density", "mass_scatter"):
             require_within(name, getattr(self, name))
         if self.stiffness_law not in STIFFNESS_LAWS:
             raise ValueError(f"stiffness_law must be 'sqrt' or 'linear', got {self.stiffness_law!r}")

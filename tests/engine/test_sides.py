@@ -40,7 +40,7 @@ def played(preset: Preset | str, notes: list[int], block: int = 512, seconds: fl
 def test_a_string_is_heard_on_either_side_by_its_pan(name: str) -> None:
     """One with a body behind it, one without, one of two directions."""
     note = {"fretted-bass": 33, "koto": 62, "electric-guitar": 50}[name]
-    plain, aside = played(name, [note]), played(panned(name, [-0.4]), [note])
+    plain, aside = (played(panned(name, [pan]), [note]) for pan in (0.0, -0.4))
     angle = 0.25 * math.pi * 0.6
     for channel, share in enumerate((math.cos(angle), math.sin(angle))):
         expected = math.sqrt(2.0) * share * plain[:, channel]

@@ -264,6 +264,14 @@ WORDS: dict[type[Table], dict[str, Words]] = {
             "How partials stretch: sqrt is the exact law of a pinned stiff string; linear (1 + Bj²/2) is that of "
             "some published data. They differ in the high partials only.",
         ),
+        "unevenness_cents": Words(
+            "Unevenness",
+            "How far partials lie off the law of the stiff string, as mass is uneven along it: plain steel 0.5, wound or "
+            "gut 1 to 2, a false string 4. The first partial stays in tune.",
+            "cents",
+            (0.0, 5.0),
+            0.1,
+        ),
         "tension_modulation": Words(
             "Tension follows the motion",
             "Plucked hard, the string begins sharp and glides down to its pitch, as real strings do by a few cents.",
@@ -858,9 +866,8 @@ WORDS: dict[type[Table], dict[str, Words]] = {
     Output: {
         "kind": Words(
             "What is heard",
-            "The string's force on the saddle (what drives a body), its displacement or velocity at a place, the voltage of "
-            "a magnetic pickup over it, the flux through one (a resonance of the body makes it the voltage behind coil and "
-            "cable), or the body that all strings share.",
+            "The string's force on the saddle, which drives a body; its displacement or velocity at a place; the voltage of "
+            "a magnetic pickup over it, or the flux through one, for a resonance as its coil; or the body that all share.",
             setup=True,
         ),
         "position": Words(

@@ -163,7 +163,12 @@ def test_defaults_are_what_a_file_without_the_key_gets(name: str) -> None:
         if of_another_string(path):
             continue
         if preset(name).coupled and path in ("output.kind", "body.mode"):
-            with pytest.raises(PresetError, match="need each other"):
+            with pytest.raises(PresetError, match="need each other|knock needs a body"):
+                put(name, entry, None)
+            continue
+        first = preset(name).string[0]
+        if path == "string.0.axial_stiffness_n" and first.tension_modulation and first.youngs_modulus_gpa is None:
+            with pytest.raises(PresetError, match="resistance to stretching"):
                 put(name, entry, None)
             continue
         value = value_at(apply(TEXTS[name], [(path, None)], name)[1], path)
@@ -232,7 +237,8 @@ def test_what_stands_in_for_another_value_is_the_same_string(name: str) -> None:
         elif path.startswith("obstacle.") and path != "obstacle.action_12th_mm":
             points, were = draw(after, note)["points"], draw(before, note)["points"]
             assert [(p["x"], p["height"]) for p in points] == [
-                (pytest.approx(p["x"], abs=1e-6), pytest.approx(p["height"], abs=1e-3)) for p in were
+                (pytest.approx(p["x"], abs=1e-6), pytest.approx(p["height"], rel=5e-4, abs=1e-3))
+                for p in were  # four digits
             ], path
             tried += 1
     assert tried >= 2
