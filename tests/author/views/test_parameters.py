@@ -163,7 +163,7 @@ def test_defaults_are_what_a_file_without_the_key_gets(name: str) -> None:
         if of_another_string(path):
             continue
         if preset(name).coupled and path in ("output.kind", "body.mode"):
-            with pytest.raises(PresetError, match="need each other|knock needs a body"):
+            with pytest.raises(PresetError, match=r"need each other|knock needs a body"):
                 put(name, entry, None)
             continue
         first = preset(name).string[0]
