@@ -16,11 +16,13 @@ from typing import Any
 Row = tuple[float, str, int, Any, int, float]
 Scene = dict[str, Any]
 
-PRESETS = ("tanpura", "fretted-bass", "jawari-harp", "steel-guitar", "fretless-bass")
+#: strings over a bridge, on ends at rest
+LIGHT = "tanpura-light"
+PRESETS = (LIGHT, "fretted-bass", "jawari-harp", "steel-guitar", "fretless-bass")
 QUALITIES = ("draft", "standard", "fine", "reference")
 LAWS = ("exact-hold", "moreau-jean", "moreau-jean-filtered")
 #: keys that show a preset's strings at the costs of its low ones
-KEYS = {"tanpura": (36, 43, 48, 48), "fretted-bass": (28, 38, 45, 31), "jawari-harp": (33, 40, 52, 45),
+KEYS = {LIGHT: (36, 43, 48, 48), "fretted-bass": (28, 38, 45, 31), "jawari-harp": (33, 40, 52, 45),
         "steel-guitar": (40, 47, 57, 43), "fretless-bass": (28, 40, 46, 52)}  # fmt: skip
 #: whose strings share a body or lie over a board, which one law knows
 COUPLED = ("steel-guitar", "fretless-bass")
@@ -112,7 +114,7 @@ def _hands() -> list[Scene]:
         engine("dense-harp", "jawari-harp", 0.5, phrase(1, harp, 60, 0.5)),
         engine("dense-harp-fine", "jawari-harp", 0.25, phrase(2, harp, 16, 0.25), options={"quality": "fine"}),
         engine("dense-bass", "fretted-bass", 0.5, phrase(3, bass, 40, 0.5)),
-        engine("dense-tanpura", "tanpura", 0.5, phrase(4, tanpura, 30, 0.5)),
+        engine("dense-tanpura", LIGHT, 0.5, phrase(4, tanpura, 30, 0.5)),
         engine(
             "high-harp",
             "jawari-harp",
@@ -123,11 +125,11 @@ def _hands() -> list[Scene]:
         engine("legato-bass", "fretted-bass", 0.35, legato),
         engine("hammer-on-bass", "fretted-bass", 0.3, hammer),
         engine("legato-bass-moreau-jean", "fretted-bass", 0.3, legato, options={"scheme": "moreau-jean"}),
-        engine("redraw-tanpura", "tanpura", 0.35, redraw),
-        engine("redraw-within-a-block", "tanpura", 0.1, [*note(0.0, 36, 90, 0.001), *note(0.0005, 36, 50, 0.001)]),
+        engine("redraw-tanpura", LIGHT, 0.35, redraw),
+        engine("redraw-within-a-block", LIGHT, 0.1, [*note(0.0, 36, 90, 0.001), *note(0.0005, 36, 50, 0.001)]),
         engine("few-strings", "jawari-harp", 0.4, phrase(6, harp, 30, 0.4), options={"max_polyphony": 3}),
         engine("spared-strings", "jawari-harp", 0.4, phrase(7, harp, 30, 0.4), spare=0.02),
-        engine("unplayable-notes", "tanpura", 0.1, [*note(0.0, 60, 90, 0.05), *note(0.01, 36, 90, 0.05)]),
+        engine("unplayable-notes", LIGHT, 0.1, [*note(0.0, 60, 90, 0.05), *note(0.01, 36, 90, 0.05)]),
         engine(
             "loud-and-soft",
             "fretted-bass",
@@ -173,21 +175,21 @@ def _controls() -> list[Scene]:
         engine("bend-slow", "jawari-harp", 0.35, [*chord, *slow]),
         engine("bend-wide-rpn", "jawari-harp", 0.35, [*chord, *wide]),
         engine("bend-bass", "fretted-bass", 0.3, [*note(0.0, 38, 100, 0.25), *slow]),
-        engine("bend-tanpura-fine", "tanpura", 0.2, [*note(0.0, 36, 100, 0.15), *slow], options={"quality": "fine"}),
+        engine("bend-tanpura-fine", LIGHT, 0.2, [*note(0.0, 36, 100, 0.15), *slow], options={"quality": "fine"}),
         engine(
-            "bend-moreau-jean", "tanpura", 0.2, [*note(0.0, 36, 100, 0.2), *wide], options={"scheme": "moreau-jean-filtered"}
+            "bend-moreau-jean", LIGHT, 0.2, [*note(0.0, 36, 100, 0.2), *wide], options={"scheme": "moreau-jean-filtered"}
         ),
         engine("mpe", "jawari-harp", 0.35, mpe, options={"mpe": True}),
         engine("tuning-live", "jawari-harp", 0.3, retuned),
         engine("tuning-compiled", "jawari-harp", 0.2, chord, arrays=just),
         engine("pedal-sustain", "jawari-harp", 0.3, pedals),
         engine("levels", "jawari-harp", 0.3, levels),
-        engine("parameters", "tanpura", 0.35, [*strokes, *lively]),
-        engine("parameter-jiva", "tanpura", 0.35, [*strokes, *jiva]),
+        engine("parameters", LIGHT, 0.35, [*strokes, *lively]),
+        engine("parameter-jiva", LIGHT, 0.35, [*strokes, *jiva]),
         engine("parameter-jiva-harp", "jawari-harp", 0.35, [*chord, *jiva]),
         engine("parameters-bass", "fretted-bass", 0.3, [*phrase(15, (28, 33, 38), 8, 0.3), *lively]),
         engine("parameter-variation", "fretted-bass", 0.3, [*phrase(16, (28, 33, 38), 8, 0.3), *varied]),
-        engine("bound-controllers", "tanpura", 0.35, [*strokes, *turned], options={"bindings": bound}),
+        engine("bound-controllers", LIGHT, 0.35, [*strokes, *turned], options={"bindings": bound}),
         engine(
             "programs", parts, 0.4, sorted(changing, key=lambda each: each[0]), arrays={"program_map": programs}, stems=True
         ),
@@ -251,11 +253,11 @@ def _engines() -> list[Scene]:
         *(engine(f"threads-{n}", "jawari-harp", 0.25, piece, options={"threads": n}) for n in (1, 2, 3)),
         *(engine(f"rate-{hz}", "jawari-harp", 0.2, piece, rate_hz=hz) for hz in (44100, 48000, 88200, 96000)),
         engine("rate-bass-96000", "fretted-bass", 0.2, phrase(23, (28, 33, 40), 8, 0.2), rate_hz=96000),
-        engine("internal-rate", "tanpura", 0.15, note(0.0, 36, 100, 0.1), options={"internal_rate_hz": 44100 * 7}),
+        engine("internal-rate", LIGHT, 0.15, note(0.0, 36, 100, 0.1), options={"internal_rate_hz": 44100 * 7}),
         *(
             engine(
                 f"restitution-{law}",
-                "tanpura",
+                LIGHT,
                 0.1,
                 note(0.0, 36, 110, 0.05),
                 options={"scheme": law, "restitution": 0.5, "internal_rate_hz": 44100 * 24, "only_notes": [[36]]},
@@ -268,7 +270,7 @@ def _engines() -> list[Scene]:
         ),
         engine(
             "saved-tanpura-threads",
-            "tanpura",
+            LIGHT,
             0.25,
             phrase(25, (36, 43, 48), 10, 0.25),
             options={"threads": 2},
@@ -287,21 +289,15 @@ def _engines() -> list[Scene]:
         engine("points-reference", {"toml": POINTS}, 0.1, plucks, options={"quality": "reference", "only_notes": [[45]]}),
         engine("nothing-to-touch", {"toml": POINTS, "set": {"obstacle": '{ kind = "none" }'}}, 0.25, plucks),
         *(
-            engine(
-                f"output-{kind}", {"preset": "tanpura", "set": {"output.kind": kind, "output.gain_db": "10"}}, 0.2, strokes
-            )
+            engine(f"output-{kind}", {"preset": LIGHT, "set": {"output.kind": kind, "output.gain_db": "10"}}, 0.2, strokes)
             for kind, strokes in (
                 (k, phrase(26, (36, 43, 48), 6, 0.2)) for k in ("force", "displacement", "velocity", "pickup")
             )
         ),
         engine("ringing-on", {"preset": "jawari-harp", "set": {"damping.ring_on": "true"}}, 0.2, piece),
-        engine(
-            "a-thread-pressed-in", {"preset": "tanpura", "set": {"obstacle.jiva_um": "-20"}}, 0.2, note(0.0, 36, 90, 0.1)
-        ),
-        engine("flying-free", {"preset": "tanpura", "set": {"obstacle.jiva_um": "1000"}}, 0.3, phrase(27, (36, 43), 4, 0.3)),
-        engine(
-            "two-of-a-kind", ["tanpura", "tanpura"], 0.2, [*note(0.0, 36, 90, 0.1), *note(0.01, 36, 60, 0.1, 1)], stems=True
-        ),
+        engine("a-thread-pressed-in", {"preset": LIGHT, "set": {"obstacle.jiva_um": "-20"}}, 0.2, note(0.0, 36, 90, 0.1)),
+        engine("flying-free", {"preset": LIGHT, "set": {"obstacle.jiva_um": "1000"}}, 0.3, phrase(27, (36, 43), 4, 0.3)),
+        engine("two-of-a-kind", [LIGHT, LIGHT], 0.2, [*note(0.0, 36, 90, 0.1), *note(0.01, 36, 60, 0.1, 1)], stems=True),
     ]
     return found
 
@@ -381,7 +377,7 @@ def _songs() -> list[Scene]:
         song("song-settings", "--set pluck.position=0.1 --set obstacle.jiva_um=1 --polyphony 2 --quality draft", tune),
         song("song-body", f"--set body.resonance={body}", tune),
         song("song-tempi", "", tune, tempi=[(0.0, 400_000), (0.1, 900_000), (0.15, 500_001)]),
-        song("song-transposed", "--transpose=-5 --fold --fallback fretted-bass", tune, "tanpura"),
+        song("song-transposed", "--transpose=-5 --fold --fallback fretted-bass", tune, LIGHT),
     ]
 
 
