@@ -260,7 +260,7 @@ def test_a_note_that_fades_for_five_minutes_is_ever_less_work():
         work.append(engine.mode_steps - before)
         loudest.append(peak)
     assert work[0] > 0 and np.all(np.diff(work) <= 0) and work[-1] < 0.05 * work[0]
-    assert loudest[0] > 1e-3 and np.all(np.diff(loudest) <= 0.0)
+    assert loudest[0] > 1e-3 and np.all(np.diff(loudest) <= 1e-6)  # where it falls asleep a resonance may move by -130 dB
 
 
 def test_extreme_notes_sound_at_their_pitch():
