@@ -88,7 +88,7 @@ WAYS: dict[str, Way] = {
     "synth export tanpura --install": Way("", r"\.clap", slow=True),
     "synth doctor": Way("", "rendering"),
     "synth fit note.wav": Way("author,fit", "Hz"),
-    "synth fit --contact note.wav -p tanpura": Way("author,fit", "µm", slow=True),
+    "synth fit --contact note.wav -p tanpura-light": Way("author,fit", "µm", slow=True),
     "synth simulate bass --ledger -o out.npz": Way("", "out.npz", slow=True),
     "synth sweep STUDY.toml": Way("study", "rows", slow=True),
     "pip install '.[setup]'": Way("setup"),
@@ -96,7 +96,7 @@ WAYS: dict[str, Way] = {
     "synth export tanpura -f clap --target windows-x86-64": Way("targets", "tanpura.clap", slow=True),
     "synth setup fretted-bass": Way("setup", "of 84 notes buzz"),
     "synth dataset RECIPE.toml -o sounds": Way("dataset", "items", slow=True),
-    "synth plan tanpura C3": Way("", "tanpura at standard"),
+    "synth plan tanpura-light C3": Way("", "tanpura-light at standard"),
     "synth body fit bridge.csv": Way("author,fit", r"\[\[body.mode\]\]"),
     "synth --help": Way("", "render"),
     "synth completion fish > ~/.config/fish/completions/synth.fish": Way(""),
@@ -239,7 +239,7 @@ track.append(mido.Message("note_off", note=48, time=1920))
 song.tracks.append(track)
 song.save("song.mid")
 END
-.venv/bin/synth render song.mid -p tanpura --tail 1 -o note.wav >material.txt 2>&1
+.venv/bin/synth render song.mid -p tanpura-light --tail 1 -o note.wav >material.txt 2>&1
 .venv/bin/python - <<'END'
 from pathlib import Path
 import numpy as np

@@ -24,7 +24,8 @@ POLE = np.exp(-2.0 * np.pi * 8.0 / RATE_HZ)
 SCENES = {
     "harp": ('preset = "jawari-harp"\nnote = "C4"\nvelocity = 100\n', 44100.0),
     "guitar": ('preset = "jazz-guitar"\nnote = "E3"\nvelocity = 127\nset."body.resonance" = [[]]\n'
-               'set."body.direct_db" = 0.0\nset."obstacle.action_12th_mm" = 0.9\nset."polarisation.heard" = 0.0\n', None),
+               'set."body.direct_db" = 0.0\nset."output.kind" = "displacement"\n'
+               'set."obstacle.action_12th_mm" = 0.9\nset."polarisation.heard" = 0.0\n', None),
 }  # fmt: skip
 RECIPE = """\
 bit_depth = 24

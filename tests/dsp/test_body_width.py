@@ -18,7 +18,10 @@ def with_pans(*pans: float) -> Preset:
         for (hz, q, gain), pan in zip(PEAKS, pans, strict=True)
     ]
     tables = ", ".join("{ " + ", ".join(f"{key} = {value}" for key, value in peak.items()) + " }" for peak in peaks)
-    return load_preset("jawari-harp").with_setting("body", f"{{ direct_db = -60, resonance = [{tables}] }}")
+    preset = load_preset("jawari-harp")
+    middle = tuple(table.model_copy(update={"pan": 0.0}) for table in preset.string)
+    bodied = preset.model_copy(update={"string": middle})
+    return bodied.with_setting("body", f"{{ direct_db = -60, resonance = [{tables}] }}")
 
 
 def play(preset: Preset, blocks: int = 1, events: tuple[tuple, ...] = ()) -> np.ndarray:

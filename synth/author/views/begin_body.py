@@ -60,6 +60,8 @@ def begin(preset: Preset, *, quality: str = QUALITY, rate_hz: float = RATE_HZ) -
     modes = [{"frequency_hz": hz, "q": q, "mass_kg": mass, "shape": list(shape)} for hz, q, mass, shape in ESTIMATES]
     if preset.polarisation is not None and preset.polarisation.heard is not None:  # what is heard is the body
         edits.append({"path": "polarisation.heard", "value": None})
+    # a body's modes have sides of their own
+    edits += [{"path": f"string.{i}.pan", "value": None} for i, table in enumerate(preset.string) if table.pan != 0.0]
     for name, default in (("resonance", ()), ("direct_db", 0.0)):
         if getattr(preset.body, name) != default:
             edits.append({"path": f"body.{name}", "value": None})
@@ -76,7 +78,9 @@ def _gain_db(preset: Preset, modes: list[dict[str, Any]], quality: str, rate_hz:
     """Level at which the hardest strokes on the lowest and the highest string peak near `PEAK_DBFS`. Raises PresetError
     where the preset cannot have a body."""
     data = preset.model_dump(exclude_unset=True)
-    data["string"] = [{key: value for key, value in table.items() if key != "gain_db"} for table in data["string"]]
+    data["string"] = [
+        {key: value for key, value in table.items() if key not in ("gain_db", "pan")} for table in data["string"]
+    ]
     if preset.polarisation is not None:
         data["polarisation"] = {key: value for key, value in data["polarisation"].items() if key != "heard"}
     data |= {"output": {"kind": "body"}, "body": {"mode": modes}, "effect": ()}
