@@ -176,7 +176,7 @@ def test_the_command_writes_it_and_says_how_to_see_it(web_library, tmp_path, mon
     assert main(["export", "tanpura-light", "-f", "web", "--quality", "draft"]) == 0
     out = capsys.readouterr().out
     assert "48 kHz" in out and "python3 -m http.server --directory tanpura-light-web" in out
-    bank = packed_bank.unpack((tmp_path / "tanpura-web" / "tanpura-light.jawari").read_bytes())
+    bank = packed_bank.unpack((tmp_path / "tanpura-light-web" / "tanpura-light.jawari").read_bytes())
     assert bank.startswith(b"JAWARIBK")
 
 

@@ -59,7 +59,7 @@ def page(driver) -> Iterator[InstrumentPage]:
 
 @pytest.fixture
 def tanpura(page: InstrumentPage, address: str) -> InstrumentPage:
-    page.play_on(f"{address}tanpura/")
+    page.play_on(f"{address}tanpura-light/")
     return page
 
 
@@ -491,7 +491,7 @@ def test_octaves_lead_to_every_key(page: InstrumentPage, address: str) -> None:
 
 
 def test_of_two_on_a_page_the_one_that_is_played_sounds(page: InstrumentPage, address: str) -> None:
-    page.play_on(f"{address}tanpura/")
+    page.play_on(f"{address}tanpura-light/")
     page.result(
         """const { mountInstrument } = await import("./jawari.js");
         const place = document.createElement("div");

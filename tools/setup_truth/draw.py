@@ -50,8 +50,10 @@ class Drawn:
     place_m: float | None
 
     def loaded(self) -> Preset:
-        """The preset, set up so."""
+        """The preset, set up so, its strings even, as those of `simulate` are."""
         preset = load_preset(str(preset_folder() / f"{self.preset}.toml"))
+        even = tuple(table.model_copy(update={"unevenness_cents": 0.0}) for table in preset.string)
+        preset = preset.model_copy(update={"string": even})
         shape = preset.obstacle
         assert isinstance(shape, FretsObstacle)
         if self.setup_mm is None:
