@@ -21,7 +21,7 @@ from websockets.sync.client import connect
 
 from tests import pipewirekit
 from tests.author.browser.running import SETTLED
-from tests.patience import patience_s, until
+from tests.patience import QUIET_S, patience_s, until
 
 NAMES = ("firefox-esr", "firefox")
 PREFERENCES = {
@@ -99,12 +99,12 @@ class Firefox:
             time.sleep(0.05)
         raise RuntimeError(f"Firefox does not start: {self._said.read_text(errors='replace')[-2000:]}")
 
-    def call(self, method: str, **params: Any) -> dict:
-        """A command and its result. Raises RuntimeError for what Firefox refuses."""
+    def call(self, method: str, *, quiet_s: float = QUIET_S, **params: Any) -> dict:
+        """A command and its result, which a quiet machine has within `quiet_s` [s]. Raises RuntimeError for what is refused."""
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
-            answer = json.loads(self._socket.recv(timeout=patience_s()))
+            answer = json.loads(self._socket.recv(timeout=patience_s(quiet_s)))
             if answer["type"] == "event":
                 if answer["method"] == "log.entryAdded" and answer["params"]["level"] == "error":
                     self._errors.append(str(answer["params"]["text"]))
@@ -129,10 +129,11 @@ class Firefox:
         self.script("window.addEventListener('beforeunload', (event) => event.stopImmediatePropagation(), true)")
         self.call("browsingContext.navigate", context=self.tab, url="about:blank", wait="complete")
 
-    def script(self, body: str, *given: Any) -> Any:
+    def script(self, body: str, *given: Any, quiet_s: float = QUIET_S) -> Any:
         """The result, plain data, of the body of an async function; `given` are its arguments. Raises RuntimeError."""
         answer = self.call(
             "script.callFunction",
+            quiet_s=quiet_s,
             functionDeclaration="async (text) => JSON.stringify(await"
             f" (async function () {{ {body} }}).apply(null, JSON.parse(text)) ?? null)",
             arguments=[{"type": "string", "value": json.dumps(given)}],
