@@ -100,7 +100,7 @@ class Firefox:
         raise RuntimeError(f"Firefox does not start: {self._said.read_text(errors='replace')[-2000:]}")
 
     def call(self, method: str, *, quiet_s: float = QUIET_S, **params: Any) -> dict:
-        """A command and its result, had in `quiet_s` [s] where nothing else runs. Raises RuntimeError for what is refused."""
+        """A command and its result, had in `quiet_s` [s] on a quiet machine. Raises RuntimeError for what is refused."""
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
