@@ -166,7 +166,7 @@ def ideal_string(preset: Preset, table: StringTable, note: int, frequency_hz: fl
     Its `inharmonicity` is what the table calls so.
     """
 
-    seed = string_seed(preset, table, note)
+    seed = string_seed(preset, table, note)  # of the table as it stands in the preset, before it is restrung
     table = strung(preset, table, note)
 
     def mm(value):
