@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.coefficients import refresh, rest_state
+from synth.engine.coefficients import refresh, refresh_in_flight, rest_state
 from synth.engine.core import (
     bank_of,
     is_held,
@@ -36,6 +36,7 @@ from synth.engine.layout import (
     FIRST_QUANTUM,
     FOLLOW,
     HIT,
+    LANDED,
     NO_FINGER,
     OFF_BOARD,
     PLAIN,
@@ -51,9 +52,9 @@ from synth.engine.output import collect
 from synth.engine.strings import damp, finger_done, sleep
 from synth.engine.strokes import follow_stroke, has_bounced
 from synth.engine.tension import bend_with_motion
-from synth.engine.touches import press_on
+from synth.engine.touches import lies_still, press_on
 from synth.native.views import ask, call_back
-from synth.solver.board_table import clear_of_board
+from synth.solver.board_table import clear_by_energy, clear_of_board
 from synth.solver.certificates import amplitudes, least_reach, reach
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
@@ -241,7 +242,14 @@ def make_steps_of_two(core: int, thread: int, s: int, other: int, steps: int) ->
 def _land(core: int, thread: int, s: int) -> None:
     """A string that flies but may not any more is back at its internal rate."""
     me = state_of(core).sounding[s]
-    if me.flying and (me.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s)):
+    if me.flying == LANDED:
+        return
+    if me.stale == 1 and not is_held(me) and shared_of(core).board_at[me.model] == 0:
+        refresh_in_flight(core, thread, s)
+        string_of(core, s).counts[FREE] = 1 if _is_free(core, thread, s) else 0
+    if is_held(me) and not lies_still(core, s, QUANTUM * bank_of(core).strings[s].factor):
+        string_of(core, s).counts[FREE] = 0
+    if me.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s):
         touch_down(core, thread, s)
 
 
@@ -371,8 +379,11 @@ def _check(core: int, thread: int, s: int) -> None:
     """Level, certificate that contacts are out of reach, rest for inaudible modes, flight, sleep."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(thread)
     me, string = state.sounding[s], string_of(core, s)
-    if NO_FINGER < me.phase < TOUCHED or me.stale:
+    if NO_FINGER < me.phase < TOUCHED:
         return
+    if me.stale:  # as when a hand bends it without a stop
+        _land(core, thread, s)
+        refresh(core, thread, s)
     fixed = bank.strings[s]
     constants = bank.models[me.model]
     plain, model = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
@@ -390,8 +401,15 @@ def _check(core: int, thread: int, s: int) -> None:
     if me.level < state.meters[SPARE] and not fixed.of_first and not me.held and me.hand < LN_1000 / SPARE_S:
         damp(core, s, SPARE_S)
         return
-    if not settings.economy or model.law != EXACT_HOLD or me.phase != NO_FINGER:
+    if not settings.economy or model.law != EXACT_HOLD:
         return  # the amplitudes below are those of v = q̇
+    may = me.flying == LANDED and _may_take_off(core, s)
+    if me.phase != NO_FINGER:
+        if me.flying == LANDED:
+            string.counts[FREE] = 1 if may and _has_too_little_energy(core, thread, s) else 0
+        if may and string.counts[FREE]:
+            _take_off(core, thread, s)
+        return
     if string.counts[FREE] == 0 and model.eta.size == 1 and _is_in_reach(core, s):
         return  # touched again and again, and all modes with it
     omega, sigma, dt = model.omega[:n], scratch.sigma[:n], model.dt
@@ -418,8 +436,53 @@ def _check(core: int, thread: int, s: int) -> None:
     if moved:
         string.counts[CERTAIN] = 0  # if by nanometres
     string.counts[MOVING] = n
-    if free and not me.flying and not me.altered and fixed.direct_bus >= 0 and may_fly(core, s):
-        take_off(core, thread, s)
+    if free and may:
+        _take_off(core, thread, s)
+
+
+@njit(**CORE)
+def _may_take_off(core: int, s: int) -> bool:
+    """Whether a string that can touch nothing has a bus to fly on, with what lies on it, if that lies still."""
+    me, fixed = state_of(core).sounding[s], bank_of(core).strings[s]
+    if fixed.direct_bus < 0 or (shared_of(core).board_at[me.model] != 0 and me.bend != 0.0):
+        return False
+    return me.phase == NO_FINGER or (me.phase == TOUCHED and lies_still(core, s, CHECK_EVERY * QUANTUM * fixed.factor))
+
+
+@njit(**CORE)
+def _take_off(core: int, thread: int, s: int) -> None:
+    """A string flies from here on, and what it is together with, if all of it may."""
+    bank, sounding = bank_of(core), state_of(core).sounding
+    instrument = bank.instruments[bank.strings[s].instrument]
+    if not may_fly(core, s):
+        return
+    first, end = (instrument.first_string, instrument.end_string) if instrument.together else (s, s + 1)
+    for other in range(first, end):
+        if sounding[other].awake and sounding[other].flying == LANDED and _may_take_off(core, other):
+            take_off(core, thread, other)
+
+
+@njit(**CORE)
+def _has_too_little_energy(core: int, thread: int, s: int) -> bool:
+    """Whether a string under what lies on it, at rest itself, can touch nothing any more: with E the energy of both, which
+    does not grow, no point is displaced by more than √(2 E C), C its static compliance."""
+    string, model, me = string_of(core, s), model_of(core, s), state_of(core).sounding[s]
+    constants, n, finger = bank_of(core).models[me.model], string.counts[MOVING], string_of(core, s).finger[0]
+    omega, q, v = model.omega[:n], string.q[:n], string.v[:n]
+    twice = finger.stiffness * finger.here * finger.here  # 2 E
+    for j in range(n):
+        w = omega[j] * q[j]
+        twice += model.mu * (v[j] * v[j] + w * w)
+    board = shared_of(core).board_at[me.model]
+    if board != 0:
+        return clear_by_energy(board, twice / constants.tension)
+    for k in range(model.eta.size):
+        compliance = 0.0
+        for j in range(n):
+            compliance += (model.shapes[k, j] / omega[j]) ** 2
+        if string.eta[k] >= 0.0 or string.force[k] > 0.0 or twice * compliance / model.mu >= 0.99 * string.eta[k] ** 2:
+            return False
+    return True
 
 
 @njit(**CORE)
@@ -432,6 +495,21 @@ def _is_in_reach(core: int, s: int) -> bool:
     if string.eta[0] >= 0.0 or string.force[0] > 0.0:
         return True
     return least_reach(model.shapes[0], string.q[: string.counts[MOVING]]) >= -string.eta[0]
+
+
+@njit(**CORE)
+def _is_free(core: int, thread: int, s: int) -> bool:
+    """`_nothing_in_reach`, with the Scratch.sigma that it needs."""
+    me, n, sigma, omega = (
+        state_of(core).sounding[s],
+        string_of(core, s).counts[MOVING],
+        scratch_of(thread).sigma,
+        model_of(core, s).omega,
+    )
+    plain = string_model(shared_of(core).model_at[me.model, PLAIN])
+    for j in range(n):
+        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+    return _nothing_in_reach(core, thread, s)
 
 
 @njit(**CORE)

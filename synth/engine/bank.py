@@ -44,14 +44,12 @@ from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.layers import static_matrix
-from synth.solver.responses import make_rows
 from synth.solver.single import keeps_losses
 from synth.solver.stringmodel import (
     Coefficients,
     Scratch,
     StringModel,
     StringState,
-    in_single,
     make_scratch,
     make_string,
     state_sizes,
@@ -335,13 +333,30 @@ class _Lists:
         if factor == 1 or heard is not None:  # it flies on no bus of its own
             self.flights.append(model)
             return
-        frame = 1.0 / self.rate_hz
-        rows = make_rows(coefficients(EXACT_HOLD, position.omega, position.sigma, position.mu, frame))
+        self.flights.append(self._flight(position, model, factor, audible))
+
+    def _flight(self, position: Position, model: StringModel, factor: int, audible: int) -> StringModel:
+        """The model in flight: of the modes that are heard, a frame at a time, without contacts."""
+        frame, mu = 1.0 / self.rate_hz, position.mu
+        omega, sigma = position.omega[:audible], position.sigma[:audible]
         weights = model.weights * response(self.rate_hz, factor, model.omega / (2.0 * math.pi))
-        flight = model._replace(dt=frame, rows=rows, weights=weights)
-        if single:
-            flight = in_single(flight)._replace(single_shapes=model.single_shapes)
-        self.flights.append(flight)
+        coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
+        none, no_pairs = np.zeros(0), np.zeros((0, 0))
+        return make_string(
+            EXACT_HOLD,
+            frame,
+            mu,
+            omega,
+            sigma,
+            coef,
+            np.zeros((0, audible)),
+            none,
+            no_pairs,
+            weights[:, :audible],
+            on_q=1,
+            used=(model.first, model.points, model.on_q),
+            single=bool(model.single),
+        )
 
 
 def _uses(preset: Preset) -> tuple[bool, bool]:
@@ -481,6 +496,10 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray, effects: Mapping[st
     return state
 
 
+#: places of a model's tables in Shared.model_at
+_VARIANTS = (layout.PLAIN, layout.ALTERED, layout.FLIGHT, layout.ALTERED_FLIGHT)
+
+
 class Strings:
     """What changes of every string, and where the core finds it: as long as it plays, this must stay where it is.
 
@@ -495,15 +514,17 @@ class Strings:
         for s in range(built.bank.strings.size):
             own = [models[m] for m in np.flatnonzero(string_of_model == s)]
             most = (max(model.modes for model in own), max(model.eta.size for model in own))
-            sizes.append(state_sizes(*most, OUTPUTS))
+            heard = max(flight.rows.shape[1] for flight in (built.flights[m] for m in np.flatnonzero(string_of_model == s)))
+            sizes.append(state_sizes(*most, OUTPUTS) | {"heard": heard})
         self.states = Pool(StringState, sizes)
         self.coefficients = Pool(Coefficients, sizes)
         self.models = models
         self._kept = built  # what the tables point to
-        self._models = np.zeros((len(models), 3, words(StringModel)), np.int64)
+        self._models = np.zeros((len(models), 4, words(StringModel)), np.int64)
         for m, s in enumerate(string_of_model):
-            altered = _with_its_own(models[m], self.coefficients.items[s])
-            for variant, model in ((layout.PLAIN, models[m]), (layout.ALTERED, altered), (layout.FLIGHT, built.flights[m])):
+            flight, own = built.flights[m], self.coefficients.items[s]
+            variants = (models[m], _with_its_own(models[m], own), flight, _flight_of_its_own(flight, own))
+            for variant, model in zip(_VARIANTS, variants, strict=True):
                 self._models[m, variant] = table(model)
         self._states = [table(state) for state in self.states.items]
         single = [built.single and keeps_losses(model.sigma[: model.modes], built.frame_s) for model in models]
@@ -514,7 +535,7 @@ class Strings:
         """Put the addresses where the core looks for them."""
         first, per_model = self._models.ctypes.data, self._models.strides
         for m in range(self._models.shape[0]):
-            shared.model_at[m] = [first + m * per_model[0] + variant * per_model[1] for variant in range(3)]
+            shared.model_at[m] = [first + m * per_model[0] + variant * per_model[1] for variant in _VARIANTS]
         shared.string_at[:] = [each.ctypes.data for each in self._states]
         self.bridges.point(shared)
         self.boards.point(shared)
@@ -533,9 +554,15 @@ class Strings:
 
 def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     """A model with coefficients of the string's own in the place of its own."""
-    shapes = {name: getattr(model, name).shape for name in own._fields}
+    shapes = {name: getattr(model, name).shape for name in own._fields if name != "flight_rows"}
     taken = {name: getattr(own, name)[: math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
     return model._replace(**taken, single_rows=model.single_rows[:, :0])  # made in each call from those of its own
+
+
+def _flight_of_its_own(flight: StringModel, own: Coefficients) -> StringModel:
+    """A string's flight with coefficients of its own."""
+    rows = own.flight_rows[: flight.rows.size].reshape(flight.rows.shape)
+    return flight._replace(rows=rows, single_rows=flight.single_rows[:, :0])
 
 
 def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> Shared:

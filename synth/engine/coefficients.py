@@ -7,17 +7,28 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.core import bank_of, is_held, model_address, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    flight_of,
+    is_held,
+    model_address,
+    model_of,
+    scratch_of,
+    shared_of,
+    state_of,
+    string_of,
+)
 from synth.engine.ends import on_bridge
 from synth.engine.hand_damping import damping
-from synth.engine.layout import CORE, PLAIN
+from synth.engine.layout import CORE, FLYING, PLAIN, STEPS_DUE
 from synth.engine.on_board import stop_on_board
 from synth.solver.due_responses import fill_step, put_off
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import settle
 from synth.solver.lcp import SOLVED
-from synth.solver.responses import fill_lags
+from synth.solver.quick_coefficients import quick_coefficients
+from synth.solver.responses import fill_lags, fill_rows
 from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, string_model
 
 
@@ -26,8 +37,7 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     """Put the string's working coefficients and heights in line with model, hand, bend and height."""
     me, string = state_of(core).sounding[s], string_of(core, s)
     model = string_model(shared_of(core).model_at[me.model, PLAIN])
-    for k in range(model.eta.size):
-        string.eta[k] = model.eta[k] + me.height
+    _set_heights(core, s)
     string.due[:] = 0
     string.counts[FREE] = 0
     string.counts[CERTAIN] = 0
@@ -38,17 +48,26 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     if shared_of(core).board_at[me.model] != 0:
         stop_on_board(core, thread, s)
     elif me.altered:
-        _alter(core, thread, s)
+        _bend(core, s)
+        if not on_bridge(core, s):  # there what its contacts need waits until they are looked at: `ends.refresh_end`
+            alter_steps(core, thread, s)
 
 
 @njit(**CORE)
-def _alter(core: int, thread: int, s: int) -> None:
-    """Coefficients of a string under a damping hand or a pitch bend."""
-    scratch = scratch_of(thread)
+def _set_heights(core: int, s: int) -> None:
+    """Heights of the string's contacts, raised as they now are."""
+    me, string = state_of(core).sounding[s], string_of(core, s)
+    model = string_model(shared_of(core).model_at[me.model, PLAIN])
+    for k in range(model.eta.size):
+        string.eta[k] = model.eta[k] + me.height
+
+
+@njit(**CORE)
+def _bend(core: int, s: int) -> None:
+    """Frequencies of a string under a pitch bend."""
     me = state_of(core).sounding[s]
     plain, own = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
-    n, c, cap, dt = plain.modes, plain.eta.size, plain.omega.size, plain.dt
-    strings_own = bank_of(core).models[me.model].own
+    n, strings_own = plain.modes, bank_of(core).models[me.model].own
     # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
     omega = own.omega
     omega[n:] = 1.0  # divided by
@@ -58,8 +77,16 @@ def _alter(core: int, thread: int, s: int) -> None:
         w = plain.omega[j]
         more = added * (j + 1.0) * (j + 1.0) if j < strings_own else (bend_ratio * bend_ratio - 1.0) * w * w
         omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
-    if on_bridge(core, s):  # what its contacts need waits until they are looked at: `ends.refresh_end`
-        return
+
+
+@njit(**CORE)
+def alter_steps(core: int, thread: int, s: int) -> None:
+    """Coefficients of a step of a string under a damping hand or a pitch bend, whose frequencies are as they are to be."""
+    scratch = scratch_of(thread)
+    me = state_of(core).sounding[s]
+    plain, own = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
+    n, c, cap, dt, omega = plain.modes, plain.eta.size, plain.omega.size, plain.dt, own.omega
+    bend_ratio = 2.0 ** (me.bend / 12.0)
     for j in range(n):
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
     fill_step(model_address(core, s), scratch.sigma, 1.0 / (bend_ratio * bend_ratio) - 1.0)
@@ -74,6 +101,38 @@ def _alter(core: int, thread: int, s: int) -> None:
     none = matrix.reshape(-1)[:0].reshape(0, 0)
     for k in range(2):
         fill_lags(k, rows, plain.shapes, plain.weights[k : k + 1], none, q, v, spare, own.out_lags[k : k + 1])
+
+
+@njit(**CORE)
+def alter_flight(core: int, thread: int, s: int) -> None:
+    """Coefficients of a frame of a string in flight under a damping hand or a pitch bend, whose frequencies are as they are
+    to be."""
+    me = state_of(core).sounding[s]
+    plain, flight = string_model(shared_of(core).model_at[me.model, PLAIN]), flight_of(core, s)
+    n, rows, sigma, omega = flight.modes, flight.rows, scratch_of(thread).sigma, model_of(core, s).omega
+    for j in range(n):
+        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+    rows[:6, n:] = 0.0
+    quick_coefficients(EXACT_HOLD, omega[:n], sigma[:n], plain.mu, flight.dt, rows)
+    fill_rows(rows)
+
+
+@njit(**CORE)
+def refresh_in_flight(core: int, thread: int, s: int) -> None:
+    """`refresh` of a string in flight, over no board and with nothing on it, that is to go on so: coefficients of its steps
+    wait until it lands."""
+    me, string = state_of(core).sounding[s], string_of(core, s)
+    _set_heights(core, s)
+    set_rest(core, thread, me)
+    string.counts[MOVING] = min(string.counts[MOVING], bank_of(core).models[me.model].audible)
+    string.counts[CERTAIN] = 0
+    string.due[:] = 0
+    me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
+    me.flying = STEPS_DUE if me.altered else FLYING
+    if me.altered:
+        _bend(core, s)
+        alter_flight(core, thread, s)
+    me.stale = 0
 
 
 @njit(**CORE)

@@ -13,7 +13,7 @@ from typing import Any
 
 from numba import njit
 
-from synth.engine.layout import CONSTANTS, FLIGHT, WAIT, Bank, Effects, Settings, Shared, State
+from synth.engine.layout import ALTERED_FLIGHT, CONSTANTS, FLIGHT, WAIT, Bank, Effects, Settings, Shared, State
 from synth.native.views import opener, words
 from synth.solver.stringmodel import Scratch, string_model, string_state
 from synth.solver.stringmodel import scratch_of as scratch_of
@@ -52,8 +52,9 @@ def model_of(core: int, s: int):
 
 @njit(inline="always")
 def flight_address(core: int, s: int) -> int:
-    """Address of the model of its free flight, a frame at a time."""
-    return shared_of(core).model_at[state_of(core).sounding[s].model, FLIGHT]
+    """Address of the model of its free flight, a frame at a time: as compiled, or with coefficients of its own."""
+    me = state_of(core).sounding[s]
+    return shared_of(core).model_at[me.model, ALTERED_FLIGHT if me.altered else FLIGHT]
 
 
 @njit(inline="always")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from synth.engine.core import (
@@ -19,7 +18,7 @@ from synth.engine.core import (
     string_of,
 )
 from synth.engine.hand_damping import damping
-from synth.engine.layout import CORE, PLAIN
+from synth.engine.layout import CORE, PLAIN, TOUCHED
 from synth.solver.coupling import (
     APART_MODES,
     DUE,
@@ -38,16 +37,13 @@ from synth.solver.coupling import (
     coupling_at,
     end_at,
 )
-from synth.solver.fingers import fill_grip
 from synth.solver.lanes import PAD, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import outlives_bend
 from synth.solver.line_tables import (
     ALL_DUE,
     TABLES_DUE,
-    ensure_tables,
     fill_apart,
-    fill_finger_end,
     fill_reach,
     set_apart_modes,
 )
@@ -100,26 +96,32 @@ def _moment(length: float, j: int) -> float:
 @njit(**CORE)
 def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
     """What its end is to a string whose finger, or (model_too) whose coefficients have become others; whether its
-    certificate still holds, with a reserve."""
+    certificate still holds, with a reserve. What a finger needs is filled as the string is looked at."""
     shared, scratch = shared_of(core), scratch_of(thread)
     me = state_of(core).sounding[s]
-    address = model_address(core, s)
     end = end_at(shared.end_at[s])
     bank = bank_of(core)
     i = bank.strings[s].instrument
     coupling, line = shared.coupling_at[i], s - bank.instruments[i].first_string
-    coupling_at(coupling).line_model[line] = address
+    coupling_at(coupling).line_model[line] = model_address(core, s)
     certain = False
     if model_too:
         certain = _refresh_apart(core, s)
         fill_apart(shared.end_at[s], scratch.q, scratch.v, scratch.spare)
         end.counts[DUE] = ALL_DUE if me.altered else TABLES_DUE
-    if is_held(me):
-        ensure_tables(coupling, line, thread)
-        fill_grip(address, shared.string_at[s], thread, int(np.int64(1)))
-        steps = bank.strings[s].factor
-        fill_finger_end(address, shared.string_at[s], shared.end_at[s], steps, scratch.q, scratch.v, scratch.spare)
     return certain
+
+
+@njit(**CORE)
+def may_go_by_frames(core: int, s: int) -> bool:
+    """Whether a string on which something lies may be looked at a frame at a time, where it touches nothing: not where its
+    two directions rub on contacts or these are soft, nor at `fine` or better. To draw it, and let it slip, takes its own
+    steps."""
+    strings, me = bank_of(core).strings, state_of(core).sounding[s]
+    if me.phase != TOUCHED or settings_of(core).economy == 0 or bank_of(core).models[me.model].layered:
+        return False
+    second = strings[s].second
+    return strings[s].friction == 0.0 and (second < 0 or strings[second].friction == 0.0)
 
 
 @njit(**CORE)

@@ -9,21 +9,38 @@ one and taken from the other:
 
     taking off    internal + w·x_internal,   direct: own − w·x_direct
     touching down internal: own − w·x_internal,   direct + w·x_direct
+
+What lies on a string, and has settled, goes with it: it only takes energy, so that no contact is reached any more that all
+of the energy, that of the finger's spring included, could not reach.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
-from synth.engine.core import bank_of, flight_address, flight_of, model_of, scratch_of, shared_of, state_of, string_of
-from synth.engine.layout import CORE, FADE, QUANTUM
+from synth.engine.coefficients import alter_flight, alter_steps
+from synth.engine.core import (
+    bank_of,
+    flight_address,
+    flight_of,
+    is_held,
+    model_of,
+    scratch_of,
+    shared_of,
+    state_of,
+    string_of,
+)
+from synth.engine.layout import CORE, FADE, FLYING, QUANTUM, STEPS_DUE
 from synth.engine.output import collect
 from synth.solver.blocks import fly_blocks, fly_modes
+from synth.solver.fingers import fill_grip
 from synth.solver.lanes import BLOCK, padded
+from synth.solver.step import advance
 from synth.solver.stepwise import advance_free
-from synth.solver.stringmodel import MOVING
+from synth.solver.stringmodel import CERTAIN, FREE, MOVING
 
 
 @njit(**CORE)
@@ -31,20 +48,33 @@ def take_off(core: int, thread: int, s: int) -> None:
     """From here on at the output rate. Modes that the decimator stops end."""
     me, string = state_of(core).sounding[s], string_of(core, s)
     audible = bank_of(core).models[me.model].audible
+    if me.altered:
+        alter_flight(core, thread, s)
     _keep_fade(core, thread, s, 1.0)
     for j in range(audible, string.counts[MOVING]):
+        if is_held(me):  # what lies on it finds it as it is without them
+            string.finger[0].here -= string.finger_weights[j] * string.q[j]
         string.q[j] = 0.0
         string.v[j] = 0.0
     string.counts[MOVING] = min(string.counts[MOVING], audible)
-    me.flying = 1
+    me.flying = FLYING
+    if is_held(me):
+        fill_grip(flight_address(core, s), shared_of(core).string_at[s], thread, int(np.int64(1)))
 
 
 @njit(**CORE)
 def touch_down(core: int, thread: int, s: int) -> None:
     """Back to the internal rate: before anything changes the string."""
     me = state_of(core).sounding[s]
+    if me.flying == STEPS_DUE and me.altered:
+        alter_steps(core, thread, s)
     _keep_fade(core, thread, s, -1.0)
     me.flying = 0
+    string = string_of(core, s)
+    if string.counts[FREE] == 0:
+        string.counts[MOVING] = bank_of(core).models[me.model].n
+    if is_held(me) and me.stale == 0:
+        me.stale = 2
 
 
 @njit(**CORE)
@@ -93,8 +123,16 @@ def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
     n, points = string.counts[MOVING], model.points
     out = scratch.out[: points * frames].reshape(points, frames)
     blocks = frames // BLOCK
-    fly_modes(flight_address(core, s), thread, string.q, string.v, n, blocks, out)
     rest = frames - blocks * BLOCK
+    if is_held(me):
+        scratch.path[: frames + 1] = 0.0
+        string.finger[0].on = 1
+        advance(flight_address(core, s), shared_of(core).string_at[s], thread, frames, int(np.int64(1)))
+        string.counts[CERTAIN] = 0  # of its contacts it has none in flight
+        me.finger_step += frames * bank_of(core).strings[s].factor
+        rest = int(np.int64(0))
+    else:
+        fly_modes(flight_address(core, s), thread, string.q, string.v, n, blocks, out)
     if rest > 0:
         begin = blocks * BLOCK
         advance_free(

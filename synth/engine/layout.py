@@ -282,6 +282,8 @@ class Settings(NamedTuple):
 #: what a hand does to a string: nothing; is about to pluck it; stops it at a higher fret, draws it aside, lets it slip off,
 #: hits it; lies on it
 NO_FINGER, WAIT, PRESS, DRAW, SLIP, HIT, TOUCHED = range(7)
+#: SOUNDING.flying: at its internal rate; at the output rate; so, and its steps' coefficients wait until it lands
+LANDED, FLYING, STEPS_DUE = range(3)
 
 SOUNDING = np.dtype(
     [
@@ -294,7 +296,7 @@ SOUNDING = np.dtype(
         ("held", "i8"),  # by a key
         ("sustained", "i8"),
         ("stolen", "i8"),
-        ("flying", "i8"),  # at the output rate
+        ("flying", "i8"),  # at the output rate: LANDED, FLYING or STEPS_DUE, below
         ("fade_at", "i8"),  # frames that have faded, of so many
         ("fade_to", "i8"),
         ("direct_from", "i8"),  # like row_from and row_to, of its row at the output rate
@@ -474,7 +476,7 @@ NOBODY = -1
 #: addresses of what begins an excitation, of what its hand follows, of its constants (`instrument.excitations`)
 BEGIN_HOLD, FOLLOW, CONSTANTS = range(3)
 #: a model comes as compiled, with coefficients of the string's own (SOUNDING.altered), and over whole frames
-PLAIN, ALTERED, FLIGHT = range(3)
+PLAIN, ALTERED, FLIGHT, ALTERED_FLIGHT = range(4)
 
 
 class Shared(NamedTuple):
@@ -482,7 +484,7 @@ class Shared(NamedTuple):
 
     task: Annotated[np.ndarray, i8("N_TASK")]  # what is asked of the strings, see above
     queue: Annotated[np.ndarray, i8("strings")]  # instruments at work
-    model_at: Annotated[np.ndarray, i8("models, 3")]  # addresses of every StringModel, see below
+    model_at: Annotated[np.ndarray, i8("models, 4")]  # addresses of every StringModel, see below
     string_at: Annotated[np.ndarray, i8("strings")]  # addresses of every StringState
     coupling_at: Annotated[np.ndarray, i8("instruments")]  # addresses of every Coupling; 0: it has none
     end_at: Annotated[np.ndarray, i8("strings")]  # addresses of the End of every string of those; else 0

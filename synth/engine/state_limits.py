@@ -27,6 +27,7 @@ from synth.solver.board_table import SPEAKING
 from synth.solver.certificates import FOR_EVER
 from synth.solver.coupling import (
     APART_MODES,
+    BY_FRAMES,
     CERTIFIED,
     DUE,
     ENGAGED,
@@ -211,8 +212,9 @@ def _runs(values: list) -> list[tuple[int, int]]:
 
 def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
     strings, models = bank.strings, bank.models
-    for field in ("awake", "idle", "altered", "held", "sustained", "stolen", "flying"):
+    for field in ("awake", "idle", "altered", "held", "sustained", "stolen"):
         yield Limit(here.of("sounding", field), 0, 1)
+    yield Limit(here.of("sounding", "flying"), layout.LANDED, layout.STEPS_DUE)
     awake = Where(here.of("sounding", "awake"), 1, 1)
     asleep = awake._replace(low=0, high=0)
     fingered = (awake, Where(here.of("sounding", "phase"), NO_FINGER + 1, layout.TOUCHED))
@@ -286,7 +288,8 @@ def _sounding(here: _Layout, bank: Bank, settings: Settings) -> Iterator[Limit]:
     steps = here.of("sounding", "finger_steps")
     yield Limit(here.of("sounding", "finger_step"), 0, -1, below=steps, where=fingered)
     said = "{label} is {value}, but the string is under a finger"
-    yield Limit(here.of("sounding", "flying"), 0, 0, where=fingered, said=said)
+    stroked = (awake, Where(here.of("sounding", "phase"), NO_FINGER + 1, layout.TOUCHED - 1))
+    yield Limit(here.of("sounding", "flying"), 0, 0, where=stroked, said=said)
 
 
 def own_models(bank: Bank) -> tuple[np.ndarray, np.ndarray]:
@@ -310,7 +313,12 @@ def _of_strings(
     for s in range(bank.strings.size):
         mine = strings.states.item(s, of_state)
         own = strings.coefficients.item(s, of_own)
-        awake, altered, flying = (Where(here.of("sounding", name, s), 1, 1) for name in ("awake", "altered", "flying"))
+        awake, altered = (Where(here.of("sounding", name, s), 1, 1) for name in ("awake", "altered"))
+        in_flight = here.of("sounding", "flying", s)
+        flying, with_steps = (
+            Where(in_flight, layout.FLYING, layout.STEPS_DUE),
+            Where(in_flight, layout.LANDED, layout.FLYING),
+        )
         fresh = Where(here.of("sounding", "stale", s), 0, 0)
         plain = Where(here.of("sounding", "altered", s), 0, 0)
         most = mine.q.size
@@ -320,10 +328,17 @@ def _of_strings(
             yield Limit(counts[number], 0, high)
         said = f"sounding.flying[{s}] is set, but the string is not free of contact"
         yield Limit(counts[FREE], 1, 1, where=(awake, flying, fresh), said=said)
+        due = Where(in_flight, layout.STEPS_DUE, layout.STEPS_DUE)
         for number in range(first[s], last[s] + 1):
             model = Where(here.of("sounding", "model", s), number, number)
-            yield Limit(counts[MOVING], 1, int(bank.models["n"][number]), where=(awake, model))
-            yield from _of_own(here, own, s, bank.models[number], (awake, altered, fresh, model), filled.get(s, ()))
+            n, audible = (int(bank.models[name][number]) for name in ("n", "audible"))
+            yield Limit(counts[MOVING], 1, n, where=(awake, model))
+            yield Limit(counts[MOVING], 1, min(n, audible), where=(awake, flying, fresh, model))
+            said = f"{{label}} of string {s}, which is damped or bent, must be positive"
+            yield Limit(here.of("own.omega", "", own.omega[:n]), LEAST, MOST, where=(awake, altered, due, model), said=said)
+            yield from _of_own(
+                here, own, s, bank.models[number], (awake, altered, fresh, model), filled.get(s, (with_steps,))
+            )
             # an output at the output rate needs a bus there, and an engine whose strings fly
             exact = strings.models[number].law == EXACT_HOLD
             if not (bank.strings["direct_bus"][s] >= 0 and settings.economy and exact):
@@ -395,7 +410,7 @@ def _bridges(here: _Layout, bank: Bank, strings: Strings, arrays: Mapping[str, n
         low = {QUIET: -1}
         high = {
             ENGAGED: 1, NEAR: contacts, KEPT: 1, APART_MODES: n, CERTIFIED: contacts, QUIET: MOST_COUNT, KIND: SEVERAL,
-            DUE: ALL_DUE, REACH_OF: bank.models.size, RESTING: 1, FELT_MODES: n, HEARD_MODES: n,
+            DUE: ALL_DUE, REACH_OF: bank.models.size, RESTING: 1, FELT_MODES: n, HEARD_MODES: n, BY_FRAMES: 1,
         }  # fmt: skip
         least, most = (np.array([of.get(k, 0) for k in range(N_COUNTS)]) for of in (low, high))
         yield Limit(here.of("end.counts", "", counts), least, most)

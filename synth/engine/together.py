@@ -20,7 +20,7 @@ from synth.engine.core import (
     state_of,
     string_of,
 )
-from synth.engine.ends import refresh_end
+from synth.engine.ends import may_go_by_frames, refresh_end
 from synth.engine.knocks import knock_on
 from synth.engine.layout import (
     BEGIN,
@@ -44,6 +44,7 @@ from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
 from synth.solver.coupling import (
     APART_MODES,
+    BY_FRAMES,
     ENGAGED,
     FELT_MODES,
     LEAST,
@@ -57,7 +58,7 @@ from synth.solver.coupling import (
 from synth.solver.frames import advance_frames
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import CLEAR_ENOUGH, certify_line
-from synth.solver.line_tables import look_at
+from synth.solver.line_tables import fill_finger, go_by_frames, look_at
 from synth.solver.stringmodel import MOVING, string_model
 from synth.solver.vectors import FAST, INNER, dot
 
@@ -176,8 +177,10 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             if first != end.counts[ENGAGED]:
                 look_at(shared.coupling_at[i], line, first, thread)
                 changed = True
-        elif state_of(core).sounding[s].stale:  # is certified as it is refreshed
+        elif state_of(core).sounding[s].stale or end.counts[BY_FRAMES]:  # as it is refreshed, and from block to block
             continue
+        elif may_go_by_frames(core, s) and go_by_frames(shared.coupling_at[i], line, thread):
+            changed = True
         elif end.counts[ENGAGED] == 0 and end.numbers[LEAST] > CLEAR_ENOUGH * end.numbers[SPENT]:
             continue
         elif model_of(core, s).eta.size > 0:
@@ -222,9 +225,10 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
         for s in range(instrument.first_string, instrument.end_string):
             me = state.sounding[s]
             engaged = end_at(shared.end_at[s]).counts[ENGAGED]
-            modes = (
-                model_of(core, s).modes * bank.strings[s].factor if engaged else end_at(shared.end_at[s]).counts[APART_MODES]
-            )
+            in_steps = engaged and not end_at(shared.end_at[s]).counts[BY_FRAMES]
+            modes = end_at(shared.end_at[s]).counts[APART_MODES]
+            if in_steps:
+                modes = model_of(core, s).modes * bank.strings[s].factor
             me.mode_steps += modes * count
             if bank.strings[s].of_first:
                 if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
@@ -274,6 +278,7 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
             certain = refresh_end(core, thread, s, whole)
             changed = True
         fingered = is_held(me)
+        changed_it = changed_it or (end.counts[BY_FRAMES] != 0 and not fingered)
         contacts = bank.models[me.model].contacts
         line = s - instrument.first_string
         coupling.line_model[line] = model_address(core, s)
@@ -286,8 +291,12 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         elif contacts == 0:
             engaged = 0
         if end.counts[ENGAGED] != engaged or changed_it:
-            look_at(shared.coupling_at[i], line, engaged, thread)
             changed = True
+            if not (may_go_by_frames(core, s) and go_by_frames(shared.coupling_at[i], line, thread)):
+                end.counts[BY_FRAMES] = 0
+                look_at(shared.coupling_at[i], line, engaged, thread)
+                if fingered:
+                    fill_finger(shared.coupling_at[i], line, thread)
         string_of(core, s).finger[0].on = 1 if fingered else 0
         if me.phase != NO_FINGER:
             count = min(count, (me.finger_steps - me.finger_step) // bank.strings[s].factor)

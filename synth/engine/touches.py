@@ -58,6 +58,16 @@ def press_on(core: int, s: int) -> None:
                     me.stale = 2
 
 
+@njit(inline="always")
+def lies_still(core: int, s: int, steps: int) -> bool:
+    """Whether what lies on a string has settled and stays as it is for so many steps."""
+    me, fixed = state_of(core).sounding[s], bank_of(core).strings[s]
+    touch = bank_of(core).touches[state_of(core).sounding[s - 1 if fixed.of_first else s].touch]
+    settling = touch.settle_s * settings_of(core).rate_hz * fixed.factor
+    there = me.finger_step >= settling and string_of(core, s).finger[0].resistance >= me.target
+    return there and me.finger_step + steps + settling <= me.finger_steps
+
+
 @njit(**CORE)
 def lie(core: int, thread: int, s: int, steps: int) -> None:
     """Scratch.path of what lies on a string: from where the string was touched to its rest line, and how it comes there."""
@@ -66,8 +76,8 @@ def lie(core: int, thread: int, s: int, steps: int) -> None:
     touch = bank_of(core).touches[sounding[s - 1 if fixed.of_first else s].touch]
     turn = math.pi / (touch.settle_s * settings_of(core).rate_hz * fixed.factor)
     for t in range(steps + 1):
-        share = 0.5 * (1.0 + math.cos(min(math.pi, turn * (me.finger_step + t))))
-        scratch.path[t] = share * me.finger_from
+        angle = turn * (me.finger_step + t)
+        scratch.path[t] = 0.5 * (1.0 + math.cos(angle)) * me.finger_from if angle < math.pi else 0.0
     if not fixed.of_first and (touch.speed > 0.0 or touch.roughness > 0.0):
         _come_and_go(core, thread, s, steps)
 
@@ -81,6 +91,8 @@ def _come_and_go(core: int, thread: int, s: int, steps: int) -> None:
     key = key_of(settings_of(core).seed, fixed.dice, me.strokes)
     per_second = settings_of(core).rate_hz * fixed.factor
     settling, per_step = touch.settle_s * per_second, 1.0 / (touch.grain_s * per_second)
+    if me.finger_step >= settling and (touch.lift_s <= 0.0 or me.finger_step + steps + settling <= me.finger_steps):
+        return
     rough, far = ROUGH * touch.roughness, touch.speed * touch.settle_s
     for t in range(steps + 1):
         now = me.finger_step + t

@@ -501,8 +501,8 @@ def _weights(models: Models, row: _Row, coder: _Coder) -> None:
         for k, gain in enumerate(("gain_q", "gain_v")):
             predicted.heard(number["place"], length, number["half"], number[gain], m["own"], guess[k])
     elif m["weighing"] == FILTERED:
-        at = int(models.models[m["base"], MODEL.index("weights")])
-        base = row.image[at : at + 16 * m["size"]].view(np.float64).reshape(2, m["size"])
+        at, size = (int(models.models[m["base"], MODEL.index(name)]) for name in ("weights", "size"))
+        base = row.image[at : at + 16 * size].view(np.float64).reshape(2, size)
         taps = models.taps[m["first_tap"] : m["first_tap"] + m["taps"]]
         omega = row.table("omega", (m["size"],))
         predicted.filtered(omega, base, taps, number["rate"], guess)

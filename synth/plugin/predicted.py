@@ -268,7 +268,7 @@ def heard(x: float, length: float, half: float, gain: float, own: int, out) -> N
 
 @njit(**_KERNEL)
 def filtered(omega, weights, taps, rate: float, out) -> None:
-    """Weights (2, n) times the gain at ω (n,) of a filter of these taps, from the middle on, at `rate` samples a second."""
+    """Weights (2, ≥n) times the gain at ω (n,) of a filter of these taps, from the middle on, at `rate` samples a second."""
     for i in range(omega.size):
         c = cosine(2.0 * math.pi * (omega[i] / (2.0 * math.pi)) / rate)
         later, after = 0.0, 0.0

@@ -141,6 +141,17 @@ def clear_of_board(board: int, amplitude) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def clear_by_energy(board: int, energy: float) -> bool:
+    """Whether a string of so much energy never reaches the board; energy: twice that over the tension [m]."""
+    b = board_at(board)
+    for c in range(b.eta.size):
+        share = (c + 1.0) / b.intervals
+        if b.eta[c] >= 0.0 or energy * b.numbers[SPEAKING] * share * (1.0 - share) >= 0.99 * b.eta[c] ** 2:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def leave_board(board: int) -> None:
     """Nothing touches: what the nodes had taken is lost."""
     b = board_at(board)

@@ -76,8 +76,10 @@ N_NUMBERS = 16
     RESTING,  # whether modes rest that would not be missed
     FELT_MODES,  # APART_MODES while they do
     HEARD_MODES,  # APART_MODES while they do not
-) = range(12)
-N_COUNTS = 12
+    BY_FRAMES,  # whether it is looked at a frame at a time, in the modes that are heard: something lies on it, which keeps
+    # it clear of all contacts
+) = range(13)
+N_COUNTS = 13
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: rows of End.own and shares: while it is not looked at, while it is
@@ -227,6 +229,18 @@ FRAMES, TOUCHED, ITERATIONS, HELD_FRAMES = range(4)
 N_COUPLING_COUNTS = 4
 
 coupling_at, end_at = opener(Coupling), opener(End)
+
+
+@njit(inline="always")
+def steps_of(c, e, line: int) -> int:
+    """Steps that a line of Coupling c, whose End is e, now takes in a frame."""
+    return 1 if e.counts[BY_FRAMES] else c.steps[line]
+
+
+@njit(inline="always")
+def moving_modes(m, e) -> int:
+    """Modes of a line that is looked at, of StringModel m and End e, which move: all, or those that are heard."""
+    return e.counts[APART_MODES] if e.counts[BY_FRAMES] else m.modes
 
 
 @njit(inline="always")

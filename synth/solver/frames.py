@@ -22,6 +22,7 @@ from synth.solver.coupling import (
     AHEAD,
     APART,
     APART_MODES,
+    BY_FRAMES,
     CERTIFIED,
     CLEAR,
     COMPONENTS,
@@ -52,6 +53,7 @@ from synth.solver.coupling import (
     end_at,
     gather_lines,
     invert,
+    steps_of,
 )
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
@@ -60,6 +62,7 @@ from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, lasts, look_everywhere, runs_out, spend
 from synth.solver.line_culling import cull, may_cull, spend_left
 from synth.solver.line_forces import (
+    answer_by_frames,
     answer_of_line,
     coast_line,
     drive_line,
@@ -94,23 +97,26 @@ def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
     """
     status = int(np.int64(0))
     blocks = frames // BLOCK
+    c = coupling_at(coupling)
+    for line in range(c.line_end.size):
+        end_at(c.line_end[line]).known[LASTS] = 0
     if blocks > 0:
         _take_apart(coupling)
     for t in range(blocks):
-        _look_apart(coupling, t > 0, coupling_at(coupling).single != 0)
-        status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), t * BLOCK, out))
+        _look_apart(coupling, t > 0, c.single != 0)
+        status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), t * BLOCK, frames, out))
     if blocks > 0:
         _leave_apart(coupling)
     for t in range(blocks * BLOCK, frames):
         _look_apart(coupling, False, False)
-        status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), t, out))
+        status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), t, frames, out))
         _step_apart(coupling)
     return status
 
 
 @njit(**INNER)
-def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
-    """`_block`, again where a line that was not looked at might have touched something."""
+def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int, out) -> int:
+    """`_block`, again where a line that was not looked at might have touched something; the call ends at frame `until`."""
     c = coupling_at(coupling)
     uncertain = False
     for line in range(c.line_end.size):
@@ -124,13 +130,15 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
             e.counts[KIND] = CLEAR if clear else SEVERAL
             if string_model(c.line_model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
                 look_everywhere(c.line_end[line])
-        e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and may_cull(coupling, line) else NEVER
+        e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and _may_pass_over(coupling, line) else NEVER
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
     if uncertain:
         _keep(coupling)
     status = int(np.int64(0))
     again = True
     while again:
+        if _look_closer(coupling, scratch, max(BLOCK, until - at)):
+            _gather_again(coupling, frames)
         status = _block(coupling, scratch, frames, at, out)
         again = False
         for line in range(c.line_end.size):
@@ -149,14 +157,55 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, out) -> in
         if again:
             _take_back(coupling)
             for line in range(c.line_end.size):
-                if frames == BLOCK and end_at(c.line_end[line]).counts[ENGAGED] == 0:
-                    _give_back(coupling, line)
-            gather_lines(coupling)
-            _sum_apart(coupling)
+                e = end_at(c.line_end[line])
+                if e.counts[BY_FRAMES]:
+                    e.known[LASTS] = 0
+            _gather_again(coupling, frames)
     for line in range(c.line_end.size):
         if c.friction[line] == 0.0 and string_model(c.line_model[line]).shapes.shape[0] > 0:
             spend(coupling, line)
     return status
+
+
+@njit(**INNER)
+def _gather_again(coupling: int, frames: int) -> None:
+    """`gather_lines` as a block of frames begins."""
+    c = coupling_at(coupling)
+    for line in range(c.line_end.size):
+        if frames == BLOCK and end_at(c.line_end[line]).counts[ENGAGED] == 0:
+            _give_back(coupling, line)
+    gather_lines(coupling)
+    _sum_apart(coupling)
+
+
+@njit(inline="always")
+def _may_pass_over(coupling: int, line: int) -> bool:
+    """Whether contacts of a line that is looked at may be passed over: where that pays, and all where it goes by frames."""
+    c = coupling_at(coupling)
+    if end_at(c.line_end[line]).counts[BY_FRAMES]:
+        return string_model(c.line_model[line]).shapes.shape[0] > 0
+    return may_cull(coupling, line)
+
+
+@njit(**INNER)
+def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
+    """Lines that go by frames, but may touch something in the next block, are looked at in their own steps; whether there
+    are any. What is certain for so many frames on is not asked again in this call."""
+    c = coupling_at(coupling)
+    closer = False
+    for line in range(c.line_end.size):
+        e = end_at(c.line_end[line])
+        if e.counts[BY_FRAMES] == 0 or string_model(c.line_model[line]).shapes.shape[0] == 0:
+            continue
+        may_touch = e.known[CULLING] == NEVER
+        if not may_touch and e.known[LASTS] <= 0:
+            may_touch = cull(coupling, line, scratch, frames) > 0
+        if may_touch:
+            look_at(coupling, line, int(np.int64(1)), scratch)
+            e.known[CULLING] = LONG if may_cull(coupling, line) else NEVER
+            e.known[LASTS] = 0
+            closer = True
+    return closer
 
 
 @njit(**INNER)
@@ -368,7 +417,7 @@ def _hear_knock(coupling: int, at: int, out) -> None:
 @njit(inline="always")
 def _within(c, e, line: int, number: int) -> tuple[int, int]:
     """(frames that a line goes before it is driven, which of them this frame of the block is)."""
-    frames = BLOCK if e.counts[KIND] == CLEAR else BLOCK // c.steps[line]
+    frames = BLOCK if e.counts[KIND] == CLEAR else BLOCK // steps_of(c, e, line)
     return frames, number & (frames - 1)
 
 
@@ -399,12 +448,14 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                         rub_where_pressed(coupling, line, end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE)
                     if _looks_back(c, line):
                         note_gaps(coupling, line)
-                    if e.known[CULLING] != NEVER and (number == 0 or e.known[LASTS] == 0):
+                    by_frames = e.counts[BY_FRAMES] != 0  # `_look_closer` has asked
+                    if e.known[CULLING] != NEVER and not by_frames and (number == 0 or e.known[LASTS] == 0):
                         cull(coupling, line, scratch, (frames - number) * c.steps[line])
                     if e.known[LASTS] > 0:
                         e.known[LASTS] -= BLOCK if frames > 1 else e.known[LASTS]
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
-                    look_at_line(c.line_model[line], c.line_state[line], end, c.steps[line], speed, height)
+                    dt = c.frame if by_frames else string_model(c.line_model[line]).dt
+                    look_at_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line), dt, speed, height)
         if c.knocked[0]:
             _knock_body(coupling, at + number)
         status = max(status, _frame(coupling, scratch, number, at, out))
@@ -416,9 +467,9 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
             e = end_at(end)
             every, within = _within(c, e, line, number)
             if within == every - 1:
-                drive_line(c.line_model[line], c.line_state[line], end, c.steps[line], number + 1 < frames)
+                drive_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line), number + 1 < frames)
             elif frames == 1:
-                step_line(c.line_model[line], c.line_state[line], end, c.steps[line])
+                step_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line))
     return status
 
 
@@ -560,11 +611,12 @@ def _settle(coupling: int, c, number: int, v, before, rest) -> None:
         within = _within(c, e, line, number)[1]
         of_line = along(c, line, small[TURN])
         back = _looks_back(c, line)
-        settle_line(c.line_model[line], c.line_state[line], end, within, c.steps[line], of_line, back)
+        steps = steps_of(c, e, line)
+        settle_line(c.line_model[line], c.line_state[line], end, within, steps, of_line, back)
         if e.known[CULLING] != NEVER:
-            spend_left(coupling, line, within * c.steps[line], of_line, along(c, line, small[V]))
+            spend_left(coupling, line, within * steps, of_line, along(c, line, small[V]))
         if e.counts[KIND] >= SINGLE and back:
-            keep_gaps(c.line_state[line], end, (within + 1) * c.steps[line] - 1)
+            keep_gaps(c.line_state[line], end, (within + 1) * steps - 1)
     pull, share = _pulls(c, number), _times(c.share, v)
     _put(c.momentum, (pull[0] + share[0], pull[1] + share[1], pull[2] + share[2]))
     _put(c.speed, v)
@@ -607,6 +659,11 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                     for i in range(d):
                         for k in range(d):
                             c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
+                elif e.counts[BY_FRAMES]:
+                    force, slope = answer_by_frames(
+                        c.line_model[line], c.line_state[line], end, _within(c, e, line, number)[1], at, steps, c.frame, turn
+                    )
+                    mine, bad = 0, SOLVED
                 elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, steps, turn):
                     force, slope, mine, bad = e.answer[PUSHED], e.answer[STEEPNESS], e.known[PATTERN], SOLVED
                 else:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.coupling import COMPONENTS, KIND, NEAR, SINGLE, coupling_at, end_at
+from synth.solver.coupling import COMPONENTS, KIND, NEAR, SINGLE, coupling_at, end_at, steps_of
 from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import middle
@@ -42,8 +42,8 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
         if e.counts[KIND] < SINGLE:
             continue
-        steps = c.steps[line]
-        first, at = number % (BLOCK // steps) * steps, (begin + number) * steps
+        steps, of_path = steps_of(c, e, line), c.steps[line]
+        first, at = number % (BLOCK // steps) * steps, (begin + number) * of_path
         if fingers and s.finger[0].on == 0:
             continue
         turn = 0.0
@@ -63,7 +63,7 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
             if fingers:
                 finger = s.finger[0]
                 blend, _ = finger_blend(EXACT_HOLD, frame, finger.stiffness, finger.resistance)
-                before, after = e.path[at], e.path[at + steps]
+                before, after = e.path[at], e.path[at + of_path]
                 target = finger_target(EXACT_HOLD, frame, finger.stiffness, finger.resistance, before, after, finger.here)
                 gap -= target / blend
             drawn = 0.0
@@ -115,8 +115,9 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
     lines, numbers, g, b, z = c.big_index[0], c.big_index[1], c.big_rows[0], c.big_rows[1], c.big_rows[2]
     a = c.big[: rows * rows].reshape(rows, rows)
     for i in range(rows):
-        line, steps = lines[i], c.steps[lines[i]]
+        line = lines[i]
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        steps = steps_of(c, e, line)
         for k in range(i + 1):
             total = 0.0
             for p in range(d):
@@ -163,7 +164,7 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
     for i in range(rows):
         e, m = end_at(c.line_end[lines[i]]), string_model(c.line_model[lines[i]])
         row = _place(numbers[i]) if i < contacts else m.shapes.shape[0]
-        steps = c.steps[lines[i]]
+        steps = steps_of(c, e, lines[i])
         first = number % (BLOCK // steps) * steps
         behind_layer = i < contacts and i > 0 and lines[i - 1] == lines[i] and numbers[i - 1] == -1 - row
         for t in range(steps):

@@ -18,6 +18,7 @@ from numba import njit
 
 from synth.solver.certificates import MARGIN
 from synth.solver.coupling import (
+    BY_FRAMES,
     CULLING,
     FEW,
     FINGERS_PUSH,
@@ -31,6 +32,8 @@ from synth.solver.coupling import (
     along,
     coupling_at,
     end_at,
+    moving_modes,
+    steps_of,
 )
 from synth.solver.lanes import BLOCK
 from synth.solver.stringmodel import scratch_of, string_model, string_state
@@ -56,16 +59,21 @@ def may_cull(coupling: int, line: int) -> bool:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def cull(coupling: int, line: int, scratch: int, steps: int) -> None:
+def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
     """End.left, of the contacts that are not certified: > 0 where one need not be looked at for the line's next K steps, or
-    for all `steps` up to the end of the block if few need to even then."""
+    for all `steps` up to the end of the block if few need to even then; how many are to be looked at.
+
+    A line that goes by frames needs all of its contacts out of reach, certified or not.
+    """
     c, w = coupling_at(coupling), scratch_of(scratch)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    n, height, finger = m.modes, along(c, line, c.beta), s.finger[0]
+    by_frames = e.counts[BY_FRAMES] != 0
+    n, height, finger = moving_modes(m, e), along(c, line, c.beta), s.finger[0]
+    dt = c.frame if by_frames else m.dt
     extent, moved, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
     push = finger.push if finger.on else 0.0
     e.answer[FINGERS_PUSH] = push
-    per_mass, time = push / m.mu, steps * m.dt
+    per_mass, time = push / m.mu, steps * dt
     for j in range(n):
         period = 1.0 / omega[j]
         away, speed = q[j] - per_mass * s.finger_weights[j] * (period * period), v[j] * period
@@ -73,11 +81,12 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> None:
         moved[j] = extent[j] * min(2.0, omega[j] * time)
     near = _left_after(c, line, moved, height)
     e.known[LASTS] = steps
-    if steps > BLOCK and (near > FEW or e.known[CULLING] == SHORT):
+    if steps > BLOCK and (near > (0 if by_frames else FEW) or e.known[CULLING] == SHORT):
         for j in range(n):
-            moved[j] = extent[j] * min(2.0, omega[j] * (BLOCK * m.dt))
-        _left_after(c, line, moved, height)
+            moved[j] = extent[j] * min(2.0, omega[j] * (BLOCK * dt))
+        near = _left_after(c, line, moved, height)
         e.known[LASTS] = BLOCK
+    return near
 
 
 @njit(fastmath=FAST, **INNER)
@@ -88,7 +97,7 @@ def _left_after(c, line: int, moved, height: float) -> int:
     reserve = _OF_THE_BRIDGE * e.numbers[LATELY]
     for k in range(m.shapes.shape[0]):
         e.left[k] = 0.0
-        if e.clearance[k] <= 0.0:
+        if e.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
             shape, here, furthest = m.shapes[k, : moved.size], 0.0, 0.0
             for j in range(moved.size):
                 here += shape[j] * q[j]
@@ -107,7 +116,7 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
     contacts pushed as they have from step `first` of the block on. End.known has it where something is used up."""
     c = coupling_at(coupling)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    steps, contacts, strength = c.steps[line], m.shapes.shape[0], 0.0
+    steps, contacts, strength = steps_of(c, e, line), m.shapes.shape[0], 0.0
     if s.finger[0].on != 0:
         for t in range(first, first + steps):
             strength += abs(e.forces[contacts, t] - e.answer[FINGERS_PUSH])

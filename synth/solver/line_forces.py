@@ -13,6 +13,7 @@ from numba import njit
 from synth.solver.blocks import look
 from synth.solver.coupling import (
     AHEAD,
+    BY_FRAMES,
     CLEAR,
     CULLING,
     FEW,
@@ -29,6 +30,7 @@ from synth.solver.coupling import (
     STEEPNESS,
     TURNED,
     end_at,
+    moving_modes,
 )
 from synth.solver.due_responses import fill_due
 from synth.solver.few_contacts import answer_of_few, note_matrix
@@ -67,13 +69,14 @@ _PULLED_BY_FRAMES = 4
 
 
 @njit(**INNER)
-def look_at_line(model: int, state: int, end: int, steps: int, speed: float, height: float) -> None:
-    """The free rows of a line's contacts, finger and pull over K steps from its state, and the matrix of its contacts.
+def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed: float, height: float) -> None:
+    """The free rows of a line's contacts, finger and pull over K steps of dt [s] from its state, and the matrix of its
+    contacts.
 
     speed, height: of the end [m/s, m], as if it went on so.
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
-    n, contacts = m.rows.shape[1], m.shapes.shape[0]
+    rows, n, contacts = _rows_of(m, e), _moving(m, e), m.shapes.shape[0]
     several, culled = int(np.int64(0)), e.known[CULLING] != NEVER
     for c in range(contacts):
         if e.clearance[c] <= 0.0 and not (culled and e.left[c] > 0.0):
@@ -84,7 +87,7 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
     e.counts[NEAR] = several
     finger = s.finger[0]
     e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
-    look(n, m.rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
+    look(n, rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
     touch, last = s.finger_weights[:n], several - 1
     finger_too = finger.on != 0 and e.known[AHEAD] == 0
     e.known[AHEAD] = 0
@@ -92,28 +95,28 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
     if not by_steps:
         for frame in range(BLOCK // steps):
             early = steps * (frame + 1) < BLOCK
-            e.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else m.rows[ADV21:], s.q, s.v)
+            e.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else rows[ADV21:], s.q, s.v)
     if several % 2 == 1:
         shape = m.shapes[e.near[last]]
         if by_steps:
-            project_qv(n, m.rows, s.q, s.v, shape, e.pull, e.u[last], e.row)
+            project_qv(n, rows, s.q, s.v, shape, e.pull, e.u[last], e.row)
             if finger_too:
-                project_q(n, m.rows, s.q, s.v, touch, e.u[contacts])
+                project_q(n, rows, s.q, s.v, touch, e.u[contacts])
         elif finger_too:
-            project_qq(n, m.rows, s.q, s.v, shape, touch, e.u[last], e.u[contacts])
+            project_qq(n, rows, s.q, s.v, shape, touch, e.u[last], e.u[contacts])
         else:
-            project_q(n, m.rows, s.q, s.v, shape, e.u[last])
+            project_q(n, rows, s.q, s.v, shape, e.u[last])
     elif finger_too and by_steps:
-        project_qv(n, m.rows, s.q, s.v, touch, e.pull, e.u[contacts], e.row)
+        project_qv(n, rows, s.q, s.v, touch, e.pull, e.u[contacts], e.row)
     elif finger_too:
-        project_q(n, m.rows, s.q, s.v, touch, e.u[contacts])
+        project_q(n, rows, s.q, s.v, touch, e.u[contacts])
     elif by_steps:
-        project_v(n, m.rows, s.q, s.v, e.pull, e.row)
+        project_v(n, rows, s.q, s.v, e.pull, e.row)
     if finger.on:
-        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, m.dt, speed, height, e.u[contacts], e.forces[contacts])
+        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, dt, speed, height, e.u[contacts], e.forces[contacts])
     for i in range(several):
         c = e.near[i]
-        _add_way(e.leverage[c], s.eta[c], m.dt, speed, height, e.u[i], e.forces[i])
+        _add_way(e.leverage[c], s.eta[c], dt, speed, height, e.u[i], e.forces[i])
     if by_steps:
         for frame in range(BLOCK // steps):
             e.row[frame] = e.row[(frame + 1) * steps - 1]
@@ -130,6 +133,18 @@ def look_at_line(model: int, state: int, end: int, steps: int, speed: float, hei
         for i in range(several):
             for d in range(several):
                 matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+
+
+@njit(inline="always")
+def _rows_of(m, e):
+    """Coefficient rows of a line that is looked at: of a step, or of a frame where it goes by frames."""
+    return e.flight if e.counts[BY_FRAMES] else m.rows
+
+
+@njit(inline="always")
+def _moving(m, e) -> int:
+    """How many modes of it move, in whole vectors: all, or those that are heard where it goes by frames."""
+    return padded(moving_modes(m, e))
 
 
 @njit(fastmath=FAST, **INNER)
@@ -239,6 +254,20 @@ def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int
             forces[first + t] = slopes[first + t] = 0.0
             apart[first + t], opening[first + t] = gap, change
     return force, slope, pattern
+
+
+@njit(inline="always")
+def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, steps: int, dt: float, turn: float):
+    """Force and slope of what lies on a line in one frame, number `frame` of the block, that is one step of dt [s]; it goes
+    from End.path[at] to so many `steps` on."""
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    finger, contacts, change = s.finger[0], m.shapes.shape[0], e.finger_moved[0, BLOCK]
+    blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
+    target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, e.path[at], e.path[at + steps], finger.here)
+    stiff = 1.0 / (s.grip_own[0, BLOCK] + compliance)
+    push, slope = (target / blend - e.u[contacts, frame] - change * turn) * stiff, -change * stiff
+    e.forces[contacts, frame], e.slopes[contacts, frame] = push, slope
+    return e.finger_reach[0, 0] * push, e.finger_reach[0, 0] * slope
 
 
 @njit(**INNER)
@@ -416,8 +445,8 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
     next K steps is looked at in the same pass.
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
-    n, contacts = m.rows.shape[1], m.shapes.shape[0]
-    rows, q, v = m.rows, s.q, s.v
+    n, contacts = _moving(m, e), m.shapes.shape[0]
+    rows, q, v = _rows_of(m, e), s.q, s.v
     if e.counts[KIND] == CLEAR:
         kick(padded(m.modes), e.flight, q, v, e.kick, e.kicks)
         return
@@ -455,15 +484,16 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
 def step_line(model: int, state: int, end: int, steps: int) -> None:
     """Advance the modes by the first `steps` steps of the block, fewer than K, or its first frame, as `drive_line` does."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    n, contacts = m.modes, m.shapes.shape[0]
+    rows, contacts = _rows_of(m, e), m.shapes.shape[0]
+    n = moving_modes(m, e)
     q, v = s.q[:n], s.v[:n]
-    kq, kv = m.rows[4, :n], m.rows[5, :n]
+    kq, kv = rows[4, :n], rows[5, :n]
     add(e.kicks[0], e.kick[:n], v)
     if e.counts[KIND] == CLEAR:
         fly(e.flight, q, v)
         return
     for t in range(steps):
-        fly(m.rows, q, v)
+        fly(rows, q, v)
         for i in range(e.counts[NEAR]):
             if e.forces[i, t] != 0.0:
                 push_modes(q, v, kq, kv, m.shapes[e.near[i]], e.forces[i, t])

@@ -15,6 +15,7 @@ from synth.solver.certificates import MARGIN, extents
 from synth.solver.coupling import (
     APART,
     APART_MODES,
+    BY_FRAMES,
     DUE,
     ENGAGED,
     FELT_MODES,
@@ -27,12 +28,16 @@ from synth.solver.coupling import (
     RESTING,
     coupling_at,
     end_at,
+    moving_modes,
 )
 from synth.solver.due_responses import fill_step, put_off
+from synth.solver.fingers import fill_grip
 from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.line_certificates import look_everywhere
+from synth.solver.line_culling import cull
 from synth.solver.quick_coefficients import quick_coefficients
-from synth.solver.responses import fill_lags, fill_response, fill_rows
+from synth.solver.responses import complete_rows, fill_lags, fill_response, fill_rows
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER
 
@@ -52,17 +57,22 @@ def fill_apart(end: int, scratch_q, scratch_v, spare) -> None:
     """End.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of flight.
     Work space (≥n,) and (2, K)."""
     e = end_at(end)
-    moving, all_modes = e.counts[APART_MODES], e.pull.size
+    moving = e.counts[APART_MODES]
+    _fill_own(e, APART, moving, scratch_q[: padded(moving)], scratch_v[: padded(moving)], spare)
+    e.single_of[0] = np.nan  # what is float32 is to be made anew
+
+
+@njit(inline="always")
+def _fill_own(e, kind: int, moving: int, q, v, spare) -> None:
+    """A row of End.own and share, from End.kick, pull and the first `moving` modes of flight. Work space (≥ moving,)."""
     zero, one = int(np.int64(0)), int(np.int64(1))
-    q, v = scratch_q[: padded(moving)], scratch_v[: padded(moving)]
     share = 0.0
     for j in range(q.size):
         q[j] = e.flight[P12, j] * e.kick[j] if j < moving else 0.0
         v[j] = e.flight[P22, j] * e.kick[j] if j < moving else 0.0
         share += e.kick[j] * e.kick[j] if j < moving else 0.0
-    e.share[APART] = share
-    fill_response(one, e.flight, q, v, e.pull.reshape(1, all_modes), zero, spare, e.own[APART : APART + 1])
-    e.single_of[0] = np.nan  # what is float32 is to be made anew
+    e.share[kind] = share
+    fill_response(one, e.flight, q, v, e.pull.reshape(1, e.pull.size), zero, spare, e.own[kind : kind + 1])
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -72,14 +82,7 @@ def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare
     m, e = string_model(model), end_at(end)
     rows, n, kick, all_modes = m.rows, m.rows.shape[1], e.kick, e.flight.shape[1]
     zero, one = int(np.int64(0)), int(np.int64(1))
-    q, v = scratch_q[:all_modes], scratch_v[:all_modes]
-    share = 0.0
-    for j in range(all_modes):
-        q[j] = e.flight[P12, j] * kick[j] if j < m.modes else 0.0
-        v[j] = e.flight[P22, j] * kick[j] if j < m.modes else 0.0
-        share += kick[j] * kick[j] if j < m.modes else 0.0
-    e.share[LOOKED_AT] = share
-    fill_response(one, e.flight, q, v, e.pull.reshape(1, all_modes), zero, spare, e.own[LOOKED_AT : LOOKED_AT + 1])
+    _fill_own(e, LOOKED_AT, m.modes, scratch_q[:all_modes], scratch_v[:all_modes], spare)
     q, v, pull = scratch_q[:n], scratch_v[:n], e.pull[:n].reshape(1, n)
     contacts = m.shapes.shape[0]
     if contacts:
@@ -117,8 +120,14 @@ def _fill_reach(steps: int, dt: float, leverage: float, pulled, moved, reach, dr
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
     """Responses between the finger whose weights the state has and the end; `fingers.fill_grip` fills its others."""
+    m = string_model(model)
+    _fill_finger_end(m.rows, m.rows.shape[1], m.dt, model, state, end, steps, scratch_q, scratch_v, spare)
+
+
+@njit(fastmath=FAST, **INNER)
+def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare):
+    """The same of n modes with these rows of a step of dt [s], so many a frame."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    rows, n = m.rows, m.rows.shape[1]
     q, v = scratch_q[:n], scratch_v[:n]
     finger, zero, one = s.finger_weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
     for j in range(n):
@@ -132,7 +141,7 @@ def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scr
     pulled = e.pulled[0, contacts:]
     fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
     lever = e.numbers[FINGER_LEVERAGE]
-    _fill_reach(steps, m.dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
+    _fill_reach(steps, dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -188,18 +197,89 @@ def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
 
 
 @njit(cache=True, nogil=True)
+def fill_finger(coupling: int, line: int, scratch: int) -> None:
+    """Responses of a line that is looked at in its own steps to the finger on it, whose weights its state has."""
+    c, w = coupling_at(coupling), scratch_of(scratch)
+    model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
+    ensure_tables(coupling, line, scratch)
+    fill_grip(model, state, scratch, int(np.int64(1)))
+    fill_finger_end(model, state, end, c.steps[line], w.q, w.v, w.spare)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
+    """Look at a line, on which something lies, a frame at a time, in the modes that are heard, if all of its contacts are
+    out of reach for a block of frames; whether they are. `gather_lines` then. Its End.flight must be as its modes are.
+    """
+    c, w = coupling_at(coupling), scratch_of(scratch)
+    model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
+    m, s, e = string_model(model), string_state(state), end_at(end)
+    before = e.counts[BY_FRAMES]
+    e.counts[BY_FRAMES] = 1
+    if m.shapes.shape[0] > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
+        e.counts[BY_FRAMES] = before
+        return False
+    if e.counts[RESTING]:
+        e.counts[RESTING] = 0
+        set_apart_modes(end)
+        n = e.counts[APART_MODES]
+        quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
+        complete_rows(e.flight, padded(n))
+        fill_apart(end, w.q, w.v, w.spare)
+    look_everywhere(end)
+    e.counts[ENGAGED] = 1
+    for j in range(e.counts[APART_MODES], s.counts[MOVING]):  # as the string is there without them
+        s.finger[0].here -= s.finger_weights[j] * s.q[j]
+    _rest_above(c, line)
+    # what it does to its end is that of a line that is apart, and what it does in its own steps waits
+    e.share[LOOKED_AT] = e.share[APART]
+    for k in range(2 * BLOCK):
+        e.own[LOOKED_AT, k] = e.own[APART, k]
+    if e.counts[DUE] == READY:
+        e.counts[DUE] = TABLES_DUE
+    n = padded(moving_modes(m, e))
+    q, v, finger = w.q[:n], w.v[:n], s.finger_weights[:n].reshape(1, n)
+    own = 0.0
+    for j in range(n):
+        q[j], v[j] = e.flight[KQ, j] * finger[0, j], e.flight[KV, j] * finger[0, j]
+        own += finger[0, j] * q[j]
+    zero = int(np.int64(0))
+    fill_response(zero, e.flight, q, v, finger, zero, w.spare, s.grip_own)
+    s.grip_own[0, BLOCK] = s.finger[0].own = own
+    extents(m.omega[:n], q, v, q)
+    for k in range(m.shapes.shape[0]):
+        total = 0.0
+        for j in range(n):
+            total += abs(m.shapes[k, j]) * q[j]
+        s.grip_far[k] = MARGIN * total
+    _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
+    return True
+
+
+@njit(cache=True, nogil=True)
 def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
     """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
     that is not looked at comes to rest."""
     c = coupling_at(coupling)
     e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    went_by_frames = e.counts[BY_FRAMES] != 0
     e.counts[ENGAGED] = engaged
+    e.counts[BY_FRAMES] = 0
     if engaged:
         if e.counts[RESTING]:
             _rest_no_more(coupling, line, scratch)
         ensure_tables(coupling, line, scratch)
         s.counts[MOVING] = string_model(c.line_model[line]).modes
+        if went_by_frames:
+            fill_finger(coupling, line, scratch)
         return
+    _rest_above(c, line)
+
+
+@njit(inline="always")
+def _rest_above(c, line: int) -> None:
+    """The modes of a line that move only while it is looked at in its own steps come to rest."""
+    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
     for j in range(e.counts[APART_MODES], s.counts[MOVING]):
         s.q[j] = 0.0
         s.v[j] = 0.0

@@ -119,6 +119,7 @@ class Coefficients(NamedTuple):
     matrix: Annotated[np.ndarray, f8("contacts*contacts")]
     lags: Annotated[np.ndarray, f8("contacts*contacts*RESPONSE")]
     out_lags: Annotated[np.ndarray, f8("outputs*contacts*RESPONSE")]
+    flight_rows: Annotated[np.ndarray, f8("ROWS*heard")]  # of its flight, of the modes that are heard
 
 
 class Scratch(NamedTuple):

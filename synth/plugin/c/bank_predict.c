@@ -200,8 +200,8 @@ void predict_heard(double x, double length, double half, double gain, size_t own
     }
 }
 
-void predict_filtered(const double *omega, const double *weights, const double *taps, size_t count, double rate, size_t n,
-                      double *out) {
+void predict_filtered(const double *omega, const double *weights, size_t weights_n, const double *taps, size_t count, double rate,
+                      size_t n, double *out) {
     for (size_t i = 0; i < n; i++) {
         const double c = cosine(2.0 * PI * (omega[i] / (2.0 * PI)) / rate);
         double later = 0.0, after = 0.0;
@@ -212,7 +212,7 @@ void predict_filtered(const double *omega, const double *weights, const double *
         }
         const double gain = taps[0] + 2.0 * (c * later - after);
         out[i] = weights[i] * gain;
-        out[n + i] = weights[n + i] * gain;
+        out[n + i] = weights[weights_n + i] * gain;
     }
 }
 

@@ -16,8 +16,8 @@ void predict_modes(const double *string, int linear, const double *nut, size_t n
 void predict_shape(double x, double length, size_t own, double *out);
 void predict_heard(double x, double length, double half, double gain, size_t own, double *out);
 /* weights and out: two rows */
-void predict_filtered(const double *omega, const double *weights, const double *taps, size_t count, double rate, size_t n,
-                      double *out);
+void predict_filtered(const double *omega, const double *weights, size_t weights_n, const double *taps, size_t count, double rate,
+                      size_t n, double *out);
 void predict_hold_rows(const double *omega, const double *sigma, double mu, double dt, size_t modes, size_t n, double *rows);
 void predict_impulse_rows(const double *omega, double mu, size_t modes, size_t n, double *rows);
 void predict_later_rows(size_t n, double *rows);

@@ -241,7 +241,7 @@ static bool place_tables(struct unpacking *u) {
             }
         }
         if (m[WEIGHING] == FILTERED && makes(m, WEIGHTS) &&
-            (u->models[m[BASE]][SIZE] != m[SIZE] || m[TAPS] < 1 || !within(m[TAPS], u->h.taps) ||
+            (u->models[m[BASE]][SIZE] < m[SIZE] || m[TAPS] < 1 || !within(m[TAPS], u->h.taps) ||
              !within(m[FIRST_TAP], u->h.taps - (uint64_t)m[TAPS])))
             return false;
     }
@@ -338,7 +338,8 @@ static void make_weights(struct unpacking *u, const int64_t *m, const double *nu
             predict_heard(number[PLACE], u->strings[m[STRING]][0], number[HALF], number[k ? GAIN_V : GAIN_Q], (size_t)m[OWN],
                           weights + k * n);
     } else if (m[WEIGHING] == FILTERED) {
-        predict_filtered(table_of(u, m, OMEGA), table_of(u, u->models[m[BASE]], WEIGHTS), u->taps + m[FIRST_TAP], (size_t)m[TAPS],
+        const int64_t *base = u->models[m[BASE]];
+        predict_filtered(table_of(u, m, OMEGA), table_of(u, base, WEIGHTS), (size_t)base[SIZE], u->taps + m[FIRST_TAP], (size_t)m[TAPS],
                          number[RATE], n, weights);
     }
     for (size_t k = 0; k < 2; k++) {
