@@ -296,7 +296,7 @@ SOUNDING = np.dtype(
         ("held", "i8"),  # by a key
         ("sustained", "i8"),
         ("stolen", "i8"),
-        ("flying", "i8"),  # at the output rate: LANDED, FLYING or STEPS_DUE, below
+        ("flying", "i8"),  # at the output rate: LANDED, FLYING or STEPS_DUE
         ("fade_at", "i8"),  # frames that have faded, of so many
         ("fade_to", "i8"),
         ("direct_from", "i8"),  # like row_from and row_to, of its row at the output rate
