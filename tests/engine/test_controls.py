@@ -477,7 +477,8 @@ def test_spared_strings_fade_and_sleep_held_ones_do_not():
 
 @pytest.mark.parametrize("value", [8191, -8192])
 def test_what_rests_in_bent_strings_is_not_heard(value):
-    """Sparing of modes and contacts out of reach knows bent frequencies: it changes less than −120 dBFS."""
+    """Sparing of modes and contacts out of reach knows bent frequencies, and strings in flight do: it changes less than −100
+    dBFS, as changes of rate do."""
     notes = [(0, BEND, 0, value), (6000, NOTE_ON, 0, 28, 60), (6000, NOTE_ON, 0, 43, 60)]
     runs, work = [], []
     for economy in (True, False):
@@ -485,9 +486,9 @@ def test_what_rests_in_bent_strings_is_not_heard(value):
         bent = play(made, notes, 40000)
         work.append(made.mode_steps)
         runs.append(np.concatenate([bent, play(made, [(0, BEND, 0, 0)], 20000)]))
-    assert np.abs(runs[0] - runs[1]).max() < 1e-6
+    assert np.abs(runs[0] - runs[1]).max() < 1e-5
     assert np.abs(runs[0]).max() > 0.01
-    assert work[0] < work[1]
+    assert work[0] < 0.5 * work[1]
 
 
 def test_a_level_below_all_strings_spares_none_bitwise(free):
