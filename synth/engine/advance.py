@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.coefficients import refresh, refresh_in_flight, rest_state
+from synth.engine.coefficients import fill_sigma, refresh, refresh_in_flight, rest_state
 from synth.engine.core import (
     bank_of,
     is_held,
@@ -26,7 +26,6 @@ from synth.engine.core import (
 )
 from synth.engine.expression import bend_of, follow, height_of, is_settled
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
-from synth.engine.hand_damping import damping
 from synth.engine.instruments import may_fly, may_sleep
 from synth.engine.layout import (
     BLOWN_UP,
@@ -246,7 +245,8 @@ def _land(core: int, thread: int, s: int) -> None:
         return
     if me.stale == 1 and not is_held(me) and shared_of(core).board_at[me.model] == 0:
         refresh_in_flight(core, thread, s)
-        string_of(core, s).counts[FREE] = 1 if _is_free(core, thread, s) else 0
+        fill_sigma(core, thread, s, string_of(core, s).counts[MOVING])
+        string_of(core, s).counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
     if is_held(me) and not lies_still(core, s, QUANTUM * bank_of(core).strings[s].factor):
         string_of(core, s).counts[FREE] = 0
     if me.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s):
@@ -412,9 +412,8 @@ def _check(core: int, thread: int, s: int) -> None:
         return
     if string.counts[FREE] == 0 and model.eta.size == 1 and _is_in_reach(core, s):
         return  # touched again and again, and all modes with it
-    omega, sigma, dt = model.omega[:n], scratch.sigma[:n], model.dt
-    for j in range(n):
-        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt if me.bend != 0.0 else 0.0)
+    omega, sigma = model.omega[:n], scratch.sigma[:n]
+    fill_sigma(core, thread, s, n)
     amplitude = scratch.amplitude
     if not string.counts[FREE]:  # what is certain to be out of reach stays so until something touches the string
         string.counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
@@ -495,21 +494,6 @@ def _is_in_reach(core: int, s: int) -> bool:
     if string.eta[0] >= 0.0 or string.force[0] > 0.0:
         return True
     return least_reach(model.shapes[0], string.q[: string.counts[MOVING]]) >= -string.eta[0]
-
-
-@njit(**CORE)
-def _is_free(core: int, thread: int, s: int) -> bool:
-    """`_nothing_in_reach`, with the Scratch.sigma that it needs."""
-    me, n, sigma, omega = (
-        state_of(core).sounding[s],
-        string_of(core, s).counts[MOVING],
-        scratch_of(thread).sigma,
-        model_of(core, s).omega,
-    )
-    plain = string_model(shared_of(core).model_at[me.model, PLAIN])
-    for j in range(n):
-        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * plain.dt if me.bend != 0.0 else 0.0)
-    return _nothing_in_reach(core, thread, s)
 
 
 @njit(**CORE)

@@ -512,15 +512,16 @@ class Strings:
         models, string_of_model = built.models, built.bank.models["string"]
         sizes = []
         for s in range(built.bank.strings.size):
-            own = [models[m] for m in np.flatnonzero(string_of_model == s)]
+            mine = np.flatnonzero(string_of_model == s)
+            own = [models[m] for m in mine]
             most = (max(model.modes for model in own), max(model.eta.size for model in own))
-            heard = max(flight.rows.shape[1] for flight in (built.flights[m] for m in np.flatnonzero(string_of_model == s)))
+            heard = max(built.flights[m].rows.shape[1] for m in mine)
             sizes.append(state_sizes(*most, OUTPUTS) | {"heard": heard})
         self.states = Pool(StringState, sizes)
         self.coefficients = Pool(Coefficients, sizes)
         self.models = models
         self._kept = built  # what the tables point to
-        self._models = np.zeros((len(models), 4, words(StringModel)), np.int64)
+        self._models = np.zeros((len(models), len(_VARIANTS), words(StringModel)), np.int64)
         for m, s in enumerate(string_of_model):
             flight, own = built.flights[m], self.coefficients.items[s]
             variants = (models[m], _with_its_own(models[m], own), flight, _flight_of_its_own(flight, own))

@@ -104,16 +104,24 @@ def alter_steps(core: int, thread: int, s: int) -> None:
 
 
 @njit(**CORE)
+def fill_sigma(core: int, thread: int, s: int, n: int) -> None:
+    """Scratch.sigma of the first n modes of a string, with the frequencies that it has: under its hand, and where a bend
+    takes them too high."""
+    me, sigma, omega = state_of(core).sounding[s], scratch_of(thread).sigma, model_of(core, s).omega
+    plain = string_model(shared_of(core).model_at[me.model, PLAIN])
+    for j in range(n):
+        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+
+
+@njit(**CORE)
 def alter_flight(core: int, thread: int, s: int) -> None:
     """Coefficients of a frame of a string in flight under a damping hand or a pitch bend, whose frequencies are as they are
     to be."""
-    me = state_of(core).sounding[s]
-    plain, flight = string_model(shared_of(core).model_at[me.model, PLAIN]), flight_of(core, s)
-    n, rows, sigma, omega = flight.modes, flight.rows, scratch_of(thread).sigma, model_of(core, s).omega
-    for j in range(n):
-        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+    flight, omega = flight_of(core, s), model_of(core, s).omega
+    n, rows = flight.modes, flight.rows
+    fill_sigma(core, thread, s, n)
     rows[:6, n:] = 0.0
-    quick_coefficients(EXACT_HOLD, omega[:n], sigma[:n], plain.mu, flight.dt, rows)
+    quick_coefficients(EXACT_HOLD, omega[:n], scratch_of(thread).sigma[:n], flight.mu, flight.dt, rows)
     fill_rows(rows)
 
 
