@@ -18,7 +18,7 @@ from synth.engine.core import (
     string_of,
 )
 from synth.engine.hand_damping import damping
-from synth.engine.layout import CORE, PLAIN, TOUCHED
+from synth.engine.layout import CORE, DRAW, PLAIN, PRESS, TOUCHED
 from synth.solver.coupling import (
     APART_MODES,
     DUE,
@@ -114,11 +114,12 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
 
 @njit(**CORE)
 def may_go_by_frames(core: int, s: int) -> bool:
-    """Whether a string on which something lies may be looked at a frame at a time, where it touches nothing: not where its
-    two directions rub on contacts or these are soft, nor at `fine` or better. To draw it, and let it slip, takes its own
-    steps."""
+    """Whether a string that a finger stops, draws or lies on may be looked at a frame at a time, where it touches nothing:
+    not where its two directions rub on contacts or these are soft, nor at `fine` or better. A string that slips off a
+    finger, or is struck, goes through its own steps."""
     strings, me = bank_of(core).strings, state_of(core).sounding[s]
-    if me.phase != TOUCHED or settings_of(core).economy == 0 or bank_of(core).models[me.model].layered:
+    follows = me.phase == PRESS or me.phase == DRAW or me.phase == TOUCHED
+    if not follows or settings_of(core).economy == 0 or bank_of(core).models[me.model].layered:
         return False
     second = strings[s].second
     return strings[s].friction == 0.0 and (second < 0 or strings[second].friction == 0.0)

@@ -288,12 +288,13 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
             engaged = 1 if certify_line(shared.coupling_at[i], line, thread) > 0 else 0
         if fingered:
             engaged = 1
-        elif contacts == 0:
-            engaged = 0
+        else:
+            string_of(core, s).finger[0].push = 0.0
+            if contacts == 0:
+                engaged = 0
         if end.counts[ENGAGED] != engaged or changed_it:
             changed = True
             if not (may_go_by_frames(core, s) and go_by_frames(shared.coupling_at[i], line, thread)):
-                end.counts[BY_FRAMES] = 0
                 look_at(shared.coupling_at[i], line, engaged, thread)
                 if fingered:
                     fill_finger(shared.coupling_at[i], line, thread)

@@ -73,7 +73,7 @@ from synth.solver.line_forces import (
 )
 from synth.solver.line_friction import answer_of_rubbed, rub_where_pressed, rubs
 from synth.solver.line_layers import keep_gaps, note_gaps
-from synth.solver.line_tables import look_at
+from synth.solver.line_tables import fill_finger, look_at
 from synth.solver.single import fill_single_rows, give_back, round_into, take
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
@@ -202,6 +202,7 @@ def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
             may_touch = cull(coupling, line, scratch, frames) > 0
         if may_touch:
             look_at(coupling, line, int(np.int64(1)), scratch)
+            fill_finger(coupling, line, scratch)
             e.known[CULLING] = LONG if may_cull(coupling, line) else NEVER
             e.known[LASTS] = 0
             closer = True

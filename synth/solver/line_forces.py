@@ -258,14 +258,31 @@ def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int
 
 @njit(inline="always")
 def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, steps: int, dt: float, turn: float):
-    """Force and slope of what lies on a line in one frame, number `frame` of the block, that is one step of dt [s]; it goes
-    from End.path[at] to so many `steps` on."""
+    """Mean force and slope of a finger on a line in one frame, number `frame` of the block, of dt [s].
+
+    The finger takes `steps` steps along End.path, from number `at` on. In each of them the string gives way by an equal part
+    of what it gives over the frame, and the modes that rest follow at once.
+    """
     m, s, e = string_model(model), string_state(state), end_at(end)
-    finger, contacts, change = s.finger[0], m.shapes.shape[0], e.finger_moved[0, BLOCK]
-    blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
-    target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, e.path[at], e.path[at + steps], finger.here)
-    stiff = 1.0 / (s.grip_own[0, BLOCK] + compliance)
-    push, slope = (target / blend - e.u[contacts, frame] - change * turn) * stiff, -change * stiff
+    finger, contacts, path, share = s.finger[0], m.shapes.shape[0], e.path, 1.0 / steps
+    gives, at_once = finger.own * share, s.grip_own[0, BLOCK] - finger.own
+    change = e.finger_moved[0, BLOCK] * share
+    string = finger.here - at_once * finger.push
+    drift = (e.u[contacts, frame] - string) * share + change * turn
+    drag = finger.resistance * steps / dt
+    blend = finger.stiffness + drag
+    stiff = 1.0 / (gives + at_once + 1.0 / blend) / blend
+    here, steeper, here_steeper, push, slope = finger.here, 0.0, 0.0, 0.0, 0.0
+    for t in range(at, at + steps):
+        string += drift
+        steeper += change
+        target = finger.stiffness * path[t + 1] + drag * (path[t + 1] - path[t] + here)
+        force, more = (target - blend * string) * stiff, (drag * here_steeper - blend * steeper) * stiff
+        string += gives * force
+        steeper += gives * more
+        here, here_steeper = string + at_once * force, steeper + at_once * more
+        push += force * share
+        slope += more * share
     e.forces[contacts, frame], e.slopes[contacts, frame] = push, slope
     return e.finger_reach[0, 0] * push, e.finger_reach[0, 0] * slope
 

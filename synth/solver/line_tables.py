@@ -228,8 +228,13 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         fill_apart(end, w.q, w.v, w.spare)
     look_everywhere(end)
     e.counts[ENGAGED] = 1
-    for j in range(e.counts[APART_MODES], s.counts[MOVING]):  # as the string is there without them
-        s.finger[0].here -= s.finger_weights[j] * s.q[j]
+    residual, finger_at = 0.0, s.finger[0]
+    for j in range(e.counts[APART_MODES], m.modes):  # which follow the finger as if at rest
+        weight = s.finger_weights[j]
+        residual += weight * weight / (m.mu * m.omega[j] * m.omega[j])
+        if j < s.counts[MOVING]:
+            finger_at.here -= weight * s.q[j]
+    finger_at.here += residual * finger_at.push
     _rest_above(c, line)
     # what it does to its end is that of a line that is apart, and what it does in its own steps waits
     e.share[LOOKED_AT] = e.share[APART]
@@ -245,12 +250,15 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         own += finger[0, j] * q[j]
     zero = int(np.int64(0))
     fill_response(zero, e.flight, q, v, finger, zero, w.spare, s.grip_own)
-    s.grip_own[0, BLOCK] = s.finger[0].own = own
+    finger_at.own = own
+    s.grip_own[0, BLOCK] = own + residual
     extents(m.omega[:n], q, v, q)
     for k in range(m.shapes.shape[0]):
         total = 0.0
         for j in range(n):
             total += abs(m.shapes[k, j]) * q[j]
+        for j in range(n, m.modes):
+            total += abs(m.shapes[k, j] * s.finger_weights[j]) / (m.mu * m.omega[j] * m.omega[j])
         s.grip_far[k] = MARGIN * total
     _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
     return True
@@ -271,7 +279,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
         ensure_tables(coupling, line, scratch)
         s.counts[MOVING] = string_model(c.line_model[line]).modes
         if went_by_frames:
-            fill_finger(coupling, line, scratch)
+            _bend_above(c, line)
         return
     _rest_above(c, line)
 
@@ -284,3 +292,13 @@ def _rest_above(c, line: int) -> None:
         s.q[j] = 0.0
         s.v[j] = 0.0
     s.counts[MOVING] = e.counts[APART_MODES]
+
+
+@njit(inline="always")
+def _bend_above(c, line: int) -> None:
+    """The modes of a line that rested while it went by frames are where the finger's last push holds them."""
+    e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+    push = s.finger[0].push
+    for j in range(e.counts[APART_MODES], m.modes):
+        s.q[j] = push * s.finger_weights[j] / (m.mu * m.omega[j] * m.omega[j])
+        s.v[j] = 0.0
