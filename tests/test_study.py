@@ -764,7 +764,7 @@ def test_the_command_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_asking_for_help_loads_no_dask() -> None:
-    program = "import sys\nfrom synth.cli import _parser\n_parser()\n"
+    program = "import sys\nfrom synth.cli import command_parser\ncommand_parser()\n"
     program += "print(*{'dask', 'pandas', 'pyarrow', 'numpy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

@@ -104,7 +104,7 @@ class _Strings:
         if item.note is None:
             return ""
         if (item.preset, item.note) not in self._found:
-            from synth.author.views.place import find
+            from synth.instrument.place import find
 
             try:
                 place = find(self._items.presets(item.preset), item.note)

@@ -38,8 +38,8 @@ STATE, RECIPE, INDEX, CARD, LOCK = "dataset.json", "recipe.toml", "index.parquet
 PARTS, SOURCES, LABELS = "parts", "sources", "labels"
 #: packages whose version may show in the numbers
 _PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "soundfile")
-#: rooms whose sources make an item: with the recipe's own and the tape's
-CODE = (*SOUNDING, "author/views", "dataset", "fit")
+#: rooms whose sources make an item
+CODE = (*SOUNDING, "dataset")
 
 
 def code() -> str:

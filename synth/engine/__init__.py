@@ -8,6 +8,6 @@ coefficients, parameters                    what it is made of while they do, an
 tasks, instruments                          what threads take: strings that share something are one instrument
 advance, free_flight, output                a string through time
 process, mix, chain, effect_chains          spans between events, buses, chains of effects
-layout, bank, core                          the arrays that the native core works on, behind two addresses
+layout, bank, core, memory_map              the arrays that the native core works on, behind two addresses
 team, uncopied, warmup                      threads; what cannot be copied; what is compiled at the start
 """

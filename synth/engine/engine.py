@@ -14,7 +14,7 @@ import os
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from synth.engine.effect_chains import Chains
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
 from synth.engine.layout import Bank, Effects, Settings, Shared, State
+from synth.engine.memory_map import EngineMemory
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
 from synth.engine.state_check import check_state
@@ -40,6 +41,7 @@ from synth.instrument.effects import EffectTable
 from synth.instrument.plan import FLOAT32, planned_precision
 from synth.instrument.preset import Preset, PresetError, why_unplayed
 from synth.jit import compiling, kernel_helpers, prebuilt
+from synth.jit.entries import entry
 from synth.midi.events import EVENT
 from synth.midi.zones import LOWER, MOST_MEMBERS
 from synth.native.arrays import bytes_of
@@ -56,6 +58,10 @@ CEILING_DB = -0.1
 MOST_BLOCK, MOST_STRINGS = 1 << 24, 1 << 20
 #: largest seed of what varies from stroke to stroke
 MOST_SEED = (1 << 31) - 1
+
+
+#: what an observer writes: a NamedTuple as `native.arrays` declares them
+_Records = TypeVar("_Records")
 
 
 class Unplayed(NamedTuple):
@@ -138,6 +144,7 @@ class Engine:
     ) -> None:
         self._bank: Bank | None = None
         self._team: Team | None = None
+        self._observed: tuple[Any, Any] | None = None
         self.compiled: tuple[CompiledPart, ...] = ()
         self.parts = arguments.presets(parts)
         if isinstance(threads, bool) or (threads != "auto" and not (isinstance(threads, int) and threads >= 1)):
@@ -310,11 +317,10 @@ class Engine:
         self._effects: Effects
         self._effects, self._effect_tables = self._chains.bound(self._state)
         self._core = table(bank, self._state, self._shared, self._settings, self._effects)
-        addresses = self._core.ctypes.data, self._thread_table.ctypes.data
-        self._voices = table(voices_for(bank, self._state, self._shared, self._settings, *addresses))
         self._shared.task[layout.HANDLE] = policy.entry(self._policy).address
-        self._shared.task[layout.VOICES] = self._voices.ctypes.data
+        self._observed = None
         self._bank = bank
+        self._place_voices()
         self._make_team()
         self.reset()
         self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
@@ -372,6 +378,12 @@ class Engine:
             pitch[given] = [hz_to_midi(float(self.note_hz[key])) for key in given]
         return pitch
 
+    def _place_voices(self) -> None:
+        """The voice policy's table, which leads to the core's."""
+        addresses = self._core.ctypes.data, self._thread_table.ctypes.data
+        self._voices = table(voices_for(self._prepared(), self._state, self._shared, self._settings, *addresses))
+        self._shared.task[layout.VOICES] = self._voices.ctypes.data
+
     def _make_team(self) -> None:
         """Start the workers, as many as there are threads beside the caller's and strings for them."""
         bank = self._prepared()
@@ -424,6 +436,54 @@ class Engine:
         """What the native `process` takes as `core` and `thread`, valid until the next `prepare`."""
         self._prepared()
         return self._core.ctypes.data, self._thread_table.ctypes.data
+
+    @property
+    def memory(self) -> EngineMemory:
+        """Its arrays and tables, as they are until the next `prepare`."""
+        self._prepared()
+        return EngineMemory(
+            self._built,
+            self._state,
+            self._shared,
+            self._settings,
+            self._effects,
+            self._chains,
+            self._strings,
+            self._excitations,
+            self._scratch,
+            self._core,
+            self._thread_table,
+            self._voices,
+            self._effect_tables,
+        )
+
+    def observe(
+        self, place: int, watch: Callable[[int, int, int, int], None], records: Callable[[int], _Records]
+    ) -> _Records:
+        """Put an observer in the place of a function that the engine calls, until the next `prepare`; its records.
+
+        place    of the function in Shared.task: `layout.STEP` (core, thread, string, steps) or `layout.TOGETHER` (core,
+                 thread, instrument, –)
+        watch    a function of the same arguments, compiled here: it has the function's work done by `views.call_back`, at
+                 once or in parts, and reads what it wants in between
+        records  of the function's address, the NamedTuple that `watch` opens by `opener(Records, CORE_WORDS)`
+        Raises ValueError for an engine that is observed already, or that several threads compute.
+        """
+        self._prepared()
+        if self._observed is not None:
+            raise ValueError("an engine must have one observer, got a second; prepare it anew")
+        if self._team is not None:
+            raise ValueError(
+                f"an observed engine must have one thread, got threads {self.threads!r}; make it with threads=1"
+            )
+        kept = records(int(self._shared.task[place]))
+        observer = entry(watch, 4)
+        # behind the engine's tables, which it reads no further than their end
+        self._core = np.concatenate([self._core, table(kept)])
+        self._place_voices()
+        self._shared.task[place] = observer.address
+        self._observed = observer, kept
+        return kept
 
     @property
     def strings_sounding(self) -> int:
@@ -517,24 +577,20 @@ class Engine:
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
         self._prepared()
-        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin())
+        return snapshot.pack(self.memory.changing, int(self._state.counters[layout.PENDING]), self._origin())
 
     def set_state(self, data: bytes) -> None:
         """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
         another version, or from other presets, rate or quality: the engine then goes on from where it was."""
         bank = self._prepared()
-        arrays = snapshot.unpack(data, self._changing(), self._origin())
+        arrays = snapshot.unpack(data, self.memory.changing, self._origin())
         defaults = default_parameters(self.compiled)
         check_state(bank, self._settings, self._chains.problem, self._strings, arrays, defaults)
         waiting = arrays["pending"].size
         if waiting > self._state.pending.size:
             self._grow_queue(waiting)
-        for name, mine in self._changing().items():
+        for name, mine in self.memory.changing.items():
             mine[: len(arrays[name])] = arrays[name]
-
-    def _changing(self) -> dict[str, np.ndarray]:
-        """All that changes while sounding, by name."""
-        return {**self._state._asdict(), **self._strings.arrays()}
 
     def _grow_queue(self, size: int) -> None:
         bigger = np.zeros(size, EVENT)

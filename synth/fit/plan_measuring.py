@@ -22,10 +22,10 @@ import numpy as np
 from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
-from synth.fit.tune import single_strings
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
 from synth.instrument.fingerprints import PLAIN, UNSTEADY, WAYS, fingerprint, stroke_of, strokes
+from synth.instrument.neck import single_strings
 from synth.instrument.plan import FAR, FREE, KEPT, choose_factor
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, PresetError, fret_count

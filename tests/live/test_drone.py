@@ -232,7 +232,7 @@ def test_sa_follows_a4(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> No
     mine = tmp_path / "mine.toml"
     mine.write_text(preset_text(load_preset("tanpura-light").with_setting("tuning.a4_hz", "432")))
     for words in (["-p", str(mine)], ["--a4", "432"], ["--set", "tuning.a4_hz=432"]):
-        parsed = cli._parser().parse_args([*options, *words])
+        parsed = cli.command_parser().parse_args([*options, *words])
         strings = drone._strings(parsed)
         compiled = [
             midi_to_hz(key, 432.0) * 2 ** (t.cents / 1200)
@@ -254,7 +254,7 @@ def test_loudness_does_not_depend_on_the_first_string(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [["render", "a.mid"], ["play"], ["drone"], ["export", "tanpura-light"]])
 def test_commands_share_the_options_of_tuning(command: list[str]) -> None:
-    parsed = cli._parser().parse_args([*command, "--a4", "442", "--set", "pluck.position=0.2"])
+    parsed = cli.command_parser().parse_args([*command, "--a4", "442", "--set", "pluck.position=0.2"])
     assert parsed.settings == [(None, "tuning.a4_hz", "442.0"), (None, "pluck.position", "0.2")]
 
 

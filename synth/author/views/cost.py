@@ -30,13 +30,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.frames_tape import string_number
-from synth.author.views.place import Place, Speaking, find, speaking
 from synth.author.views.runs import differences, run
-from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.engine.engine import Engine
+from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.boards import board_plan
 from synth.instrument.compile import measured_of, note_frequency, string_kind
 from synth.instrument.coupled_plan import choose_steps
+from synth.instrument.place import Place, Speaking, find, speaking
 from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, QUALITIES, choose_factor, measured_plan
 from synth.instrument.preset import BoardObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events

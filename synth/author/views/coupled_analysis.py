@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from synth.author.views.contacts import Forces, gather, touches
 from synth.author.views.coupled_motion import FLOOR_DB
 from synth.author.views.decays import stages
 from synth.author.views.frames_tape import Frames, joined
-from synth.author.views.place import Place
 from synth.fit.exponential import Bands
+from synth.host.contacts import Forces, gather, touches
 from synth.instrument.compile import Position
+from synth.instrument.place import Place
 from synth.instrument.preset import Preset
 
 #: how often the strings' levels are looked at in a note, and how many partials' decays

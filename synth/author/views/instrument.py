@@ -42,11 +42,11 @@ from itertools import pairwise
 from typing import Any
 
 from synth.author.views.parameters import ranges
-from synth.author.views.place import Place, find, open_string, speaking
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
-from synth.fit.tune import single_strings
 from synth.instrument.boards import fingerboard_of
 from synth.instrument.compile import full_pluck_force, output_distance, pluck_shift, with_sawari
+from synth.instrument.neck import single_strings
+from synth.instrument.place import Place, find, open_string, speaking
 from synth.instrument.preset import BoardObstacle, BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
 from synth.physics.fingerboard import board_height
 from synth.physics.obstacle import Obstacle, fret_positions

@@ -31,10 +31,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.pictures import rows_of_power, waveform
-from synth.author.views.place import find
 from synth.author.views.runs import Run, differences, run
-from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.dsp.measures import stft_power
+from synth.host.string_tape import QUALITY, RATE_HZ
+from synth.instrument.place import find
 from synth.instrument.preset import Preset
 
 SHORTEST_S, LONGEST_S = 0.2, 30.0

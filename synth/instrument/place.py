@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.fit.tune import single_strings
 from synth.instrument.boards import on_board
 from synth.instrument.compile import (
     make_string,
@@ -14,6 +13,7 @@ from synth.instrument.compile import (
     string_frequency,
     with_sawari,
 )
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import (
     BoardObstacle,
     Preset,
