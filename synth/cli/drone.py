@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from synth.cli.common import (
     MOST_BLOCK,
-    QUALITIES,
     ProgressLine,
+    add_setting,
     add_settings,
     add_threads,
     add_verbose,
@@ -103,9 +103,9 @@ def add(commands: Any) -> None:
         metavar="SEC",
         help=f"fade-out at the end (default {FADE_S:g}, at most a quarter)",
     )
-    both.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+    add_setting(both, "--gain", "gain_db", metavar="DB")
     both.add_argument("-r", "--rate", type=rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000")
-    both.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    add_setting(both, "--quality", "quality")
     add_threads(both)
     both.add_argument("--quiet", action="store_true", help="print errors only")
     add_verbose(both)
@@ -200,7 +200,7 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
         _fade(options),
         rate_hz=options.rate or 44100,
         quality=options.quality,
-        gain_db=options.gain,
+        gain_db=options.gain_db,
         threads=options.threads,
         container=options.format,
         bit_depth=options.bit_depth,
@@ -231,7 +231,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
         made={strings.preset.name: strings.preset},
         quality=options.quality,
         threads=1 if options.threads == "auto" else options.threads,
-        gain_db=options.gain,
+        gain_db=options.gain_db,
         device=options.device,
         jack=options.jack,
         rate_hz=options.rate,

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from synth.dsp.decimator import MAXIMUM_FACTOR
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
 from synth.instrument.articulations import NORMAL, Articulation, Hand

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from synth.engine.numbers import a_number
 from synth.host.batch import Note, played_as, what_is_wrong
 from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.midi.song import PERCUSSION_CHANNEL, Song, song_of
@@ -83,8 +84,6 @@ def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> Phrase:
 
 def _timed(notes: Sequence[Any]) -> list[tuple[float, Note]]:
     """(start [s], note) of each."""
-    from synth.engine import arguments
-
     found: list[tuple[float, Note]] = []
     for number, given in enumerate(notes):
         note = _as_note(number, given)
@@ -93,7 +92,7 @@ def _timed(notes: Sequence[Any]) -> list[tuple[float, Note]]:
             raise ValueError(f"notes[{number}]: {wrong}")
         start_s = found[-1][0] + found[-1][1].seconds if found else 0.0
         if note.start_s is not None:
-            start_s = arguments.a_number(f"notes[{number}]: start_s", note.start_s, 0.0, LATEST_S, " s")
+            start_s = a_number(f"notes[{number}]: start_s", note.start_s, 0.0, LATEST_S, " s")
         elif start_s > LATEST_S:
             raise ValueError(f"notes[{number}] begins after {LATEST_S / 3600.0:g} h; render the phrase in parts")
         found.append((start_s, note))

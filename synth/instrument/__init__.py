@@ -6,7 +6,7 @@ wires, fret_heights  strings by makers' names; measured heights of frets, from a
 catalogue            presets by family and tag
 table, faults        what its tables have in common; what is wrong, in words
 effects, excitations what a preset may name beside what it has
-plan, calibration    rates and modes that a promised quality needs
+plan, calibration    rates and modes that a promised quality needs; qualities: their names
 planfile             what was measured of a preset's own strings, in a file beside it
 fingerprints         by what these strings are known again
 place                where a note is played: string and fret

@@ -91,7 +91,7 @@ class Twins:
         arrays["pending"] = arrays["pending"][:waiting]
         made = self.python
         if waiting not in self._limits:
-            of_engine = made._prepared(), made._settings, made._strings, arrays, default_parameters(made.compiled)
+            of_engine = made._prepared(), made.memory.settings, made._strings, arrays, default_parameters(made.compiled)
             self._limits[waiting] = list(limits_of(*of_engine, (waiting, waiting)))
         try:
             check_limits(self._limits[waiting], arrays)
