@@ -45,10 +45,6 @@ class RecipeError(ValueError):
     """A recipe that cannot be used; the message names file and key, one line for each thing that is wrong."""
 
 
-def _whole(given: Any) -> Alternatives:
-    return given if isinstance(given, Alternatives) else alternatives(given, whole=True)
-
-
 def _any(given: Any) -> Alternatives:
     return given if isinstance(given, Alternatives) else alternatives(given)
 
@@ -132,7 +128,6 @@ def _note(value: Any) -> int:
 
 
 Axis = Annotated[Alternatives, BeforeValidator(_any)]
-WholeAxis = Annotated[Alternatives, BeforeValidator(_whole)]
 Words = Annotated[Alternatives, BeforeValidator(_words)]
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_ITEMS)]
 _ONE = Alternatives((1,))

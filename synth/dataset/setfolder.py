@@ -35,7 +35,7 @@ from synth.jit import prebuilt
 
 FORMAT = 1
 STATE, RECIPE, INDEX, CARD, LOCK = "dataset.json", "recipe.toml", "index.parquet", "README.md", ".lock"
-PARTS, SOURCES, LABELS = "parts", "sources", "labels"
+PARTS, SOURCES = "parts", "sources"
 #: packages whose version may show in the numbers
 _PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "soundfile")
 #: rooms whose sources make an item
