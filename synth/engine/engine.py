@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar, Unpack
 import numpy as np
 
 from synth.dsp.decimator import LATENCY_FRAMES
-from synth.dsp.limiter import LimiterState, largest_reduction_db
+from synth.dsp.limiter import largest_reduction_db
 from synth.engine import arguments, layout, snapshot
 from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.core import CORE_PARTS
@@ -599,7 +599,7 @@ class Engine:
         limiter = self._chains.limiter(state)
         return EngineReport(
             float(state.meters[layout.PEAK]),
-            0.0 if limiter is None else largest_reduction_db(LimiterState(*limiter)),
+            0.0 if limiter is None else largest_reduction_db(limiter),
             self.strings_sounding,
             int(counters[layout.MOST_AWAKE]),
             int(counters[layout.N_NOTES]),

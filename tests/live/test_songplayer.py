@@ -407,7 +407,10 @@ def test_wherever_one_jumps_articulations_stand_as_if_all_before_had_been_played
         give(played, song[:place])
         asked += np.count_nonzero(played._state.channels["articulation"]) + (played._state.channels["ruled"] > 0).sum()
         give(jumped, song)
-        give(jumped, at_frame(power_up_rows(song, power_up) + controls_at(song, place, mpe=played.settings.mpe, engine=power_up), 0))
+        give(
+            jumped,
+            at_frame(power_up_rows(song, power_up) + controls_at(song, place, mpe=played.settings.mpe, engine=power_up), 0),
+        )
         assert differing(standing(jumped), standing(played)) == []
         if not zoned:  # as after a pause
             give(jumped, at_frame(controls_at(song, place, mpe=played.settings.mpe, engine=power_up), 0))
