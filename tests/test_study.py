@@ -23,7 +23,7 @@ from synth.study.addressing import Addresses
 from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
-from synth.study.keeping import Folder, Keys
+from synth.study.keeping import AddressSet, Folder
 from synth.study.remote import Remote
 from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
@@ -222,7 +222,7 @@ def test_a_case_s_file_counts_by_what_is_in_it(tmp_path: Path) -> None:
 
 
 def test_a_set_of_addresses() -> None:
-    keys, there = Keys(), [f"{number:064x}"[::-1] for number in range(70_000)]
+    keys, there = AddressSet(), [f"{number:064x}"[::-1] for number in range(70_000)]
     for key in there:
         keys.add(key)
     assert len(keys) == 70_000 and all(key in keys for key in there[::997]) and "f" * 64 not in keys
