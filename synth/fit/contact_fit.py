@@ -19,12 +19,12 @@ from threadpoolctl import threadpool_limits
 
 from synth.fit.contact_damage import refuse_holes
 from synth.fit.contact_dictionary import GLANCE_S, Search
-from synth.fit.contact_features import HUBER_DB, Bands, Compared, Observed, compare, huber
-from synth.fit.contact_model import Bridge, Grid, Stroke
+from synth.fit.contact_features import HUBER_DB, ContactBands, ContactComparison, Observed, compare, huber
+from synth.fit.contact_model import Bridge, ContactStroke, Grid
 from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import evolve, starts_of
 from synth.fit.contact_space import Estimate, asked, estimates, with_inner
-from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
+from synth.fit.recording import FitCancelled, FitRefused, Progress, RecordedNote, cut_note
 
 Real = NDArray[np.float64]
 #: a loss beyond that is another model's [pseudo-Huber units: 1 is 3 dB]
@@ -77,12 +77,12 @@ class NoteFit:
     spread_db  rms of what is left
     """
 
-    stroke: Stroke
+    stroke: ContactStroke
     values: dict[str, Estimate]
     loss: float
     free_loss: float
     touching: float
-    bands: Bands
+    bands: ContactBands
     offsets_db: Real
     recorded_db: Real
     model_db: Real
@@ -130,7 +130,7 @@ def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Pr
 
 
 class _Fitting:
-    def __init__(self, search: Search, note: Note, seen: Observed, done: Callable[[float], None]) -> None:
+    def __init__(self, search: Search, note: RecordedNote, seen: Observed, done: Callable[[float], None]) -> None:
         self.search, self.note, self.done = search, note, done
         self.seen = seen.first(seen.bands.windows(search.seconds))
         self.before = search.evaluations
@@ -138,7 +138,7 @@ class _Fitting:
     def _loss(self, seen: Observed, grid: Grid, seconds: float | None = None) -> Callable[[Real], float]:
         return lambda point: compare(seen, self.search.powers(point, seen.bands, grid, seconds)).loss
 
-    def _near(self, point: Real, grid: Grid, reach: int, seconds: float | None = None) -> tuple[Observed, Compared]:
+    def _near(self, point: Real, grid: Grid, reach: int, seconds: float | None = None) -> tuple[Observed, ContactComparison]:
         """The recording at shifts near the best one of a point."""
         seen = self.seen if seconds is None else self.seen.first(self.seen.bands.windows(seconds))
         found = compare(seen, self.search.powers(point, seen.bands, grid, seconds))

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.contact_features import Bands, Observed, bands_of, observe
-from synth.fit.recording import FitRefused, Note
+from synth.fit.contact_features import ContactBands, Observed, bands_of, observe
+from synth.fit.recording import FitRefused, RecordedNote
 from synth.physics.string import String
 
 Real = NDArray[np.float64]
@@ -17,7 +17,7 @@ Real = NDArray[np.float64]
 LEAST_S = 2.0
 
 
-def seen_of(string: String, note: Note) -> Observed:
+def seen_of(string: String, note: RecordedNote) -> Observed:
     """Features of a note with some of what stands before it. Raises FitRefused where it is too short."""
     seconds = note.samples.size / note.rate_hz
     if seconds < LEAST_S:
@@ -35,7 +35,7 @@ def seen_of(string: String, note: Note) -> Observed:
     return observe(whole, note.rate_hz, note.before.size, bands, np.maximum(noise, floor))
 
 
-def quiet_power(x: Real, rate_hz: float, bands: Bands) -> Real:
+def quiet_power(x: Real, rate_hz: float, bands: ContactBands) -> Real:
     """(B,) power of the noise from what lies between the partials, towards the end of a note."""
     size = round(bands.window_s * rate_hz)
     padded = 2 ** math.ceil(math.log2(size))

@@ -6,9 +6,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from synth.fit.contact_features import Bands
+from synth.fit.contact_features import ContactBands
 from synth.fit.fret_features import Heard, hear
-from synth.fit.recording import FitRefused, Note, cut_note, read_recording
+from synth.fit.recording import FitRefused, RecordedNote, cut_note, read_recording
 from synth.units import note_to_midi
 
 #: soft to loud
@@ -27,9 +27,9 @@ class Take:
     dynamic: str
     take: int
     path: Path
-    note: Note
+    note: RecordedNote
 
-    def heard(self, bands: Bands) -> Heard:
+    def heard(self, bands: ContactBands) -> Heard:
         """Its features. Raises FitRefused where it is too short."""
         try:
             return hear(self.note, bands)
