@@ -148,6 +148,22 @@ def test_modules_are_named_apart() -> None:
     assert {name for name, count in names.items() if count > 1} == SHARED_NAMES
 
 
+#: names that two public classes have, each
+SHARED_CLASSES = {
+    "Body", "BodyMode", "Model", "Pluck", "Run", "Settings", "State", "StringTable", "Study", "Words",
+}  # fmt: skip
+
+
+def test_classes_are_named_apart() -> None:
+    names: Counter[str] = Counter()
+    for path in FILES:
+        names.update(
+            node.name for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
+        )
+    twice = {name: count for name, count in names.items() if count > 1 and not name.startswith("_")}
+    assert twice == dict.fromkeys(SHARED_CLASSES, 2)
+
+
 def test_neighbours_do_not_know_each_other() -> None:
     assert not allowed("solver", "physics")
     assert not allowed("dsp", "instrument")

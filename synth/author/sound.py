@@ -55,7 +55,7 @@ Emit = Callable[[dict[str, Any] | bytes], object]
 Key = tuple[str, frozenset[int] | None]
 
 
-class Player:
+class PagePlayer:
     """Sounds a document.
 
     emit     is given messages (dict) and blocks (bytes), from the player's own thread

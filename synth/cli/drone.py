@@ -26,7 +26,7 @@ from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
 
 if TYPE_CHECKING:
     from synth.drone.cycle import Cycle
-    from synth.drone.pegs import Strings
+    from synth.drone.pegs import TunedStrings
 
 FILE_S = 300.0
 FADE_S = 5.0
@@ -167,7 +167,7 @@ def _fade(options: argparse.Namespace) -> float:
     return min(FADE_S, 0.25 * _duration(options)) if options.fade is None else options.fade
 
 
-def _strings(options: argparse.Namespace) -> Strings:
+def _strings(options: argparse.Namespace) -> TunedStrings:
     """The preset, tuned. Raises ValueError naming the option."""
     from synth.drone.pegs import Pegs, tuned
     from synth.host.parts import load_presets
@@ -191,7 +191,7 @@ def _cycle(options: argparse.Namespace) -> Cycle:
     return Cycle(seconds, options.spacing, options.human, options.velocity, options.seed)
 
 
-def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
+def _to_file(options: argparse.Namespace, strings: TunedStrings, cycle: Cycle) -> int:
     from synth.drone.dronefile import FileSettings, write
 
     settings = FileSettings(
@@ -216,7 +216,7 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
     return 0
 
 
-def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
+def _live(options: argparse.Namespace, strings: TunedStrings, cycle: Cycle) -> int:
     from synth.drone.cycle import Drone
     from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys, strings_text
     from synth.files.targets import check_target

@@ -28,7 +28,7 @@ _CHANNELS = tuple(channel for channel in range(16) if channel != PERCUSSION_CHAN
 
 
 @dataclass(frozen=True)
-class Phrase:
+class NoteList:
     """events: an EVENT array.  length_s: until the last note's end.  voices: channel 0 … 15 → (preset, articulation)."""
 
     events: np.ndarray
@@ -47,7 +47,7 @@ def is_phrase(source: Any) -> bool:
     return isinstance(source, list | tuple) and bool(source) and not hasattr(source[0], "bytes")
 
 
-def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> Phrase:
+def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> NoteList:
     """The phrase of notes: `Note`s or (note, velocity), (note, velocity, seconds), (note, velocity, seconds, start_s).
 
     A note without a start begins where the one before ends, `seconds` after its own start; its key is let go there, or at
@@ -79,7 +79,7 @@ def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> Phrase:
         rows += [(on, 2, (on, NOTE_ON, channel, note.note, note.velocity))]
         rows += [(off, 0, (off, NOTE_OFF, channel, note.note, _OFF_VELOCITY))]
     rows.sort(key=lambda each: each[:2])
-    return Phrase(make_events([row for _, _, row in rows]), max(start_s + note.seconds for start_s, note in timed), voices)
+    return NoteList(make_events([row for _, _, row in rows]), max(start_s + note.seconds for start_s, note in timed), voices)
 
 
 def _timed(notes: Sequence[Any]) -> list[tuple[float, Note]]:

@@ -338,7 +338,7 @@ def _render(
         if note_hz is not None:
             font.tune(note_hz)
         given = rest.events_of(song, casting.rest, settings.wishes(song).semitones, silent)
-        player = rest.Player(font, offline.until_end(given, span))
+        player = rest.SoundFontPlayer(font, offline.until_end(given, span))
         engine = rest.WithRest(engine, player, db_to_gain(rest_gain_db + lowered.gain_db), limited=_limits(settings))
     engine.prepare(settings.rate_hz, settings.block, preparing)
     prepared_s = time.perf_counter() - began

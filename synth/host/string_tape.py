@@ -19,7 +19,7 @@ from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of, string_
 from synth.engine.engine import Engine
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
 from synth.instrument.compile import Position
-from synth.instrument.place import Place
+from synth.instrument.place import NotePlace
 from synth.midi.events import NOTE_ON, make_events
 from synth.midi.eventsource import from_events
 from synth.native.arrays import allocate, f8, i8
@@ -95,7 +95,7 @@ def taped_steps(core: int, thread: int, s: int, steps: int) -> None:
 
 
 @dataclass(frozen=True)
-class Piece:
+class TapePiece:
     """What the tape holds of some steps. K steps, M shots, C contacts, N modes; views that the next piece overwrites."""
 
     first: int  # steps before it since the note began
@@ -118,7 +118,7 @@ class Taped(Engine):
     """An engine with the one string of a place, its ends at rest."""
 
     def __init__(
-        self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ, *, precision: str | None = None
+        self, place: NotePlace, quality: str = QUALITY, rate_hz: float = RATE_HZ, *, precision: str | None = None
     ) -> None:
         super().__init__(
             [place.preset.on_rigid_ends],
@@ -153,12 +153,12 @@ class Taped(Engine):
     def step_s(self) -> float:
         return 1.0 / self.position.plan.rate_hz
 
-    def play(self, velocity: int, seconds: float) -> Iterator[Piece]:
+    def play(self, velocity: int, seconds: float) -> Iterator[TapePiece]:
         """The note, held, from the touch of the finger until `seconds` later, in pieces."""
         self.reset()
         yield from self.pieces(make_events([(0, NOTE_ON, 0, self.place.note, velocity)]), round(seconds * self.rate_hz))
 
-    def pieces(self, events: np.ndarray, frames: int) -> Iterator[Piece]:
+    def pieces(self, events: np.ndarray, frames: int) -> Iterator[TapePiece]:
         """So many frames of sound from the first event on, of an engine that has been reset. events: EVENT array; the first
         wakes the string."""
         position = self.position
@@ -174,7 +174,7 @@ class Taped(Engine):
             self.process(due, out)
             steps, shots = (int(count) for count in self.tape.written)
             tape = self.tape
-            yield Piece(
+            yield TapePiece(
                 made,
                 tape.force[:steps, :contacts],
                 made + tape.ends[:shots],

@@ -598,7 +598,7 @@ def _places(memory: Memory, inside: EngineMemory) -> np.ndarray:
     return np.array([found[name] for name in PLACES], PLACE)
 
 
-def recipe_of(path: Path) -> tuple[int, recipe.Recipe]:
+def recipe_of(path: Path) -> tuple[int, recipe.BankRecipe]:
     """Checksum of the bank in a file, which may stand behind a plugin, and its recipe. Raises OSError, and ValueError where
     there is none."""
     whole = path.read_bytes()

@@ -1,8 +1,8 @@
 """One note of an instrument under strokes of any strength: when the string touches, and what is heard of it.
 
 Until something is touched the string is linear: one run over nothing, by a stroke that draws it one metre aside, holds all
-strokes of that kind. `SetupNote.reach_m` follows from it without another run; only what follows the first touch is computed with
-the contacts.
+strokes of that kind. `SetupNote.reach_m` follows from it without another run; only what follows the first touch is computed
+with the contacts.
 """
 
 from __future__ import annotations

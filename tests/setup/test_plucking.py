@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from synth.host.string_tape import Taped
-from synth.instrument.place import Place as Played
+from synth.instrument.place import NotePlace as Played
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import NOTE_ON, make_events
 from synth.setup.places import compiled, places_of

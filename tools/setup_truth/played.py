@@ -6,7 +6,7 @@ import numpy as np
 
 from synth.engine.parameters import INDEX_OF
 from synth.host.string_tape import Taped
-from synth.instrument.place import Place as Played
+from synth.instrument.place import NotePlace as Played
 from synth.instrument.preset import Preset, load_preset, preset_folder
 from synth.midi.events import NOTE_ON, PARAMETER, make_events
 from synth.setup.buzz_map import spot

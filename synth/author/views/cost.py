@@ -37,7 +37,7 @@ from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.boards import board_plan
 from synth.instrument.compile import measured_of, note_frequency, string_kind
 from synth.instrument.coupled_plan import choose_steps
-from synth.instrument.place import Place, Speaking, find, speaking
+from synth.instrument.place import NotePlace, Speaking, find, speaking
 from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, choose_factor, measured_plan
 from synth.instrument.preset import BoardObstacle, Preset
 from synth.instrument.qualities import QUALITIES
@@ -110,7 +110,7 @@ def estimate(
     }
 
 
-def _quality(preset: Preset, place: Place, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
+def _quality(preset: Preset, place: NotePlace, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
     """What a quality takes and promises on the string of a place."""
     open_hz = note_frequency(place.preset, place.table, place.opened, None)
     found = measured_of(place.preset, place.table, place.opened, open_hz, quality)

@@ -19,7 +19,7 @@ from synth.engine.engine import Engine
 from synth.engine.layout import BEGIN, FIRST_QUANTUM, NO_FINGER, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL, WHOLE
 from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.compile import CompiledString, Position, second_direction
-from synth.instrument.place import Place, speaking
+from synth.instrument.place import NotePlace, speaking
 from synth.instrument.preset import Preset
 from synth.instrument.soundboard import Soundboard
 from synth.midi.events import EVENT, NOTE_ON, make_events
@@ -145,7 +145,7 @@ class Frames(Engine):
     def __init__(
         self,
         preset: Preset,
-        place: Place,
+        place: NotePlace,
         quality: str = QUALITY,
         rate_hz: float = RATE_HZ,
         *,
@@ -266,13 +266,13 @@ class Frames(Engine):
                 heard = []
 
 
-def string_number(preset: Preset, place: Place) -> int:
+def string_number(preset: Preset, place: NotePlace) -> int:
     """Which of the engine's strings plays a place."""
     before = sum(table.notes[1] - table.notes[0] + 1 for table in preset.string[: place.index])
     return before + place.opened - preset.string[place.index].notes[0]
 
 
-def line_of(preset: Preset, place: Place) -> int:
+def line_of(preset: Preset, place: NotePlace) -> int:
     """The engine's line of the string that plays a place, in its first direction."""
     return string_number(preset, place) * (1 if preset.polarisation is None else 2)
 
